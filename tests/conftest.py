@@ -9,6 +9,7 @@ import pytest
 for _name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ[_name] = "1"
 os.environ.setdefault("MUJOCO_GL", "disable")
+os.environ["TRUEBED_CACHE"] = ""  # how long a test takes tells nobody anything
 # programs that tests start are compiled once for all, whatever the shell says
 sys.dont_write_bytecode = False
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)

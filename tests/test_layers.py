@@ -54,8 +54,8 @@ HOMES = {
 """Where a package may be imported: a folder or file from the top, or how a file's name begins."""
 FLOORS = {
     "testbed": (
-        ("assets", "bounds", "disk", "machine", "progress", "streams", "strict", "units",
-         "versions"),
+        ("assets", "bounds", "disk", "machine", "progress", "screen_reader", "streams", "strict",
+         "units", "versions"),
         ("gates",),
         ("robots", "store", "report"),
         ("scenario", "recording", "jobsheet"),
@@ -409,6 +409,7 @@ def test_help_loads_nothing_but_typer_and_the_verbs():
         "mmap",  # of Python itself, to ask for room
         "testbed",
         "testbed.machine",
+        "testbed.screen_reader",
     }
 
 

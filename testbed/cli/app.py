@@ -35,6 +35,10 @@ def robots_like(incomplete: str) -> list[str]:
 
 Debug = Annotated[bool, typer.Option("--debug", help="Show the traceback of an error.")]
 Json = Annotated[bool, typer.Option("--json", help="Print JSON, also for errors.")]
+Plain = Annotated[
+    bool,
+    typer.Option("--plain", help="For screen readers: no drawn lines, no bar, one fact a line."),
+]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")]
 Run = Annotated[Path, typer.Argument(metavar="RUN", help="A run folder.")]
 

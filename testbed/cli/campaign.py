@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from testbed.cli.app import Debug, Json, Quiet, app, scenes_like
+from testbed.cli.app import Debug, Json, Plain, Quiet, app, scenes_like
 from testbed.cli.exit_codes import MACHINE, SOME_FAILED, exit_codes
-from testbed.cli.output import say, say_json, warn
+from testbed.cli.output import say, say_found, say_json, warn
 from testbed.machine import COMPUTING
 
 if TYPE_CHECKING:
@@ -53,10 +53,11 @@ def run(
     ] = None,
     quiet: Quiet = False,
     as_json: Json = False,
+    plain: Plain = False,
     debug: Debug = False,
 ) -> None:
     """Play a whole virtual campaign and write its run folder."""
-    with exit_codes(debug=debug, as_json=as_json, room=COMPUTING) as end:
+    with exit_codes(debug=debug, plain=plain, as_json=as_json, room=COMPUTING) as end:
         scenario, where = scenario_of(scene, seed)
         folder = out or default_folder(scenario)
         end.folder = folder
@@ -91,9 +92,19 @@ def run(
                 say(f"Next       when all slices have ended: {' '.join(words)} --resume")
             return
         end.resume = [*words, "--resume"]
-        from testbed.run.play import play_run, robot_of
+        from testbed.engines.choice import cores, workers_of
+        from testbed.run.play import planned_steps, play_run, robot_of
 
-        with progress(quiet=quiet or as_json) as report, closing(engine):
+        # how many processes a scheduler has nobody knows
+        work = "" if scheduler is not None else f"run {scenario.name}"
+        shown = progress(
+            work,
+            planned_steps(scenario),
+            quiet=quiet or as_json,
+            workers=min(workers_of(workers), cores()),
+            learn=not resume,
+        )
+        with shown as report, closing(engine):
             outcome = play_run(
                 scenario,
                 folder,
@@ -123,10 +134,11 @@ def merge(
     scheduler: Scheduler = None,
     quiet: Quiet = False,
     as_json: Json = False,
+    plain: Plain = False,
     debug: Debug = False,
 ) -> None:
     """Join the slices of a run that were played into several folders; play what is missing."""
-    with exit_codes(debug=debug, as_json=as_json, room=COMPUTING) as end:
+    with exit_codes(debug=debug, plain=plain, as_json=as_json, room=COMPUTING) as end:
         end.folder = out
         engine, more = engine_asked(workers, scheduler, quiet=quiet or as_json)
         end.resume = ["truebed", "run", str(out), "--out", str(out), *more, "--resume"]
@@ -147,7 +159,8 @@ def tell(folder: Path, *, quiet: bool, as_json: bool, exported: Path | None = No
     if as_json:
         say_json((folder / "result.json").read_text(encoding="utf-8").rstrip())
     elif not quiet:
-        say(headline(read_result(folder)))
+        result = read_result(folder)
+        say_found(headline(result), good=result["verdict"].get("believable"))
         say()
         say(f"Report     {folder / 'report.html'}")
         if exported is not None:

@@ -13,6 +13,7 @@ from typing import Any, NoReturn
 from calib.errors import CalibError, InputError, MachineError
 from testbed.cli.output import drop_stdout, say_json, warn
 from testbed.machine import Room, lacking, ran_out, require_room
+from testbed.screen_reader import plain_if
 
 GOOD, SOME_FAILED, BAD_INPUT, MACHINE, DEFECT, INTERRUPTED, TERMINATED = 0, 1, 2, 3, 70, 130, 143
 Handler = Callable[[int, FrameType | None], Any] | int | None
@@ -38,19 +39,21 @@ class Exit:
 
 @contextmanager
 def exit_codes(
-    *, debug: bool = False, as_json: bool = False, room: Room | None = None
+    *, debug: bool = False, as_json: bool = False, plain: bool = False, room: Room | None = None
 ) -> Iterator[Exit]:
     """Run a verb; whatever it raises becomes one sentence on stderr and an exit code.
 
     0 good; 1 finished, some trial failed; 2 bad input; 3 machine; 70 our defect; 130 SIGINT; 143
-    SIGTERM, or SIGHUP when the terminal closes. A closed pipe ends quietly.
+    SIGTERM, or SIGHUP when the terminal closes. A closed pipe ends quietly. With `plain`
+    all that is printed inside is for a screen reader.
     """
     end = Exit(debug=debug, as_json=as_json)
     old = _catch_stops()
     try:
         if room is not None:
             require_room(room)
-        yield end
+        with plain_if(plain):
+            yield end
     except (KeyboardInterrupt, Terminated) as stop:
         leave(_stopped(end, stop))
     except BrokenPipeError:

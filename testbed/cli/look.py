@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from calib.errors import refuse
-from testbed.cli.app import Debug, Json, Run, app, robots_like, scenes_like
+from testbed.cli.app import Debug, Json, Plain, Run, app, robots_like, scenes_like
 from testbed.cli.exit_codes import SOME_FAILED, exit_codes
 from testbed.cli.output import say, say_json, warn
 
@@ -18,24 +18,28 @@ def scenes(
     name: Annotated[
         str | None, typer.Argument(help="Show this one in full.", autocompletion=scenes_like)
     ] = None,
+    plain: Plain = False,
     debug: Debug = False,
 ) -> None:
     """List the scenes that ship, or show one with every default written out."""
-    with exit_codes(debug=debug):
+    with exit_codes(debug=debug, plain=plain):
         from testbed.assets import scene_names
         from testbed.studies import load_scenario
 
         if name is not None:
             say(scene_in_full(name).rstrip())
             return
+        from testbed.cli.timings import lasts
         from testbed.report.text import table
+        from testbed.strict import some
 
         rows = []
         for known in scene_names():
             scene = load_scenario(known)
-            trials = ", ".join(trial.name for trial in scene.trial)
-            rows.append([known, scene.robot, scene.title, trials])
-        say(table("", ("scene", "robot", "what", "trials"), rows, wrap=True))
+            trials = some([trial.name for trial in scene.trial], 4)
+            verb = "plan" if known.startswith("plan") else "run"
+            rows.append([known, lasts(f"{verb} {known}"), scene.robot, scene.title, trials])
+        say(table("", ("scene", "takes about", "robot", "what", "trials"), rows, wrap=True))
         say("\nPlay one: truebed run SCENE")
 
 
@@ -61,10 +65,11 @@ def robots(
     name: Annotated[
         str | None, typer.Argument(help="Show this one in full.", autocompletion=robots_like)
     ] = None,
+    plain: Plain = False,
     debug: Debug = False,
 ) -> None:
     """List the robots that ship, or show one."""
-    with exit_codes(debug=debug):
+    with exit_codes(debug=debug, plain=plain):
         from testbed.cli.terminal import robot_text
         from testbed.report.text import table
         from testbed.robots.catalog import load_robot, robot_names
@@ -81,10 +86,11 @@ def robots(
 def compare(
     runs: Annotated[list[Path], typer.Argument(metavar="RUN RUN...", help="Run folders.")],
     as_json: Json = False,
+    plain: Plain = False,
     debug: Debug = False,
 ) -> None:
     """Put several runs into one table, and say which are equal byte for byte."""
-    with exit_codes(debug=debug, as_json=as_json):
+    with exit_codes(debug=debug, plain=plain, as_json=as_json):
         from testbed.cli.terminal import HEAD, headline_rows
         from testbed.report.text import table
         from testbed.run.result import equal_runs, read_result
@@ -112,9 +118,9 @@ def compare(
 
 
 @app.command()
-def report(folder: Run, debug: Debug = False) -> None:
+def report(folder: Run, plain: Plain = False, debug: Debug = False) -> None:
     """Write result.json, arrays.npz and report.html again from the records."""
-    with exit_codes(debug=debug) as end:
+    with exit_codes(debug=debug, plain=plain) as end:
         from testbed.store.layout import ARRAYS, REPORT, RESULT
 
         end.folder = folder
@@ -123,9 +129,9 @@ def report(folder: Run, debug: Debug = False) -> None:
 
 
 @app.command()
-def record(folder: Run, trial: Trial = None, debug: Debug = False) -> None:
+def record(folder: Run, trial: Trial = None, plain: Plain = False, debug: Debug = False) -> None:
     """Write the recording again from the records, or that of another trial."""
-    with exit_codes(debug=debug) as end:
+    with exit_codes(debug=debug, plain=plain) as end:
         from testbed.run.play import record_trial
         from testbed.store.layout import RECORDING
 
@@ -162,10 +168,11 @@ def view(
     html: Annotated[
         Path | None, typer.Option(metavar="FILE.html", help="Make one page for browsers.")
     ] = None,
+    plain: Plain = False,
     debug: Debug = False,
 ) -> None:
     """Open the recording of a run, or make a picture or a page of it."""
-    with exit_codes(debug=debug):
+    with exit_codes(debug=debug, plain=plain):
         from testbed.cli import viewer
         from testbed.run.play import recording_of
 
@@ -198,9 +205,9 @@ def check_view(picture: Path | None, html: Path | None, step: int | None) -> Non
 
 
 @app.command()
-def doctor(debug: Debug = False) -> None:
+def doctor(plain: Plain = False, debug: Debug = False) -> None:
     """Show versions and check that three kinematics agree on this machine."""
-    with exit_codes(debug=debug) as end:
+    with exit_codes(debug=debug, plain=plain) as end:
         from testbed.cli.doctor import LIMIT, check_kinematics
         from testbed.report.text import table
         from testbed.versions import all_versions

@@ -5,9 +5,9 @@ from typing import Annotated
 
 import typer
 
-from testbed.cli.app import Debug, Json, Quiet, app, robots_like
+from testbed.cli.app import Debug, Json, Plain, Quiet, app, robots_like
 from testbed.cli.exit_codes import exit_codes
-from testbed.cli.output import say, say_json
+from testbed.cli.output import say, say_found, say_json
 
 Out = Annotated[Path, typer.Option(metavar="FILE", help="File to write.")]
 
@@ -35,10 +35,11 @@ def session(
     ] = None,
     out: Out = Path("session.toml"),
     quiet: Quiet = False,
+    plain: Plain = False,
     debug: Debug = False,
 ) -> None:
     """Look at measurement files and write the session.toml that they are likely to need."""
-    with exit_codes(debug=debug):
+    with exit_codes(debug=debug, plain=plain):
         from testbed.proposal.data import look_at
         from testbed.proposal.session import propose_session
         from testbed.proposal.text import session_text
@@ -72,10 +73,11 @@ def robot(
     ] = 6,
     out: Out = Path("robot.toml"),
     quiet: Quiet = False,
+    plain: Plain = False,
     debug: Debug = False,
 ) -> None:
     """Write the robot.toml of a table of link numbers, or one to fill in."""
-    with exit_codes(debug=debug):
+    with exit_codes(debug=debug, plain=plain):
         from testbed.proposal.robot import robot_text
         from testbed.proposal.write import plain_name, require_new, write_new
         from testbed.schemas.editor import schema_beside
@@ -103,10 +105,11 @@ def scene(
     ],
     out: Out = Path("scene.toml"),
     quiet: Quiet = False,
+    plain: Plain = False,
     debug: Debug = False,
 ) -> None:
     """Write a scenario for a robot, with the box it works in and a place for the tracker."""
-    with exit_codes(debug=debug):
+    with exit_codes(debug=debug, plain=plain):
         from testbed.proposal.scene import scene_text
         from testbed.proposal.write import plain_name, require_new, write_new
         from testbed.robots.catalog import load_robot
@@ -133,10 +136,11 @@ def check(
         ),
     ] = None,
     as_json: Json = False,
+    plain: Plain = False,
     debug: Debug = False,
 ) -> None:
     """Read a file whole, compute nothing, and say what it is and what is odd about it."""
-    with exit_codes(debug=debug, as_json=as_json):
+    with exit_codes(debug=debug, plain=plain, as_json=as_json):
         from testbed.proposal.check import checked
 
         said = checked(file, robot)
@@ -145,9 +149,7 @@ def check(
 
             say_json(json.dumps({"file": str(file), "sentences": said}, ensure_ascii=False))
             return
-        say(f"{file}: {said[0]}")
-        for sentence in said[1:]:
-            say(f"  {sentence}")
+        say_found("\n  ".join([f"{file}: {said[0]}", *said[1:]]))
 
 
 @app.command()
@@ -160,10 +162,11 @@ def schema(
             autocompletion=lambda: ["scene", "session", "robot", "tracker"],
         ),
     ],
+    plain: Plain = False,
     debug: Debug = False,
 ) -> None:
     """Print the JSON Schema of a TOML file, with which editors complete and check its keys."""
-    with exit_codes(debug=debug):
+    with exit_codes(debug=debug, plain=plain):
         from testbed.schemas.editor import schema_text
 
         say(schema_text(file).rstrip())

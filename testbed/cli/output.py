@@ -13,7 +13,10 @@ from contextlib import suppress
 from typing import Any
 
 from calib.errors import STEERING, MachineError, visible
+from testbed.screen_reader import is_plain
 
+GOOD, CARE = "1;36", "1;33"
+"""Bold cyan and bold yellow: told apart by everyone, on dark and on light."""
 STREAMS = (("stdin", "r"), ("stdout", "w"), ("stderr", "w"))
 
 
@@ -31,10 +34,11 @@ def open_streams() -> None:
             stream.reconfigure(errors="replace")
 
 
-def say(text: str = "") -> None:
+def say(text: str = "", *, color: str = "") -> None:
     """Print a line on stdout; a reader or terminal that went away (``| head``) is no error."""
+    shown = f"\x1b[{color}m{visible(text)}\x1b[0m" if color and colored() else visible(text)
     try:
-        print(visible(text), flush=True)  # noqa: T201  # the one place that prints
+        print(shown, flush=True)  # noqa: T201  # the one place that prints
     except OSError as error:
         gone = isinstance(error, BrokenPipeError) or (error.errno == errno.EIO and _is_device())
         drop_stdout()
@@ -42,6 +46,24 @@ def say(text: str = "") -> None:
             return
         message = f"cannot be written: {error.strerror}"
         raise MachineError(message, code="F3", where="stdout", fix="free some space") from error
+
+
+def say_found(text: str, *, good: bool | None = None) -> None:
+    """Print what a verb found, folded at the terminal's edge; its verdict has a color.
+
+    The color only says once more what the words say; None: the verdict is neither good nor bad.
+    """
+    from testbed.report.text import VERDICT, folded
+
+    for line in folded(text).split("\n"):
+        is_verdict = line.startswith(VERDICT) and good is not None
+        say(line, color=(GOOD if good else CARE) if is_verdict else "")
+
+
+def colored() -> bool:
+    """Whether stdout is a terminal that shows colors, and its user wants them."""
+    wanted = not os.environ.get("NO_COLOR") and not is_plain()
+    return wanted and sys.stdout.isatty() and os.environ.get("TERM") not in (None, "", "dumb")
 
 
 def say_json(text: str) -> None:

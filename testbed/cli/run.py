@@ -5,10 +5,10 @@ from typing import Annotated
 
 import typer
 
-from testbed.cli.app import Debug, Json, Quiet, app, robots_like
+from testbed.cli.app import Debug, Json, Plain, Quiet, app, robots_like
 from testbed.cli.campaign import Overwrite, Scene, Seed, default_folder, scenario_of
 from testbed.cli.exit_codes import SOME_FAILED, exit_codes
-from testbed.cli.output import say, say_json
+from testbed.cli.output import say, say_found, say_json
 from testbed.machine import COMPUTING
 
 Data = Annotated[
@@ -27,10 +27,11 @@ def plan(
     ] = False,
     quiet: Quiet = False,
     as_json: Json = False,
+    plain: Plain = False,
     debug: Debug = False,
 ) -> None:
     """Choose poses for a real robot: what to measure, in what order, what will come out."""
-    with exit_codes(debug=debug, as_json=as_json, room=COMPUTING) as end:
+    with exit_codes(debug=debug, plain=plain, as_json=as_json, room=COMPUTING) as end:
         scenario, where = scenario_of(scene, seed)
         default = default_folder(scenario)
         folder = out or default.with_name(f"{default.name}-plan")
@@ -39,13 +40,13 @@ def plan(
         from testbed.plan.words import terminal_text
         from testbed.store.layout import PLAN
 
-        with progress(quiet=quiet or as_json) as tell:
+        with progress(f"plan {scenario.name}", quiet=quiet or as_json) as tell:
             made = play_plan(scenario, folder, overwrite=overwrite, progress=tell, where=where)
         end.code = SOME_FAILED if made.tour.blocked else end.code
         if as_json:
             say_json((folder / PLAN).read_text(encoding="utf-8").rstrip())
         elif not quiet:
-            say(terminal_text(made))
+            say_found(terminal_text(made))
             say()
             say(f"Report     {folder / REPORT}")
             say(f"Next       truebed view {folder / RECORDING}")
@@ -107,6 +108,7 @@ def identify(
     overwrite: Overwrite = False,
     quiet: Quiet = False,
     as_json: Json = False,
+    plain: Plain = False,
     debug: Debug = False,
 ) -> None:
     """Calibrate a robot from measurements: parameters, a corrected model, proof on other poses.
@@ -114,7 +116,7 @@ def identify(
     Several visits of one robot are [[session]] tables of one session.toml. There
     [identification] free = "frames" places a calibrated robot anew: base and tool alone are fitted.
     """
-    with exit_codes(debug=debug, as_json=as_json, room=COMPUTING) as end:
+    with exit_codes(debug=debug, plain=plain, as_json=as_json, room=COMPUTING) as end:
         from testbed.cli.terminal import progress
         from testbed.files.read import ReadOptions, read_held_out, read_session
         from testbed.identify.calibrate import Options
@@ -140,7 +142,7 @@ def identify(
             apart = read_held_out(test, arm, data, config=config, options=how)
             session = with_test(session, apart)
         options = Options(train=train, held_out=held_out, seed=seed, model=model, loss=loss)
-        with progress(quiet=quiet or as_json) as tell:
+        with progress(f"identify {session.name}", quiet=quiet or as_json) as tell:
             calibration, delivered = play_calibration(
                 arm,
                 session,
@@ -157,7 +159,7 @@ def identify(
         if as_json:
             say_json((folder / RESULT).read_text(encoding="utf-8").rstrip())
         elif not quiet:
-            say(terminal_text(calibration, delivered))
+            say_found(terminal_text(calibration, delivered), good=calibration.believable)
             say()
             say(f"Report     {folder / REPORT}")
             say(f"Robot      {folder / 'robot'}")
@@ -183,10 +185,11 @@ def iso9283(
     overwrite: Overwrite = False,
     quiet: Quiet = False,
     as_json: Json = False,
+    plain: Plain = False,
     debug: Debug = False,
 ) -> None:
     """Test a real robot after ISO 9283: accuracy and repeatability from measured cycles."""
-    with exit_codes(debug=debug, as_json=as_json, room=COMPUTING):
+    with exit_codes(debug=debug, plain=plain, as_json=as_json, room=COMPUTING):
         from testbed.files.read import ReadOptions
         from testbed.iso9283.folder import check_place, play_iso9283, terminal_text
         from testbed.iso9283.read import read_test
@@ -201,7 +204,7 @@ def iso9283(
         if as_json:
             say_json((folder / RESULT).read_text(encoding="utf-8").rstrip())
         elif not quiet:
-            say(terminal_text(result))
+            say_found(terminal_text(result))
             say()
             say(f"Figures    {folder / ISO9283}")
             say(f"Report     {folder / REPORT}")

@@ -1,90 +1,147 @@
 """What people see on the terminal: progress with time left, and tables; the only user of rich."""
 
+import os
 import sys
-import time
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager, nullcontext
 from math import pi
 from typing import IO, TYPE_CHECKING, Any, cast
 
 from calib.errors import visible
+from testbed.cli import timings
+from testbed.cli.course import TimeLeft
 from testbed.cli.output import Stderr, warn
 from testbed.progress import Progress
-from testbed.report.text import table
+from testbed.report.text import table, verdict_lines
+from testbed.screen_reader import is_plain
 
 if TYPE_CHECKING:
     from testbed.robots.catalog import Robot
 
 
 @contextmanager
-def progress(*, quiet: bool) -> Iterator[Progress]:
-    """A progress bar with time left on a terminal, plain lines elsewhere, nothing if quiet."""
-    if quiet:
-        yield lambda *_: None
-    elif sys.stderr.isatty():
-        with _bar() as report:
-            yield report
-    else:
-        yield _Lines().report
+def progress(
+    work: str = "",
+    planned: Mapping[str, int] | None = None,
+    *,
+    quiet: bool,
+    workers: int = 1,
+    learn: bool = True,
+) -> Iterator[Progress]:
+    """A progress bar with time left on a terminal, plain lines elsewhere, nothing if quiet.
+
+    Parameters
+    ----------
+    work : str
+        The verb and what it is played on: how long its steps took the last time is looked up, and
+        kept for the next one when the block ends well.
+    planned : mapping, optional
+        Pieces of the steps that there will be, where that is known beforehand.
+    quiet : bool
+        Whether nothing is shown.
+    workers : int
+        Processes that play pieces side by side.
+    learn : bool
+        Whether the times are those of the whole work, to be kept.
+    """
+    course = TimeLeft(timings.expected(work, planned) if work else {}, workers)
+    with nullcontext(_nothing) if quiet else _bar(course) if redrawn() else _lines(course) as show:
+
+        def report(name: str, done: int, steps: int) -> None:
+            course(name, done, steps)
+            show(name, done, steps)
+
+        yield report
+    if work and learn and course.steps and not course.name:
+        timings.remember(work, course.took)
+
+
+def redrawn() -> bool:
+    """Whether a line on stderr can be drawn again and again."""
+    return sys.stderr.isatty() and not is_plain() and os.environ.get("TERM") != "dumb"
+
+
+def _nothing(_name: str, _done: int, _steps: int) -> None:
+    """Show nothing."""
 
 
 EVERY = 60.0
 """Between two lines about one step [s]."""
 
 
-class _Lines:
+@contextmanager
+def _lines(course: TimeLeft) -> Iterator[Progress]:
     """One line per finished step; of one in many pieces, now and then one with the time left."""
+    name, place = "", ""
+    start = since = said = course.clock()
 
-    def __init__(self) -> None:
-        self._start = self._since = self._said = time.perf_counter()
-        self._name, self._place, self._first = "", "", 0
-
-    def report(self, name: str, done: int, steps: int) -> None:
-        """Say what has ended and how long it took."""
-        now = time.perf_counter()
-        if name and name == self._name:
-            if now >= self._said + EVERY:
-                left = (now - self._since) / max(done - self._first, 1) * (steps - done)
-                told = f"{left / 60:.0f} min" if left > 90 else f"{left:.0f} s"
-                warn(f"[{done}/{steps}] {name}: about {told} left")
-                self._said = now
+    def report(begins: str, done: int, steps: int) -> None:
+        nonlocal name, place, since, said
+        now = course.clock()
+        if begins and begins == name:
+            if now >= said + EVERY and (left := course.left()) is not None:
+                warn(f"[{done}/{steps}] {name}: about {timings.in_words(left)} left in all")
+                said = now
             return
-        if self._name:
-            warn(f"{self._place} {self._name}: {now - self._since:.1f} s")
-        self._name, self._place, self._first = name, f"[{done + 1}/{steps}]", done
-        self._since = self._said = now
-        if not name:
-            warn(f"done in {now - self._start:.1f} s")
+        if name:
+            warn(f"{place} {name}: {now - since:.1f} s")
+        name, place = begins, f"[{done + 1}/{steps}]"
+        since = said = now
+        if not begins:
+            warn(f"done in {now - start:.1f} s")
+
+    yield report
 
 
 @contextmanager
-def _bar() -> Iterator[Progress]:
-    """A live bar on stderr."""
+def _bar(course: TimeLeft) -> Iterator[Progress]:
+    """A live bar on stderr: it moves with the time, also inside a long step."""
     from rich.console import Console
-    from rich.progress import (
-        BarColumn,
-        MofNCompleteColumn,
-        Progress,
-        TextColumn,
-        TimeElapsedColumn,
-        TimeRemainingColumn,
-    )
+    from rich.progress import Progress, ProgressColumn, Task
+    from rich.progress_bar import ProgressBar
+    from rich.table import Column
+    from rich.text import Text
 
-    columns = (
-        TextColumn("{task.description:<24}", markup=False),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeElapsedColumn(),
-        TextColumn("left"),
-        TimeRemainingColumn(),
-    )
-    with Progress(*columns, console=Console(file=cast(IO[str], Stderr())), transient=True) as bar:
-        task = bar.add_task("begin", total=None)
+    name = ""
 
-        def report(name: str, done: int, steps: int) -> None:
-            bar.update(task, description=visible(name) or "done", completed=done, total=steps)
+    class LiveColumn(ProgressColumn):
+        """One column, drawn from the course as it is at that moment."""
+
+        def __init__(self, draw: Callable[[], str | ProgressBar], **column: Any) -> None:
+            super().__init__(Column(no_wrap=True, **column))
+            self._draw = draw
+
+        def render(self, task: Task) -> Text | ProgressBar:  # noqa: ARG002
+            drawn = self._draw()
+            return Text(drawn) if isinstance(drawn, str) else drawn
+
+    def left() -> str:
+        seconds = course.left()
+        return f"about {timings.in_words(seconds)} left" if seconds else ""
+
+    console = Console(file=cast(IO[str], Stderr()))
+    narrow = console.width < NARROW
+    columns = [
+        LiveColumn(lambda: visible(name), min_width=None if narrow else 24),
+        LiveColumn(lambda: f"{min(course.done + 1, course.steps)}/{course.steps}" if name else ""),
+        LiveColumn(left),
+    ]
+    if not narrow:
+        columns.insert(
+            1, LiveColumn(lambda: ProgressBar(total=1.0, completed=course.share(), width=30))
+        )
+    with Progress(*columns, console=console, transient=True, refresh_per_second=4) as bar:
+        bar.add_task("")
+
+        def report(begins: str, _done: int, _steps: int) -> None:
+            nonlocal name
+            name = begins or "done"
 
         yield report
+
+
+NARROW = 70
+"""Columns of a terminal below which there is no room for a bar beside the words."""
 
 
 HEAD = (
@@ -131,7 +188,7 @@ def headline(result: Mapping[str, Any]) -> str:
         result["notice"],
         table(title, HEAD, headline_rows(result)),
         "",
-        f"Verdict: {result['verdict']['sentence']}",
+        *verdict_lines(result["verdict"]["sentence"]),
     ]
     parts += [f"FAILED {key}: {reason}" for key, reason in result.get("failed", {}).items()]
     return "\n".join(parts)

@@ -52,10 +52,11 @@ from testbed.identify.visits.frames import own_frames
 from testbed.identify.visits.split import split_of_session
 from testbed.progress import Progress
 from testbed.robots.catalog import Robot
+from testbed.store.layout import DERIVED
 
 AUTO = "auto"
-STEPS = ("frames", "gross errors", "identification", "held-out poses", "files")
-"""What progress tells of; the last one is the writing of the folder."""
+STEPS = ("frames", "gross errors", "identification", "held-out poses", "robot", *DERIVED)
+"""What progress tells of; what follows the held-out poses is the writing of the folder."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -71,7 +71,7 @@ def play_calibration(
         read_program(program, robot)  # its faults are told before anything is computed
     calibration = calibrate(robot, session, options, progress=progress)
     tell = progress or (lambda *_: None)
-    tell(STEPS[-1], len(STEPS) - 1, len(STEPS))
+    tell(ROBOT, STEPS.index(ROBOT), len(STEPS))
     with whole_folder(out, layout.MANIFEST, overwrite=overwrite) as folder:
         delivered = deliver(calibration, robot, folder, program=program, package=package)
         spec = input_hash(calibration, options or Options())
@@ -82,6 +82,7 @@ def play_calibration(
             (folder / JOB_SHEET).write_bytes(job_csv(rows).encode())
         drawn = load_robot(folder / ROBOT / ROBOT_FILE)  # the same as whenever they are made again
         for name in layout.DERIVED:
+            tell(name, STEPS.index(name), len(STEPS))
             (folder / name).write_bytes(_derived(name, calibration, delivered, drawn))
         (folder / layout.MANIFEST).write_bytes(manifest_bytes(about(calibration, spec)))
     tell("", len(STEPS), len(STEPS))

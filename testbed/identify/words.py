@@ -233,7 +233,7 @@ def sheet_rows(calibration: Calibration, delivered: Delivered) -> tuple[Row, ...
 
 def terminal_text(calibration: Calibration, delivered: Delivered) -> str:
     """What the command prints: notice, errors, verdict, reasons."""
-    from testbed.report.text import table
+    from testbed.report.text import table, verdict_lines
 
     head = tuple(name.replace("χ²", "chi2") for name in HEAD)
     rows = [
@@ -242,7 +242,8 @@ def terminal_text(calibration: Calibration, delivered: Delivered) -> str:
     ]
     held = calibration.split.is_test.any()
     title = f"{calibration.source.name}: errors at {'held-out rows' if held else 'the rows used'}"
-    parts = [notice(calibration), table(title, head, rows), "", f"Verdict: {verdict(calibration)}"]
+    parts = [notice(calibration), table(title, head, rows), ""]
+    parts += verdict_lines(verdict(calibration))
     parts += [f"  {reason}" for reason in reasons(calibration)]
     parts += [f"  {text}" for text in sentences(visit_words(calibration))]
     parts += [f"  {conditions_words(calibration)}"]

@@ -50,12 +50,12 @@ def terminal_text(result: CycleResult) -> str:
     """What the command prints: notice, figures, verdict, reasons."""
     from testbed.iso9283.report import headline as headline_table
     from testbed.iso9283.words import mark, notice, reasons, verdict
-    from testbed.report.text import table
+    from testbed.report.text import table, verdict_lines
     from testbed.units import plain
 
     shown = headline_table(result)
     rows = [[plain(cell).replace("–", "-") for cell in row] for row in shown.rows]
     parts = [notice(result), table(shown.caption, shown.head, rows), ""]
-    parts += [f"{plain(mark(result))}: {plain(verdict(result))}"]
+    parts += verdict_lines(f"{plain(mark(result))[2:]}: {plain(verdict(result))}")
     parts += [f"  {plain(reason)}" for reason in reasons(result)]
     return "\n".join(parts)

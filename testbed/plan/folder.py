@@ -7,6 +7,7 @@ import numpy as np
 
 from calib.arrays import Array
 from calib.errors import one_line
+from testbed.plan.plan import STEPS
 from testbed.plan.plan import plan as make_plan
 from testbed.plan.recording import plan_story
 from testbed.plan.records import Plan
@@ -151,7 +152,10 @@ def play_plan(
     """Make a plan and write its folder; the folder is checked first, and written last."""
     check_free(out, PLAN, overwrite=overwrite)
     made = make_plan(scenario, progress=progress, where=where)
+    tell = progress or (lambda *_: None)
+    tell(STEPS[-1], len(STEPS) - 1, len(STEPS))
     write_plan(made, load_robot(scenario.robot), out, overwrite=overwrite)
+    tell("", len(STEPS), len(STEPS))
     return made
 
 

@@ -39,8 +39,10 @@ from testbed.scenario.checks import check_robot
 from testbed.scenario.scenario import Scenario
 from testbed.streams import stream
 
-STEPS = ("robot and goal", "stations and candidate poses", "pose set", "measuring order")
-"""What is told while a plan is made."""
+STEPS = (
+    "robot and goal", "stations and candidate poses", "pose set", "measuring order", "files"
+)  # fmt: skip
+"""What is told while a plan is made; the last one is the writing of its folder."""
 EQUAL = 1e-3
 """Stations nearer than this are the same one [m]."""
 
@@ -99,7 +101,6 @@ def _plan(scenario: Scenario, tell: Progress, where: str) -> Plan:
     tour = tour_of(bench, start, pool.q[places], places, apart, pool.q)
     M = task.information(places)
     ordered = tour.pool_place[tour.pool_place >= 0]
-    tell("", len(STEPS), len(STEPS))
     return Plan(
         scenario=scenario,
         nominal=bench.robot.model,

@@ -27,6 +27,7 @@ from testbed.units import (
     micrometres,
     millimetres,
     percent,
+    plain,
     sentence,
 )
 
@@ -241,8 +242,10 @@ def next_step(plan: Plan) -> str:
 
 def terminal_text(plan: Plan) -> str:
     """What the command prints: the promise, the numbers, what is proven."""
-    from testbed.report.text import table
+    from testbed.report.text import table, verdict_lines
 
     rows = [list(row) for row in headline_rows(plan)]
-    parts = [SIMULATED, table(promise(plan), ("what", "value", ""), rows, wrap=True), ""]
-    return "\n".join([*parts, *(f"- {reason}" for reason in reasons(plan))])
+    title = f"{plan.scenario.name}: what is planned"
+    parts = [SIMULATED, table(title, ("what", "value", ""), rows, wrap=True), ""]
+    parts += verdict_lines(plain(promise(plan)))
+    return "\n".join([*parts, *(f"  {plain(reason)}" for reason in reasons(plan))])

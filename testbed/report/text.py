@@ -6,12 +6,22 @@ import re
 import shutil
 import sys
 from collections.abc import Iterable, Sequence
+from textwrap import wrap as wrap_lines
 
 from calib.errors import one_line, visible
+from testbed.screen_reader import is_plain
 
 WIDTH = 110
 """Where long texts break when they do not go to a terminal."""
 UNBOUNDED = 10_000
+NARROWEST = 60
+"""Columns of a terminal below which broken texts stand in lines of their own, not in a table."""
+SPACE = 2
+"""Between two columns."""
+VERDICT, ONE_LINE = "Verdict", 100
+"""How the line of a verdict begins, and its characters at most."""
+CLAUSE_ENDS = (r"\.(?= )", r"[;:](?= )", r",(?= )", r"(?= \()")
+"""Where a verdict may be cut, the best places first: sentences, clauses, parts, before brackets."""
 NUMBER = r"(\d[\d.,]*|[.,]\d+)(e[+-]?\d+)?"
 RUN = re.compile(rf"[\t\r]|\s*[=@]|\s*[+-](?!({NUMBER})?$)", re.IGNORECASE)
 """How a cell begins that a spreadsheet would run as a formula; a number with a sign is none."""
@@ -20,7 +30,141 @@ RUN = re.compile(rf"[\t\r]|\s*[=@]|\s*[+-](?!({NUMBER})?$)", re.IGNORECASE)
 def table(
     title: str, head: Sequence[str], rows: Sequence[Sequence[str]], *, wrap: bool = False
 ) -> str:
-    """A table as text, columns of numbers to the right; `wrap` breaks long texts at the edge."""
+    """A table as text, columns of numbers to the right; `wrap` breaks long texts at the edge.
+
+    What is wider than the terminal is folded: into tables below each other that repeat the columns
+    by which rows are told apart, or, where that does not help, into lines of one fact each.
+    """
+    cells = [[one_line(cell) for cell in row] for row in rows]
+    if is_plain():
+        return facts(title, head, cells)
+    edge = terminal_width()
+    if wrap:
+        return facts(title, head, cells) if edge < NARROWEST else _grid(title, head, cells, edge)
+    whole = _grid(title, head, cells)
+    if not sys.stdout.isatty() or max(map(len, whole.split("\n"))) <= edge:
+        return whole
+    parts = folded_columns([[*column] for column in zip(head, *cells, strict=True)], edge)
+    if parts is None:
+        return facts(title, head, cells)
+    return "\n\n".join(
+        _grid(
+            "" if k else title, [head[i] for i in part], [[row[i] for i in part] for row in cells]
+        )
+        for k, part in enumerate(parts)
+    )
+
+
+def folded_columns(columns: Sequence[Sequence[str]], edge: int) -> list[list[int]] | None:
+    """Columns of each of the tables that one is folded into; None if it cannot be.
+
+    Parameters
+    ----------
+    columns : sequence of sequences of str
+        Head and cells of each.
+    edge : int
+        Characters of a line.
+
+    Examples
+    --------
+    >>> folded_columns([["a", "x", "y"], ["bb", "1", "2"], ["cc", "3", "4"]], 7)
+    [[0, 1], [0, 2]]
+    """
+    wide = [max(map(len, column)) + SPACE for column in columns]
+    rows = list(zip(*(column[1:] for column in columns), strict=True))
+    keys = 1
+    while keys < len(columns) and len({row[:keys] for row in rows}) < len(rows):
+        keys += 1
+    first = sum(wide[:keys])
+    if keys == len(columns) or first + max(wide[keys:]) > edge:
+        return None
+    parts: list[list[int]] = []
+    for i in range(keys, len(columns)):
+        if not parts or sum(wide[j] for j in parts[-1]) + wide[i] > edge:
+            parts.append([*range(keys)])
+        parts[-1].append(i)
+    return parts
+
+
+def facts(title: str, head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """A table as lines of one fact each, for screen readers and narrow terminals.
+
+    Examples
+    --------
+    >>> print(facts("Errors", ["trial", "mm"], [["a", "0.1"], ["b", "0.2"]]))
+    Errors
+    <BLANKLINE>
+    trial: a
+      mm: 0.1
+    <BLANKLINE>
+    trial: b
+      mm: 0.2
+    """
+    blocks = [title] if title else []
+    for row in rows:
+        told = [f"{name or 'and'}: {cell}" for name, cell in zip(head, row, strict=True) if cell]
+        blocks.append("\n  ".join(told))
+    return "\n\n".join(blocks)
+
+
+def terminal_width() -> int:
+    """Where lines break: at the terminal's edge, or at `WIDTH` where there is none."""
+    return shutil.get_terminal_size((WIDTH, 40)).columns if sys.stdout.isatty() else WIDTH
+
+
+def folded(text: str) -> str:
+    """Sentences broken at the terminal's edge, further lines indented; elsewhere as they are."""
+    if not sys.stdout.isatty() or is_plain():
+        return text
+    edge = max(terminal_width(), 20)
+    return "\n".join(
+        part
+        for line in text.split("\n")
+        for part in (
+            wrap_lines(
+                line,
+                edge,
+                subsequent_indent=" " * (len(line) - len(line.lstrip()) + 2),
+                break_long_words=False,
+                break_on_hyphens=False,
+            )
+            if len(line) > edge
+            else [line]
+        )
+    )
+
+
+def verdict_lines(sentence: str) -> list[str]:
+    """A verdict in one line of at most `ONE_LINE` characters, and below it what it says further.
+
+    Cut is where a sentence or a clause ends, never within parentheses.
+
+    Examples
+    --------
+    >>> verdict_lines("It falls from 3 to 1 mm, and that can be believed.")
+    ['Verdict: It falls from 3 to 1 mm, and that can be believed.']
+    >>> verdict_lines(f"It falls; it falls {'very, ' * 20}far.")[0]
+    'Verdict: It falls.'
+    """
+    first = f"{VERDICT}: "
+    if len(first + sentence) <= ONE_LINE:
+        return [first + sentence]
+    for mark in CLAUSE_ENDS:
+        places = [
+            found.start()
+            for found in re.finditer(mark, sentence[: ONE_LINE - len(first)])
+            if sentence.count("(", 0, found.start()) == sentence.count(")", 0, found.start())
+        ]
+        if places:
+            rest = sentence[places[-1] :].lstrip(".;:, ")
+            return [f"{first}{sentence[: places[-1]]}.", f"  {rest[:1].upper()}{rest[1:]}"]
+    return [first.rstrip(), f"  {sentence}"]
+
+
+def _grid(
+    title: str, head: Sequence[str], rows: Sequence[Sequence[str]], width: int | None = None
+) -> str:
+    """A table with a line below its head, as wide as it is, or with texts broken at a width."""
     from rich.box import SIMPLE_HEAD
     from rich.console import Console
     from rich.table import Table
@@ -34,13 +178,13 @@ def table(
     )
     for i, name in enumerate(head):
         words = i == 0 or all(not _is_number(row[i]) for row in rows)
-        grid.add_column(name, justify="left" if words else "right", no_wrap=not wrap)
+        grid.add_column(name, justify="left" if words else "right", no_wrap=width is None)
     for row in rows:
-        grid.add_row(*map(one_line, row))
-    edge = shutil.get_terminal_size((WIDTH, 40)).columns if sys.stdout.isatty() else WIDTH
-    width = edge if wrap else UNBOUNDED
+        grid.add_row(*row)
     text = io.StringIO()
-    Console(file=text, width=width, color_system=None, highlight=False, markup=False).print(grid)
+    Console(
+        file=text, width=width or UNBOUNDED, color_system=None, highlight=False, markup=False
+    ).print(grid)
     return "\n".join(line.rstrip() for line in text.getvalue().rstrip().split("\n"))
 
 

@@ -51,6 +51,11 @@ def step_of(record: Record) -> str:
     return record.cut.name if record.cut else record.key
 
 
+def steps_of(records: Iterable[Record]) -> dict[str, int]:
+    """Pieces of each step of the work on some records, by what progress calls it."""
+    return {step_of(record): record.cut.count if record.cut else 1 for record in records}
+
+
 class Pieces:
     """The pieces of work of one scenario, in its folder or in memory."""
 

@@ -13,6 +13,7 @@ from calib.errors import InputError, refuse
 from testbed.engines.engine import Engine
 from testbed.gates.paths import is_there
 from testbed.progress import Progress
+from testbed.run.cut import steps_of
 from testbed.run.derive import Derive, derived_file, led_by, require_trial
 from testbed.run.result import read_result
 from testbed.run.work import Work
@@ -135,6 +136,12 @@ def play_run(
         opened.end()
         work.event("end", failed=sorted(work.failed))
     return RunOutcome(scenario, records, path, tuple(work.kept))
+
+
+def planned_steps(scenario: Scenario) -> dict[str, int]:
+    """What progress will tell of a run into a folder: steps with their pieces."""
+    records = (record for study in all_studies(scenario) for record in study.records(scenario))
+    return steps_of(records) | dict.fromkeys(layout.DERIVED, 1)
 
 
 def about(scenario: Scenario, robot: "Robot") -> dict[str, Any]:

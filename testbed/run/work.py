@@ -10,7 +10,15 @@ from testbed.engines.engine import Alone, Engine
 from testbed.engines.kit import Kit
 from testbed.engines.piece import Piece
 from testbed.progress import Clock, Progress
-from testbed.run.cut import Pieces, all_pieces, cut_names, cut_together, sliced_cuts, step_of
+from testbed.run.cut import (
+    Pieces,
+    all_pieces,
+    cut_names,
+    cut_together,
+    sliced_cuts,
+    step_of,
+    steps_of,
+)
 from testbed.run.derive import Derive, Played
 from testbed.scenario.hashes import record_hash
 from testbed.scenario.scenario import Scenario
@@ -60,10 +68,7 @@ class Work:
             for study in self.studies
             for record in study.records(scenario)
         }
-        self._steps = {
-            step_of(record): record.cut.count if record.cut else 1
-            for _, record in self.planned.values()
-        }
+        self._steps = steps_of(record for _, record in self.planned.values())
         self.failed: dict[str, str] = {}
         self.kept: list[str] = []
         self._derive = derive

@@ -4,6 +4,7 @@ import io
 import json
 import sys
 from dataclasses import replace
+from functools import partial
 
 import pytest
 from typer.testing import CliRunner
@@ -11,6 +12,7 @@ from typer.testing import CliRunner
 from calib.errors import STEERING, InputError
 from testbed.__main__ import main
 from testbed.cli import app, terminal
+from testbed.cli.course import TimeLeft
 from testbed.cli.exit_codes import exit_codes
 from testbed.cli.output import say, say_json, warn
 from testbed.cli.terminal import progress
@@ -157,16 +159,14 @@ def test_the_command_ends_with_the_code_of_its_verb(words, code, monkeypatch, ca
 
 def test_a_step_of_many_pieces_says_now_and_then_how_long_it_will_take(capsys, monkeypatch):
     """Pieces of 7 s each: a line a minute, with the time that the rest will take."""
-    ticks = iter(7.0 * k for k in range(1000))
-    monkeypatch.setattr(terminal.time, "perf_counter", lambda: next(ticks))
+    now = [0.0]
+    monkeypatch.setattr(terminal, "TimeLeft", partial(TimeLeft, clock=lambda: now[0]))
     with progress(quiet=False) as report:
-        report("setting", 0, 64)
-        for done in range(1, 62):
-            report("coverage", done, 64)
-        report("result.json", 62, 64)
-        report("", 63, 64)
+        for done, name in enumerate(["setting", *["coverage"] * 61, "result.json", ""]):
+            report(name, done, 64)
+            now[0] += 7.0
     told = capsys.readouterr().err.splitlines()
     assert told[0] == "[1/64] setting: 7.0 s"
-    assert told[1] == "[10/64] coverage: about 6 min left"
-    assert told[-4:-2] == ["[55/64] coverage: about 63 s left", "[2/64] coverage: 427.0 s"]
+    assert told[1] == "[10/64] coverage: about 6.3 min left in all"
+    assert told[-4:-2] == ["[55/64] coverage: about 63 s left in all", "[2/64] coverage: 427.0 s"]
     assert len(told) == 1 + 6 + 3

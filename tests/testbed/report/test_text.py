@@ -1,0 +1,160 @@
+"""Tables and verdicts as text: they fit the terminal, and nobody needs its colors or lines."""
+
+import io
+import sys
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from testbed.cli.output import say_found
+from testbed.report.text import (
+    ONE_LINE,
+    facts,
+    folded,
+    folded_columns,
+    table,
+    verdict_lines,
+)
+from testbed.screen_reader import is_plain, plain_if
+
+HEAD = ["trial", "estimator", "poses", "before mm", "after mm", "believable"]
+ROWS = [
+    ["designed-29", "whitened", "29", "0.6664", "0.0124", "yes"],
+    ["designed-29", "paper", "29", "0.6664", "0.0131", "no"],
+    ["random-29", "whitened", "29", "0.6664", "0.0186", "yes"],
+]
+
+
+class Terminal(io.StringIO):
+    def isatty(self):
+        return True
+
+
+@pytest.fixture
+def terminal(monkeypatch):
+    """A terminal of some columns."""
+
+    def of(columns, **environment):
+        monkeypatch.setattr(sys, "stdout", Terminal())
+        monkeypatch.setenv("COLUMNS", str(columns))
+        monkeypatch.delenv("NO_COLOR", raising=False)
+        monkeypatch.setenv("TERM", "xterm")
+        for name, value in environment.items():
+            monkeypatch.setenv(name, value)
+        return sys.stdout
+
+    return of
+
+
+def cells(text):
+    return set(text.replace("─", " ").replace("trial:", " ").split())
+
+
+@pytest.mark.parametrize("columns", [200, 60, 48, 40, 20])
+def test_a_table_has_all_its_cells_and_no_line_beyond_the_edge(columns, terminal):
+    terminal(columns)
+    text = table("Errors", HEAD, ROWS)
+    assert max(map(len, text.split("\n"))) <= max(columns, 24)
+    assert {cell for row in ROWS for cell in row} <= cells(text)
+    assert text.count("believable") >= 1
+    wrapped = table("", ["what", "value"], [["a " * 30, "b " * 30]], wrap=True)
+    assert max(map(len, wrapped.split("\n"))) <= columns or columns < 60
+
+
+def test_a_folded_table_repeats_what_tells_its_rows_apart(terminal):
+    terminal(48)
+    parts = table("", HEAD, ROWS).strip().split("\n\n")
+    assert len(parts) == 2
+    assert all(part.count("whitened") == 2 and part.count("designed-29") == 2 for part in parts)
+
+
+def test_elsewhere_than_on_a_terminal_a_table_is_one(monkeypatch):
+    monkeypatch.setenv("COLUMNS", "20")
+    monkeypatch.setattr(sys, "stdout", io.StringIO())
+    assert "\n\n" not in table("", HEAD, ROWS).strip()
+
+
+@given(st.lists(st.lists(st.text("ab", max_size=9), min_size=3, max_size=3), min_size=1),
+       st.integers(5, 60))  # fmt: skip
+def test_each_column_is_in_one_part_and_each_part_fits(columns, edge):
+    parts = folded_columns(columns, edge)
+    if parts is None:
+        return
+    keys = [i for i in parts[0] if all(i in part for part in parts)] if parts[1:] else []
+    seen = [i for part in parts for i in part if i not in keys]
+    assert sorted([*keys, *seen]) == list(range(len(columns)))
+    for part in parts:
+        assert sum(max(map(len, columns[i])) + 2 for i in part) <= edge
+
+
+def test_for_a_screen_reader_every_line_is_a_fact(terminal):
+    out = terminal(100)
+    with plain_if(True):
+        text = table("Errors", HEAD, ROWS)
+        say_found("Verdict: all is well.", good=True)
+        assert folded("x " * 200) == "x " * 200
+    assert not is_plain()
+    assert text == facts("Errors", HEAD, ROWS)
+    assert not set(text) & set("─━│┃ ".replace(" ", ""))
+    assert "  after mm: 0.0131" in text.split("\n")
+    assert all(":" in line for line in text.split("\n")[1:] if line)
+    assert out.getvalue() == "Verdict: all is well.\n"
+
+
+@pytest.mark.parametrize(
+    ("environment", "colored"),
+    [({}, True), ({"NO_COLOR": "1"}, False), ({"NO_COLOR": ""}, True), ({"TERM": "dumb"}, False)],
+)
+def test_a_color_says_nothing_that_words_do_not(environment, colored, terminal):
+    out = terminal(80, **environment)
+    say_found("Errors\nVerdict: it can be believed.\n  For so many reasons.", good=True)
+    text = out.getvalue()
+    assert ("\x1b" in text) == colored
+    plain = text.replace("\x1b[1;36m", "").replace("\x1b[0m", "")
+    assert plain == "Errors\nVerdict: it can be believed.\n  For so many reasons.\n"
+
+
+def test_sentences_break_at_words_and_hang(terminal):
+    terminal(40)
+    lines = folded(f"  one {'word ' * 20}end\nshort").split("\n")
+    assert max(map(len, lines)) <= 40
+    assert lines[0].startswith("  one")
+    assert all(line.startswith("    word") for line in lines[1:-2])
+    assert lines[-1] == "short"
+
+
+SAID = [
+    "designed-29 brings the mean tool error on held-out posés from 0.666 to 0.012 mm; the mean "
+    "tool point lies within 31.4 um of the predicted one with 95 % probability (3-D radius, poses "
+    "like the 50 held out), and this can be believed.",
+    "Of 24 chosen sets 0 are better than random sets of the same size, 2 are worse, and 22 cannot "
+    "be told apart from them.",
+    "On rigid robots the corrected program brings AP from 0.60 mm to 3.8 um (mean of five poses, "
+    "median of 3 robots); the noise floor of the figure is 2.5 um.",
+    "3 of 17 claims hold, 8 in part, 4 do not, 2 misprints. The central one, that optimal poses "
+    "cut the parameter uncertainties to a ninth, holds in part.",
+    "w" * 300,
+    "Short.",
+]
+
+
+@pytest.mark.parametrize("sentence", SAID)
+def test_a_verdict_is_one_line_and_nothing_of_it_is_lost(sentence):
+    line, *rest = verdict_lines(sentence)
+    assert len(line) <= ONE_LINE
+    assert line.startswith("Verdict:")
+    assert line.count("(") == line.count(")")
+    letters = "".join(c for c in sentence.lower() if c.isalnum())
+    told = "".join([line.removeprefix("Verdict:"), *rest]).lower()
+    assert "".join(c for c in told if c.isalnum()) == letters
+
+
+def test_a_verdict_ends_where_its_clause_does():
+    firsts = [verdict_lines(sentence)[0].removeprefix("Verdict: ") for sentence in SAID[:4]]
+    assert firsts == [
+        "designed-29 brings the mean tool error on held-out posés from 0.666 to 0.012 mm.",
+        "Of 24 chosen sets 0 are better than random sets of the same size, 2 are worse.",
+        "On rigid robots the corrected program brings AP from 0.60 mm to 3.8 um.",
+        "3 of 17 claims hold, 8 in part, 4 do not, 2 misprints.",
+    ]
