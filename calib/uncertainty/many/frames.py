@@ -4,7 +4,7 @@ import numpy as np
 from scipy.special import chdtrc
 
 from calib.arrays import Array
-from calib.uncertainty.many.gains import ManyGains
+from calib.uncertainty.many.gains import ManyGains, many_whiteners
 from calib.uncertainty.many.sights import ManyRowsSeen, ManySights
 from calib.uncertainty.statement.motion_fit import FOLLOWED
 
@@ -30,11 +30,11 @@ def motion_chances(seen: ManySights, gains: ManyGains, covariance: Array, upper:
     about = seen.test.p.mean(axis=1, keepdims=True)
     motion = _motions(seen.test, about)[:, :, :3]
     common, usual = _standing(seen, gains, size, about, motion)
-    rows = seen.test.rows[:, :, :3, seen.free]
+    rows = seen.test.free[:, :, :3]
     R, n = rows.shape[:2]
-    root = _roots(gains, seen.test, size)
+    root = _whiteners(gains, seen.test, size)
     whole = np.concatenate([rows, common, (e - usual)[..., None], motion], axis=3)
-    white = np.linalg.solve(root, whole).reshape(R, 3 * n, -1)
+    white = (root @ whole).reshape(R, 3 * n, -1)
     f, c = rows.shape[3], common.shape[3]
     J, shared, error, motion = np.split(white, [f, f + c, f + c + 1], axis=2)
     C = covariance + size[:, None, None] ** 2 * gains.misfit
@@ -65,11 +65,11 @@ def _motions(table: ManyRowsSeen, about: Array) -> Array:
     return motions
 
 
-def _roots(gains: ManyGains, table: ManyRowsSeen, size: Array) -> Array:
-    """Cholesky factors (R, m, 3, 3) of noise and a misfit of some size (R,)."""
+def _whiteners(gains: ManyGains, table: ManyRowsSeen, size: Array) -> Array:
+    """Inverse Cholesky factors (R, m, 3, 3) of noise and a misfit of some size (R,)."""
     own = size[:, None, None, None] * gains.shapes(table.rows[:, :, :3])
     V = own @ np.swapaxes(own, 2, 3) + table.covariance[:, :, :3, :3]
-    return np.asarray(np.linalg.cholesky(V))
+    return many_whiteners(V)
 
 
 def _standing(
@@ -82,16 +82,16 @@ def _standing(
     motions = _motions(seen.train, about)
     R, m = motions.shape[:2]
     followed = gains.F @ motions.reshape(R, 6 * m, 9)
-    own = seen.train.rows[..., seen.free].reshape(R, 6 * m, -1)
+    own = seen.train.free.reshape(R, 6 * m, -1)
     rest = (motions.reshape(R, 6 * m, 9) - own @ followed).reshape(motions.shape)
     columns = [rest[:, :, :3], seen.train.residual[:, :, :3, None], motions[:, :, :3]]
-    white = np.linalg.solve(_roots(gains, seen.train, size), np.concatenate(columns, axis=3))
+    white = _whiteners(gains, seen.train, size) @ np.concatenate(columns, axis=3)
     B, e, whole = np.split(white.reshape(R, 3 * m, -1), [9, 10], axis=2)
     U, s, V = np.linalg.svd(B, full_matrices=False)
     largest = np.linalg.svd(whole, compute_uv=False)[:, :1]
     back = np.where(s > FOLLOWED * largest, 1 / np.where(s > 0, s, 1.0), 0.0)
     n = there.shape[1]
-    rows = seen.test.rows[:, :, :3, seen.free].reshape(R, 3 * n, -1)
+    rows = seen.test.free[:, :, :3].reshape(R, 3 * n, -1)
     reach = there.reshape(R, 3 * n, 9) - rows @ followed
     common = reach @ (np.swapaxes(V, 1, 2) * back[:, None])
     kept = (back > 0)[:, :, None] * (np.swapaxes(U, 1, 2) @ e)

@@ -3,9 +3,11 @@
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg.lapack import dposv
 
 from calib.arrays import Array, Index
 from calib.geometry.jacobian import joint_columns
+from calib.measurement.noise import whiteners
 from calib.uncertainty.many.sights import ManyRowsSeen, ManySights
 
 
@@ -21,10 +23,16 @@ class ManyGains:
     """(R, k) standard deviation of each, for a misfit of 1 m per axis [1, rad/m]."""
     misfit: Array
     """(R, f, f) covariance of the estimates from a misfit of 1 m per axis in the training rows."""
-    absorbed: Array
-    """(R, f, k + 1) how estimates follow a unit of what no number holds."""
-    usual: Array
-    """(R, 3) means of `left` over the held-out poses."""
+    spread: tuple[Array, Array]
+    """(R, n, 3, 3) and (R, t, 3, 3) covariances of held-out points and targets by the noise."""
+    left: tuple[Array, Array]
+    """(R, 3, n) and (R, 3, t) variance of these left by a unit of every term, by the foot, by the
+    noise."""
+
+    @property
+    def usual(self) -> Array:
+        """(R, 3) means over the held-out poses."""
+        return np.asarray(self.left[0].mean(axis=2))
 
     def shapes(self, rows: Array) -> Array:
         """Root B (R, m, r, k) of a misfit of 1 m per axis, from rows (R, m, r, P)."""
@@ -34,29 +42,38 @@ class ManyGains:
 def gains_of(seen: ManySights) -> ManyGains:
     """Those of R robots; poses of a table stand for themselves."""
     R, m = seen.train.q.shape[:2]
-    A = seen.train.rows[..., seen.free] * seen.scale
-    f = len(seen.free)
-    WA = np.linalg.solve(seen.train.covariance, A).reshape(R, 6 * m, f)
-    H = np.swapaxes(WA, 1, 2) @ A.reshape(R, 6 * m, f) + seen.precision
-    F = seen.scale[:, None] * np.linalg.solve(H, np.swapaxes(WA, 1, 2))
+    f, N = len(seen.free), many_whiteners(seen.train.covariance)
+    white = N @ (seen.train.free * seen.scale)
+    WA = (np.swapaxes(N, 2, 3) @ white).reshape(R, 6 * m, f)
+    flat = np.swapaxes(white.reshape(R, 6 * m, f), 1, 2)
+    H = flat @ np.swapaxes(flat, 1, 2) + seen.precision
+    each = zip(H, WA, strict=True)
+    F = seen.scale[:, None] * np.array([dposv(h, w.T, lower=1)[1] for h, w in each])
     columns, sd = _shapes(seen)
     B = seen.train.rows[..., columns] * sd[:, None, None]
-    each = (F.reshape(R, f, m, 6).swapaxes(1, 2) @ B).swapaxes(1, 2).reshape(R, f, -1)
+    each_pose = (F.reshape(R, f, m, 6).swapaxes(1, 2) @ B).swapaxes(1, 2).reshape(R, f, -1)
     absorbed = F @ seen.train.unheld.reshape(R, 6 * m, -1)
-    found = ManyGains(F, columns, sd, each @ np.swapaxes(each, 1, 2), absorbed, np.ones((R, 3)))
-    usual = left(seen, found, seen.test).mean(axis=2)
-    return ManyGains(F, columns, sd, found.misfit, absorbed, usual)
+    tables = seen.test, seen.there
+    spread = [propagated(table.free[:, :, :3], seen.covariance) for table in tables]
+    left = [_left(*both, absorbed) for both in zip(tables, spread, strict=True)]
+    misfit = each_pose @ np.swapaxes(each_pose, 1, 2)
+    return ManyGains(F, columns, sd, misfit, (spread[0], spread[1]), (left[0], left[1]))
 
 
-def left(seen: ManySights, gains: ManyGains, table: ManyRowsSeen) -> Array:
-    """(R, 3, N) variance of the target left by a unit of every term, by the foot, by the noise."""
-    own = table.rows[:, :, :3, seen.free]
-    R, N = own.shape[:2]
-    flat = own.reshape(R, 3 * N, -1)
-    G = table.unheld[:, :, :3].reshape(R, 3 * N, -1) - flat @ gains.absorbed
-    noise = (flat @ seen.covariance * flat).reshape(R, N, -1).sum(axis=2)
+def _left(table: ManyRowsSeen, spread: Array, absorbed: Array) -> Array:
+    """(R, 3, N) as `ManyGains.left`."""
+    R, N = table.q.shape[:2]
+    flat = table.free[:, :, :3].reshape(R, 3 * N, -1)
+    G = table.unheld[:, :, :3].reshape(R, 3 * N, -1) - flat @ absorbed
     square = (G**2).reshape(R, N, 3, -1).sum(axis=2)
+    noise = np.trace(spread, axis1=2, axis2=3)
     return np.stack([square[..., :-1].sum(axis=2), square[..., -1], noise], axis=1)
+
+
+def many_whiteners(covariance: Array) -> Array:
+    """Whiteners (R, m, k, k) of covariances (R, m, k, k)."""
+    k = covariance.shape[2]
+    return whiteners(covariance.reshape(-1, k, k)).reshape(covariance.shape)
 
 
 def propagated(rows: Array, covariance: Array) -> Array:

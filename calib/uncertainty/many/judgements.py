@@ -16,7 +16,7 @@ from calib.identification.identify import Identification
 from calib.measurement.observations import Measurements
 from calib.uncertainty.conformal import conformal
 from calib.uncertainty.many.frames import motion_chances
-from calib.uncertainty.many.gains import ManyGains, gains_of, left, propagated
+from calib.uncertainty.many.gains import ManyGains, gains_of, many_whiteners, propagated
 from calib.uncertainty.many.memories import memory_chances
 from calib.uncertainty.many.misfits import ManyMisfits, misfits
 from calib.uncertainty.many.sights import ManyRowsSeen, ManySights, sights
@@ -27,6 +27,9 @@ from calib.uncertainty.statement.drifting import ORDERED, SEED
 from calib.uncertainty.statement.memory import REMEMBERS, drift, interchangeable
 from calib.uncertainty.statement.misfit import DROP
 from calib.uncertainty.statement.shape import MisfitShape
+
+Drifts = dict[int, Array]
+"""Covariances (f, f) that a drift leaves in the numbers of some robots."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -83,36 +86,35 @@ def judge_many(
     size = misfits(seen, gains, DROP)
     alone = ~np.isfinite(size.upper)
     upper = np.where(alone, 1.0, size.upper)
-    of_test, of_targets = (left(seen, gains, table) for table in (seen.test, seen.there))
     alone |= motion_chances(seen, gains, seen.covariance, upper) < RED
-    drift_p, covariance = _with_drift(seen, trains, tests, gains, size)
-    growth = _over(of_test, gains)[0]
-    factor = _guarded(seen, gains, covariance, upper, growth, probability)
-    sizes = upper[:, None] ** 2 * _over(of_targets, gains)[0]
-    rows = seen.there.rows[:, :, :3]
-    held_out_p, discrepancy = _held_out(seen)
+    drift_p, drifts = _drifts(seen, trains, tests, gains, size)
+    growth, *_ = _over(gains.left[0], gains)
+    factor = _guarded(seen, gains, drifts, upper, growth, probability)
+    sizes = upper[:, None] ** 2 * _over(gains.left[1], gains)[0]
+    held_out_p, discrepancy = _held_out(seen, gains.spread[0])
     distance = np.linalg.norm(seen.test.residual[:, :, :3], axis=2)
     return ManyJudgements(
-        seen.there.p, held_out_p, propagated(rows[..., seen.free], seen.covariance), discrepancy,
+        seen.there.p, held_out_p, gains.spread[1], discrepancy,
         np.array([conformal(one, probability=probability).radius for one in distance]),
-        _region(seen, gains, covariance, seen.there, sizes), factor, rows,
-        tuple(_applicability(seen, gains, of_targets)), drift_p, alone,
+        _region(gains, drifts, seen.there, gains.spread[1], sizes), factor,
+        seen.there.rows[:, :, :3], _applicability(seen, gains), drift_p, alone,
     )  # fmt: skip
 
 
-def _held_out(seen: ManySights) -> tuple[Array, Array]:
-    """Chance (R,) of errors as large as the held-out ones, and what is beyond noise (R, 3, 3)."""
+def _held_out(seen: ManySights, spread: Array) -> tuple[Array, Array]:
+    """Chance (R,) of errors as large as the held-out ones, and what is beyond noise (R, 3, 3).
+
+    `spread` (R, n, 3, 3) is the covariance of these points by the noise of the numbers.
+    """
     e, N = seen.test.residual[:, :, :3], seen.test.covariance[:, :, :3, :3]
-    rows = seen.test.rows[:, :, :3, seen.free]
+    rows = np.concatenate([seen.test.free[:, :, :3], e[..., None]], axis=3)
     R, n = rows.shape[:2]
-    white = np.linalg.solve(np.linalg.cholesky(N), np.concatenate([rows, e[..., None]], axis=3))
-    white = white.reshape(R, 3 * n, -1)
+    white = (many_whiteners(N) @ rows).reshape(R, 3 * n, -1)
     J, w = white[..., :-1], white[..., -1:]
     V = J @ seen.covariance @ np.swapaxes(J, 1, 2) + np.eye(3 * n)
     root = np.linalg.cholesky((V + np.swapaxes(V, 1, 2)) / 2)
     square = (np.linalg.solve(root, w) ** 2).sum(axis=(1, 2))
-    predicted = propagated(rows, seen.covariance).mean(axis=1)
-    raw = np.swapaxes(e, 1, 2) @ e / n - predicted - N.mean(axis=1)
+    raw = np.swapaxes(e, 1, 2) @ e / n - spread.mean(axis=1) - N.mean(axis=1)
     values, axes = np.linalg.eigh((raw + np.swapaxes(raw, 1, 2)) / 2)
     positive = (axes * np.maximum(values, 0.0)[:, None]) @ np.swapaxes(axes, 1, 2)
     return chdtrc(3 * n, square), (positive + np.swapaxes(positive, 1, 2)) / 2
@@ -125,36 +127,42 @@ def _over(found: Array, gains: ManyGains) -> tuple[Array, Array, Array]:
     return np.maximum(1.0, transfer), transfer, leverage
 
 
-def _applicability(seen: ManySights, gains: ManyGains, found: Array) -> list[Applicability]:
+def _applicability(seen: ManySights, gains: ManyGains) -> tuple[Applicability, ...]:
     """Whether the statement of each robot reaches its targets."""
-    _, transfer, leverage = _over(found, gains)
+    _, transfer, leverage = _over(gains.left[1], gains)
     q, low, high = seen.there.q, seen.test.q.min(axis=1), seen.test.q.max(axis=1)
     room = np.where(seen.fits[0].model.chain.prismatic > 0, BEYOND_SLIDE, BEYOND)
     beyond = (q < (low - room)[:, None]) | (q > (high + room)[:, None])
-    return [
+    return tuple(
         Applicability(frozen(g), frozen(h), frozen(far, np.bool_))
         for g, h, far in zip(transfer, leverage, beyond, strict=True)
-    ]
+    )
 
 
 def _region(
-    seen: ManySights, gains: ManyGains, covariance: Array, table: ManyRowsSeen, sizes: Array
+    gains: ManyGains, drifts: Drifts, table: ManyRowsSeen, spread: Array, sizes: Array
 ) -> Array:
-    """Covariances (R, N, 3, 3) of points, `sizes` (R, N) the variance of the misfit [m^2]."""
-    rows = table.rows[:, :, :3]
-    own = gains.shapes(rows)
-    spread = propagated(rows[..., seen.free], gains.misfit) + own @ np.swapaxes(own, 2, 3)
-    plain = propagated(rows[..., seen.free], covariance)
-    return np.asarray(plain + sizes[:, :, None, None] * spread)
+    """Covariances (R, N, 3, 3) of points, `sizes` (R, N) the variance of the misfit [m^2].
+
+    `spread` (R, N, 3, 3) are those by the noise.
+    """
+    rows = table.free[:, :, :3]
+    own = gains.shapes(table.rows[:, :, :3])
+    of_misfit = propagated(rows, gains.misfit) + own @ np.swapaxes(own, 2, 3)
+    whole = spread + sizes[:, :, None, None] * of_misfit
+    for k, slow in drifts.items():
+        whole[k] += propagated(rows[k : k + 1], slow[None])[0]
+    return np.asarray(whole)
 
 
 def _guarded(
-    seen: ManySights, gains: ManyGains, covariance: Array, upper: Array, growth: Array,
+    seen: ManySights, gains: ManyGains, drifts: Drifts, upper: Array, growth: Array,
     probability: float,
 ) -> Array:  # fmt: skip
     """Factors (R,) that the held-out errors ask for; see `belief.adding`."""
     n = seen.test.q.shape[1]
-    sigma = _region(seen, gains, covariance, seen.test, upper[:, None] ** 2 * growth)
+    sizes = upper[:, None] ** 2 * growth
+    sigma = _region(gains, drifts, seen.test, gains.spread[0], sizes)
     sigma += seen.test.covariance[:, :, :3, :3]
     e, plain = seen.test.residual[:, :, :3], coverage_factor(3, probability)
     within = np.sqrt(mahalanobis_squared(e, sigma))
@@ -167,11 +175,11 @@ def _guarded(
     return np.asarray(np.maximum(np.sqrt(chdtri(3, 1 - probability)), scores))
 
 
-def _with_drift(
+def _drifts(
     seen: ManySights, trains: Sequence[Measurements], tests: Sequence[Measurements],
     gains: ManyGains, size: ManyMisfits,
-) -> tuple[Array, Array]:  # fmt: skip
-    """Chance (R,) of such a memory of the noise, and covariances (R, f, f) with what it leaves."""
+) -> tuple[Array, Drifts]:  # fmt: skip
+    """Chance (R,) of such a memory of the noise, and what it leaves in the numbers."""
     m, n = seen.train.q.shape[1], seen.test.q.shape[1]
     order, is_test = np.arange(m + n), np.repeat([False, True], [m, n])
     pose = np.concatenate([trains[0].pose_id, -1 - tests[0].pose_id])
@@ -182,7 +190,7 @@ def _with_drift(
     joints = np.where(spread > 0, q / np.where(spread > 0, spread, 1.0), 0.0)
     near, p = memory_chances((joints, residual), order, SEED, alike)
     p = np.where(near < ORDERED, np.nan, p)
-    whole = seen.covariance.copy()
+    found = Drifts()
     for k in np.flatnonzero(p < REMEMBERS).tolist():
         shape = MisfitShape(frozen(gains.columns, np.int64), frozen(gains.sd[k]))
         slow = drift(
@@ -190,8 +198,8 @@ def _with_drift(
             shape=shape, misfit=float(size.best[k]),
         )  # fmt: skip
         if slow.sd > 0:
-            whole[k] += slow.covariance[np.ix_(seen.free, seen.free)]
-    return p, whole
+            found[k] = slow.covariance[np.ix_(seen.free, seen.free)]
+    return p, found
 
 
 def _whitened(table: ManyRowsSeen) -> Array:

@@ -1,6 +1,7 @@
 """Whether the noise of many robots remembers: permutations that all share, likeness as products."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from functools import lru_cache
 
 import numpy as np
 
@@ -8,7 +9,7 @@ from calib.arrays import Array, Index
 from calib.uncertainty.statement.memory import KERNEL_ROWS, PERMUTATIONS, permuted
 
 AT_ONCE = 2_000_000
-"""Numbers of permuted kernels formed at a time: 16 MB."""
+"""Numbers of permuted kernels formed at a time: 16 MB. So few in all are kept."""
 
 
 def memory_chances(rows: Sequence[Array], order: Index, seed: int, alike: Sequence[Index]) -> Array:
@@ -27,29 +28,53 @@ def memory_chances(rows: Sequence[Array], order: Index, seed: int, alike: Sequen
 
     References
     ----------
-    As `memory.memory_p`: T = sum of K_jk r_j'r_k over rows in time; rows that change places change
+    As `memory.memory_p`: T = sum of K_jk r_j'r_k over pairs of rows; rows that change places change
     the kernel K as well, so that all robots meet one matrix of kernels by their products r_j'r_k.
     """
     m = rows[0].shape[1]
+    j, k = np.triu_indices(m, 1)
     likeness = []
     for each in rows:
         about = each.copy()
         for some in alike:
             about[:, some] -= about[:, some].mean(axis=(1, 2), keepdims=True)
-        likeness.append((about @ np.swapaxes(about, 1, 2)).reshape(len(about), m * m))
+        likeness.append((about @ np.swapaxes(about, 1, 2))[:, j, k])
     products = np.concatenate(likeness)
-    later = np.subtract.outer(np.arange(m), np.arange(m))
-    kernel = np.where(later > 0, np.exp(-np.maximum(later, 0) / KERNEL_ROWS), 0.0)
-    in_time, rng = np.argsort(order, kind="stable"), np.random.default_rng(seed)
+    larger = np.zeros(len(products))
+    kinds = tuple((some.tobytes(), some.shape) for some in alike)
+    few = (1 + PERMUTATIONS) * len(j) <= AT_ONCE
+    kernels = iter((_kept if few else _kernels)(m, order.tobytes(), seed, kinds))
+    seen = products @ next(kernels)[0]
+    for other in kernels:
+        larger += (products @ other.T >= seen[:, None]).sum(axis=1)
+    return np.asarray((1 + larger) / (1 + PERMUTATIONS)).reshape(len(rows), -1)
+
+
+def _kernels(
+    m: int, order: bytes, seed: int, alike: tuple[tuple[bytes, tuple[int, ...]], ...]
+) -> Iterator[Array]:
+    """Kernels (c, pairs) of m rows: as they came, then in other orders, some at a time."""
+    j, k = np.triu_indices(m, 1)
+    kernel = np.exp(-np.arange(m) / KERNEL_ROWS)
+    in_time = np.argsort(np.frombuffer(order, dtype=np.int64), kind="stable")
 
     def of(which: Index) -> Array:
-        """T (k R, c) of orders (c, m)."""
+        """Of orders (c, m)."""
         place = np.argsort(which, axis=1)
-        return products @ kernel[place[:, :, None], place[:, None, :]].reshape(-1, m * m).T
+        return np.asarray(kernel[np.abs(place[:, j] - place[:, k])])
 
-    seen, larger, block = of(in_time[None]), np.zeros(len(products)), max(1, AT_ONCE // m**2)
-    for which in permuted(m, alike, rng):
+    yield of(in_time[None])
+    kinds = [np.frombuffer(rows, dtype=np.int64).reshape(shape) for rows, shape in alike]
+    block = max(1, AT_ONCE // max(len(j), 1))
+    for which in permuted(m, kinds, np.random.default_rng(seed)):
         moved = which[:, in_time]
-        for k in range(0, len(moved), block):
-            larger += (of(moved[k : k + block]) >= seen).sum(axis=1)
-    return np.asarray((1 + larger) / (1 + PERMUTATIONS)).reshape(len(rows), -1)
+        for first in range(0, len(moved), block):
+            yield of(moved[first : first + block])
+
+
+@lru_cache(maxsize=2)
+def _kept(
+    m: int, order: bytes, seed: int, alike: tuple[tuple[bytes, tuple[int, ...]], ...]
+) -> tuple[Array, ...]:
+    """The same, all of them."""
+    return tuple(_kernels(m, order, seed, alike))

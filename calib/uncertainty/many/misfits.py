@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from calib.arrays import Array
-from calib.uncertainty.many.gains import ManyGains
+from calib.uncertainty.many.gains import ManyGains, many_whiteners
 from calib.uncertainty.many.likelihoods import likelihood_between
 from calib.uncertainty.many.sights import ManySights
 from calib.uncertainty.statement.evidence import PositionRows, believed_before
@@ -25,17 +25,15 @@ def misfits(seen: ManySights, gains: ManyGains, drop: float) -> ManyMisfits:
     parts = []
     for table in (seen.train, seen.test):
         N = table.covariance[:, :, :3, :3]
-        root = np.linalg.cholesky(N)
-        B = gains.shapes(table.rows[:, :, :3])
-        A = table.rows[:, :, :3, seen.free] * seen.scale
-        f = A.shape[3]
-        both = np.concatenate([A, table.residual[:, :, :3, None], B], axis=3)
-        white = np.linalg.solve(root, both)
-        lean = white[..., f + 1 :]
+        root = many_whiteners(N)
+        lean = root @ gains.shapes(table.rows[:, :, :3])
         lam, U = np.linalg.eigh(lean @ np.swapaxes(lean, 2, 3))
-        turned = np.swapaxes(U, 2, 3) @ white[..., : f + 1]
+        A, y = table.free[:, :, :3] * seen.scale, table.residual[:, :, :3, None]
+        turned = (np.swapaxes(U, 2, 3) @ root) @ np.concatenate([A, y], axis=3)
         noise = np.trace(N, axis1=2, axis2=3).sum(axis=1)
-        parts.append((turned.reshape(len(seen), -1, f + 1), lam.reshape(len(seen), -1), noise))
+        parts.append(
+            (turned.reshape(len(seen), -1, A.shape[3] + 1), lam.reshape(len(seen), -1), noise)
+        )
     X, lam = (np.concatenate(both, axis=1) for both in zip(*(p[:2] for p in parts), strict=True))
     noise, lam = parts[0][2] + parts[1][2], np.maximum(lam, 0.0)
     found = np.full((2, len(seen)), [[np.nan], [np.inf]])

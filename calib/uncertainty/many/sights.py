@@ -36,6 +36,8 @@ class ManyRowsSeen:
     """(R, m, r) seen minus predicted [m, rad]; r is six, of targets three."""
     rows: Array
     """(R, m, r, P) derivative by the numbers of the model."""
+    free: Array
+    """(R, m, r, f) the same by the free ones."""
     unheld: Array
     """(R, m, r, k + 1) by what it has no number for: joint errors, then a foot that yields."""
     covariance: Array
@@ -43,7 +45,13 @@ class ManyRowsSeen:
     p: Array
     """(R, m, 3) predicted positions [m]."""
     tool: Array
-    """(R, m, 3, 3) axes of the tool there."""
+    """(R, m, 3, 3) axes of the tool there; zero of targets."""
+
+    @classmethod
+    def of(cls, parts: Sequence[Array], free: Index) -> "ManyRowsSeen":
+        """From all fields but `free`, which are those by the numbers at places `free` (f,)."""
+        q, residual, rows, *others = parts
+        return cls(q, residual, rows, np.ascontiguousarray(rows[..., free]), *others)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -81,46 +89,48 @@ def sights(
     wide = lacking(first.model)
     if known_to_many(wide):
         models = ManyModels.each(first.model, [fit.model for fit in fits]).widened(wide)
-        tables = _of_all(models, first.model, trains, tests, targets)
+        parts = _of_all(models, first.model.n_numbers, trains, tests, targets)
     else:
         each = [
             _of_one(fit.model, train, test, q)
             for fit, train, test, q in zip(fits, trains, tests, targets, strict=True)
         ]
-        tables = [
-            ManyRowsSeen(*(np.stack(part) for part in zip(*of_each, strict=True)))
+        parts = [
+            [np.stack(part) for part in zip(*of_each, strict=True)]
             for of_each in zip(*each, strict=True)
         ]
+    free = first.parameters.free_index
     return ManySights(
-        fits, first.parameters.free_index, first.parameters.free_scale,
+        fits, free, first.parameters.free_scale,
         np.stack([fit.covariance for fit in fits]),
         np.stack([prior_precision(fit) for fit in fits]),
-        *tables,
+        *(ManyRowsSeen.of(part, free) for part in parts),
     )  # fmt: skip
 
 
 def _of_all(
     models: ManyModels,
-    like: RobotModel,
+    held: int,
     trains: Sequence[Measurements],
     tests: Sequence[Measurements],
     targets: Sequence[Array],
-) -> list[ManyRowsSeen]:
-    """The three tables of robots with all that they lack, in few passes over arrays.
+) -> list[Sequence[Array]]:
+    """Fields of the three tables of robots with all that they lack, in few passes over arrays.
 
-    `like` has the numbers that they do not lack.
+    The first `held` of their numbers they do not lack.
     """
     R, every = len(models), np.arange(models.like.n_numbers)
 
-    def table(q: Array, J: Array, residual: Array, covariance: Array) -> ManyRowsSeen:
-        axes, p = models.frames(models.reached(q))
-        tool, p = axes.transpose(2, 3, 1, 0), np.moveaxis(p, 0, 2)
-        rows = np.ascontiguousarray(J.transpose(0, 3, 2, 1))
+    def fields(
+        q: Array, frames: tuple[Array, Array], J: Array, residual: Array, covariance: Array
+    ) -> Sequence[Array]:
+        tool, p = frames[0].transpose(2, 3, 1, 0), np.moveaxis(frames[1], 0, 2)
+        rows = J.transpose(0, 3, 2, 1)
         arm = (p - models.base[:, None, :, 3]) @ models.base[:, :, :3]
         foot = rows[..., 3:6] @ np.cross(arm, UP)[..., None]
-        beyond = np.concatenate([rows[..., like.n_numbers :], foot], axis=3)
-        own = np.ascontiguousarray(rows[..., : like.n_numbers])
-        return ManyRowsSeen(q, residual, own, beyond, covariance, p, tool)
+        beyond = np.concatenate([rows[..., held:], foot], axis=3)
+        own = np.ascontiguousarray(rows[..., :held])
+        return q, residual, own, beyond, covariance, p, tool
 
     found = []
     for tables in (trains, tests):
@@ -130,13 +140,15 @@ def _of_all(
         )
         plain = np.broadcast_to(np.eye(6), (1, *covariance.shape[1:]))
         seen = ManyTables.read(q, position, rotation, plain)
-        r, J = ManyRows.of(models.like, seen, every, "whitened").at(models)
-        r, J = (part.reshape(*part.shape[:-1], 6, -1) for part in (r, J))
-        found.append(table(q, J, r.swapaxes(1, 2), covariance))
+        rows = ManyRows.of(models.like, seen, every, "whitened")
+        frames = models.frames(models.reached(q, rows.basis))
+        r, J = (part.reshape(*part.shape[:-1], 6, -1) for part in rows.at(models))
+        found.append(fields(q, frames, J, r.swapaxes(1, 2), covariance))
     q = np.array(targets)
-    _, J = position_rows(models, q, every)
-    m = q.shape[1]
-    return [*found, table(q, J, np.zeros((R, m, 3)), np.zeros((R, m, 3, 3)))]
+    point, J = position_rows(models, q, every)
+    m, nowhere = q.shape[1], np.zeros((3, 3, R, q.shape[1]))
+    at = nowhere, np.moveaxis(point, 1, 0)
+    return [*found, fields(q, at, J, np.zeros((R, m, 3)), np.zeros((R, m, 3, 3)))]
 
 
 def _of_one(
