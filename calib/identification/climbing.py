@@ -58,6 +58,9 @@ class Climb(Shown):
     steps: tuple[ClimbStep, ...]
     offers: Callable[[], tuple[Offer, ...]]
     """What became of all that was offered, worked out when it is asked for."""
+    best: tuple[str, float] | None
+    """Of the levels with which a climb can begin the one of most evidence, and how much that is
+    against geometry alone; None where there is none."""
     gain: float
     """Log evidence of the levels reached against geometry alone."""
     noise_factor: float
@@ -114,8 +117,8 @@ class Course(NamedTuple):
     """Those reached, one of each ladder."""
     steps: tuple[ClimbStep, ...]
     alone: Mapping[Level, float]
-    """Log evidence of levels without any other against geometry alone, as far as it was asked;
-    where nothing was taken, of all."""
+    """Log evidence against geometry alone of levels without any other: of those with which a climb
+    can begin."""
     gain: float
     """Log evidence of the levels reached against geometry alone."""
     lowest: Array
@@ -184,15 +187,13 @@ def climbing(ladders: Sequence[Ladder]) -> Climbing:
             here, evidence, before = levels, found, after
         else:
             barred.add(_names(levels))
-    single = {
-        level: (*bottom[:k], level, *bottom[k + 1 :])
-        for k, ladder in enumerate(ladders)
-        for level in ladder.levels[1:]
-    }
-    if not any(level.names for level in here):  # then the best one is told
-        yield from ask(*single.values())
     lowest_evidence = asked[bottom]
-    alone = {level: asked[at] - lowest_evidence for level, at in single.items() if at in asked}
+    alone = {
+        level: asked[*bottom[:k], level, *bottom[k + 1 :]] - lowest_evidence
+        for k, ladder in enumerate(ladders)
+        for level in ladder.levels
+        if level is not bottom[k] and level.after in ("", bottom[k].name)
+    }
     gain = evidence - lowest_evidence
     return Course(here, tuple(steps), alone, gain, lowest, before, float(margin))
 
@@ -228,9 +229,11 @@ def climb_of(
         each = zip(ladders, course.levels, strict=True)
         return tuple(chain.from_iterable(_offers(*one, course, of) for one in each))
 
+    best = max(course.alone.items(), key=lambda each: each[1], default=None)
     return Climb(
-        course.levels, course.steps, offers, course.gain, noise_factor, len(course.lowest),
-        float(course.lowest.mean()), float(course.before.mean()), near, richest,
+        course.levels, course.steps, offers, best and (best[0].name, best[1]), course.gain,
+        noise_factor, len(course.lowest), float(course.lowest.mean()),
+        float(course.before.mean()), near, richest,
     )  # fmt: skip
 
 

@@ -15,7 +15,7 @@ from calib.geometry.chain import Chain
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import Parameters, parameters_of
 from calib.identification.climb import climb
-from calib.identification.climbing import Climb, Offer
+from calib.identification.climbing import Climb
 from calib.identification.folds import FEWEST_TO_CONFIRM, FOLDS, parts_of, some_poses
 from calib.identification.identify import identify
 from calib.identification.joint_models import extended_parameters, with_joint_terms
@@ -42,7 +42,7 @@ class ModelChoice(Shown):
     climb: Climb
     log_evidence: float
     """Natural logarithm of the odds that the measurements give the levels reached; where none is,
-    the best of those that were offered."""
+    the best of those with which a climb can begin."""
     sentence: str
     """What was chosen and why."""
 
@@ -153,13 +153,12 @@ def choice_of(
     found: Climb,
 ) -> ModelChoice:
     """The choice after a climb, with the fit of the geometry and what `extended_by` made."""
-    best = None if found.taken else best_offer(found)
     return ModelChoice(
         chosen="extended" if found.taken else "geometric",
         identifications=(geometric, extended[1]),
         starts=(nominal, extended[0]),
         climb=found,
-        log_evidence=found.gain if found.taken else best.gain if best else float("nan"),
+        log_evidence=found.gain if found.taken else found.best[1] if found.best else float("nan"),
         sentence=sentence_of(found, nominal),
     )
 
@@ -260,21 +259,14 @@ def sentence_of(found: Climb, nominal: RobotModel) -> str:
             f"geometric: the measurements ask for {step.level} (log evidence {step.gain:+.1f}), "
             f"{why}"
         )
-    best = best_offer(found)
-    if best is None:
+    if found.best is None:
         held = "others than those that the robot has already" if known else "terms to add"
         return f"geometric: no joint of this robot has {held}"
     more = " beyond the robot's own" if known else ""
     return (
         f"geometric: the measurements do not ask for joint errors{more} (log evidence "
-        f"{best.gain:+.1f} at best, for {best.level})"
+        f"{found.best[1]:+.1f} at best, for {found.best[0]})"
     )
-
-
-def best_offer(found: Climb) -> Offer | None:
-    """The level that has the most evidence by itself, if any was offered."""
-    offers = [offer for offer in found.offered if not np.isnan(offer.gain)]
-    return max(offers, key=lambda offer: offer.gain, default=None)
 
 
 def _misses(found: Climb, before: float, after: float) -> str:

@@ -13,7 +13,6 @@ from calib.identification.identify import Identification, identify
 from calib.identification.joint_models import extended_model, extended_parameters
 from calib.identification.levels import Ladder
 from calib.identification.model_choice import (
-    best_offer,
     choose,
     identify_extended,
     under_noise,
@@ -107,7 +106,7 @@ def fit(
         frozen([climbed.before, climbed.after] if climbed.confirmed else []),
         found.sentence, climbed.steps, climbed.offered,
     )  # fmt: skip
-    if best_offer(climbed) is None:
+    if climbed.best is None:
         return (first,), choice
     return (first, ("extended", found.starts[1], found.identifications[1])), choice
 

@@ -117,8 +117,8 @@ class Choice(Shown):
     asked: str
     """What was asked for: geometric, extended or choose."""
     log_evidence: FloatOrNan
-    """Of the levels chosen against geometry alone, or of the best that was offered; nan if only one
-    model was looked at."""
+    """Of the levels chosen against geometry alone, or of the best with which a climb can begin; nan
+    if only one model was looked at."""
     confirmation: Array
     """(2,) mean miss of geometry alone and of the levels chosen, at training poses left out in turn
     [m]; empty where nothing was chosen, or poses were too few."""

@@ -101,6 +101,11 @@ def test_a_level_that_refines_another_is_reached_from_there_alone(after, steps):
     ladder = replace(waves, levels=tuple(kept))
     found = climb(tx60(), near, table, PARAMETERS, [ladder], np.arange(40) % 4, prior=PRIOR)
     assert [step.level for step in found.steps] == steps
+    # of no level that a climb cannot begin with is it said that it is the best one
+    gains = {offer.level: offer.gain for offer in found.offered}
+    begin = [level.name for level in kept[1:] if not level.after]
+    best = max(begin, key=lambda name: gains[name], default=None)
+    assert found.best == (best and (best, gains[best]))
 
 
 def test_a_level_that_poses_left_out_do_not_confirm_is_not_taken(monkeypatch):

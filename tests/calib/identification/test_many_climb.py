@@ -86,6 +86,8 @@ def held_to(one, alone, q):
         assert step.gain == pytest.approx(other.gain, rel=1e-9, abs=1e-8)
         assert [step.before, step.after] == pytest.approx([other.before, other.after], rel=1e-9)
     assert one.gain == pytest.approx(alone.gain, rel=1e-9, abs=1e-8)
+    assert one.best[0] == alone.best[0]
+    assert one.best[1] == pytest.approx(alone.best[1], rel=1e-9, abs=1e-8)
     assert one.noise_factor == pytest.approx(alone.noise_factor, rel=1e-9)
     assert [one.before, one.after] == pytest.approx([alone.before, alone.after], rel=1e-9)
     assert one.poses == alone.poses
