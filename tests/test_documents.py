@@ -13,6 +13,8 @@ from made.fields import allowed_of, keys
 from made.formats import FILES, described, page, places
 from made.gallery import OF_ONE_CAMPAIGN, PICTURES, QUESTIONS, SPREAD, at_five_seeds
 from made.gallery import page as scene_page
+from made.notebooks import PAGES as NOTEBOOKS
+from made.notebooks import cells, notebook
 from made.outputs import WORDS, compiled, meanings, paths
 from testbed.assets import scene_names
 from testbed.cli import app
@@ -27,7 +29,12 @@ PAGES = {
     if path.parent.name != "scenes" or path.name == "index.md"
 }
 """Every page that is written by hand."""
-INSTALLED = ("python3 -m venv", "pip install numpy", "pip install --no-deps")
+INSTALLED = (
+    "python3 -m venv",
+    "pip install numpy",
+    "pip install --no-deps",
+    "pip install 'truebed[",
+)
 """Beginnings of commands that change the environment, which no test does."""
 
 
@@ -175,3 +182,27 @@ def test_a_pattern_stands_for_one_name_and_not_for_a_path():
     assert not compiled("trials/*/poses").fullmatch("trials/a/b/poses")
     assert compiled("q*_deg|q*_mm").fullmatch("q3_mm")
     assert not compiled("a.b").fullmatch("acb")
+
+
+@pytest.mark.parametrize("name", NOTEBOOKS)
+def test_a_notebook_is_its_page_whose_cells_the_build_runs(name):
+    text = (DOCS / f"{name}.ipynb").read_text(encoding="utf-8")
+    assert text == notebook(PAGES[f"{name}.md"]), "write it again: python -m made.notebooks in docs"
+
+
+@pytest.mark.study
+@pytest.mark.parametrize("name", NOTEBOOKS)
+def test_the_cells_of_a_notebook_run_by_themselves(name, tmp_path, monkeypatch):
+    pytest.importorskip("pandas")
+    text = (DOCS / f"{name}.ipynb").read_text(encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("MPLBACKEND", "agg")
+    names = {}
+    for cell in json.loads(text)["cells"]:
+        if cell["cell_type"] == "code":
+            exec("".join(cell["source"]), names)
+
+
+def test_a_page_becomes_cells_without_options_and_roles():
+    page = "# A\n\nSee {doc}`/concepts/nees`.\n\n```{play} python\n:figure: a.png\nx = 1\n```\n"
+    assert cells(page) == [("markdown", "# A\n\nSee `concepts/nees`."), ("code", "x = 1")]
