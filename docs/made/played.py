@@ -46,6 +46,8 @@ def page_of(pages: dict[str, Page], name: str) -> Page:
     """The page `name`, with an empty folder at first."""
     if name not in pages:
         pages[name] = Page(Path(tempfile.mkdtemp(prefix="truebed_page_")))
+        # scripts stand where a reader in a clone has them
+        (pages[name].folder / "scenes").symlink_to(Path(__file__).parents[2] / "scenes")
     return pages[name]
 
 

@@ -1,0 +1,65 @@
+"""Why 61 poses? What more poses buy on a robot that is rigid, and on one that sags.
+
+Run it: python scenes/lesson_poses.py
+"""
+
+import numpy as np
+
+import calib
+from testbed.streams import stream
+from truebed.lesson import calibrated, guess, laboratories, mean_error, spread
+
+COUNTS, WANTED = (10, 15, 29, 61, 120), 61
+KINDS = {"rigid": "rigid robot", "soft": "one that sags"}
+
+
+def errors(seeds: range) -> dict[str, np.ndarray]:
+    """Mean true error (seeds, counts) [um] at 50 held-out poses, per kind of robot."""
+    found: dict[str, list[list[float]]] = {kind: [] for kind in KINDS}
+    for kind, rows in found.items():
+        for bench in laboratories(seeds, kind):
+            order = stream(bench.scenario.seed, "lesson").permutation(len(bench.pool_q))
+            fits = (calibrated(bench, order[:m], f"first {m}") for m in COUNTS)
+            rows.append([mean_error(bench, fit) for fit in fits])
+    return {kind: np.array(rows) for kind, rows in found.items()}
+
+
+def settled(seeds: range, sets: int = 50) -> list[float]:
+    """Number of poses from which O1 hardly rises any more, by the rule of Wen et al. 2022."""
+    found = []
+    for bench in laboratories(seeds, "rigid"):
+        problem = calib.design.Problem.of_blocks(bench.design_blocks("paper"), 80, "O1")
+        rng = np.random.default_rng(bench.scenario.seed)
+        count = calib.design.pose_count(problem, rng, sets=sets)[0].chosen
+        found.append(float("nan") if count is None else float(count))
+    return found
+
+
+def gain(um: np.ndarray, fewer: int, more: int) -> np.ndarray:
+    """Part (seeds,) of the error that more poses take away."""
+    before, after = (um[:, COUNTS.index(count)] for count in (fewer, more))
+    return 1 - after / before
+
+
+def answer(found: dict[str, np.ndarray]) -> str:
+    """The answer, from what was found."""
+    rigid, soft = (100 * gain(um, 29, WANTED) for um in found.values())
+    noise = 100 * (1 - (29 / WANTED) ** 0.5)
+    verdict = "less than" if soft.mean() < rigid.mean() else "no less than"
+    return (
+        f"From 29 to {WANTED} poses a rigid robot gains {spread(rigid)} % (noise alone: "
+        f"{noise:.0f} %), one that sags {spread(soft)} %, {verdict} the rigid one: poses average "
+        "noise, and leave what the model lacks."
+    )
+
+
+if __name__ == "__main__":
+    guess("A paper calibrates with 61 poses. How much better are 61 than 29, and 120 than 61?")
+    seeds = range(1, 7)
+    um = errors(seeds)
+    print("mean true error [um], six robots: mean (smallest to largest)")
+    print(f"{'poses':14}" + "".join(f"{count:>18}" for count in COUNTS))
+    for kind, rows in um.items():
+        print(f"{KINDS[kind]:14}" + "".join(f"{spread(column):>18}" for column in rows.T))
+    print(f"O1 settles at {spread(settled(seeds))} poses: that is where 61 comes from.")
+    print(answer(um))

@@ -1,0 +1,120 @@
+"""The lessons of `scenes/`: what each teaches holds, small here, at its own size as a study."""
+
+import sys
+
+import numpy as np
+import pytest
+
+from calib.design import random_selection
+from calib.information.propagation import point_uncertainty, tool_covariance
+from testbed.assets import scenes
+from tests.testbed.cli.test_scenes import script
+from truebed.lesson import calibrated, guess, laboratories, spread
+
+ONE = range(1, 2)
+
+
+def surely(values, sd=3.0):
+    """Whether the mean of independent values lies above zero by so many standard errors."""
+    return values.mean() > sd * values.std(ddof=1) / len(values) ** 0.5
+
+
+def poses(made, seeds):
+    rigid, soft = (made.gain(um, 29, 61) for um in made.errors(seeds).values())
+    return rigid, soft
+
+
+def test_more_poses_help_a_rigid_robot_more_than_one_that_sags(monkeypatch):
+    made = script("lesson_poses")
+    monkeypatch.setattr(made, "COUNTS", (29, 61))
+    found = made.errors(ONE)
+    rigid, soft = (made.gain(um, 29, 61).mean() for um in found.values())
+    assert rigid > soft
+    assert "less than the rigid one" in made.answer(found)
+    falls = {"rigid": np.array([[10.0, 5.0]]), "soft": np.array([[10.0, 4.0]])}
+    assert "no less than the rigid one" in made.answer(falls)
+
+
+def test_o1_and_v_make_small_what_noise_causes():
+    """What they cost where the model is wrong takes many robots to see: that is in the study."""
+    made = script("lesson_o1")
+    (bench,) = laboratories(ONE, "rigid", pool__size=100)
+    sets = made.chosen(bench)
+    for k in range(4):
+        rng = np.random.default_rng(k)
+        sets[f"random {k}"] = random_selection(len(bench.pool_q), made.POSES, rng)
+    u = {}
+    for name, places in sets.items():
+        fit = calibrated(bench, places, name)
+        S = tool_covariance(fit.model, bench.setting.test_q, fit.full_covariance)
+        u[name] = point_uncertainty(S).mean()
+    random = min(u[f"random {k}"] for k in range(4))
+    assert u["O1"] < random
+    assert u["V"] < random
+    percent = {(kind, name): np.array([4.0, 8.0]) for kind in made.KINDS for name in ("O1", "V")}
+    assert "by +6 % and V by +6 %" in made.answer(percent)
+
+
+def test_a_wrong_model_makes_an_interval_worthless_and_held_out_poses_mend_it(monkeypatch):
+    made = script("lesson_model")
+    monkeypatch.setattr(made, "COUNTS", (29,))
+    found = made.shares(ONE)
+    assert found["rigid"][:, 0].mean() > 75
+    assert found["soft"][:, 0].mean() < 10
+    assert found["soft"][:, 1].mean() > 90
+    assert "no fewer" in made.answer(found)
+
+
+def test_a_radius_needs_nineteen_poses_and_holds_what_it_promises(monkeypatch):
+    made = script("lesson_held_out")
+    monkeypatch.setattr(made, "COUNTS", (18, 19, 39))
+    found = made.radii(ONE, draws=100)
+    assert found[18] is None
+    for count, rank in ((19, 19), (39, 38)):
+        share = rank / (count + 1)
+        # the share that a draw holds has a beta distribution: its variance, over 100 draws
+        sd = (share * (1 - share) / (count + 2) / 100) ** 0.5
+        assert found[count][..., 1].mean() == pytest.approx(share, abs=4 * sd)
+    assert "With 18 held-out poses there is no radius" in made.answer(found)
+
+
+def test_a_tracker_far_away_reads_with_more_noise(monkeypatch):
+    made = script("lesson_tracker")
+    ends = {name: made.STATIONS[name] for name in ("1.5 m in front", "12 m in front")}
+    monkeypatch.setattr(made, "STATIONS", ends)
+    near, far = made.errors(ONE).values()
+    assert (far[0] > 2 * near[0]).all()
+    assert (far[1] > near[1]).all()
+
+
+@pytest.mark.study
+def test_the_lessons_hold_at_their_own_size():
+    rigid, soft = poses(script("lesson_poses"), range(1, 13))
+    assert surely(rigid - soft)
+    percent = script("lesson_o1").against_random(range(1, 11))
+    assert surely(-percent["rigid", "O1"])
+    assert surely(-percent["rigid", "V"])
+    assert surely(percent["soft", "O1"] - percent["rigid", "O1"])
+    shares = script("lesson_model").shares(range(1, 7))
+    assert shares["soft"][:, 2].max() < 10
+    assert shares["soft"][:, -1].mean() > 95
+    near, *_, far = (um[1] for um in script("lesson_tracker").errors(range(1, 7)).values())
+    assert surely(far - near)
+
+
+def test_a_question_waits_for_a_guess_only_where_somebody_sits(capsys, monkeypatch):
+    guess("How many?")
+    assert capsys.readouterr().out == "How many?\n"
+    waited = []
+    monkeypatch.setattr(sys.stdin, "isatty", lambda: True, raising=False)
+    monkeypatch.setattr("builtins.input", waited.append)
+    guess("How many?")
+    assert "Guess before you look" in waited[0]
+    assert spread([1.0, 2.0], 1) == "1.5 (1.0 to 2.0)"
+
+
+def test_every_lesson_is_tested_and_listed():
+    names = {file.stem for file in scenes().glob("lesson_*.py")}
+    assert len(names) == 5
+    listed = (scenes() / "README.md").read_text(encoding="utf-8")
+    assert {name for name in names if f"`{name}.py`" in listed} == names
