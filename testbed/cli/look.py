@@ -23,22 +23,18 @@ def scenes(
 ) -> None:
     """List the scenes that ship, or show one with every default written out."""
     with exit_codes(debug=debug, plain=plain):
-        from testbed.assets import scene_names
-        from testbed.studies import load_scenario
-
         if name is not None:
             say(scene_in_full(name).rstrip())
             return
+        from testbed.assets import scene_rows
         from testbed.cli.timings import lasts
         from testbed.report.text import table
         from testbed.strict import some
 
         rows = []
-        for known in scene_names():
-            scene = load_scenario(known)
-            trials = some([trial.name for trial in scene.trial], 4)
+        for known, robot, title, trials in scene_rows():
             verb = "plan" if known.startswith("plan") else "run"
-            rows.append([known, lasts(f"{verb} {known}"), scene.robot, scene.title, trials])
+            rows.append([known, lasts(f"{verb} {known}"), robot, title, some(trials, 4)])
         say(table("", ("scene", "takes about", "robot", "what", "trials"), rows, wrap=True))
         say("\nPlay one: truebed run SCENE")
 
@@ -70,16 +66,16 @@ def robots(
 ) -> None:
     """List the robots that ship, or show one."""
     with exit_codes(debug=debug, plain=plain):
-        from testbed.cli.terminal import robot_text
-        from testbed.report.text import table
-        from testbed.robots.catalog import load_robot, robot_names
-
         if name is not None:
+            from testbed.cli.terminal import robot_text
+            from testbed.robots.catalog import load_robot
+
             say(robot_text(load_robot(name)))
             return
-        found = [load_robot(known) for known in robot_names()]
-        rows = [[r.name, r.title, str(r.model.chain.n_joints), str(r.folder)] for r in found]
-        say(table("", ("robot", "title", "joints", "folder"), rows))
+        from testbed.assets import robot_rows
+        from testbed.report.text import table
+
+        say(table("", ("robot", "title", "joints", "folder"), robot_rows()))
 
 
 @app.command()

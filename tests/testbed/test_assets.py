@@ -24,3 +24,15 @@ def test_robots_and_scenes_agree_on_where_models_lie():
 
     assert load_robot("staubli_tx60").folder == assets.models() / "staubli_tx60"
     assert Path(assets.scenes()).name == "scenes"
+
+
+def test_lists_say_what_scenes_and_robots_are_once_they_are_checked():
+    from testbed.robots.catalog import load_robot
+    from testbed.studies import load_scenario
+
+    for name, *said in assets.scene_rows():
+        scene = load_scenario(name)
+        assert said == [scene.robot, scene.title, [trial.name for trial in scene.trial]]
+    for name, *said in assets.robot_rows():
+        robot = load_robot(name)
+        assert said == [robot.title, str(robot.model.chain.n_joints), str(robot.folder)]
