@@ -23,7 +23,7 @@ ALLOWED = {
 }  # fmt: skip
 HOMES = {
     "csv": ("testbed/gates/text.py", "testbed/report/text.py"),
-    "tomllib": ("testbed/gates/toml.py", "testbed/versions.py"),
+    "tomllib": ("testbed/gates/toml.py", "testbed/versions.py", "testbed/assets.py"),
     **dict.fromkeys(("pickle", "marshal", "shelve"), ("nowhere",)),
     "numba": ("calib/kernels/",),
     **dict.fromkeys(("pandas", "pyarrow"), ("calib/shown.py",)),
