@@ -171,7 +171,7 @@ def page_of(
         # sections of one part keep the order of their studies
         sections=(*sorted(sections, key=lambda section: PARTS.index(section.part)), record),
         recording=RECORDING,
-        picture=answer.picture,
+        picture=answer.picture() if answer.picture else None,
     )
 
 

@@ -5,7 +5,7 @@ them piece by piece, joins the pieces in a fixed order, and says what came out. 
 folder, the report and the recording know studies by this interface only.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Protocol, TypeVar, runtime_checkable
 
@@ -116,9 +116,9 @@ class Answer:
     """Its figures."""
     next_step: str
     """What a person should do after reading it."""
-    picture: Figure | None = None
-    """What shows it at a glance; without one the first figure of the study's own section stands
-    there."""
+    picture: Callable[[], Figure] | None = None
+    """Draws what shows it at a glance, for the page alone; without one the first figure of the
+    study's own section stands there."""
 
 
 @runtime_checkable

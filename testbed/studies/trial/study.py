@@ -1,6 +1,7 @@
 """The ground study: the laboratory set up, every pose set measured, identified and judged."""
 
 from collections.abc import Sequence
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from calib.information.criteria import NEEDS_GOALS
@@ -85,7 +86,7 @@ class TrialStudy:
 
         campaign = campaign_of(scenario, records)
         step = next_step(campaign) + decided_in_words(campaign)
-        picture = distributions(campaign.trials[:1])
+        picture = partial(distributions, campaign.trials[:1])
         return Answer(trial_verdict(campaign), headline_table(campaign), step, picture)
 
     def results(self, scenario: Scenario, records: Records) -> Sequence[Quantity]:
