@@ -8,7 +8,7 @@ from html.parser import HTMLParser
 
 import numpy as np
 
-from testbed.report.page import SIMULATED, render
+from testbed.report.page import render
 from testbed.run.derive import page_of
 from testbed.scenario.read import changed
 from testbed.studies import load_scenario
@@ -123,11 +123,12 @@ def words(html):
 
 
 def said_twice(html):
-    """Sentences of four words or more that a page shows more than once; numbers are none."""
+    """Sentences of four words or more, up to a stop, that a page shows more than once."""
+    said = read(html).said
     counts = Counter(
         sentence
-        for text in read(html).said
+        for text in said
         for sentence in re.split(r"(?<=[.!?]) (?=[A-Z])", text)
-        if len(re.findall(r"[A-Za-z]{2,}", sentence)) >= 4 and sentence != SIMULATED
+        if len(sentence.split()) >= 4 and sentence.endswith((".", "!", "?")) and sentence != said[0]
     )
     return [sentence for sentence, count in counts.items() if count > 1]

@@ -98,13 +98,6 @@ def by_order(calibration: Calibration) -> str:
         return svg_of(figure)
 
 
-def by_place(calibration: Calibration) -> str:
-    """Errors against x, y and z of the tool in the base frame."""
-    place = tool_places(calibration) * MM
-    panels = [(place[:, k], f"{axis} [mm]") for k, axis in enumerate("xyz")]
-    return _against(calibration, panels, height=2.1, columns=3)
-
-
 def by_temperature(calibration: Calibration) -> str:
     """Errors against the temperature that was noted."""
     temperature = calibration.conditions.temperature

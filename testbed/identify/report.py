@@ -25,13 +25,18 @@ from testbed.identify.shared import shared_section
 from testbed.identify.visits.report import visit_section
 from testbed.identify.words import mark, next_step, notice, rank_words, reasons, sheet_rows, verdict
 from testbed.jobsheet.report import job_section
+from testbed.report.apart import left_nominal
+from testbed.report.glossary import glossary_section
 from testbed.report.page import Block, Page, Points, Section, Table, Text, record_section
-from testbed.units import DEG, MM, counted, fixed, sentences, with_uncertainty
+from testbed.store.layout import RECORDING
+from testbed.units import DEG, MM, counted, fixed, sentences, typeset, with_uncertainty
 
 HIGHEST_LISTED = 4
 """Waves a turn up to which the numbers of a joint are listed."""
 NO_DELTA = 1e-9
 """A change that is rounding [mm, deg]."""
+UNSEEN = 5e-5
+"""A change that four decimals do not show [mm, deg]."""
 ONE_NUMBER = "U = 2 u (95.4 %)"
 """Heads the U of single numbers: k = 2 in one dimension."""
 
@@ -49,6 +54,7 @@ def page_of(calibration: Calibration, delivered: Delivered, versions: Mapping[st
         Program and packages.
     """
     source = calibration.source
+    said = (*decision_words(calibration, delivered), *reasons(calibration))
     sections = (
         accuracy_section(calibration),
         visit_section(calibration),
@@ -65,6 +71,7 @@ def page_of(calibration: Calibration, delivered: Delivered, versions: Mapping[st
         delivered_section(delivered),
         data_section(calibration),
         job_section(sheet_rows(calibration, delivered)),
+        glossary_section(),
         record_section(
             f"Seed {calibration.split.seed}. The same files, robot and options with the same "
             "versions give the same numbers.",
@@ -78,10 +85,11 @@ def page_of(calibration: Calibration, delivered: Delivered, versions: Mapping[st
         f"{calibration.split.sentence}.",
         believable=calibration.believable,
         mark=mark(calibration),
-        verdict=verdict(calibration),
-        reasons=(*decision_words(calibration, delivered), *reasons(calibration)),
+        verdict=typeset(verdict(calibration)),
+        reasons=tuple(map(typeset, said)),
         headline=headline(calibration),
-        next_step=f"{next_step(calibration)} {conditions_words(calibration)}",
+        next_step=typeset(f"{next_step(calibration)} {conditions_words(calibration)}"),
+        recording=RECORDING,
         sections=tuple(section for section in sections if section is not None),
     )
 
@@ -97,12 +105,10 @@ def headline(calibration: Calibration) -> Table:
         rows=headline_rows(calibration),
         strong=(chosen,),
         size="small",
-        note="Errors hold the measuring noise, too; a pose of several rows counts once, by their "
-        "root mean square. First row: the links as the maker describes "
-        "them, with base, tool and fixtures fitted to the training poses: without that fit no "
-        "error can be told at all. training mean: at the rows identified from. χ²/dof: residuals "
-        "of the identification against the stated noise. cond.: of the scaled Jacobian of the "
-        "kept numbers, where no prior keeps more. rank: directions that the data tell apart.",
+        note="Measuring noise is in the errors; a pose of several rows counts once. First row: the "
+        "links as described, with base, tool and fixtures fitted to the training poses. training "
+        "mean: at the rows identified from. χ²/dof: residuals against the stated noise. cond.: of "
+        "the scaled Jacobian of the kept numbers. rank: directions that the data tell apart.",
     )
 
 
@@ -110,11 +116,10 @@ def delivered_section(delivered: Delivered) -> Section:
     """The files to use, each with its proof."""
     blocks: list[Block] = [
         Text(
-            "robot/ holds the identified robot: robot.toml with every term, URDF and MJCF with "
-            "the geometric part, joint_origins.yaml for ROS (for arms of UR's kind "
-            "kinematics_params.yaml, too). dh_table.csv: every number old and new. joint_map.csv, "
-            "where there is one: what each joint turns beside its command, with U. split.csv: "
-            "every row with its errors, held-out ones with their place against what was proven."
+            "robot/: the identified robot, robot.toml with every term, URDF and MJCF with the "
+            "geometric part, joint_origins.yaml for ROS. dh_table.csv: every number old and new. "
+            "joint_map.csv, where there is one: what each joint turns beside its command. "
+            "split.csv: every row with its errors and its place against what was proven."
         ),
         Points(sentences(delivered.robot)),
     ]
@@ -136,12 +141,11 @@ def data_section(calibration: Calibration) -> Section:
         ("joints", source.joints),
         ("split", calibration.split.sentence),
         ("uncertainty", source.uncertainty),
-        ("conditions", conditions_words(calibration)),
         ("robot", f"{source.robot_title}, sha256 {source.robot_sha256[:16]}"),
         *(("file", f"{name}, sha256 {digest[:16]}") for name, digest in source.files),
     )
     blocks: list[Block] = [
-        Table(caption="The data", head=("what", "value"), rows=rows, align="ll"),
+        Table(caption="What was read", head=("what", "value"), rows=rows, align="ll"),
     ]
     for title, texts in (
         ("How they were read:", source.probe),
@@ -149,7 +153,6 @@ def data_section(calibration: Calibration) -> Section:
         (f"Masked, {counted(len(source.masked), 'note')}:", source.masked),
         ("Drift:", source.drift or ("no drift nest was measured: nothing tells whether anything "
                                     "moved but the errors in time",)),
-        ("Warnings:", (*source.warnings, *calibration.warnings)),
     ):  # fmt: skip
         if texts:
             blocks += [Text(title), Points(sentences(texts))]
@@ -181,24 +184,24 @@ def parameter_section(calibration: Calibration) -> Section:
     }
     blocks: list[Block] = [
         Text(
-            f"Lengths in mm, angles in deg. U = 2 u holds one number with 95.4 %, {how}. What may "
-            "hide behind the noise is in the region of the tool point, not in U. Numbers that "
-            "cannot be told from others stay as near to their old values as the poses allow, so a "
-            "single number is a number of this set, not a thing that could be measured on the arm. "
-            "The numbers are correlated: never combine them as if they were independent."
+            f"U = 2 u holds one number with 95.4 %, {how}; what may hide behind the noise is in "
+            "the region of the tool point, not in U. The numbers belong together: what others "
+            "stand for stays near its old value, and they are correlated."
         ),
         Table(
             caption=f"Base, links, tool: {result.parameters.n_free} numbers estimated in all"
             + (", joint terms included" if calibration.choice.chosen == "extended" else ""),
             head=("number", "unit", "old", "new", "delta", ONE_NUMBER, "held by"),
             rows=tuple(
-                _cells(one) for one in handed_numbers(calibration) if one.row.name not in waves
+                _cells(one)
+                for one in handed_numbers(calibration)
+                if one.row.name not in waves and not still(one)
             ),
             align="llrrrrl",
             size="small",
-            note="old: the nominal links, and base and tool as fitted to them. base, tool: "
-            "position and rotation vector in the measuring frame and in the flange. held by: see "
-            "What is handed back."
+            note="Numbers that stay as they were are in dh_table.csv. old: the nominal links, and "
+            "base and tool as fitted to them. base, tool: position and rotation vector in the "
+            "measuring frame and in the flange. held by: see What is handed back."
             + (
                 f" {counted(len(waves), 'wave')} of joint maps are drawn under Joint errors "
                 "instead and stand in dh_table.csv."
@@ -250,12 +253,17 @@ def identifiable_section(calibration: Calibration) -> Section:
     blocks: list[Block] = [Points(sentences(calibration.frames))]
     for fit in calibration.fits:
         result = fit.identification
-        blocks.append(Text(rank_words(fit)))
         dependent = result.reduction.sentences
-        shown = dependent if fit is calibration.fits[0] else ()
-        lists = (shown, result.notes[len(dependent) :])
-        blocks += [Points(sentences(texts)) for texts in lists if texts]
+        shown = left_nominal(dependent) if fit is calibration.fits[0] else ()
+        texts = (*shown, *sentences(result.notes[len(dependent) :]))
+        blocks.append(Text(rank_words(fit)))
+        blocks += [Points(texts)] if texts else []
     return Section("identifiable", "What can be identified", tuple(blocks))
+
+
+def still(number: HandedNumber) -> bool:
+    """Whether a number without a U stays where it was, but for rounding."""
+    return number.row.expanded is None and abs(number.row.delta) <= UNSEEN
 
 
 def _cells(number: HandedNumber) -> tuple[str, ...]:
@@ -267,7 +275,8 @@ def _cells(number: HandedNumber) -> tuple[str, ...]:
         return (row.name, row.unit, old, new, delta, "–", number.held_by)
     new, half, delta = with_uncertainty(row.new, row.expanded / 2, row.delta)
     places = len(half.partition(".")[2])
-    old = f"{row.old:.6g}".replace("-", "−")
+    old = fixed(row.old, places)
+    old = old.rstrip("0").rstrip(".") if "." in old else old
     return (row.name, row.unit, old, new, delta, fixed(row.expanded, places), number.held_by)
 
 

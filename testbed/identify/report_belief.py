@@ -2,12 +2,11 @@
 
 from testbed.identify.records import Calibration
 from testbed.identify.statements import statements_of
-from testbed.report.glossary import GLOSSARY
-from testbed.report.page import Block, Points, Section, Table, Text
-from testbed.units import UM, probability, sentences, significant
+from testbed.report.page import Block, Section, Table
+from testbed.units import UM, probability, significant
 
 
-def belief_section(calibration: Calibration) -> Section:
+def belief_section(calibration: Calibration) -> Section | None:
     """Every statement on a new pose, what it promises, and whether it is believed."""
     proof = calibration.proof
     blocks: list[Block] = []
@@ -17,7 +16,7 @@ def belief_section(calibration: Calibration) -> Section:
                 caption="What may be said of the tool point at a new pose like the "
                 f"{len(calibration.stated_q)} "
                 f"{'identified from' if calibration.elsewhere else 'judged here'}",
-                head=("statement", "R95 um", "what it holds", "believe"),
+                head=("statement", "R95 µm", "what it holds", "believe"),
                 rows=tuple(
                     (one.name, significant(one.radius * UM), one.promise, one.use) for one in found
                 ),
@@ -27,11 +26,9 @@ def belief_section(calibration: Calibration) -> Section:
                 "as stated.",
             )
         )
-    blocks.append(Points(sentences(proof.trust.sentences)))
     if proof.questions.names:
         blocks.append(questions_table(calibration))
-    blocks += [Text("Words used:"), Points(GLOSSARY)]
-    return Section("belief", "What to believe, and why", tuple(blocks))
+    return Section("belief", "Uncertainty of the tool point", tuple(blocks)) if blocks else None
 
 
 def questions_table(calibration: Calibration) -> Table:

@@ -34,7 +34,6 @@ def joint_section(calibration: Calibration) -> Section | None:
             "Joint errors are what no length or angle of the links can say: sag, and waves of a "
             "joint as gears and encoders leave them; a joint map is all waves up to 32 a turn."
         ),
-        Points(sentences([choice.sentence])),
     ]
     blocks += choice_tables(choice.offered, choice.steps)
     if found is not None and choice.chosen == "extended":
@@ -63,10 +62,6 @@ def residual_section(calibration: Calibration) -> Section:
             "Error after calibration in the order of measuring; a trend or a step may say that "
             "something moved, or that poses near each other were measured after each other.",
             plots.by_order(calibration),
-        ),
-        Figure(
-            f"Errors of the {shown} against the place of the tool in the base frame.",
-            plots.by_place(calibration),
         ),
         Figure(
             f"Where the errors after calibration are, from pale, below {mm(low)} mm, to dark, "

@@ -39,7 +39,7 @@ def pose_section(result: CycleResult) -> Section | None:
             )
         )  # fmt: skip
     table = Table(
-        caption=f"Pose accuracy and repeatability, um, {visits.cycles} cycles",
+        caption=f"Pose accuracy and repeatability, µm, {visits.cycles} cycles",
         head=("pose", "AP", "95 %", "AP x", "AP y", "AP z", "RP", "95 %", "floor of RP"),
         rows=tuple(rows),
         align="lrrrrrrrr",
@@ -103,7 +103,7 @@ def plain_section(
     if not figures:
         return None
     rows = tuple((figure.where, *cells(figure)) for figure in figures[:MOST_ROWS])
-    head = ("where", f"{name} um", "95 % from", "to", "floor", "cycles")
+    head = ("where", f"{name} µm", "95 % from", "to", "floor", "cycles")
     table = Table(caption or name, head, rows, size="small", note=note + _more(len(figures)))
     return Section(anchor, title, (table,))
 
@@ -118,7 +118,7 @@ def distance_section(result: CycleResult) -> Section | None:
         for one, two in zip(AD[:MOST_ROWS], RD, strict=False)
     )
     table = Table(
-        "Distance accuracy and repeatability, um",
+        "Distance accuracy and repeatability, µm",
         ("from, to", "AD", "95 %", "RD", "95 %"),
         rows,
         size="small",
@@ -142,7 +142,7 @@ def drift_section(result: CycleResult) -> Section | None:
         for one, a, r in zip(result.drifts[:MOST_ROWS], dAP, dRP, strict=False)
     )  # fmt: skip
     table = Table(
-        "Drift of pose accuracy and repeatability, um",
+        "Drift of pose accuracy and repeatability, µm",
         ("pose", "blocks", "over h", "dAP", "95 %", "chance 95 %", "p", "dRP", "chance 95 %", "p"),
         rows,
         size="small",
@@ -170,7 +170,7 @@ def path_sections(result: CycleResult) -> list[Section]:
         )  # fmt: skip
         table = Table(
             f"Path {shown.name}: {counted(len(run.runs), 'run')}, {len(shown.command)} points",
-            ("figure", "um", "95 % from", "to", "floor", "runs"),
+            ("figure", "µm", "95 % from", "to", "floor", "runs"),
             rows,
             size="small",
             note="AT: largest distance of the mean path from a commanded point, in the plane "

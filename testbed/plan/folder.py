@@ -167,7 +167,7 @@ def write_plan(plan: Plan, robot: Robot, out: Path, *, overwrite: bool = False) 
             TABLE: plan_csv(plan),
             GOAL: goal_csv(plan),
             **programs(plan),
-            REPORT: plan_report_html(plan, robot, versions=all_versions()),
+            REPORT: plan_report_html(plan, robot, versions=all_versions(), recording=RECORDING),
         }
         for name, text in texts.items():
             (folder / name).write_bytes(text.encode())

@@ -29,7 +29,6 @@ OUTERMOST = (0.02, 0.98)
 PARTS = ("of it: noise", "of it: systematic errors")
 NUMBERED = 45
 """More poses than this are not numbered."""
-REASON_COLORS = ("#a63a00", "#e8a33d", "#6b6b6b", "#7a4fa3", "#2f8f5b", "#0b4f8a", "#c2185b")
 
 
 def tool_points(plan: Plan, q: Array) -> Array:
@@ -146,24 +145,6 @@ def prediction(plan: Plan) -> str:
         right.set_title("over the goal, after all poses")
         right.set_xlabel(f"U, {factor_words(k)} [µm]")
         right.set_ylabel("share of the goal")
-        return svg_of(figure)
-
-
-def rejections(plan: Plan) -> str:
-    """Where candidates were refused inside the box, by reason."""
-    pool = plan.pool
-    names = [name for name in pool.rejection_names[1:] if name in pool.rejected_reason]
-    places = tool_points(plan, pool.rejected_q)
-    with drawing(1, 2, height=3.4) as (figure, axes):
-        for ax, (i, j, view) in zip(axes, VIEWS, strict=True):
-            dots(ax, (pool.T[:, :3, 3] * MM)[:, [i, j]])
-            for k, name in enumerate(names):
-                here = places[[reason == name for reason in pool.rejected_reason]]
-                color = REASON_COLORS[k % len(REASON_COLORS)]
-                ax.plot(here[:, i], here[:, j], "x", color=color, markersize=3, label=name)
-            view_of(ax, i, j, view)
-        if names:
-            legend_above(figure, axes[0], min(len(names), 5))
         return svg_of(figure)
 
 

@@ -23,9 +23,9 @@ from testbed.plan.words import (
     mark,
     next_step,
     reasons,
-    station_words,
     warnings,
 )
+from testbed.report.apart import left_nominal
 from testbed.report.page import (
     SIMULATED,
     Block,
@@ -42,8 +42,13 @@ from testbed.report.page import (
 from testbed.robots.catalog import Robot
 from testbed.units import DEG, MDEG, MM, UM, counted, fixed, significant
 
+ABREAST = 3
+"""Numbers in one row of a table."""
 
-def plan_report_html(plan: Plan, robot: Robot, *, versions: Mapping[str, str]) -> str:
+
+def plan_report_html(
+    plan: Plan, robot: Robot, *, versions: Mapping[str, str], recording: str = ""
+) -> str:
     """The report of a plan as one HTML page: no network, same bytes each time.
 
     Parameters
@@ -54,6 +59,8 @@ def plan_report_html(plan: Plan, robot: Robot, *, versions: Mapping[str, str]) -
         Its name for people.
     versions : mapping of str to str
         Program and packages.
+    recording : str
+        Name of the recording beside the page; empty if there is none.
     """
     scenario = plan.scenario
     sections = (
@@ -80,6 +87,7 @@ def plan_report_html(plan: Plan, robot: Robot, *, versions: Mapping[str, str]) -
         reasons=reasons(plan),
         headline=headline(plan),
         next_step=next_step(plan),
+        recording=recording,
         sections=tuple(section for section in sections if section is not None),
     )
     return render(page)
@@ -177,8 +185,8 @@ def station_section(plan: Plan) -> Section | None:
         plots.stations(plan),
     )
     text = (
-        f"{station_words(plan)} Only the order of the stations is taken from this: the plan is "
-        "made afresh for the best one, from candidates that are all seen from there."
+        "Only the order of the stations is taken from this: the plan is made afresh for the best "
+        "one, from candidates that are all seen from there."
     )
     return Section("stations", "Tracker stations", (Text(text), figure, table))
 
@@ -199,11 +207,6 @@ def candidate_section(plan: Plan) -> Section:
             rejections(pool.n_drawn, pool.rejection_names, pool.rejection_counts, len(pool.q))
             + f" By floor or obstacle: {near}, the base aside."
         ),
-        Figure(
-            "Candidates refused inside the box, by reason (at most 100 each), over the pool "
-            "(gray).",
-            plots.rejections(plan),
-        ),
     )
     return Section("candidates", "Candidate poses", blocks)
 
@@ -213,21 +216,25 @@ def parameter_section(plan: Plan) -> Section:
     u = np.sqrt(np.diagonal(plan.foresight.covariance))
     lengths = plan.parameters.is_length[plan.parameters.free]
     names = plan.parameters.free_names
+    cells = [
+        (name, significant(float(value) * factor), unit)
+        for name, value, length in zip(names, u, lengths, strict=True)
+        for factor, unit in [_fine(name, bool(length))]
+    ]
+    lines = -(-len(cells) // ABREAST)
+    cells += [("", "", "")] * (ABREAST * lines - len(cells))
+    rows = zip(*(cells[k * lines : (k + 1) * lines] for k in range(ABREAST)), strict=True)
     table = Table(
         caption=f"{counted(len(names), 'number')} will be identified",
-        head=("number", "predicted u", "unit"),
-        rows=tuple(
-            (name, significant(float(value) * factor), unit)
-            for name, value, length in zip(names, u, lengths, strict=True)
-            for factor, unit in [_fine(name, bool(length))]
-        ),
-        align="lrl",
+        head=("number", "predicted u", "unit") * ABREAST,
+        rows=tuple(tuple(cell for one in row for cell in one) for row in rows),
+        align="lrl" * ABREAST,
         note="Standard uncertainties, k = 1. They are strongly correlated: never combine them as "
         "if they were independent.",
     )
     blocks: list[Block] = [table]
     if plan.notes:
-        blocks += [Text("What the measurements cannot tell apart:"), Points(plan.notes)]
+        blocks.append(Points(left_nominal(plan.notes)))
     return Section("parameters", "What will be identified", tuple(blocks))
 
 

@@ -115,11 +115,8 @@ class Page:
             found = next((block for block in section.blocks if isinstance(block, Figure)), None)
             if found is not None:
                 rest = tuple(block for block in section.blocks if block is not found)
-                sections = (
-                    *self.sections[:k],
-                    replace(section, blocks=rest),
-                    *self.sections[k + 1 :],
-                )
+                emptied = (replace(section, blocks=rest),) if rest else ()
+                sections = (*self.sections[:k], *emptied, *self.sections[k + 1 :])
                 return replace(self, picture=found, sections=sections)
         return self
 

@@ -6,7 +6,6 @@ from calib.arrays import Array
 from calib.uncertainty.statement.applicability import REFUSED, WARNED
 from testbed.identify.applies.rows import held_out_words
 from testbed.identify.applies.targets import target_words
-from testbed.identify.conditions import conditions_words
 from testbed.identify.handback.delivered import Delivered, TargetStatement
 from testbed.identify.records import Calibration
 from testbed.report.page import Block, Points, Section, Table, Text, heads
@@ -19,7 +18,7 @@ MOST_TARGETS = 30
 def reach_section(calibration: Calibration, delivered: Delivered) -> Section:
     """Where the result holds: what was calibrated, what was proven, and where targets lie."""
     blocks: list[Block] = [joint_table(calibration), workspace_table(calibration)]
-    blocks.append(Points(sentences((conditions_words(calibration), *held_out_words(calibration)))))
+    blocks.append(Points(sentences(held_out_words(calibration))))
     belief = calibration.proof.belief
     if belief is None:
         blocks.append(Text("No statement is believed, so none applies anywhere."))
@@ -95,7 +94,7 @@ def target_table(found: TargetStatement) -> Table:
     more = len(found.why) - len(rows)
     return Table(
         caption="What is stated at the targets of the corrected program",
-        head=heads("target, R95 mean um, R95 one move um, transfer g, leverage h, place, why"),
+        head=heads("target, R95 mean µm, R95 one move µm, transfer g, leverage h, place, why"),
         rows=tuple(rows),
         align="rrrrrll",
         size="small",

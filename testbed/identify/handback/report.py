@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from testbed.identify.handback.states import hand_back_words, tool_words
+from testbed.identify.handback.states import hand_back_words
 from testbed.identify.records import Calibration
 from testbed.report.page import Block, Points, Section, Table, Text
-from testbed.units import UM, sentences, significant
+from testbed.units import UM, significant
 
 SPRUNG = (
     "A compliance, a moment or a tilt has no U of its own: measurements tell what springs bend "
@@ -26,9 +26,7 @@ def hand_back_section(calibration: Calibration) -> Section:
         ),
     ]
     found = calibration.handback.in_use
-    if found is None:
-        blocks += [Points(sentences(told))] if (told := tool_words(calibration)) else []
-    else:
+    if found is not None:
         ends = [
             (name, *(significant(float(size) * UM) for size in (np.median(at), at.max())))
             for name, at in (
@@ -39,13 +37,12 @@ def hand_back_section(calibration: Calibration) -> Section:
         blocks += [
             Table(
                 caption="The tool in use beside the target that was measured",
-                head=("point", "R95 um, median", "R95 um, largest"),
+                head=("point", "R95 µm, median", "R95 µm, largest"),
                 rows=tuple(ends),
                 align="lrr",
                 strong=(1,),
                 note=f"Over the {len(found.at_poses)} poses that the statement is of; R95: 3-D "
                 "radius of the mean of many moves, 95 %. Pose by pose in tool_in_use.csv.",
             ),
-            Points(sentences(tool_words(calibration))),
         ]
     return Section("handback", "What is handed back", tuple(blocks))

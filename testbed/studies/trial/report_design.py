@@ -5,6 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from calib.information.observability import CRITERIA
+from testbed.report.apart import left_nominal
 from testbed.report.page import Block, Figure, Points, Section, Table, heads, rejections
 from testbed.studies.trial import plots
 from testbed.studies.trial.records import Campaign
@@ -164,20 +165,12 @@ def identifiable_blocks(campaign: Campaign) -> tuple[Block, ...]:
         fit = estimate.identification
         found, name = fit.reduction, plots.NAMES[estimate.mode].capitalize()
         free = len(found.kept) + len(found.dropped)
-        text = (
+        said.append(
             f"{name}: {counted(free, 'number')} free, {len(fit.parameters.names) - free} held; "
-            f"rank {found.rank}, condition {significant(found.condition, 3)}"
+            f"rank {found.rank}, condition {significant(found.condition, 3)}."
         )
-        if found.sentences:
-            text += f". Left nominal: {', '.join(map(briefly, found.sentences))}"
-        said.append(sentence(text))
+        said += left_nominal(found.sentences)
         notes = fit.notes[len(found.sentences) :]
         # that of chi-square is among the reasons of the verdict
         said += [sentence(note) for note in notes if not note.startswith("chi-square")]
     return (Points(tuple(map(typeset, said))),)
-
-
-def briefly(text: str) -> str:
-    """A sentence on a number that others stand for, cut down to their names; others whole."""
-    name, told, others = text.partition(" cannot be told from ")
-    return f"{name} (as {others.partition(': ')[0]})" if told else text
