@@ -7,7 +7,7 @@ import numpy as np
 
 from calib.arrays import Array
 from calib.errors import refuse
-from calib.geometry.chain import Chain, after_links, forward
+from calib.geometry.chain import Chain, after_links
 from calib.geometry.felt_springs import felt_springs, postures
 from calib.geometry.gravity import weight_of
 from calib.geometry.joint_errors import JointErrors, JointTerm, gravity_terms, harmonic_terms
@@ -121,9 +121,9 @@ def gravity_quarters(chain: Chain) -> tuple[int, int] | None:
         return None
     near = np.cos(UPRIGHT)
     still = np.zeros((1, chain.n_joints))
-    ends = [(z[:, 0], p[:, 0]) for *_, z, p in after_links(chain, still)]
-    (axis, second), (of_third, third), (of_fourth, fourth) = ends[1:4]
-    tip = forward(chain, still)[0, :3, 3]
+    frames = [np.column_stack(parts) for parts in after_links(chain, still)]
+    (axis, second), (of_third, third), (of_fourth, fourth) = (T[:, 2:].T for T in frames[1:4])
+    tip = frames[-1] @ chain.T_flange_tool[:, 3]
     if chain.kinds[0] == "revolute" and abs(chain.T_world_base[2, 2]) < near:
         return None
     # opposite axes are out as well: the forearm would lean by q2 - q3
@@ -133,7 +133,7 @@ def gravity_quarters(chain: Chain) -> tuple[int, int] | None:
     end = fourth if parallel else tip
     of_parts = []
     for arm in (third - second, end - third):
-        up, ahead = arm[2], np.cross(axis, [0.0, 0.0, 1.0]) @ arm  # the part that gravity turns
+        up, ahead = arm[2], axis[1] * arm[0] - axis[0] * arm[1]  # the part that gravity turns
         quarters = round(np.arctan2(ahead, up) / (np.pi / 2))
         along = up * np.cos(quarters * np.pi / 2) + ahead * np.sin(quarters * np.pi / 2)
         if not 0 < near * np.hypot(up, ahead) <= along:

@@ -51,7 +51,8 @@ class ManyRowsSeen:
     def of(cls, parts: Sequence[Array], free: Index) -> "ManyRowsSeen":
         """From all fields but `free`, which are those by the numbers at places `free` (f,)."""
         q, residual, rows, *others = parts
-        return cls(q, residual, rows, np.ascontiguousarray(rows[..., free]), *others)
+        every = len(free) == rows.shape[3]
+        return cls(q, residual, rows, rows if every else rows[..., free], *others)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

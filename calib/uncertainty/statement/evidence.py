@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg import solve_triangular
 from scipy.linalg.lapack import dtrtri
 from scipy.special import ndtri
 
@@ -171,9 +172,11 @@ def reduced(A: Array, prior: Array | None = None) -> Array:
     """
     if prior is not None and _triangular(prior) and _sure(prior, float(np.linalg.norm(A))):
         return A
+    A = A[:, A.any(axis=0)]
     root = triangle(A)
     if len(root) == A.shape[1] and _sure(root, float(np.linalg.norm(root))):
-        return A
+        # columns at right angles lose least
+        return np.asarray(solve_triangular(root, A.T, trans=1, check_finite=False).T)
     _, singular, directions = np.linalg.svd(root, full_matrices=False)
     return np.asarray(A @ directions[singular > RANK_TOLERANCE * singular[0]].T)
 

@@ -79,8 +79,8 @@ def prior_precision(identification: Identification) -> Array:
     parameters, prior = identification.parameters, identification.prior
     precision = np.zeros((parameters.n_free,) * 2)
     if prior is not None:
-        names = parameters.free_names
-        at = [names.index(name) for name in prior.names]
+        place = {name: k for k, name in enumerate(parameters.free_names)}
+        at = [place[name] for name in prior.names]
         scale = parameters.free_scale[at]
         precision[np.ix_(at, at)] = prior.precision * scale[:, None] * scale
     return precision

@@ -21,7 +21,7 @@ from calib.uncertainty.discrepancy import Discrepancy
 from calib.uncertainty.judgement import Circumstances, judge
 from calib.uncertainty.many.judgements import ManyJudgements, judge_many
 from calib.uncertainty.many.sights import alike
-from calib.uncertainty.regions import coverage_factor, inside
+from calib.uncertainty.regions import FLAT, coverage_factor, inside
 from calib.uncertainty.statement.applicability import Applicability
 from calib.uncertainty.statement.belief import Belief
 from calib.uncertainty.statement.conditions import Conditions, departure
@@ -155,10 +155,36 @@ def _figures(
 
 def _held(error: Array, covariance: Array, factor: Array, level: float) -> tuple[Array, Array]:
     """Whether regions (R, t) hold the errors (R, t, 3), and radii of balls as large [m]."""
-    stretch = (factor / coverage_factor(3, level)) ** 2
-    holds = inside(error, stretch[:, None, None, None] * covariance, probability=level)
-    variance = np.maximum(np.linalg.det(covariance), 0.0)
-    return holds.astype(np.float64), factor[:, None] * variance ** (1 / 6)
+    square, variance, flat = _in_units_of(error, covariance)
+    holds = square <= factor[:, None] ** 2
+    for k in np.flatnonzero(flat.any(axis=1)).tolist():
+        stretch = (factor[k] / coverage_factor(3, level)) ** 2
+        holds[k] = inside(error[k], stretch * covariance[k], probability=level)
+    return holds.astype(np.float64), factor[:, None] * np.maximum(variance, 0.0) ** (1 / 6)
+
+
+def _in_units_of(error: Array, covariance: Array) -> tuple[Array, Array, Bool]:
+    """Squares (R, t) of errors in units of their covariance, determinants, and which are flat.
+
+    By Cholesky factors of three columns, written out; the smallest variance is no less than the
+    determinant by the square of the trace.
+    """
+    (a, *_), (b, d, _), (c, e, f) = np.moveaxis(covariance, (2, 3), (0, 1))
+    x, y, z = np.moveaxis(error, 2, 0)
+    trace = a + d + f
+    with np.errstate(divide="ignore", invalid="ignore"):
+        u, v = b / a, c / a
+        second = d - u * b
+        w = (e - u * c) / second
+        third = f - v * c - w * w * second
+        y = y - u * x
+        z = z - v * x - w * y
+        square = x**2 / a + y**2 / second + z**2 / third
+        variance = a * second * third
+        flat = ~((variance > FLAT * trace**3) & (second > 0) & (third > 0))
+    if flat.any():
+        variance = np.where(flat, np.linalg.det(covariance), variance)
+    return square, variance, flat
 
 
 def believed_where(applies: Applicability, measured: MeasuredRobot) -> Bool:
