@@ -1,6 +1,7 @@
 """The drawing surface of all figures: one style, and a figure turned into small, repeatable SVG."""
 
 import io
+import logging
 import re
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -57,6 +58,8 @@ def drawing(
     rows: int = 1, columns: int = 1, *, height: float = 2.6, width: float = WIDTH, **share: Any
 ) -> Iterator[tuple["Figure", "list[Axes]"]]:
     """A figure and its axes, row by row, inside the house style [in]."""
+    # it tells, at length, that it may not keep its list of fonts at home: no matter for a person
+    logging.getLogger("matplotlib").setLevel(logging.ERROR)
     from matplotlib import rc_context
     from matplotlib.figure import Figure
 

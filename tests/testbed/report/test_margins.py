@@ -1,5 +1,8 @@
 """Margins from the lengths of words, against what a renderer measures."""
 
+import os
+import subprocess
+import sys
 from itertools import combinations
 
 import numpy as np
@@ -72,3 +75,15 @@ def test_no_word_is_cut_or_meets_another_panel(fill, shape, bar):
     inner = [ax.get_position() for ax in figure.axes[: shape[0] * shape[1]]]
     assert np.ptp([box.width for box in inner]) < 1e-12
     assert min(box.width * box.height for box in inner) * len(inner) > 0.25  # room for the data
+
+
+def test_a_home_that_cannot_be_written_is_no_matter_for_a_person():
+    """matplotlib keeps a list of fonts there, and tells at length where it may not."""
+    script = "from testbed.report.svg import drawing\nwith drawing(): pass"
+    home = {"HOME": "/dev/null/nowhere", "USERPROFILE": "/dev/null/nowhere"}
+    kept = {k: v for k, v in os.environ.items() if not k.startswith(("MPL", "XDG"))}
+    done = subprocess.run(
+        [sys.executable, "-c", script], env={**kept, **home}, capture_output=True, text=True,
+        check=True,
+    )  # fmt: skip
+    assert done.stdout + done.stderr == ""

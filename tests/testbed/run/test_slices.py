@@ -292,6 +292,8 @@ def test_folders_that_disagree_are_refused_and_nothing_is_written(tmp_path):
         with pytest.raises(InputError) as caught:
             merge(folders, tmp_path / "out")
         shown.append(str(caught.value).replace(str(tmp_path), "HERE"))
+    with pytest.raises(InputError, match="another scenario, seed or robot"):
+        play_slice(scenario(), tmp_path / "seed", 2, 2, studies=(many,))
     with pytest.raises(InputError) as caught:
         play_slice(scenario(), tmp_path / "out", 1, 2, studies=(Fake(),), where="x.toml")
     assert "\n".join([re.sub("numpy 9[^,]*, [^;]*;", "NUMPY;", one) for one in shown]) == REFUSED
