@@ -18,7 +18,7 @@ ALLOWED = {
     "testbed": {
         "numpy", "scipy", "calib", "testbed", "mujoco", "yourdfpy", "trimesh", "manifold3d",
         "lxml", "rerun", "rerun_cli", "pydantic", "typer", "rich", "matplotlib",
-        "jinja2", "openpyxl", "distributed",
+        "jinja2", "openpyxl", "distributed", "PIL",
     },
 }  # fmt: skip
 HOMES = {
@@ -36,6 +36,7 @@ HOMES = {
     "openpyxl": ("testbed/gates/workbook.py",),
     "distributed": ("testbed/engines/cluster.py",),
     "matplotlib": ("testbed/report/", "plots"),
+    "PIL": ("testbed/cli/video.py",),
     "jinja2": ("testbed/report/page.py",),
     "rich": ("testbed/cli/terminal.py", "testbed/report/text.py"),
     "typer": ("testbed/cli/",),

@@ -164,33 +164,49 @@ def view(
     html: Annotated[
         Path | None, typer.Option(metavar="FILE.html", help="Make one page for browsers.")
     ] = None,
+    video: Annotated[
+        Path | None, typer.Option(metavar="FILE.mp4|gif", help="Make a film; takes some minutes.")
+    ] = None,
     plain: Plain = False,
     debug: Debug = False,
 ) -> None:
-    """Open the recording of a run, or make a picture or a page of it."""
+    """Open the recording of a run, or make a picture, a page or a film of it."""
     with exit_codes(debug=debug, plain=plain):
+        from testbed.cli import video as video_file
         from testbed.cli import viewer
         from testbed.run.play import recording_of
 
         file = recording_of(folder, trial)
-        check_view(picture, html, step)
+        check_view(picture, html, step, video)
+        if video is not None and video.suffix != ".gif":
+            video_file.require_encoder(video)
         if picture is not None:
             viewer.picture(file, picture, step=step)
             say(str(picture))
         if html is not None:
             viewer.html_page(file, html)
             say(str(html))
-        if picture is None and html is None:
+        if video is not None:
+            video_file.film(file, video)
+            say(str(video))
+        if picture is None and html is None and video is None:
             viewer.open_viewer(file, warn)
 
 
-def check_view(picture: Path | None, html: Path | None, step: int | None) -> None:
-    """Refuse a picture or page that cannot be written, before a viewer is started."""
-    for option, path, suffix in (("--picture", picture, ".png"), ("--html", html, ".html")):
+def check_view(
+    picture: Path | None, html: Path | None, step: int | None, video: Path | None = None
+) -> None:
+    """Refuse a picture, page or film that cannot be written, before a viewer is started."""
+    for option, path, suffixes in (
+        ("--picture", picture, (".png",)),
+        ("--html", html, (".html",)),
+        ("--video", video, (".mp4", ".gif")),
+    ):
         if path is None:
             continue
-        if path.suffix != suffix:
-            raise refuse(option, str(path), f"a file name that ends in {suffix}", code="C41")
+        if path.suffix not in suffixes:
+            allowed = f"a file name that ends in {' or '.join(suffixes)}"
+            raise refuse(option, str(path), allowed, code="C41")
         if not path.parent.is_dir() or path.is_dir():
             message = f"{option} {path} cannot be written"
             allowed = "a file in a folder that exists"

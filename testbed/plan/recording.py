@@ -28,12 +28,14 @@ from testbed.recording import style
 from testbed.recording.chart import Chart, Series, level
 from testbed.recording.story import Chapter, Story, numbered
 from testbed.recording.style import Color
-from testbed.recording.timeline import along, evenly, leaf, spread, visit
+from testbed.recording.timeline import along, evenly, spread, visit
 from testbed.report.page import SIMULATED
 from testbed.robots.robot import Robot
 from testbed.units import counted
 
 CANDIDATE_FRAMES, BUDGET_FRAMES = 144, 60
+CANDIDATES = 24
+"""Candidates that the robot leafs through."""
 MOST_ROWS = 4
 """Rows of the summary, which has to fit its window."""
 MOST_GOALS = 30
@@ -82,7 +84,8 @@ def summary(plan: Plan) -> str:
 
 def _candidates(plan: Plan) -> Chapter:
     """The pool by leverage, and who was refused."""
-    pool = plan.pool
+    pool, leafed = plan.pool, evenly(np.arange(len(plan.pool.q)), CANDIDATES)
+    curves = (Series("leverage", plan.leverage[leafed], style.BLUE),)
     refused = [
         f"- refused, {name}: {int(count)}"
         for name, count in zip(pool.rejection_names, pool.rejection_counts, strict=True)
@@ -92,13 +95,15 @@ def _candidates(plan: Plan) -> Chapter:
         name="candidates",
         local="candidate",
         color=style.SEARCH_PHASE,
-        motion=leaf(pool.q, 1, CANDIDATE_FRAMES),
+        motion=visit(pool.q[leafed], CANDIDATE_FRAMES // CANDIDATES),
         text=(
             f"#### 1 Candidates: {len(pool.q)} of {pool.n_drawn} drawn",
             "- gray: candidates; vermilion: refused inside the box",
             *refused,
         ),
-        draw=lambda pen, phase: draw_candidates(plan, pen, phase),
+        draw=partial(draw_candidates, plan),
+        lines=numbered("candidate", len(leafed)),
+        charts=(Chart("candidates", "Leverage: how much a candidate shown would tell", curves),),
     )
 
 
@@ -156,7 +161,7 @@ def _tour(plan: Plan) -> Chapter:
         motion=replace(motion, q=q),
         text=(
             f"#### 3 Tour: {counted(len(tour), 'pose')} in {minutes(tour.duration)}",
-            "- numbers: measuring order; blue: to identify from, orange: held out",
+            "- blue: to identify from; orange: held out; number: the pose that is measured",
             "- line: the way of the tool",
             f"- curve: U ({factor_words(plan.coverage, OVER['V'])}) after each pose",
             f"- {tour.sentence}",

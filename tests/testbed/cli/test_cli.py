@@ -324,19 +324,22 @@ def test_a_screen_reader_gets_a_line_for_each_step_and_nothing_drawn(tmp_path, s
 
 
 def test_view_opens_the_recording_or_makes_a_picture_or_a_page(truebed, scene, monkeypatch):
-    from testbed.cli import viewer
+    from testbed.cli import video, viewer
 
     truebed("run", scene, "--out", "a")
     called = []
     monkeypatch.setattr(viewer, "open_viewer", lambda *a: called.append(("open", a[0])))
     monkeypatch.setattr(viewer, "picture", lambda *a, **o: called.append(("picture", *a, o)))
     monkeypatch.setattr(viewer, "html_page", lambda *a: called.append(("html", *a)))
+    monkeypatch.setattr(video, "film", lambda *a: called.append(("video", *a)))
     file = Path("a/campaign.rrd")
     assert truebed("view", "a").exit_code == 0
     truebed("view", "a", "--picture", "x.png", "--step", 7)
     truebed("view", file, "--html", "x.html")
+    truebed("view", file, "--video", "x.gif")
     assert called == [
         ("open", file),
         ("picture", file, Path("x.png"), {"step": 7}),
         ("html", file, Path("x.html")),
+        ("video", file, Path("x.gif")),
     ]

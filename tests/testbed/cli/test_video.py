@@ -1,0 +1,130 @@
+"""Films of recordings: as long as they are played, in true colors, or one sentence."""
+
+import io
+import sys
+from contextlib import contextmanager
+
+import numpy as np
+import pytest
+from PIL import Image
+from typer.testing import CliRunner
+
+from calib.errors import MachineError
+from testbed.cli import app, video, viewer
+from testbed.recording import style
+from tests.recorded import record, small_campaign, timeline
+
+ENCODER = """#!{python}
+import sys
+from pathlib import Path
+data = sys.stdin.buffer.read()
+if "{says}":
+    sys.exit("first line\\n{says}")
+Path(sys.argv[-1]).write_bytes(" ".join(sys.argv[1:-1]).encode() + data)
+"""
+
+
+def shot(color):
+    """A picture of a dark window with a patch of a color."""
+    picture = Image.new("RGB", viewer.SIZE, (14, 14, 14))
+    picture.paste(color, (100, 100, 140, 140))
+    data = io.BytesIO()
+    picture.save(data, "PNG")
+    return data.getvalue()
+
+
+SHOTS = [shot(style.VERMILION), shot(style.BLUE), shot(style.GHOST_COLOR[:3])]
+
+
+@pytest.fixture
+def shots(monkeypatch):
+    """Three pictures, eight steps apart, in place of a viewer."""
+
+    @contextmanager
+    def frames(rrd, most):
+        yield 8, iter(SHOTS)
+
+    monkeypatch.setattr(video, "frames", frames)
+
+
+@pytest.fixture
+def ffmpeg(monkeypatch, tmp_path):
+    """Put a program in place of the encoder: it writes its words and what it reads."""
+
+    def make(says=""):
+        program = tmp_path / "ffmpeg"
+        program.write_text(ENCODER.format(python=sys.executable, says=says))
+        program.chmod(0o755)
+        monkeypatch.setenv("PATH", str(tmp_path))
+
+    return make
+
+
+def test_an_animated_picture_keeps_the_colors_and_the_speed(shots, tmp_path):
+    out = tmp_path / "a.gif"
+    video.film("a.rrd", out)
+    with Image.open(out) as film:
+        assert (film.n_frames, film.size) == (3, video.GIF_SIZE)
+        # 8 steps at 24 a second; the format counts hundredths
+        assert film.info["duration"] == pytest.approx(1000 * 8 / 24, abs=10)
+        for k, color in enumerate((style.VERMILION, style.BLUE, style.GHOST_COLOR[:3])):
+            film.seek(k)
+            seen = np.array(film.convert("RGB"))[72, 72].astype(int)  # of 120 in 1600 by 1000
+            assert np.abs(seen - color).max() <= 8
+
+
+def test_an_encoder_gets_every_picture_and_their_rate(shots, ffmpeg, tmp_path):
+    ffmpeg()
+    video.film("a.rrd", tmp_path / "a.mp4")
+    data = (tmp_path / "a.mp4").read_bytes()
+    assert data.endswith(b"".join(SHOTS))
+    assert b"-framerate 3 " in data[:200]
+
+
+def test_an_encoder_that_fails_is_quoted_and_nothing_is_left(shots, ffmpeg, tmp_path):
+    ffmpeg(says="unknown encoder libx264")
+    with pytest.raises(MachineError, match=r"failed: unknown encoder libx264; write a \.gif"):
+        video.film("a.rrd", tmp_path / "a.mp4")
+    assert {path.name for path in tmp_path.iterdir()} == {"ffmpeg"}
+
+
+def test_without_an_encoder_one_sentence_says_what_to_do(monkeypatch, tmp_path):
+    monkeypatch.setenv("PATH", str(tmp_path))
+    monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
+    (tmp_path / "a.rrd").write_bytes(b"")
+    done = CliRunner().invoke(
+        app, ["view", str(tmp_path / "a.rrd"), "--video", str(tmp_path / "a.mp4")]
+    )
+    assert done.exit_code == 2
+    assert done.stderr == (
+        f"--video {tmp_path}/a.mp4 needs an encoder: the command ffmpeg, or the package "
+        "imageio-ffmpeg; neither is here; install one of them, or write a.gif, which needs none. "
+        "[C41]\n"
+    )
+
+
+@pytest.mark.parametrize(("name", "says"), [
+    ("a.avi", "a file name that ends in .mp4 or .gif"), ("no/a.gif", "cannot be written"),
+])  # fmt: skip
+def test_a_film_that_cannot_be_written_is_refused_first(tmp_path, name, says):
+    (tmp_path / "a.rrd").write_bytes(b"")
+    words = ["view", str(tmp_path / "a.rrd"), "--video", str(tmp_path / name)]
+    done = CliRunner().invoke(app, words)
+    assert done.exit_code == 2
+    assert says in done.stderr
+
+
+@pytest.mark.slow
+def test_frames_go_from_the_first_step_to_the_last(tmp_path, monkeypatch):
+    monkeypatch.setattr(viewer, "NOTES_FADE", 0.5)
+    monkeypatch.setattr(viewer, "SIZE", (800, 500))
+    path = record(tmp_path / "campaign.rrd")
+    steps = timeline(small_campaign()).n_steps
+    try:
+        with video.frames(path, 4) as (every, pictures):
+            found = list(pictures)
+    except MachineError as error:
+        pytest.skip(f"no headless viewer on this machine: {error}")
+    assert every == -(-steps // 4)
+    assert len(found) in (4, 5)
+    assert len(set(found)) == len(found)
