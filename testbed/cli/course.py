@@ -8,6 +8,7 @@ slower this time is.
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from math import isnan
 from typing import NamedTuple
 
 TRUST = 0.05
@@ -20,7 +21,8 @@ class Took(NamedTuple):
     """How long one step took, or may take."""
 
     seconds: float
-    """Of one process: where pieces were played side by side, the sum over all of them."""
+    """Of one process: where pieces were played side by side, the sum over all of them; nan where
+    nobody knows before a piece has ended."""
     pieces: int = 1
     """What is told one by one while it lasts."""
 
@@ -98,7 +100,8 @@ class TimeLeft:
         ahead = [name for name in names[here + 1 :] if name not in self.took]
         pace = self._pace()
         later = sum(self.expected[name].beside(self.workers) for name in ahead)
-        return self._rest(pace) + pace * later
+        left = self._rest(pace) + pace * later
+        return None if isnan(left) else left
 
     def share(self) -> float:
         """Share of the whole time that is over, from 0 to 1; it never falls."""
@@ -110,18 +113,20 @@ class TimeLeft:
 
     def _pace(self) -> float:
         """How many times longer than before all takes now."""
-        known = [name for name in self.took if name in self.expected]
-        was = sum(self.expected[name].beside(self.workers) for name in known)
+        certain = {name: took for name, took in self.expected.items() if not isnan(took.seconds)}
+        known = [name for name in self.took if name in certain]
+        was = sum(certain[name].beside(self.workers) for name in known)
         now = sum(self.took[name].beside(self.workers) for name in known)
-        if self.name in self.expected:
-            usual, told = self.expected[self.name], self.done - self._first
-            if usual.pieces > 1 and told >= self.workers:
-                was += usual.beside(self.workers) * min(told / usual.pieces, 1.0)
-                now += self._piece - self._since
-            else:  # what is due by now, and lasts
-                due, lasts = usual.seconds / usual.pieces, self.clock() - self._since
-                was, now = (was + due, now + lasts) if lasts > due else (was, now)
-        whole = sum(took.beside(self.workers) for took in self.expected.values())
+        if self.name in certain:
+            usual, told = certain[self.name], self.done - self._first
+            whole, lasts = usual.beside(self.workers), self.clock() - self._since
+            # pieces that go on side by side may all be about to end
+            due = whole * min((told + min(self.workers, usual.pieces)) / usual.pieces, 1.0)
+            if lasts > due:
+                was, now = was + due, now + lasts
+            elif told >= self.workers:
+                was, now = was + whole * told / usual.pieces, now + self._piece - self._since
+        whole = sum(took.beside(self.workers) for took in certain.values())
         trust = TRUST * whole
         return (now + trust) / (was + trust) if was + trust > 0 else 1.0
 
@@ -134,6 +139,8 @@ class TimeLeft:
             # those side by side end together: the first one alone says too much of their rate
             beside = min(self.workers, usual.pieces)
             each = pace * usual.seconds / usual.pieces / beside
+            if isnan(each):
+                each = (self._piece - self._since) / told
             each = (self._piece - self._since + beside * each) / (told + beside)
             return self._by_piece(each, max(usual.pieces - told, 0))
         lasts = self.clock() - self._since

@@ -80,25 +80,38 @@ def robots(
 
 @app.command()
 def compare(
-    runs: Annotated[list[Path], typer.Argument(metavar="RUN RUN...", help="Run folders.")],
+    runs: Annotated[
+        list[Path],
+        typer.Argument(metavar="RUN RUN...", help="Folders of one kind, or one that holds them."),
+    ],
     as_json: Json = False,
     plain: Plain = False,
     debug: Debug = False,
 ) -> None:
-    """Put several runs into one table, and say which are equal byte for byte."""
+    """Put runs, plans, calibrations or tests into one table; say which runs are equal bytes."""
     with exit_codes(debug=debug, plain=plain, as_json=as_json):
+        from testbed.cli import compared
+        from testbed.cli.folders import comparable
         from testbed.cli.terminal import HEAD, headline_rows
         from testbed.report.text import table
         from testbed.run.result import equal_runs, read_result
+        from testbed.store.manifest import CAMPAIGN
 
-        results = [read_result(path) for path in runs]
-        equal = equal_runs(runs)
+        kind, runs = comparable(runs)
+        of_runs = kind == CAMPAIGN
+        results = [read_result(path) if of_runs else compared.document(kind, path) for path in runs]
+        equal = equal_runs(runs) if of_runs else []
         if as_json:
             import json
 
             document = {str(path): result for path, result in zip(runs, results, strict=True)}
             groups = [[str(path) for path in group] for group in equal]
             say_json(json.dumps({"runs": document, "equal_bytes": groups}, ensure_ascii=False))
+            return
+        if not of_runs:
+            shown = zip(runs, compared.rows(kind, results), strict=True)
+            head = ("folder", *compared.COLUMNS[kind])
+            say(table(compared.TITLES[kind], head, [[str(path), *row] for path, row in shown]))
             return
         rows = [
             [str(path), result["scenario"], str(result["seed"]), *row]
@@ -117,8 +130,10 @@ def compare(
 def report(folder: Run, plain: Plain = False, debug: Debug = False) -> None:
     """Write result.json, arrays.npz and report.html again from the records."""
     with exit_codes(debug=debug, plain=plain) as end:
+        from testbed.cli.folders import AGAIN, require
         from testbed.store.layout import ARRAYS, REPORT, RESULT
 
+        require(folder, AGAIN)
         end.folder = folder
         derive_again(folder, (RESULT, ARRAYS, REPORT))
         say(str(folder / REPORT))
@@ -128,9 +143,11 @@ def report(folder: Run, plain: Plain = False, debug: Debug = False) -> None:
 def record(folder: Run, trial: Trial = None, plain: Plain = False, debug: Debug = False) -> None:
     """Write the recording again from the records, or that of another trial."""
     with exit_codes(debug=debug, plain=plain) as end:
+        from testbed.cli.folders import AGAIN, require
         from testbed.run.play import record_trial
         from testbed.store.layout import RECORDING
 
+        require(folder, AGAIN)
         end.folder = folder
         if trial is None:
             derive_again(folder, (RECORDING,))
@@ -174,9 +191,9 @@ def view(
     with exit_codes(debug=debug, plain=plain):
         from testbed.cli import video as video_file
         from testbed.cli import viewer
-        from testbed.run.play import recording_of
+        from testbed.cli.folders import recording_in
 
-        file = recording_of(folder, trial)
+        file = recording_in(folder, trial)
         check_view(picture, html, step, video)
         if video is not None and video.suffix != ".gif":
             video_file.require_encoder(video)

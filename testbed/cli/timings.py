@@ -10,6 +10,7 @@ import sys
 from collections.abc import Mapping
 from contextlib import suppress
 from functools import cache
+from math import nan
 from pathlib import Path
 from statistics import median
 
@@ -36,7 +37,8 @@ def expected(work: str, planned: Mapping[str, int] | None = None) -> dict[str, T
         The verb and what it is played on: ``run wen2022``.
     planned : mapping, optional
         Pieces of the steps that there will be, by name. Of a work that was never played, those with
-        names that others have take what they take there; what is left takes the mean of the rest.
+        names that others have take what they take there; what is left takes the mean of the rest,
+        and what is played in pieces is not known.
 
     Returns
     -------
@@ -44,8 +46,9 @@ def expected(work: str, planned: Mapping[str, int] | None = None) -> dict[str, T
         Empty where nothing is known.
     """
     there = {**own(), **{name: one for name, one in _here().items() if name not in own()}}
-    steps = there.get(work)
+    steps, guessed = there.get(work), False
     if steps is None:
+        guessed = True
         verb = work.partition(" ")[0]
         alike = [one for name, one in there.items() if name.partition(" ")[0] == verb]
         if not alike:
@@ -56,7 +59,10 @@ def expected(work: str, planned: Mapping[str, int] | None = None) -> dict[str, T
         return dict(steps)
     others = [took for name, took in steps.items() if name not in planned]
     usual = Took(sum(one.seconds for one in others) / len(others) if others else 0.0)
-    return {name: steps.get(name, usual).scaled(count) for name, count in planned.items()}
+    return {
+        name: Took(nan, count) if guessed and count > 1 else steps.get(name, usual).scaled(count)
+        for name, count in planned.items()
+    }
 
 
 def total(work: str) -> float | None:

@@ -20,7 +20,9 @@ SPACE = 2
 """Between two columns."""
 VERDICT, ONE_LINE = "Verdict", 100
 """How the line of a verdict begins, and its characters at most."""
-CLAUSE_ENDS = (r"\.(?= )", r"[;:](?= )", r",(?= )", r"(?= \()")
+CLAUSE_ENDS = (
+    r"\.(?= )", r"[;:](?= )", r",(?= )", r"(?= \()", r"(?= (?:with|and|or|as|where|which|that) )"
+)  # fmt: skip
 """Where a verdict may be cut, the best places first: sentences, clauses, parts, before brackets."""
 NUMBER = r"(\d[\d.,]*|[.,]\d+)(e[+-]?\d+)?"
 RUN = re.compile(rf"[\t\r]|\s*[=@]|\s*[+-](?!({NUMBER})?$)", re.IGNORECASE)

@@ -1,0 +1,83 @@
+"""Several folders of one kind in one table: their figures, as their files have them."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from testbed.cli.folders import ISO9283, PLAN
+from testbed.store import layout
+from testbed.store.documents import read_json
+from testbed.store.manifest import CALIBRATION
+
+NUMBERS = {PLAN: layout.PLAN, ISO9283: layout.RESULT, CALIBRATION: layout.RESULT}
+"""Where the figures of a folder stand."""
+TITLES = {
+    PLAN: "What plans promise", ISO9283: "Tests after ISO 9283", CALIBRATION: "Calibrations",
+}  # fmt: skip
+COLUMNS: dict[str, dict[str, str]] = {
+    PLAN: {
+        "scenario": "scenario", "robot": "robot", "poses": "poses", "s": "duration_s",
+        "R95 um": "predicted/R95_over_goal_um", "worst um": "predicted/R95_worst_um",
+        "misfit seen um": "predicted/misfit_seen_um", "efficiency": "certificate/efficiency",
+    },
+    ISO9283: {
+        "test": "test", "cycles": "data/cycles", "AP um": "figures/AP/*/value_um",
+        "RP um": "figures/RP/*/value_um", "AT um": "figures/AT/*/value_um",
+        "RT um": "figures/RT/*/value_um", "decision": "verdict/decision",
+    },
+    CALIBRATION: {
+        "session": "session", "robot": "robot", "model": "model",
+        "poses": "split/train_poses", "held out": "split/held_out_poses",
+        "before mm": "before/held_out/mean_mm", "after mm": "models/{model}/held_out/mean_mm",
+        "p95 mm": "models/{model}/held_out/p95_mm", "R95 um": "statements/R95_mean_um",
+        "believed": "verdict/believable",
+    },
+}  # fmt: skip
+"""Figures by the head of their column; ``*`` stands for the place where one is largest."""
+NONE = "-"
+
+
+def document(kind: str, path: Path) -> dict[str, Any]:
+    """The figures of a folder, as its file has them."""
+    fix = "give the command that wrote it again, with another --out"
+    return read_json(path / NUMBERS[kind], fix=fix)
+
+
+def rows(kind: str, found: Sequence[Mapping[str, Any]]) -> list[list[str]]:
+    """One row per folder; a dash where it has no such figure."""
+    return [
+        [
+            cell(figure(one, path.format(model=one.get("model", ""))), head)
+            for head, path in COLUMNS[kind].items()
+        ]
+        for one in found
+    ]
+
+
+def figure(document: object, path: str) -> object:
+    """What stands at a path of a document; None where nothing does.
+
+    Examples
+    --------
+    >>> figure({"a": {"x": {"v": 1}, "y": {"v": 3}}}, "a/*/v")
+    3
+    """
+    first, _, rest = path.partition("/")
+    if not isinstance(document, Mapping):
+        return None
+    if first == "*":
+        found = [figure(one, rest) for one in document.values()]
+        return max((one for one in found if isinstance(one, int | float)), default=None)
+    value = document.get(first)
+    return figure(value, rest) if rest else value
+
+
+def cell(value: object, head: str) -> str:
+    """A figure in the unit that its head names."""
+    if value is None or isinstance(value, Mapping | list):
+        return NONE
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, float):
+        return f"{value:.4f}" if head.endswith(" mm") else f"{value:.4g}"
+    return str(value)

@@ -1,0 +1,140 @@
+"""Any folder for any verb that looks: it does what it can, or says what the folder is."""
+
+import json
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from testbed.cli import app, viewer
+from testbed.cli.compared import COLUMNS, document, figure, rows
+from testbed.store.npz import pretty_json
+
+VERBS = ("view", "report", "record", "compare")
+PLANNED = {
+    "format": 1, "scenario": "small", "robot": "staubli_tx60", "poses": 18, "duration_s": 174.3,
+    "predicted": {"R95_over_goal_um": 26.74, "R95_worst_um": 29.4, "misfit_seen_um": 9.26},
+    "certificate": {"efficiency": 0.93},
+}  # fmt: skip
+MEASURED = {
+    "format": 1, "kind": "calibration", "session": "spring", "robot": "arm", "model": "extended",
+    "split": {"train_poses": 61, "held_out_poses": 20},
+    "before": {"held_out": {"mean_mm": 0.385}},
+    "models": {"extended": {"held_out": {"mean_mm": 0.0927, "p95_mm": 0.1657}}},
+    "statements": {"R95_mean_um": 216.3}, "verdict": {"believable": True},
+}  # fmt: skip
+TESTED = {
+    "format": 1, "test": "cycles", "data": {"cycles": 30}, "verdict": {"decision": None},
+    "figures": {"AP": {"P1": {"value_um": 12.0}, "P2": {"value_um": 15.0}}},
+}  # fmt: skip
+VERSIONS = {"versions": {"truebed": "0"}}
+ABOUT = {"format": 1, "kind": "calibration", "input_sha256": "0", **VERSIONS}
+
+
+@pytest.fixture
+def here(tmp_path, monkeypatch):
+    """One folder of each kind below `runs`, but for a campaign."""
+    monkeypatch.chdir(tmp_path)
+    files = {
+        "runs/plan/plan.json": PLANNED, "runs/plan/plan.rrd": "",
+        "runs/ident/result.json": MEASURED, "runs/ident/manifest.json": ABOUT,
+        "runs/iso/iso9283.csv": "", "runs/iso/result.json": TESTED, "robot/robot.toml": "",
+        "data/session.toml": "", "empty/any.txt": "", "runs/.hidden/plan.json": PLANNED,
+    }  # fmt: skip
+    for name, content in files.items():
+        Path(name).parent.mkdir(parents=True, exist_ok=True)
+        data = content.encode() if isinstance(content, str) else pretty_json(content)
+        Path(name).write_bytes(data)
+    return tmp_path
+
+
+def call(*words):
+    return CliRunner().invoke(app, [str(word) for word in words], catch_exceptions=False)
+
+
+SAYS = {
+    "data": "data: holds measurements to identify a robot from; truebed identify ROBOT data. [D42]",
+    "robot": "robot: is the folder of a robot; truebed robots robot/robot.toml. [D42]",
+    "empty": "empty: is not a run folder; a run folder holds manifest.json; give a folder that "
+    "truebed wrote. [D42]",
+    "runs/paln": 'runs/paln: does not exist; did you mean "runs/plan"? [D42]',
+    "plan": 'plan: does not exist; did you mean "runs/plan"? [D42]',
+    "qqq": "qqq: does not exist; check the path; truebed run SCENE writes one. [D42]",
+    "empty/any.txt": "empty/any.txt: is a file; folders are wanted; give the folder it lies in: "
+    "empty. [D42]",
+}
+
+
+@pytest.mark.parametrize("folder", SAYS)
+@pytest.mark.parametrize("verb", VERBS)
+def test_a_folder_that_no_verb_can_show_is_told_with_the_way_out(verb, folder, here):
+    done = call(verb, folder)
+    assert (done.exit_code, done.stdout, done.stderr) == (2, "", f"{SAYS[folder]}\n")
+
+
+@pytest.mark.parametrize("verb", VERBS[:3])
+def test_a_folder_of_several_names_them(verb, here):
+    done = call(verb, "runs")
+    assert done.exit_code == 2
+    assert done.stderr == (
+        "runs: holds 3 folders of truebed; give one of them: runs/ident, runs/iso, runs/plan. "
+        "[D42]\n"
+    )
+
+
+def test_what_was_written_whole_is_not_made_again(here):
+    for verb in ("report", "record"):
+        assert "runs/plan/plan_report.html, or type truebed view" in call(verb, "runs/plan").stderr
+        assert "no recording; open runs/iso/report.html" in call(verb, "runs/iso").stderr
+    assert "no recording; open runs/iso/report.html" in call("view", "runs/iso").stderr
+
+
+def test_a_plan_is_viewed_as_a_run_is(here, monkeypatch):
+    seen = []
+    monkeypatch.setattr(viewer, "open_viewer", lambda file, _: seen.append(file))
+    assert call("view", "runs/plan").exit_code == 0
+    assert seen == [Path("runs/plan/plan.rrd")]
+    refused = call("view", "runs/plan", "--trial", "a")
+    assert refused.exit_code == 2
+    assert "which has no trials; leave --trial out. [C41]" in refused.stderr
+
+
+@pytest.mark.parametrize(
+    ("folder", "told"),
+    [
+        ("runs/plan", ["small", "18", "174.3", "26.74", "29.4", "0.93"]),
+        ("runs/ident", ["spring", "extended", "61", "20", "0.3850", "0.0927", "216.3", "yes"]),
+        ("runs/iso", ["cycles", "30", "15", "-"]),
+    ],
+)
+def test_folders_of_a_kind_stand_in_one_table(folder, told, here):
+    done = call("compare", folder, folder)
+    assert done.exit_code == 0
+    assert all(done.stdout.count(f" {word}") >= 2 for word in told)
+    printed = json.loads(call("compare", folder, "--json").stdout)
+    assert list(printed["runs"]) == [folder]
+
+
+def test_folders_of_several_kinds_are_told_apart(here):
+    done = call("compare", "runs")
+    assert done.exit_code == 2
+    assert done.stderr.startswith("these are folders of 3 kinds (calibration: runs/ident; iso9283:")
+    for name in ("ident", "iso"):
+        Path("runs", name).rename(name)
+    assert "small" in call("compare", "runs").stdout  # the one that is left
+
+
+@pytest.mark.parametrize("kind", COLUMNS)
+def test_a_document_without_a_figure_has_a_dash(kind):
+    for broken in ({}, {"predicted": 3, "figures": {"AP": {"P1": "x"}}, "model": ["a"]}):
+        (row,) = rows(kind, [broken])
+        assert set(row) == {"-"}
+
+
+def test_a_damaged_file_is_told(here):
+    Path("runs/plan/plan.json").write_text("{")
+    done = call("compare", "runs/plan")
+    assert done.exit_code == 2
+    assert "runs/plan/plan.json" in done.stderr
+    assert figure({"a": 1}, "a/b") is None
+    assert document("iso9283", Path("runs/iso"))["test"] == "cycles"
