@@ -15,9 +15,10 @@ from made.gallery import OF_ONE_CAMPAIGN, PICTURES, QUESTIONS, SPREAD, at_five_s
 from made.gallery import page as scene_page
 from made.notebooks import PAGES as NOTEBOOKS
 from made.notebooks import cells, notebook
-from made.outputs import WORDS, compiled, meanings, paths
+from made.outputs import WORDS, compiled, meanings, paths, undescribed
 from testbed.assets import scene_names
 from testbed.cli import app
+from testbed.identify.handback.results import TIP_HEAD
 from testbed.robots.links import Link
 from testbed.scenario.laboratory import PaperTracker
 
@@ -175,6 +176,10 @@ def test_every_figure_of_every_scene_is_described_and_nothing_else():
     assert not [path for path, patterns in found.items() if not patterns]
     used = {patterns[0] for patterns in found.values()}
     assert not set(WORDS["run"]) - used
+
+
+def test_columns_of_files_that_no_page_writes_are_described():
+    assert not undescribed("tool_in_use.csv", TIP_HEAD)
 
 
 def test_a_pattern_stands_for_one_name_and_not_for_a_path():

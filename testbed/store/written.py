@@ -35,7 +35,7 @@ class WrittenFolder(Shown, Mapping[str, Any]):
         return len(self.numbers)
 
     def __repr__(self) -> str:
-        return f"WrittenFolder({str(self.path)!r}: {self.kind}, {len(self)} groups of numbers)"
+        return f"WrittenFolder({str(self.path)!r}: {self.kind})"
 
     def tables(self) -> dict[str, ResultTable]:
         """Each CSV file of the folder by its name without ending, units in the heads."""
