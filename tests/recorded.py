@@ -7,7 +7,7 @@ import numpy as np
 
 from testbed.recording.story import timeline_of
 from testbed.robots.catalog import load_robot
-from testbed.run.derive import chapters_of, recording_bytes
+from testbed.run.derive import campaign_story, chapters_of, recording_bytes
 from testbed.scenario.read import changed
 from testbed.studies import load_scenario
 from testbed.studies.trial.recording_cell import show
@@ -42,6 +42,11 @@ def record(path, played=None):
     played = played or small_campaign()
     path.write_bytes(recording_bytes(played, load_robot(played.scenario.robot)))
     return path
+
+
+def told(campaign):
+    """What a campaign's recording tells."""
+    return campaign_story(campaign, load_robot(campaign.scenario.robot))
 
 
 def shown(campaign):

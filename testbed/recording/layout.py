@@ -22,9 +22,9 @@ TEXTS, FEWER_TEXTS = (0.6, 2.0, 2.6), (0.6, 4.6)
 """Of the line, the words of now and, unless it stands elsewhere, the summary."""
 ASIDE, TOWARD_TRACKER = np.radians(140.0), 0.13
 """Camera: turned so far from the tracker's direction, aimed at this part of the way to it."""
-OPENING, ASPECT, FILLED = np.radians(55.0), 1.4, 0.92
-"""The viewer's angle of view from bottom to top, the cell's width over its height, and the part of
-both in which the axes of bodies stay: the bodies themselves are thicker."""
+OPENING, ASPECT, TALL_ASPECT, FILLED = np.radians(55.0), 1.4, 1.05, 0.92
+"""The viewer's angle of view from bottom to top, the cell's width over its height (less beside a
+tall plane), and the part of both in which the axes of bodies stay: the bodies are thicker."""
 
 
 def blueprint(story: Story, timeline: Timeline) -> Any:
@@ -92,7 +92,9 @@ def _cell(story: Story, timeline: Timeline, name: str, contents: str | list[str]
     bodies = link_poses(story.chain, timeline.q)[:, :, :3, 3].reshape(-1, 3)
     tools = forward(story.chain, timeline.q)[:, :3, 3]
     drawn = np.vstack([bodies, tools, story.station])
-    position, target = camera(story.reach, story.chain.T_world_base[:3, 3], story.station, drawn)
+    tall = any(one.panel is not None and one.panel.tall for one in story.chapters)
+    base, aspect = story.chain.T_world_base[:3, 3], TALL_ASPECT if tall else ASPECT
+    position, target = camera(story.reach, base, story.station, drawn, aspect)
     return rrb.Spatial3DView(
         origin="/world",
         contents=contents,
@@ -113,7 +115,9 @@ def _cell(story: Story, timeline: Timeline, name: str, contents: str | list[str]
     )
 
 
-def camera(reach: Array, base: Array, station: Array, drawn: Array) -> tuple[Array, Array]:
+def camera(
+    reach: Array, base: Array, station: Array, drawn: Array, aspect: float = ASPECT
+) -> tuple[Array, Array]:
     """Eye and the point it looks at (3,), so that workspace, robot and tracker are in view [m].
 
     Parameters
@@ -124,6 +128,8 @@ def camera(reach: Array, base: Array, station: Array, drawn: Array) -> tuple[Arr
         The robot's base and the tracker.
     drawn : (k, 3) array
         Where bodies and tools are at any step, and whatever else must be in view.
+    aspect : float
+        Width of the window over its height.
     """
     middle = (reach.mean(axis=0) + base) / 2
     radius = float(np.quantile(np.linalg.norm(reach - middle, axis=1), 0.95))
@@ -141,7 +147,7 @@ def camera(reach: Array, base: Array, station: Array, drawn: Array) -> tuple[Arr
     right /= np.linalg.norm(right)
     x, y, z = np.stack([right, np.cross(back, right), back]) @ (drawn - target).T
     # a point is in view if it is nearer to the line of sight than its share of its depth
-    depth = np.maximum(np.abs(x) / ASPECT, np.abs(y)) / (FILLED * np.tan(OPENING / 2)) + z
+    depth = np.maximum(np.abs(x) / aspect, np.abs(y)) / (FILLED * np.tan(OPENING / 2)) + z
     return target + max(3.12 * radius, float(depth.max())) * back, target
 
 

@@ -25,7 +25,7 @@ from testbed.versions import all_versions
 if TYPE_CHECKING:
     import numpy as np
 
-    from testbed.recording.story import Chapter
+    from testbed.recording.story import Chapter, Story
     from testbed.robots.robot import Robot
     from testbed.studies.trial.records import Campaign
 
@@ -178,7 +178,16 @@ def page_of(
 def recording_bytes(
     campaign: "Campaign", robot: "Robot", studies: Sequence[Study] | None = None
 ) -> bytes:
-    """The first trial of a campaign, with its default estimator, as a Rerun recording.
+    """The story of a campaign as a Rerun recording; arguments as of `campaign_story`."""
+    from testbed.recording.write import story_bytes
+
+    return story_bytes(campaign_story(campaign, robot, studies))
+
+
+def campaign_story(
+    campaign: "Campaign", robot: "Robot", studies: Sequence[Study] | None = None
+) -> "Story":
+    """The first trial of a campaign, with its default estimator, and windows on a few others.
 
     `led_by` puts another trial first.
 
@@ -192,7 +201,6 @@ def recording_bytes(
         Those that made the records; by default the registered ones.
     """
     from testbed.recording.story import Story
-    from testbed.recording.write import story_bytes
     from testbed.studies.trial import recording as trial
     from testbed.studies.trial.recording_cell import show
     from testbed.studies.trial.recording_others import other_windows
@@ -203,7 +211,7 @@ def recording_bytes(
     asked, answer = headline_answer(campaign, studies)
     # where trials are the question, the answer is that of the trial which is shown
     verdict = trial_verdict(campaign) if asked.name == GROUND.name else answer.verdict
-    story = Story(
+    return Story(
         identity=f"{scenario.name}-{scenario.seed}-{shown.trial.name}",
         name=f"{scenario.name}, seed {scenario.seed}, {shown.trial.name}",
         summary=trial.summary(campaign, verdict.sentence),
@@ -215,7 +223,6 @@ def recording_bytes(
         chapters=chapters_of(campaign, studies),
         windows=other_windows(campaign, shown),
     )
-    return story_bytes(story)
 
 
 def chapters_of(

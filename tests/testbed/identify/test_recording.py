@@ -12,6 +12,7 @@ from testbed.identify.recording_regions import regions_at
 from testbed.recording.story import timeline_of
 from testbed.recording.write import story_bytes
 from tests.calibrated import real, robot
+from tests.planes import unfitting
 from tests.recorded import column, scalars, store
 
 
@@ -64,6 +65,10 @@ def test_arrows_lead_from_what_is_predicted_to_what_was_seen(opened, shown):
     seen = (found.measurements.position[shown.judged] - base[:3, 3]) @ base[:3, :3]
     # the file keeps float32
     np.testing.assert_allclose(tip, seen, atol=1e-6)
+
+
+def test_every_text_fits_its_window():
+    assert unfitting(story()) == []
 
 
 def test_the_tracker_stands_where_the_measuring_frame_is(opened, shown):

@@ -11,6 +11,7 @@ from testbed.recording.story import timeline_of
 from testbed.recording.timeline import evenly
 from testbed.recording.write import story_bytes
 from tests import viewed
+from tests.planes import unfitting
 from tests.planned import ROBOT, quick_plan, small_plan
 from tests.recorded import column, scalars, store
 
@@ -68,6 +69,10 @@ def test_curves_are_the_plans_numbers_bit_for_bit(opened, made):
     assert same_where_shown(at, values, k * made.u_of_step[measured - 1])
     _, values = scalars(opened, "/goal/U", "goal_pose")
     assert np.array_equal(values, k * made.u[goals(made)])
+
+
+def test_every_text_fits_its_window(story):
+    assert unfitting(story) == []
 
 
 def test_a_held_out_pose_leaves_the_uncertainty_where_it_was(opened, made):

@@ -16,6 +16,7 @@ from testbed.recording.write import story_bytes
 from testbed.robots.catalog import load_robot, robot_names
 from testbed.robots.placements import link_poses
 from tests import viewed
+from tests.planes import unfitting
 from tests.recorded import column, scalars, store
 from tests.toy_story import STOPS, chapter, held, story
 
@@ -50,8 +51,9 @@ def test_an_arm_is_in_the_picture_wherever_its_joints_may_take_it(name):
     bodies = link_poses(chain, q)[:, :, :3, 3].reshape(-1, 3)
     tools, station = robot.model.poses(q)[:, :3, 3], np.array([2.5, 0.4, 0.8])
     drawn = np.vstack([bodies, tools, station])
-    for reach in (tools, tools[tools[:, 0] > 0.3]):
-        eye, target = camera(reach, chain.T_world_base[:3, 3], station, drawn)
+    front = tools[tools[:, 0] > 0.3]
+    for reach, aspect in ((tools, 1.4), (front, 1.4), (front, 1.05)):
+        eye, target = camera(reach, chain.T_world_base[:3, 3], station, drawn, aspect)
         # a pinhole that looks from the eye to the target, world z up in it
         view = Rotation.align_vectors([[0, 0, 1]], [target - eye])[0]
         up = view.apply([0, 0, 1.0])
@@ -59,10 +61,20 @@ def test_an_arm_is_in_the_picture_wherever_its_joints_may_take_it(name):
         x, y, z = view.apply(drawn - eye).T
         assert z.min() > 0
         assert np.abs(y / z).max() < 0.93 * np.tan(np.radians(27.5))
-        assert np.abs(x / z).max() < 0.93 * 1.4 * np.tan(np.radians(27.5))
+        assert np.abs(x / z).max() < 0.93 * aspect * np.tan(np.radians(27.5))
         # and not much farther off than it has to be, or than the workspace asks for
         size = np.quantile(np.linalg.norm(reach - reach.mean(axis=0), axis=1), 0.95)
         assert np.linalg.norm(eye - target) < 9 * size + np.linalg.norm(station)
+
+
+def test_a_text_that_does_not_fit_its_window_is_found():
+    lines = ("#### Toy", *(["- seven words that say nothing at all here"] * 9))
+    long = replace(chapter("long", visit(STOPS)), text=lines)
+    panel = Panel("p", "P", (0, 1), (0, 1))
+    assert unfitting(story(long)) == []
+    ((text, height, room),) = unfitting(story(replace(long, panel=panel)))
+    assert text.startswith("#### Toy")
+    assert height > room
 
 
 def test_slow_drawing_gives_the_same_content(tmp_path):

@@ -31,7 +31,17 @@ from testbed.studies.trial.recording_ghost import (
 )
 from tests import recorded, viewed
 from tests.campaign import with_records
-from tests.recorded import column, properties, record, scalars, small_campaign, store, structure
+from tests.planes import unfitting
+from tests.recorded import (
+    column,
+    properties,
+    record,
+    scalars,
+    small_campaign,
+    store,
+    structure,
+    told,
+)
 from tests.reported import SMALL, played
 from tests.testbed.laboratory.outcomes import settings
 from tests.toy_story import chapter
@@ -96,6 +106,10 @@ def test_exchange_after_exchange_ends_at_the_chosen_set_and_the_robot_shows_what
         away = np.abs(shown.setting.pool_q[sorted(after - before)] - timeline.q[phase.at[k]])
         assert away.max(axis=1).min() < 1e-14
     assert phase.stop - phase.start <= 150
+
+
+def test_every_text_fits_its_window(campaign):
+    assert unfitting(told(campaign)) == []
 
 
 def test_seen_errors_are_distances_between_measured_and_predicted_poses(opened, shown):

@@ -7,7 +7,8 @@ from testbed.studies.compensation.recording import chapter, factor, shown
 from testbed.studies.compensation.study import STUDY, CompensationStudy
 from tests import viewed
 from tests.campaign import with_records
-from tests.recorded import column, record, scalars, small_campaign, store, timeline
+from tests.planes import unfitting
+from tests.recorded import column, record, scalars, small_campaign, store, timeline, told
 
 ROBOTS, POSES, CYCLES = 2, 5, 4
 SINGLE = 1e-6
@@ -62,6 +63,10 @@ def test_the_kind_of_the_scenario_is_shown_and_without_it_the_first(campaign):
     one = shown(STUDY.of(campaign), campaign.scenario)
     assert one is STUDY.of(campaign)[1]
     assert shown(STUDY.of(campaign)[:1], campaign.scenario).truth == "rigid"
+
+
+def test_every_text_fits_its_window(campaign):
+    assert unfitting(told(campaign)) == []
 
 
 def test_the_curves_are_ap_in_micrometres_bit_for_bit(opened, campaign):

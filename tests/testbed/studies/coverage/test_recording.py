@@ -9,8 +9,8 @@ from testbed.studies.coverage.study import STUDY, CoverageStudy
 from testbed.studies.coverage.summary import cells
 from tests import viewed
 from tests.campaign import with_records
-from tests.planes import overlaps
-from tests.recorded import column, record, scalars, small_campaign, store, timeline
+from tests.planes import overlaps, unfitting
+from tests.recorded import column, record, scalars, small_campaign, store, timeline, told
 
 ROBOTS = 12
 SINGLE = 1e-4
@@ -76,6 +76,10 @@ def test_titles_names_and_numbers_do_not_lie_on_each_other():
     kinds = ["rigid", "wen2022", "soft", "elastic", "unmodelled", "slight"]
     assert overlaps(frame_words(kinds)) == []
     assert min(word.box[0] for word in frame_words(kinds)) >= -NAMES
+
+
+def test_every_text_fits_its_window(campaign):
+    assert unfitting(told(campaign)) == []
 
 
 def test_a_robot_is_a_dot_at_its_share_in_its_row(opened, campaign):

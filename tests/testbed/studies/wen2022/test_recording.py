@@ -16,7 +16,8 @@ from testbed.studies.wen2022.cloud.recording import (
 )
 from tests import viewed
 from tests.campaign import with_records
-from tests.recorded import column, record, scalars, small_campaign, store, timeline
+from tests.planes import unfitting
+from tests.recorded import column, record, scalars, small_campaign, store, timeline, told
 from tests.reported import paper_campaign
 
 SINGLE = 2e-7
@@ -60,6 +61,10 @@ def test_the_points_are_those_of_the_figure_at_the_stated_magnification(opened, 
         lengths = [min(count, SHOWN) for count in stages(len(cloud.points))]
         assert [len(row) for row in rows] == lengths
         assert np.array_equal(rows[0], rows[-1][: lengths[0]])
+
+
+def test_every_text_fits_its_window():
+    assert unfitting(told(paper_campaign())) == []
 
 
 def test_the_zero_pose_is_where_the_clouds_hang(clouds):
