@@ -9,6 +9,7 @@ from calib.arrays import Array, Index
 from calib.geometry.jacobian import joint_columns
 from calib.measurement.noise import whiteners
 from calib.uncertainty.many.sights import ManyRowsSeen, ManySights
+from calib.uncertainty.statement.evidence import diagonal
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -42,13 +43,8 @@ class ManyGains:
 def gains_of(seen: ManySights) -> ManyGains:
     """Those of R robots; poses of a table stand for themselves."""
     R, m = seen.train.q.shape[:2]
-    f, N = len(seen.free), many_whiteners(seen.train.covariance)
-    white = N @ (seen.train.free * seen.scale)
-    WA = (np.swapaxes(N, 2, 3) @ white).reshape(R, 6 * m, f)
-    flat = np.swapaxes(white.reshape(R, 6 * m, f), 1, 2)
-    H = flat @ np.swapaxes(flat, 1, 2) + seen.precision
-    each = zip(H, WA, strict=True)
-    F = seen.scale[:, None] * np.array([dposv(h, w.T, lower=1)[1] for h, w in each])
+    f, A = len(seen.free), seen.train.free * seen.scale
+    F = seen.scale[:, None] * _gains(A, seen.train.covariance, seen.precision)
     columns, sd = _shapes(seen)
     B = seen.train.rows[..., columns] * sd[:, None, None]
     each_pose = (F.reshape(R, f, m, 6).swapaxes(1, 2) @ B).swapaxes(1, 2).reshape(R, f, -1)
@@ -58,6 +54,29 @@ def gains_of(seen: ManySights) -> ManyGains:
     left = [_left(*both, absorbed) for both in zip(tables, spread, strict=True)]
     misfit = each_pose @ np.swapaxes(each_pose, 1, 2)
     return ManyGains(F, columns, sd, misfit, (spread[0], spread[1]), (left[0], left[1]))
+
+
+def _gains(A: Array, N: Array, precision: Array) -> Array:
+    """F (R, f, 6 m) of rows A (R, m, 6, f) under noise N (R, m, 6, 6) and a prior (R, f, f).
+
+    References
+    ----------
+    inv(A'WA + Lambda0) A'W; with more numbers than rows inv(Lambda0) A' inv(N + A inv(Lambda0) A').
+    """
+    R, m, _, f = A.shape
+    flat = A.reshape(R, 6 * m, f)
+    if f > 6 * m and all(map(diagonal, precision)):
+        spread = flat / np.diagonal(precision, axis1=1, axis2=2)[:, None]
+        V = flat @ np.swapaxes(spread, 1, 2)
+        for k in range(m):
+            V[:, 6 * k : 6 * k + 6, 6 * k : 6 * k + 6] += N[:, k]
+        return np.array([dposv(v, a, lower=1)[1].T for v, a in zip(V, spread, strict=True)])
+    root = many_whiteners(N)
+    white = root @ A
+    WA = (np.swapaxes(root, 2, 3) @ white).reshape(R, 6 * m, f)
+    white = np.swapaxes(white.reshape(R, 6 * m, f), 1, 2)
+    H = white @ np.swapaxes(white, 1, 2) + precision
+    return np.array([dposv(h, w.T, lower=1)[1] for h, w in zip(H, WA, strict=True)])
 
 
 def _left(table: ManyRowsSeen, spread: Array, absorbed: Array) -> Array:

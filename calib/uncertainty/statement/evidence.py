@@ -129,10 +129,14 @@ def believed_before(identification: Identification) -> PositionRows:
     expected = np.zeros(free.n_free)
     if identification.prior is None:
         return PositionRows(np.zeros((0, free.n_free)), np.zeros(0), np.zeros(0), 0.0)
-    names = free.free_names
-    at = [names.index(name) for name in identification.prior.names]
+    place = {name: k for k, name in enumerate(free.free_names)}
+    at = [place[name] for name in identification.prior.names]
     expected[at] = (identification.prior.mean - identification.step[at]) / free.free_scale[at]
-    root = np.linalg.cholesky(precision[np.ix_(at, at)]).T
+    precision = precision[np.ix_(at, at)]
+    if diagonal(precision):
+        root = np.diag(np.sqrt(np.diagonal(precision)))
+    else:
+        root = np.linalg.cholesky(precision).T
     A = np.zeros((len(at), free.n_free))
     A[:, at] = root
     return PositionRows(A, A @ expected, np.zeros(len(at)), 0.0)
@@ -181,9 +185,14 @@ def reduced(A: Array, prior: Array | None = None) -> Array:
     return np.asarray(A @ directions[singular > RANK_TOLERANCE * singular[0]].T)
 
 
+def diagonal(X: Array) -> bool:
+    """Whether a square matrix has nothing beside its diagonal, and nowhere zero on it."""
+    return np.count_nonzero(X) == len(X) and bool(np.diagonal(X).all())
+
+
 def _triangular(X: Array) -> bool:
     """Whether rows are an upper triangle (p, p)."""
-    return len(X) == X.shape[1] and not np.tril(X, -1).any()
+    return len(X) == X.shape[1] and (diagonal(X) or not np.tril(X, -1).any())
 
 
 def _sure(root: Array, size: float) -> bool:
@@ -191,5 +200,8 @@ def _sure(root: Array, size: float) -> bool:
 
     By a bound on the smallest singular value.
     """
-    inverse, flaw = dtrtri(root)
+    if diagonal(root):
+        inverse, flaw = 1 / np.diagonal(root), 0
+    else:
+        inverse, flaw = dtrtri(root)
     return flaw == 0 and bool(RANK_TOLERANCE * size * np.linalg.norm(inverse) < 1.0)

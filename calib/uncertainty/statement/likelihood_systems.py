@@ -1,11 +1,14 @@
 """Systems of numbers behind the likelihood of a misfit: by numbers, by rows, or by pooled rows."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.linalg import solve_triangular
+from scipy.linalg.lapack import dpotrf
 
 from calib.arrays import Array
+from calib.uncertainty.statement.evidence import diagonal
 
 COSTLY, POOLS = 5e7, 120
 """Products of columns above which rows that share noise and misfit alike are pooled; pools."""
@@ -41,14 +44,22 @@ class OfNumbers:
 
     def eliminated(self, t: Array) -> tuple[Array, Array]:
         """ln|H| and y'Py (nodes, k) of sizes t (k,)."""
-        pools = self.pools
-        H = _normal(self.X, self.lam, t) if pools is None else pools.normal(t)
-        found = []
-        for node in self.nodes:
-            whole = H * np.exp(-2 * node)
-            whole += self.before
-            found.append(_eliminated(whole))
-        return np.stack([one[0] for one in found]), np.stack([one[1] for one in found])
+        every = _normal(self.X, self.lam, t) if self.pools is None else self.pools.normal(t)
+        scales, p = np.exp(-2 * self.nodes), self.X.shape[1]
+        raised, pivots = np.empty((len(scales), len(t))), np.empty((len(scales), len(t), p))
+        for j, H in enumerate(every):
+            for k, scale in enumerate(scales):
+                # one factor serves both; the corner is raised, so that it has one where nothing is
+                # left. One after the other, each stays near the processor
+                whole = H * scale
+                whole += self.before
+                raised[k, j] = whole[-1, -1] + 1.0
+                whole[-1, -1] += raised[k, j]
+                factor, flaw = dpotrf(whole.T, lower=1, clean=0, overwrite_a=1)
+                if flaw:
+                    raise np.linalg.LinAlgError("Matrix is not positive definite")
+                pivots[k, j] = np.diagonal(factor)
+        return 2 * np.log(pivots[..., :-1]).sum(axis=2), pivots[..., -1] ** 2 - raised
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -76,9 +87,13 @@ class OfRows:
     def of(cls, X: Array, prior: Array, lam: Array, nodes: Array) -> "OfRows":
         """Those of columns [A, y] of rows (n, p + 1) and prior."""
         p = X.shape[1] - 1
-        both = prior if len(prior) == p and not np.tril(prior, -1).any() else _triangle(prior)
+        triangle = len(prior) == p and not np.tril(prior, -1).any()
+        both = prior if triangle else np.asarray(np.linalg.qr(prior, mode="r"))
         root, pull = both[:p, :p], both[:p, p]
-        B = solve_triangular(root, X[:, :p].T, trans=1, check_finite=False)
+        if diagonal(root):
+            B = X[:, :p].T / np.diagonal(root)[:, None]
+        else:
+            B = solve_triangular(root, X[:, :p].T, trans=1, check_finite=False)
         y = X[:, p] - pull @ B
         K, of_prior = B.T @ B, 2 * np.log(np.abs(np.diag(root))).sum()
         logarithm, mu, along = [], [], []
@@ -100,16 +115,11 @@ class OfRows:
         return self.logarithm[:, None] + logarithm, (self.y[:, None] ** 2 / size).sum(axis=2)
 
 
-def _triangle(X: Array) -> Array:
-    """Upper triangle with the products of the columns of X."""
-    return np.asarray(np.linalg.qr(X, mode="r"))
-
-
-def _normal(X: Array, lam: Array, t: Array) -> Array:
-    """X'inv(V)X (k, p, p) of rows X (n, p) for sizes t (k,), V = 1 + t^2 lam."""
-    weights = 1 / (1 + t[:, None] ** 2 * lam)
-    halves = (X.T * root for root in np.sqrt(weights))
-    return np.stack([half @ half.T for half in halves])
+def _normal(X: Array, lam: Array, t: Array) -> Iterator[Array]:
+    """X'inv(V)X (p, p) of rows X (n, p) for each of some sizes t (k,), V = 1 + t^2 lam."""
+    for root in 1 / np.sqrt(1 + t[:, None] ** 2 * lam):
+        half = X.T * root
+        yield half @ half.T
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -152,15 +162,3 @@ class _Pools:
         """X'inv(V)X (k, p, p) for sizes t (k,)."""
         weights = 1 / (1 + t[:, None] ** 2 * self.lam)
         return np.asarray(np.tensordot(weights, self.products, 1))
-
-
-def _eliminated(H: Array) -> tuple[Array, Array]:
-    """ln|A'inv(V)A| (k,) and what is left of y'inv(V)y (k,), of products of the columns [A, y].
-
-    These are used up.
-    """
-    # one factor serves both; the corner is raised, so that it has one where nothing is left
-    raised = H[:, -1, -1] + 1.0
-    H[:, -1, -1] += raised
-    pivots = np.diagonal(np.linalg.cholesky(H), axis1=1, axis2=2)
-    return 2 * np.log(pivots[:, :-1]).sum(axis=1), pivots[:, -1] ** 2 - raised
