@@ -102,9 +102,7 @@ def _climb(
     def gain(level: Level) -> float:
         return next(one.gain for one in by_itself().offered if one.level == level.name)
 
-    reached = near
-    if any(level.names for level in course.levels):
-        reached = robot.moved(course.levels, near, parameters.free_names)
+    reached = robot.moved(course.levels, near, parameters.free_names)
     return climb_of(
         course, robot.plan.ladders, gain, robot.scale, reached, lambda: by_itself().richest()
     )

@@ -61,13 +61,18 @@ class Climber:
         """With some levels of terms."""
         if terms not in self.grounds:
             if not terms:
-                rows = self.geometry / self.scale, self.r / self.scale
-                self.grounds[terms] = Ground.of_geometry(*rows, self.plan.precision, self.offset)[0]
+                self.grounds[terms] = self._bare()[0]
             else:
                 joints, values = self.plan.fewest[terms[-1]]
                 columns = self._columns(joints, values)
                 self.grounds[terms] = self.ground(terms[:-1]).widened(columns)
         return self.grounds[terms]
+
+    def _bare(self, moved: Array | None = None) -> tuple[Ground, Array]:
+        """Geometry alone, and its step (f,), where something has `moved` the rows (n,)."""
+        geometry, r = self.geometry / self.scale, self.r / self.scale
+        r = r if moved is None else r - moved
+        return Ground.of_geometry(geometry, r, self.plan.precision, self.offset)
 
     def _columns(self, joints: Index, values: Array) -> Array:
         """Columns (k, n) of terms that turn joints (k,) by values (m, k)."""
@@ -169,8 +174,6 @@ class Climber:
             bends = np.zeros(turns.shape[:2])
             np.add.at(bends, joints, values.T * x[:, None])
             moved = moved + (turns * bends[:, :, None]).sum(axis=0).ravel()
-        rows = self.geometry / self.scale, self.r / self.scale - moved
-        step = Ground.of_geometry(*rows, self.plan.precision, self.offset)[1]
-        found |= zip(free, step.tolist(), strict=True)
+        found |= zip(free, self._bare(moved)[1].tolist(), strict=True)
         wide = with_errors(near, joined(levels))
         return wide.moved(np.array([found.get(name, 0.0) for name in wide.names]))

@@ -93,7 +93,7 @@ class Ground:
         if which not in self.rests:
             own = self.rows.spent[:, out]
             L = np.asarray(np.linalg.cholesky(np.eye(len(out)) - own.T @ own))
-            self.rests[which] = Rest(self, out, L)
+            self.rests[which] = Rest(self.rows, out, L)
         return self.rests[which]
 
 
@@ -106,7 +106,8 @@ class Rest:
     The inverse of a part of a covariance is a Schur complement in the inverse of the whole.
     """
 
-    ground: Ground
+    whole: RowsLeft
+    """All rows."""
     out: Index
     """(l,) rows that are left out."""
     L: Array
@@ -115,7 +116,7 @@ class Rest:
     @cached_property
     def new(self) -> Array:
         """(l, n) what they add to Y; S is zero for them then."""
-        spent = self.ground.rows.spent
+        spent = self.whole.spent
         across = -(spent[:, self.out].T @ spent)
         across[range(len(self.out)), self.out] += 1.0
         return np.asarray(dtrtrs(self.L.T, across, lower=0, trans=1)[0])
@@ -123,14 +124,14 @@ class Rest:
     @cached_property
     def pulled(self) -> Array:
         """(l,) their part of v in units of the triangle."""
-        v = self.ground.rows.v[self.out]
+        v = self.whole.v[self.out]
         return np.asarray(dtrtrs(self.L.T, v, lower=0, trans=1)[0].ravel())
 
     @cached_property
     def rows(self) -> RowsLeft:
         """The rows that are not left out; zero for the others."""
-        whole = self.ground.rows
-        return RowsLeft(np.concatenate([whole.spent, self.new]), whole.v - self.pulled @ self.new)
+        spent = np.concatenate([self.whole.spent, self.new])
+        return RowsLeft(spent, self.whole.v - self.pulled @ self.new)
 
     def left(self, bent: Array | None = None) -> Array:
         """What the others leave (l,) of the rows, where springs bend all rows by `bent` (n,)."""

@@ -155,8 +155,8 @@ class SprungRows(NamedTuple):
         found = np.empty((*self.columns.shape[:2], len(sd)))
         each = (self.loads @ more) * (sd[:p] / self.springs.load)
         np.multiply(self.columns, each[:, None], out=found[:, :, :p])
-        weighed = give[:, None] * self.loads[:, :, 1:] * sd[p:]
-        np.matmul(self.columns, weighed, out=found[:, :, p:])
+        given = self.columns * give
+        np.matmul(given, self.loads[:, :, 1:] * sd[p:], out=found[:, :, p:])
         return found.reshape(-1, len(sd))
 
     def settled(self, rows: RowsLeft, most: float = 0.0) -> Bent:

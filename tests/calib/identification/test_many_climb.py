@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
 
+from calib.errors import InputError
+from calib.geometry.frames import log_so3, right_jacobian_inverse
 from calib.geometry.joint_errors import JointErrors, harmonic_terms
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import parameters_of
@@ -14,6 +16,7 @@ from calib.identification.folds import parts_of
 from calib.identification.ladders import ladders_of
 from calib.identification.levels import NOTHING, with_errors
 from calib.identification.many import climb as many_climb
+from calib.identification.many import climber
 from calib.identification.many.climb import climb_many
 from calib.identification.many.climb_plan import plan_of
 from calib.identification.many.settle import settled_many
@@ -34,7 +37,7 @@ LADDERS = tuple(
     for one in ALL
 )
 """Without the levels of most numbers."""
-POSES = 20
+POSES = 21
 
 
 def bent(rng, ladder, name, size):
@@ -127,6 +130,23 @@ def test_what_only_a_report_asks_for_is_worked_out_when_it_does():
     np.testing.assert_array_equal(found.richest().poses(q), alone.richest().poses(q))
 
 
+def test_an_arm_with_a_slide_climbs_as_well():
+    rng = np.random.default_rng(8)
+    nominal = RobotModel(kinds.ARMS["scara"])
+    free, ladders = parameters_of(nominal), ladders_of(nominal)
+    prior, q = weak_prior(free, nominal), kinds.joints("scara", rng, POSES)
+    level = ladders[0].levels[2]
+    wide = with_errors(nominal, level.errors)
+    step = np.append(prior.sd * rng.normal(size=free.n_free) / 10, 3 * level.sd)
+    tables = [kinds.poses(true, q, rng) for true in (nominal, wide.moved(step))]
+    near = [one.model for one in identify_many(nominal, tables, free, prior=prior)]
+    found = climb_many(nominal, near, tables, free, ladders, prior=prior)
+    assert any(level.errors.springs for level in found[1].taken)
+    for one, model, table in zip(found, near, tables, strict=True):
+        part = parts_of(table, np.random.default_rng(0))
+        held_to(one, climb(nominal, model, table, free, ladders, part, prior=prior), q)
+
+
 def test_with_too_few_poses_to_confirm_anything_nothing_is_taken():
     tables = [table.rows(np.arange(16)) for table in visits()[1:3]]
     near = fitted(tables)
@@ -161,7 +181,7 @@ def test_where_rounding_may_decide_a_robot_climbs_by_itself(monkeypatch):
         assert (one.gain, one.steps) == (other.gain, other.steps)
 
 
-@pytest.mark.parametrize("what", ["mean", "joints", "payload"])
+@pytest.mark.parametrize("what", ["mean", "joints", "payload", "visits"])
 def test_what_arrays_do_not_know_is_left_to_each(what):
     tables, ladders = visits()[:2], LADDERS[1:]
     if what == "mean":
@@ -170,6 +190,8 @@ def test_what_arrays_do_not_know_is_left_to_each(what):
         ladders = (replace(waves, levels=(NOTHING, *levels)),)
     elif what == "joints":
         tables[1] = replace(tables[1], q=tables[1].q + 1e-3)
+    elif what == "visits":  # rows that are one pose are left out together
+        tables[1] = replace(tables[1], pose_id=np.maximum(tables[1].pose_id, 1))
     else:
         said = replace(tables[0].conditions, payload=np.ones(POSES))
         tables = [replace(table, conditions=said) for table in tables]
@@ -177,6 +199,53 @@ def test_what_arrays_do_not_know_is_left_to_each(what):
     found = climb_many(TX60, near, tables, FREE, ladders, prior=PRIOR)
     for one, other in zip(found, one_by_one(near, tables, ladders), strict=True):
         assert (one.gain, one.steps) == (other.gain, other.steps)
+
+
+def test_two_ladders_of_springs_are_refused_as_for_one():
+    tables, ladder = visits()[:1], LADDERS[0]
+    with pytest.raises(InputError, match="both joint errors have springs"):
+        climb_many(TX60, fitted(tables), tables, FREE, (ladder, ladder), prior=PRIOR)
+
+
+def test_numbers_of_springs_that_are_learned_count_for_the_noise():
+    """With many rows and few numbers their number tells: here seven of 360 less 49."""
+    rng = np.random.default_rng(6)
+    level = next(one for one in ALL[0].levels if one.name == "sag by torques on a tilted base")
+    q, wide = kinds.joints("tx60", rng, 60), with_errors(rigid_truth(rng), level.errors)
+    step = np.zeros(wide.n_numbers)
+    step[42:] = level.sd * rng.normal(size=len(level.sd))
+    table = kinds.poses(wide.moved(step), q, rng)
+    table = replace(table, covariance=table.covariance / 4)
+    near = fitted([table])
+    ladder = replace(ALL[0], levels=(NOTHING, ALL[0].levels[2], level))
+    (found,) = climb_many(TX60, near, [table], FREE, [ladder], prior=PRIOR)
+    (alone,) = one_by_one(near, [table], [ladder])
+    # two times, to 4 % in a standard deviation of 310 rows
+    assert found.noise_factor == pytest.approx(2.0, rel=0.15)
+    held_to(found, alone, q)
+
+
+@pytest.mark.parametrize("arm", ["tx60", "iiwa", "scara"])
+def test_rows_and_bends_of_many_are_those_of_each(arm):
+    """Of robots that stand anywhere, some with slides, against the derivatives of one robot."""
+    rng = np.random.default_rng(3)
+    nominal = RobotModel(kinds.ARMS[arm])
+    free = parameters_of(nominal)
+    true = [replace(kinds.true_robot(arm, rng), fixtures=nominal.fixtures) for _ in range(2)]
+    q = kinds.joints(arm, rng, 5)
+    tables = [kinds.poses(one, q, rng) for one in true]
+    models = many_climb.ManyModels.each(nominal, true)
+    rows = many_climb.ClimbRows.of(models, many_climb.ManyTables.of(tables), free.free_index)
+    for k, (one, table) in enumerate(zip(true, tables, strict=True)):
+        own = linearize(one, table)
+        np.testing.assert_allclose(rows.r[k], own.r, rtol=0, atol=1e-8)
+        size = np.abs(own.A).max()
+        np.testing.assert_allclose(rows.geometry[k].T, own.A, rtol=0, atol=1e-12 * size)
+        T, _, bends = one.poses_and_bends(q)
+        e = log_so3(table.rotation @ np.swapaxes(T[:, :3, :3], 1, 2))
+        bends[:, 3:] = right_jacobian_inverse(e) @ bends[:, 3:]
+        wide = (table_whiteners(table) @ bends).reshape(len(own.r), -1)
+        np.testing.assert_allclose(rows.bends[k].T, wide, rtol=0, atol=1e-12 * size)
 
 
 def tight(table):
@@ -194,6 +263,16 @@ def tight(table):
     )
     (robot,) = many_climb.robots_of(plan, rows, np.zeros((1, 42)))
     return robot, prior, {level.name: level for one in ladders for level in one.levels}
+
+
+def test_springs_are_cut_short_only_where_no_noise_beyond_the_stated_one_can_be_found(monkeypatch):
+    """From a noise that is too large the way back is followed to its end."""
+    table = visits()[2]
+    robot = tight(table)[0].at_noise(3.0)
+    levels = tuple(ladder.levels[-1] for ladder in robot.plan.ladders)
+    found = robot.noise(levels)
+    monkeypatch.setattr(climber, "FAR_BELOW", 0.0)
+    assert found == robot.at_noise(3.0).noise(levels) > 1.0
 
 
 def columns(level, table):
