@@ -215,15 +215,15 @@ def of_pybotics() -> Iterator[Way]:
 
 
 def timed(run: Callable[[], object], rounds: int = 5) -> float:
-    """Smallest time of one call [s]."""
+    """Smallest time of the processor for one call [s]: others may be at work beside it."""
     run()
     best = np.inf
     for _ in range(rounds):
-        begun, count = time.perf_counter(), 0
-        while time.perf_counter() - begun < 0.05 or not count:
+        begun, count = time.process_time(), 0
+        while time.process_time() - begun < 0.05 or not count:
             run()
             count += 1
-        best = min(best, (time.perf_counter() - begun) / count)
+        best = min(best, (time.process_time() - begun) / count)
     return best
 
 

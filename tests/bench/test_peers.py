@@ -5,6 +5,7 @@ import pytest
 from tests.bench.peers import PEERS, missing, ways
 
 
+@pytest.mark.filterwarnings("ignore")  # of what other tools load
 @pytest.mark.parametrize("tool", PEERS.values())
 def test_a_peer_gives_what_truebed_gives(tool):
     if tool in missing():
