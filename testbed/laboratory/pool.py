@@ -4,7 +4,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.spatial import KDTree
 
 from calib.arrays import Array, Bool, Index, frozen
 from calib.errors import refuse
@@ -246,6 +245,8 @@ def is_new(q: Array, taken: Array) -> Bool:
     """Whether (m,) joint vectors q (m, n) differ from all of `taken` (k, n) in some joint."""
     if not len(taken):
         return np.ones(len(q), dtype=bool)
+    from scipy.spatial import KDTree  # loads much, and only drawing asks for it
+
     distance, _ = KDTree(taken).query(q, p=np.inf, distance_upper_bound=SAME)
     return np.asarray(np.isinf(distance))
 

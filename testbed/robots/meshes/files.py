@@ -15,6 +15,7 @@ from testbed.bounds import SCALE
 from testbed.gates.paths import real
 from testbed.robots.describe.xml_gate import parse_xml
 from testbed.robots.foreign import foreign
+from testbed.robots.meshes.plain_obj import plain_obj
 from testbed.robots.meshes.solids import corner_normals
 from testbed.robots.robot import IN_PLACE, Visual
 
@@ -120,9 +121,19 @@ def read_mesh(path: Path) -> tuple[Array, Index, Array | None]:
     InputError
         As `load_mesh`.
     """
+    data, kind, where = mesh_bytes(path), path.suffix.lower()[1:], str(path)
+    plain = plain_obj(data) if kind == "obj" else None
+    vertices, faces, normals = plain or _by_trimesh(data, kind, where)
+    _check_mesh(vertices, faces, where)
+    if normals is not None and not _are_directions(normals, vertices):
+        normals = None
+    return vertices, faces, normals
+
+
+def _by_trimesh(data: bytes, kind: str, where: str) -> tuple[Array, Index, Array | None]:
+    """The same of any file that trimesh reads."""
     import trimesh
 
-    data, kind, where = mesh_bytes(path), path.suffix.lower()[1:], str(path)
     unit = 1.0
     if kind == "dae":
         data, unit = _collada(data, where)
@@ -132,9 +143,6 @@ def read_mesh(path: Path) -> tuple[Array, Index, Array | None]:
         faces = np.asarray(loaded.faces, dtype=np.int64).reshape(-1, 3)
         own = b"\nvn " in data and kind == "obj"
         normals = np.asarray(loaded.vertex_normals, dtype=np.float64) if own else None
-    _check_mesh(vertices, faces, where)
-    if normals is not None and not _are_directions(normals, vertices):
-        normals = None
     return vertices, faces, normals
 
 

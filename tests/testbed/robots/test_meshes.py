@@ -1,5 +1,6 @@
 """Solids are closed, files say what was drawn, bad mesh files are refused."""
 
+import io
 import struct
 
 import numpy as np
@@ -10,6 +11,7 @@ from calib.errors import InputError
 from calib.geometry.frames import rot_x, slide
 from testbed import assets
 from testbed.robots.meshes.files import load_mesh
+from testbed.robots.meshes.plain_obj import plain_obj
 from testbed.robots.meshes.solids import (
     CREASE,
     GRID,
@@ -188,3 +190,34 @@ def test_an_open_solid_is_not_written(tmp_path):
     with pytest.raises(ValueError, match="not closed"):
         write_obj(solid, tmp_path / "open.obj")
     assert not (tmp_path / "open.obj").exists()
+
+
+@pytest.mark.parametrize("robot", ["staubli_tx60", "universal_ur10"])
+def test_what_ships_is_read_as_trimesh_reads_it(robot):
+    files = sorted((assets.models() / robot / "meshes").glob("*.obj"))
+    for file in files[::3]:
+        data = file.read_bytes()
+        loaded = trimesh.load(io.BytesIO(data), file_type="obj", force="mesh", process=False)
+        vertices, faces, normals = plain_obj(data)
+        assert np.array_equal(vertices[faces], loaded.vertices[loaded.faces])
+        assert len(vertices) == len(loaded.vertices)
+        # of a triangle's corners: written to NORMAL_DIGITS, of smooth surfaces as of flat ones
+        assert np.abs(np.linalg.norm(normals, axis=1) - 1).max() < 2 * NORMAL_DIGITS
+        assert (np.einsum("fkx,fx->fk", normals[faces], loaded.face_normals) > 0.5).all()
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        ("f ", "f 1//1 "), ("f ", "f 9999999//1 2//1 3//1\nf "), ("f ", "f 0//1 2//1 3//1\nf "),
+        ("vn ", "vn 1 2\nvn "), ("v ", "v 1 2 x\nv "), ("v ", "v 1_0 2 3\nv "),
+        ("v ", "vt 0 0\nv "), ("//", "/1/"),
+        ("o ", "usemtl steel\no "), ("f ", "f -1//1 -2//1 -3//1\nf "),
+    ],
+    ids=["four corners", "no such place", "from zero", "two numbers", "no number", "underscore",
+         "textures", "texture corners", "material", "from the end"],
+)  # fmt: skip
+def test_any_other_obj_file_is_left_to_trimesh(change):
+    text = (assets.models() / "staubli_tx60" / "meshes" / "probe.obj").read_text(encoding="utf-8")
+    assert plain_obj(text.encode()) is not None
+    assert plain_obj(text.replace(*change, 1).encode()) is None

@@ -13,7 +13,6 @@ from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
-from scipy.optimize import brentq
 from scipy.special import log_ndtr, ndtr
 
 from calib.arrays import Array
@@ -152,6 +151,8 @@ def predicted_band(draws: int, comparisons: int) -> tuple[float, float]:
     comparisons : int
         Ranges that are judged together.
     """
+    from scipy.optimize import brentq
+
     beyond = (1 - CONFIDENCE) / comparisons / 2  # Bonferroni
 
     def end(probability: float) -> float:
