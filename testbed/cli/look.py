@@ -127,16 +127,34 @@ def compare(
 
 
 @app.command()
-def report(folder: Run, plain: Plain = False, debug: Debug = False) -> None:
+def report(
+    folder: Run,
+    pdf: Annotated[
+        bool, typer.Option("--pdf", help="Print it to report.pdf, by a browser that is installed.")
+    ] = False,
+    embed: Annotated[
+        bool, typer.Option("--embed", help="Write it with the recording in it as well, to play.")
+    ] = False,
+    plain: Plain = False,
+    debug: Debug = False,
+) -> None:
     """Write result.json, arrays.npz and report.html again from the records."""
     with exit_codes(debug=debug, plain=plain) as end:
+        from testbed.cli import handout
         from testbed.cli.folders import AGAIN, require
+        from testbed.run.play import recording_of
         from testbed.store.layout import ARRAYS, REPORT, RESULT
 
         require(folder, AGAIN)
+        printer = handout.require_browser() if pdf else ""
         end.folder = folder
         derive_again(folder, (RESULT, ARRAYS, REPORT))
-        say(str(folder / REPORT))
+        page = folder / REPORT
+        say(str(page))
+        if pdf:
+            say(str(handout.print_pdf(page, printer)))
+        if embed:
+            say(str(handout.with_recording(page, recording_of(folder, None))))
 
 
 @app.command()

@@ -27,6 +27,8 @@ from testbed.gates.paths import is_there
 
 PAGE = Path(__file__).with_name("viewer.html")
 """The page for browsers: it opens from a file, fetches nothing, and inlines the viewer."""
+PLACED = ("new URL(document.currentScript.src, location.href)", "new URL(document.baseURI)")
+"""Where the viewer's script asks for its own address, which a page within a page has not."""
 LOCAL = "127.0.0.1"
 SIZE = (1600, 1000)
 """Width and height of the window of a picture."""
@@ -153,7 +155,7 @@ def page(title: str, rrd: bytes, script: str, binary: bytes, version: str) -> st
     return Template(PAGE.read_text(encoding="utf-8")).substitute(
         title=escape(title),
         version=version,
-        script=script.replace("</script", "<\\/script"),
+        script=script.replace(*PLACED).replace("</script", "<\\/script"),
         wasm=base64.b64encode(gzip.compress(binary, 9, mtime=0)).decode(),
         rrd=base64.b64encode(rrd).decode(),
     )

@@ -9,9 +9,18 @@ from calib.arrays import Array
 from calib.geometry.frames import inverse
 from calib.measurement.prediction import tool_poses
 from testbed.identify.records import Calibration
-from testbed.report.plots import SHADES, VIEWS, Look, dots, legend_above, plain_log, view_of
-from testbed.report.svg import DARK, LIGHT, MIDDLE, SOFT, drawing, svg_of
-from testbed.units import DEG, MM
+from testbed.report.plots import (
+    SHADES,
+    VIEWS,
+    Look,
+    dots,
+    legend_above,
+    marked_line,
+    plain_log,
+    view_of,
+)
+from testbed.report.svg import DARK, INK, LIGHT, MIDDLE, SOFT, drawing, svg_of
+from testbed.units import DEG, MM, UM
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -52,6 +61,10 @@ def histogram(calibration: Calibration) -> str:
                 )  # fmt: skip
                 ax.axvline(float(values.mean()), color=SOFT if label == "before" else DARK,
                            linewidth=1.0, linestyle="--")  # fmt: skip
+            point = calibration.proof.point
+            if name == "position" and point is not None and point.radius_mean * scale < top:
+                text = f"R95 {point.radius_mean * UM:.3g} µm"
+                marked_line(ax, point.radius_mean * scale, text, 4, color=INK, linewidth=0.9)
             ax.set_xlabel(f"{name} error [{unit}]")
             ax.set_ylabel("rows")
         legend_above(figure, axes[0])

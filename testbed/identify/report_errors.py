@@ -17,8 +17,8 @@ def accuracy_section(calibration: Calibration) -> Section:
     """The whole distribution before and after."""
     rows = "Held-out rows" if calibration.split.is_test.any() else "Rows identified from"
     caption = (
-        f"{rows} by the size of their error; dashed: the means. What lies beyond the axis is "
-        "counted in the last bar."
+        f"{rows} by the size of their error; dashed: the means, R95: the believed radius. What "
+        "lies beyond the axis is counted in the last bar."
     )
     figure = Figure(caption, plots.histogram(calibration))
     return Section("accuracy", "Before and after", (figure,))

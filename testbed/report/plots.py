@@ -61,6 +61,7 @@ def marked_line(
     label(
         ax, text, (x, height), (offset, 0), xycoords=("data", "axes fraction"),
         ha="right" if offset < 0 else "left", va="top" if height > 0.5 else "baseline",
+        bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.6, "alpha": 0.85},
     )  # fmt: skip
 
 

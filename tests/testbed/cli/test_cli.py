@@ -136,6 +136,19 @@ def test_report_and_record_write_their_files_again(truebed, scene, verb, monkeyp
     assert content(Path("a")) == expected
 
 
+def test_without_a_browser_one_sentence_says_so_and_nothing_is_written(truebed, scene, monkeypatch):
+    truebed("run", scene, "--out", "a")
+    before = {path: path.stat().st_mtime_ns for path in Path("a").rglob("*")}
+    from testbed.cli import handout
+
+    monkeypatch.setattr(handout.shutil, "which", lambda _: None)
+    result = truebed("report", "a", "--pdf")
+    assert result.exit_code == 2
+    assert "--pdf needs a browser to print with, and PATH has none of chromium" in result.stderr
+    assert "open report.html in any browser and print it" in result.stderr
+    assert {path: path.stat().st_mtime_ns for path in Path("a").rglob("*")} == before
+
+
 @pytest.mark.parametrize("verb", ["report", "record", "view", "compare"])
 def test_a_folder_that_is_no_run_is_refused(truebed, verb):
     result = truebed(verb, ".")

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from testbed.assets import scenes
+from testbed.cli import handout
 from testbed.report.page import render
 from testbed.run.derive import page_of
 from testbed.studies import load_scenario
@@ -25,6 +26,8 @@ UNSTABLE = ("certificate", "p_value", "sentence", "reasons")
 
 MOST_WORDS = {"quick": 1800, "wen2022": 3500}
 """That a report may have, folded sections and notes included."""
+MOST_PAGES = {"quick": 5, "wen2022": 8}
+"""Of A4, where a browser is there to print."""
 PLANS = ("plan_tx60",)
 """Scenes made for `truebed plan`, which knows no truth; test_plan*.py look at them."""
 
@@ -56,13 +59,17 @@ def differences(golden, now, path=""):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("scene", [scene for scene in SCENES if scene not in BY_HAND])
-def test_headline_numbers_are_the_golden_ones(scene):
+def test_headline_numbers_are_the_golden_ones(scene, tmp_path):
     campaign = played(scene)
     assert differences(golden(scene), headline(campaign)) == []
     if scene in MOST_WORDS:
         page = render(page_of(campaign, all_versions()))
         assert words(page) <= MOST_WORDS[scene]
         assert said_twice(page) == []
+        if (by := handout.browser()) is not None:
+            (tmp_path / "report.html").write_text(page, encoding="utf-8")
+            printed = handout.print_pdf(tmp_path / "report.html", by).read_bytes()
+            assert handout.pages(printed) <= MOST_PAGES[scene]
 
 
 @pytest.mark.study
