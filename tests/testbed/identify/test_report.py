@@ -31,6 +31,7 @@ from testbed.identify.words import (
     verdict,
 )
 from testbed.report.page import SIMULATED, render
+from testbed.report.text import verdict_lines
 from testbed.units import plain
 from tests.calibrated import real, sound
 from tests.reported import VERSIONS, read, said_twice
@@ -121,7 +122,7 @@ def test_sections_are_linked_and_drawn():
 def test_the_terminal_says_the_same_in_plain_text():
     text = terminal_text(real(), DELIVERED)
     assert text.splitlines()[0] == MEASURED
-    assert f"Verdict: {plain(page(real).verdict)}" in text
+    assert "\n".join(verdict_lines(plain(page(real).verdict))) in text
     assert "2 of 2 corrected." in text
 
 
