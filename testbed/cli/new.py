@@ -52,13 +52,14 @@ def session(
         looks = look_at(data, out.parent)
         proposed = propose_session(looks, arm, out.parent)
         text = session_text(proposed, looks, str(out), robot, arm.name if arm else None)
-        write_new(out, schema_beside(out, "session") + text)
+        write_new(out, (line := schema_beside(out, "session")) + text)
         if not quiet:
             say(f"{proposed.tried}.")
             for sentence in proposed.assumed:
                 say(f"  assumed  {sentence}")
             say()
             say(f"Session    {out}")
+            tell_schema(out, line)
             say(f"Next       truebed identify {robot or 'ROBOT'} {out}")
 
 
@@ -85,11 +86,12 @@ def robot(
         require_new(out)
         name = plain_name(table if table is not None else out)
         text, assumed = robot_text(table, joints, name)
-        write_new(out, schema_beside(out, "robot") + text)
+        write_new(out, (line := schema_beside(out, "robot")) + text)
         if not quiet:
             for sentence in assumed:
                 say(f"  assumed  {sentence}")
             say(f"Robot      {out}")
+            tell_schema(out, line)
             say(f"Next       truebed check {out}")
 
 
@@ -117,10 +119,17 @@ def scene(
 
         require_new(out)
         text = scene_text(load_robot(robot), robot, plain_name(out))
-        write_new(out, schema_beside(out, "scene") + text)
+        write_new(out, (line := schema_beside(out, "scene")) + text)
         if not quiet:
             say(f"Scene      {out}")
+            tell_schema(out, line)
             say(f"Next       truebed run {out}")
+
+
+def tell_schema(out: Path, line: str) -> None:
+    """Say which schema was written beside a file, if there was."""
+    if line:
+        say(f"Schema     {out.parent / line.split()[1]}  for editors")
 
 
 @app.command()

@@ -122,7 +122,11 @@ def _bar(course: TimeLeft) -> Iterator[Progress]:
     console = Console(file=cast(IO[str], Stderr()))
     narrow = console.width < NARROW
     columns = [
-        LiveColumn(lambda: visible(name), min_width=None if narrow else 24),
+        LiveColumn(
+            lambda: visible(name),
+            min_width=None if narrow else 24,
+            max_width=max(console.width - WORDS, 8) if narrow else None,
+        ),
         LiveColumn(lambda: f"{min(course.done + 1, course.steps)}/{course.steps}" if name else ""),
         LiveColumn(left),
     ]
@@ -140,6 +144,8 @@ def _bar(course: TimeLeft) -> Iterator[Progress]:
         yield report
 
 
+WORDS = 25
+"""Columns of a terminal that place and time left take."""
 NARROW = 70
 """Columns of a terminal below which there is no room for a bar beside the words."""
 

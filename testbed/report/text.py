@@ -42,13 +42,14 @@ def table(
         return facts(title, head, cells)
     edge = terminal_width()
     if wrap:
-        return facts(title, head, cells) if edge < NARROWEST else _grid(title, head, cells, edge)
+        narrow = edge < NARROWEST
+        return folded(facts(title, head, cells)) if narrow else _grid(title, head, cells, edge)
     whole = _grid(title, head, cells)
     if not sys.stdout.isatty() or max(map(len, whole.split("\n"))) <= edge:
         return whole
     parts = folded_columns([[*column] for column in zip(head, *cells, strict=True)], edge)
     if parts is None:
-        return facts(title, head, cells)
+        return folded(facts(title, head, cells))
     return "\n\n".join(
         _grid(
             "" if k else title, [head[i] for i in part], [[row[i] for i in part] for row in cells]

