@@ -19,6 +19,7 @@ from testbed.proposal.drafts import MATCHED, PARTS, drafts_of
 from testbed.proposal.names import is_wished
 from testbed.proposal.parts import Document
 from testbed.robots.robot import Robot
+from testbed.units import counted
 
 JOINTS = 6
 """Of a robot that nobody names."""
@@ -155,7 +156,9 @@ def _proposed(looks: tuple[Found, ...], robot: Robot | None, root: Path) -> Prop
     others = [scores[int(k)] for k in order[1:] if np.isfinite(scores[int(k)])]
     tried = f"base and tool of a nominal {robot.name} alone leave {_shown(least)}"
     if others:
-        tried += f"; the best of {len(drafts) - 1} other readings leaves {_shown(others[0])}"
+        tried += (
+            f"; the best of {counted(len(drafts) - 1, 'other reading')} leaves {_shown(others[0])}"
+        )
         if others[0] < TIMES * least:
             tried += ": too little to tell them apart"
     return Proposed(best.document, best.notes, tried, True)
@@ -184,7 +187,8 @@ def _misfit(robot: Robot, session: Session | None, parts: int) -> float:
 
 def _shown(score: float) -> str:
     """A misfit for people."""
-    return f"{score * 1e3:.2g} mm" if score < 1 else f"{score:.2g} m"
+    number, unit = (score * 1e3, "mm") if score < 1 else (score, "m")
+    return f"{float(f'{number:.2g}'):g} {unit}"  # 600, where .2g alone has 6e+02
 
 
 def _beginning(look: Found, looks: tuple[Found, ...]) -> FileText:
