@@ -9,15 +9,24 @@ import pytest
 
 from calib.geometry.parameters import parameters_of
 from calib.identification.climb import climb
+from calib.identification.folds import parts_of
 from calib.identification.identify import identify
 from calib.identification.ladders import ladders_of
+from calib.identification.many.climb import climb_many
+from calib.identification.many.single import identify_many
 from calib.identification.model_choice import choose, extended_by
 from calib.identification.prior import weak_prior
+from testbed.laboratory.truth.laboratory import open_laboratory
+from testbed.laboratory.truth.setting import make_setting
+from testbed.studies import load_scenario
+from testbed.studies.coverage.play import offered
+from testbed.studies.coverage.visits import measure_robots, poses_of
+from testbed.studies.trial.play import criterion_of, select
 from tests.calib.identification.test_climb import mapped
 from tests.calib.identification.test_joint_models import seen
 from tests.reference import tx60
 
-POSES = 100
+POSES, ROBOTS = 100, 25
 PARAMETERS = parameters_of(tx60())
 PRIOR = weak_prior(PARAMETERS)
 
@@ -52,3 +61,38 @@ def test_whole_fits_of_every_level_and_fold(benchmark, table):
         return [extended_by(tx60(), rest, PARAMETERS, [best], prior=PRIOR) for rest in rests]
 
     benchmark.pedantic(whole, rounds=2)
+
+
+@pytest.fixture(scope="module", params=["rigid", "unmodelled"])
+def robots(request):
+    """Rows of robots at the 29 poses of the coverage scene, and fits of their geometry."""
+    scenario = load_scenario("coverage")
+    bench = open_laboratory(scenario, make_setting(scenario))
+    random, trial = np.random.default_rng(1), scenario.trial[0]
+    criterion = criterion_of(bench, trial)
+    chosen = select(bench.design_blocks(trial.rows), trial, random, criterion).indices
+    poses = [poses_of(bench, k) for k in range(ROBOTS)]
+    seen = [o.seen for o in measure_robots(bench, request.param, chosen, range(ROBOTS), poses)]
+    nominal, free = bench.setting.nominal, bench.free("whitened")
+    prior = weak_prior(free, nominal)
+    near = [one.model for one in identify_many(nominal, seen, free, prior=prior)]
+    return nominal, near, seen, free, offered(bench), prior
+
+
+@pytest.mark.benchmark(group="climbs of robots at 29 poses")
+def test_25_robots_one_by_one(benchmark, robots):
+    nominal, near, seen, free, ladders, prior = robots
+    part = parts_of(seen[0], np.random.default_rng(0))
+
+    def each():
+        for model, table in zip(near, seen, strict=True):
+            climb(nominal, model, table, free, ladders, part, prior=prior)
+
+    benchmark.pedantic(each, rounds=2)
+
+
+@pytest.mark.benchmark(group="climbs of robots at 29 poses")
+def test_25_robots_together(benchmark, robots):
+    """Aim: five times as fast."""
+    nominal, near, seen, free, ladders, prior = robots
+    benchmark.pedantic(climb_many, (nominal, near, seen, free, ladders), {"prior": prior}, rounds=3)

@@ -267,12 +267,15 @@ def tight(table):
 
 def test_springs_are_cut_short_only_where_no_noise_beyond_the_stated_one_can_be_found(monkeypatch):
     """From a noise that is too large the way back is followed to its end."""
-    table = visits()[2]
-    robot = tight(table)[0].at_noise(3.0)
-    levels = tuple(ladder.levels[-1] for ladder in robot.plan.ladders)
-    found = robot.noise(levels)
+    tables = visits(3.0)[2:3]
+    plan = plan_of(TX60, tables, FREE, ALL, PRIOR)
+    models = many_climb.ManyModels.each(TX60, fitted(tables))
+    rows = many_climb.ClimbRows.of(models, many_climb.ManyTables.of(tables), FREE.free_index)
+    (robot,) = many_climb.robots_of(plan, rows, models.steps())
+    levels = tuple(ladder.levels[-1] for ladder in ALL)
+    found = robot.at_noise(6.0).noise(levels)
     monkeypatch.setattr(climber, "FAR_BELOW", 0.0)
-    assert found == robot.at_noise(3.0).noise(levels) > 1.0
+    assert found == robot.at_noise(6.0).noise(levels) > 1.0
 
 
 def columns(level, table):
