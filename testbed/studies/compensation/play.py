@@ -16,10 +16,8 @@ from calib.compensation import compensate
 from calib.geometry.model import RobotModel
 from calib.identification.ladders import ladders_of
 from calib.identification.levels import Ladder
-from calib.identification.many.single import identify_many
-from calib.identification.model_choice import choose
-from calib.identification.prior import weak_prior
-from calib.identification.result import Identification
+from calib.identification.many.choices import choose_many
+from calib.identification.model_choice import ModelChoice
 from calib.measurement.accuracy import error_statistics, position_errors
 from calib.measurement.iso9283 import (
     IsoFigure,
@@ -80,11 +78,10 @@ def play_robots(
     for kind in kinds:
         measured = [measure_robot(laboratory, kind, trial, k) for k in robots]
         nominal, free = laboratory.setting.nominal, laboratory.free("whitened")
-        seen, prior = [table for _, table in measured], weak_prior(free, nominal)
-        geometric = identify_many(nominal, seen, free, prior=prior)
-        each = zip(measured, geometric, robots, strict=True)
+        choices = choose_many(nominal, [table for _, table in measured], free, ladders=ladders)
+        each = zip(measured, choices, robots, strict=True)
         found[kind] = gather(
-            [play_robot(*one, fit, ladders, kind, trial, T, q, k) for one, fit, k in each]
+            [play_robot(*one, choice, kind, trial, T, q, k) for one, choice, k in each]
         )
     return found
 
@@ -112,8 +109,7 @@ def gather(parts: Sequence[CompensationStudy]) -> CompensationStudy:
 def play_robot(
     own: Laboratory,
     seen: Measurements,
-    geometric: Identification,
-    ladders: Sequence[Ladder],
+    choice: ModelChoice,
     truth: str,
     trial: Trial,
     T: Array,
@@ -126,10 +122,8 @@ def play_robot(
     ----------
     own, seen
         From `measure_robot`.
-    geometric : Identification
-        Its geometry under the weak prior.
-    ladders : sequence of Ladder
-        From `offered`.
+    choice : ModelChoice
+        Of its models, from what is `offered`.
     truth : str
         Kind of robot.
     trial : Trial
@@ -141,8 +135,7 @@ def play_robot(
     robot : int
         Its number, for the streams.
     """
-    nominal, free = own.setting.nominal, own.free("whitened")
-    choice = choose(nominal, seen, free, ladders=ladders, geometric=geometric)
+    nominal = own.setting.nominal
     models = [found.model for found in choice.identifications]
     extended = choice.chosen == "extended"
     runs = [execute(own, T, q, "before", robot)]
