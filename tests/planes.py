@@ -7,8 +7,8 @@ from itertools import combinations
 LETTER, LINE, BLANK, ROW, HEADING = 6.3, 15.2, 12.0, 23.0, 58.0
 """Of Markdown in the viewer, measured in pictures of 1600 by 1000 points: mean width of a letter,
 heights of a line, of an empty one, of a row of a table, of a heading with the space above it."""
-TEXTS = {"now": (545, 187), "summary": (545, 255)}
-BESIDE_TALL = {"now": (372, 187), "summary": (372, 255)}
+TEXTS = {"now": (545, 173), "summary": (545, 238)}
+BESIDE_TALL = {"now": (372, 173), "summary": (372, 238)}
 WITHOUT_PLANE = {"now": (545, 430), "summary": (775, 245)}
 """Width and height of the windows of words in the three layouts [points]."""
 

@@ -8,7 +8,7 @@ too, exactly as the record has them.
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import Any
+from textwrap import wrap
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -16,15 +16,14 @@ from numpy.typing import ArrayLike
 from calib.arrays import Array, Index
 from testbed.recording import style
 from testbed.recording.pen import Pen
+from testbed.recording.plane import LETTER, LINE, Word, grid_lines, words_of
 from testbed.recording.style import Color
 from testbed.recording.timeline import Phase
 
-SIZE = (800.0, 264.0)
-"""Width and height of the plane."""
+SIZE = (680.0, 224.0)
+"""Width and height of the plane: somewhat smaller than its window in one of 1600 by 1000."""
 LEFT, RIGHT, TICK, BOTTOM = 62.0, 18.0, 12.0, 35.0
 """Margins of a chart: for its numbers, below its legend, and for the numbers along it."""
-LETTER, LINE = 6.8, 21.0
-"""Width of a letter and height of a line of words."""
 SAMPLE = 22.0
 """Length of the line before a name in a legend."""
 FEW = 40
@@ -96,21 +95,6 @@ def fit_chart(trace: Array, dof: int) -> Chart:
     return Chart("identify", title, (curve,), np.arange(len(trace), dtype=np.float64))
 
 
-@dataclass(frozen=True, slots=True)
-class Word:
-    """Words with the middle of their upper edge at a place."""
-
-    x: float
-    y: float
-    text: str
-
-    @property
-    def box(self) -> tuple[float, float, float, float]:
-        """Left, top, right and bottom of what they cover."""
-        half = (LETTER * len(self.text) + 8.0) / 2
-        return self.x - half, self.y, self.x + half, self.y + LINE
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class Axes:
     """Where a chart lies on the plane and what it spans."""
@@ -169,8 +153,11 @@ class Axes:
     def words(self) -> list[Word]:
         """Title, legend, and the numbers of both axes."""
         along, up = self.marks
-        title = LETTER * len(self.chart.title) / 2 + 12
-        found = [Word(self.left + title, 2, self.chart.title), *self._names]
+        found = [
+            Word(self.left + LETTER * len(line) / 2 + 12, 2 + k * LINE, line)
+            for k, line in enumerate(self._title)
+        ]
+        found += self._names
         for mark in along:
             x, y = self.place(np.array(mark), np.array(self.y[0]))
             found.append(Word(x, y + 12, f"{mark:g}"))
@@ -181,9 +168,14 @@ class Axes:
         return found
 
     @property
+    def _title(self) -> list[str]:
+        """The title, in as many lines as it needs."""
+        return wrap(self.chart.title, int((self.width - 24) / LETTER))
+
+    @property
     def _names(self) -> list[Word]:
         """The legend, in as many lines as it needs."""
-        start, y, found = self.left + 12.0, LINE + 5, list[Word]()
+        start, y, found = self.left + 12.0, len(self._title) * LINE + 5, list[Word]()
         at = start
         for curve in self.chart.curves:
             width = LETTER * len(curve.label) + 8
@@ -261,7 +253,7 @@ def draw_charts(pen: Pen, phase: Phase, charts: Sequence[Chart]) -> None:
             points = frame.of(curve)
             strips += [points, sample]
             colors += 2 * [curve.color]
-            if 0 < len(points) < FEW and np.ptp(points[:, 1]) > 0:
+            if 0 < len(points) < FEW and len({*curve.values.tolist()}) > len(points) // 2:
                 dots.append(points)
                 dyes += len(points) * [curve.color]
     at(f"{root}/curves", rr.LineStrips2D(strips, colors=colors, radii=thick, draw_order=0.0))
@@ -291,30 +283,3 @@ def _draw_cursor(pen: Pen, phase: Phase, root: str, frames: Sequence[Axes]) -> N
     pen.every_step(f"{root}/now", columns, phase.at[shown])
     large = rr.Radius.ui_points(5.5)
     pen.static(f"{root}/now", rr.Points2D.from_fields(radii=large, draw_order=2.0))
-
-
-def grid_lines(lines: ArrayLike, order: float) -> Any:
-    """Thin lines (k, 2, 2) behind what a plane shows; those of the lowest order lie deepest."""
-    import rerun as rr
-
-    thin = rr.Radius.ui_points(0.5)
-    return rr.LineStrips2D(lines, colors=style.GRID_COLOR, radii=thin, draw_order=order)
-
-
-def words_of(words: Sequence[Word]) -> Any:
-    """Words on a plane."""
-    import rerun as rr
-
-    places, labels = [[word.x, word.y] for word in words], [word.text for word in words]
-    color = style.TEXT_COLOR
-    return rr.Points2D(places, labels=labels, show_labels=True, radii=0.01, colors=color)
-
-
-def draw_grid(pen: Pen, path: str, lines: ArrayLike, order: float) -> None:
-    """Thin lines at all times."""
-    pen.static(path, grid_lines(lines, order))
-
-
-def draw_words(pen: Pen, path: str, words: Sequence[Word]) -> None:
-    """Words at all times."""
-    pen.static(path, words_of(words))

@@ -16,9 +16,9 @@ from testbed.robots.placements import link_poses
 FRAMES_PER_SECOND = 24.0
 WIDTHS = (1.8, 1.0), (1.5, 1.0, 1.5)
 """Of cell and texts, and of both beside a tall plane."""
-ROWS = (6.1, 0.9, 3.0)
+ROWS = (5.8, 1.1, 3.1)
 """Heights of cell, bar of phases and charts."""
-TEXTS, FEWER_TEXTS = (0.6, 2.0, 2.6), (0.6, 4.6)
+TEXTS, FEWER_TEXTS = (0.75, 2.0, 2.65), (0.75, 4.65)
 """Of the line, the words of now and, unless it stands elsewhere, the summary."""
 ASIDE, TOWARD_TRACKER = np.radians(140.0), 0.13
 """Camera: turned so far from the tracker's direction, aimed at this part of the way to it."""

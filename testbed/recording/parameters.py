@@ -6,8 +6,9 @@ import numpy as np
 
 from calib.arrays import Array, Bool, Index
 from testbed.recording import style
-from testbed.recording.chart import LETTER, LINE, SIZE, Word, draw_grid, draw_words
+from testbed.recording.chart import SIZE
 from testbed.recording.pen import Pen
+from testbed.recording.plane import LETTER, LINE, Word, draw_grid, draw_words
 from testbed.recording.story import Panel
 
 TICKS, LABELLED, EDGE = (0, 2, 10, 100), (2, 100), 300.0
@@ -20,7 +21,7 @@ BLOCKS = 4
 ROWS = MOST_ROWS // BLOCKS
 """Most rows of a block."""
 WIDTH, ROW = SIZE[0] / BLOCKS, (SIZE[1] - 1.5 * LINE) / ROWS
-NAME = 74.0
+NAME = 63.0
 """Width of a block that is for the names."""
 
 

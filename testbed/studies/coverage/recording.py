@@ -8,17 +8,9 @@ import numpy as np
 
 from calib.arrays import Array, Bool
 from testbed.recording import style
-from testbed.recording.chart import (
-    LETTER,
-    LINE,
-    Chart,
-    Series,
-    Word,
-    draw_grid,
-    draw_words,
-    level,
-)
+from testbed.recording.chart import Chart, Series, level
 from testbed.recording.pen import Pen, first
+from testbed.recording.plane import LETTER, LINE, Word, draw_grid, draw_words
 from testbed.recording.story import Chapter, Panel, numbered
 from testbed.recording.timeline import Phase, growing, spread
 from testbed.studies.coverage.plots import TITLES
@@ -82,11 +74,10 @@ def chapter(campaign: Campaign) -> Chapter:
         motion=spread(shown, FRAMES),
         text=(
             "#### 5 Coverage: does the statement hold?",
-            f"- {some} robots of each of {len(studies)} kinds come in one by "
-            "one, each calibrated, validated and judged",
-            f"- a dot: share of one robot's held-out points inside what is stated; pale line: the "
-            f"promised {100 * studies[0].level:g} %",
-            "- large: mean so far, blue where the promise is kept, vermilion where it is not",
+            f"- {some} robots of each of {len(studies)} kinds come in one by one",
+            "- a dot: share of one robot's held-out points inside what is stated",
+            f"- pale line: the promised {100 * studies[0].level:g} %",
+            "- large: mean so far, blue where the promise is kept",
             f"- {short} of {len(found)} statements fall short, by bands over robots",
         ),
         draw=partial(_draw, studies, found),

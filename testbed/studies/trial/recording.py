@@ -99,7 +99,7 @@ def _measure(shown: ShownTrial) -> Chapter:
         text=(
             "#### 2 Measure",
             f"- the tracker measures {measurements.n_poses} poses",
-            "- dark dots: where the target was seen",
+            "- blue: the chosen poses; dark: where the target was seen",
             f"- vermilion arrows: seen minus nominal, drawn {shown.arrows} times",
             shown.ghost_words,
         ),
@@ -166,7 +166,7 @@ def _evaluate(shown: ShownTrial) -> Chapter:
             f"#### 4 Evaluate: {count} held-out poses",
             f"- vermilion, blue: error before and after, both drawn {shown.arrows} times",
             f"- ellipsoids: {whose} 95 % regions of the mean tool point, drawn {shown.regions} "
-            "times, with the error as a thin arrow; blue holds the truth, vermilion does not",
+            "times; blue: the truth is inside",
             f"- {held} of {count} regions hold the truth",
             *one_move,
             f"- ghost: what is left of the deviation, drawn {shown.ghost} times",
