@@ -5,9 +5,10 @@ from pathlib import Path
 from typing import Any
 
 from testbed.cli.folders import ISO9283, PLAN
+from testbed.report.text import table
 from testbed.store import layout
 from testbed.store.documents import read_json
-from testbed.store.manifest import CALIBRATION
+from testbed.store.manifest import CALIBRATION, CAMPAIGN
 
 NUMBERS = {PLAN: layout.PLAN, ISO9283: layout.RESULT, CALIBRATION: layout.RESULT}
 """Where the figures of a folder stand."""
@@ -41,6 +42,23 @@ def document(kind: str, path: Path) -> dict[str, Any]:
     """The figures of a folder, as its file has them."""
     fix = "give the command that wrote it again, with another --out"
     return read_json(path / NUMBERS[kind], fix=fix)
+
+
+def table_of(kind: str, found: Mapping[str, Mapping[str, Any]]) -> str:
+    """Folders of one kind as a table, by their names."""
+    if kind == CAMPAIGN:
+        from testbed.cli.terminal import HEAD, headline_rows
+
+        cells = [
+            [name, result["scenario"], str(result["seed"]), *row]
+            for name, result in found.items()
+            for row in headline_rows(result)
+        ]
+        notice = next(iter(found.values()))["notice"]
+        title = "Tool error on held-out poses"
+        return f"{notice}\n{table(title, ('run', 'scenario', 'seed', *HEAD), cells)}"
+    cells = [[name, *row] for name, row in zip(found, rows(kind, [*found.values()]), strict=True)]
+    return table(TITLES[kind], ("folder", *COLUMNS[kind]), cells)
 
 
 def rows(kind: str, found: Sequence[Mapping[str, Any]]) -> list[list[str]]:

@@ -108,28 +108,20 @@ def recording_in(path: Path, trial: str | None) -> Path:
     return path / "plan.rrd"
 
 
-def comparable(paths: Sequence[Path]) -> tuple[str, list[Path]]:
-    """Folders of one kind that can stand in one table; a folder of folders stands for these.
+def by_kind(paths: Sequence[Path]) -> dict[str, list[Path]]:
+    """Folders that can stand in tables, by what they are; a folder of folders stands for these.
 
     Raises
     ------
     InputError
-        One cannot be compared, or they are of several kinds.
+        One of them has nothing to be compared.
     """
     kinds: dict[str, list[Path]] = {}
     for path in paths:
-        found = require(path, (CAMPAIGN, CALIBRATION, PLAN, ISO9283, SEVERAL))
+        found = require(path, (*AGAIN, PLAN, ISO9283, SEVERAL))
         for one in inside(path) if found == SEVERAL else [path]:
             kinds.setdefault(kind(one), []).append(one)
-    if len(kinds) > 1:
-        told = "; ".join(f"{found}: {some([*map(str, ones)], 3)}" for found, ones in kinds.items())
-        raise refuse(
-            "RUN", None, "folders of one kind have the same figures", code="C41",
-            message=f"these are folders of {len(kinds)} kinds ({told})",
-            fix="compare those of one kind",
-        )  # fmt: skip
-    ((found, ones),) = kinds.items()
-    return found, ones
+    return kinds
 
 
 def _missing(path: Path) -> InputError:

@@ -47,7 +47,7 @@ def scene_in_full(name: str) -> str:
     from testbed.gates.comments import with_comments
     from testbed.gates.toml import read_toml_bytes
     from testbed.scenario.read import dump_scenario, scenario_path
-    from testbed.schemas.editor import directive, schema_name
+    from testbed.schemas.names import directive, schema_name
     from testbed.studies import load_scenario
 
     whole = dump_scenario(load_scenario(name))
@@ -82,47 +82,39 @@ def robots(
 def compare(
     runs: Annotated[
         list[Path],
-        typer.Argument(metavar="RUN RUN...", help="Folders of one kind, or one that holds them."),
+        typer.Argument(metavar="RUN RUN...", help="Folders, or one that holds them."),
     ],
     as_json: Json = False,
     plain: Plain = False,
     debug: Debug = False,
 ) -> None:
-    """Put runs, plans, calibrations or tests into one table; say which runs are equal bytes."""
+    """Put runs, plans, calibrations or tests into tables; say which runs are equal bytes."""
     with exit_codes(debug=debug, plain=plain, as_json=as_json):
         from testbed.cli import compared
-        from testbed.cli.folders import comparable
-        from testbed.cli.terminal import HEAD, headline_rows
-        from testbed.report.text import table
+        from testbed.cli.folders import by_kind
         from testbed.run.result import equal_runs, read_result
         from testbed.store.manifest import CAMPAIGN
 
-        kind, runs = comparable(runs)
-        of_runs = kind == CAMPAIGN
-        results = [read_result(path) if of_runs else compared.document(kind, path) for path in runs]
-        equal = equal_runs(runs) if of_runs else []
+        found = {
+            path: (kind, read_result(path) if kind == CAMPAIGN else compared.document(kind, path))
+            for kind, paths in by_kind(runs).items()
+            for path in paths
+        }
+        played = [path for path, (kind, _) in found.items() if kind == CAMPAIGN]
+        equal = equal_runs(played)
         if as_json:
             import json
 
-            document = {str(path): result for path, result in zip(runs, results, strict=True)}
+            document = {str(path): result for path, (_, result) in found.items()}
             groups = [[str(path) for path in group] for group in equal]
             say_json(json.dumps({"runs": document, "equal_bytes": groups}, ensure_ascii=False))
             return
-        if not of_runs:
-            shown = zip(runs, compared.rows(kind, results), strict=True)
-            head = ("folder", *compared.COLUMNS[kind])
-            say(table(compared.TITLES[kind], head, [[str(path), *row] for path, row in shown]))
-            return
-        rows = [
-            [str(path), result["scenario"], str(result["seed"]), *row]
-            for path, result in zip(runs, results, strict=True)
-            for row in headline_rows(result)
-        ]
-        say(results[0]["notice"])
-        say(table("Tool error on held-out poses", ("run", "scenario", "seed", *HEAD), rows))
+        for kind in dict.fromkeys(kind for kind, _ in found.values()):
+            alike = {str(path): result for path, (its, result) in found.items() if its == kind}
+            say(compared.table_of(kind, alike))
         for group in equal:
             say(f"Equal byte for byte: {', '.join(str(path) for path in group)}")
-        if len(runs) > 1 and not equal:
+        if len(played) > 1 and not equal:
             say("No two of these runs are equal.")
 
 

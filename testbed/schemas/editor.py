@@ -18,13 +18,13 @@ from testbed.scenario.planning import BoxGoal, PlanSettings
 from testbed.scenario.presets import REPEATABILITY
 from testbed.schemas.described import meaning, summary, unit
 from testbed.schemas.files import FILES, roots
+from testbed.schemas.names import directive, schema_name
 from testbed.strict import Strict, choice_of, models_in
 
 Json = dict[str, Any]
 DRAFT = "http://json-schema.org/draft-07/schema#"
 TITLE = "truebed"
 """How the title of every schema begins: a file that has it may be written again."""
-DIRECTIVE = "#:schema"
 FILLED = (TruthSettings, PlanSettings)
 """Tables whose keys presets and the robot fill in: none of them must be given."""
 PRESUMED = (PaperTracker, BoxGoal)
@@ -68,16 +68,6 @@ def schema_text(file: str) -> str:
             message=f'there is no schema of "{file}"', fix=choice_of(file, FILES),
         )  # fmt: skip
     return json.dumps(schema(file), ensure_ascii=False, indent=1) + "\n"
-
-
-def schema_name(file: str) -> str:
-    """How the schema of a file is called where it lies beside it."""
-    return f"{file}.schema.json"
-
-
-def directive(file: str) -> str:
-    """The line at the head of a TOML file that tells an editor of the schema beside it."""
-    return f"{DIRECTIVE} ./{schema_name(file)}\n"
 
 
 def schema_beside(path: Path, file: str) -> str:
