@@ -134,10 +134,11 @@ def approaches(q: ArrayLike, order: ArrayLike | None = None) -> Array:
     """
     (q,) = check("m n", q=q)
     at = np.arange(len(q)) if order is None else np.argsort(order, kind="stable")
-    out = np.zeros(q.shape)
-    last = np.zeros(q.shape[1])
-    for k, row in enumerate(at[1:], 1):
-        move = q[row] - q[at[k - 1]]
-        last = np.where(np.abs(move) > STILL, np.sign(move), last)
-        out[row] = last
+    moves = np.diff(q[at], axis=0)
+    sides = np.where(np.abs(moves) > STILL, np.sign(moves), 0.0)
+    # the last move until each pose, by its number; the first one is none
+    latest = np.where(sides != 0, np.arange(1, len(sides) + 1)[:, None], 0)
+    latest = np.maximum.accumulate(latest, axis=0)
+    out, known = np.zeros(q.shape), np.vstack([np.zeros((1, q.shape[1])), sides])
+    out[at[1:]] = np.take_along_axis(known, latest, axis=0)
     return out

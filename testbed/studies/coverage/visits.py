@@ -78,11 +78,12 @@ def _read(
     position, rotation = own.tracker.readings(T, normal("tracker", 3, 3))
     covariance = own.covariance(q.reshape(-1, n)).reshape(-1, m, 6, 6)
     kind, nowhere, first = np.full(m, POSE), np.zeros((m, 3)), np.zeros(m, dtype=np.int64)
+    turns = [in_turn(some) for some in q]
     for k in range(len(robots)):
         at = 0 if len(q) == 1 else k
         yield Measurements(
             q[at], position[k], rotation[k], covariance[at], kind, nowhere, pose_id, first,
-            conditions=in_turn(q[at]),
+            conditions=turns[at],
         )  # fmt: skip
 
 
