@@ -166,7 +166,7 @@ def distance_spread(
         deviation = np.empty((3, draws, len(some)))
         for these, points in loop.deviations(steps):
             deviation[:, these] = points
-        g = np.linalg.norm(deviation + nominal[part].T[:, None, :], axis=0)
+        g = np.sqrt(sum(np.square(e + p) for e, p in zip(deviation, there.T, strict=True)))
         straight = steps[:, moving] @ slope[part].T
         rows.append(
             (

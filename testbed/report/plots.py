@@ -35,7 +35,8 @@ def dots(ax: "Axes", points: Array, color: str = FAINT, size: float = 1.6) -> No
     path = Path(vertices, np.tile([Path.MOVETO, Path.LINETO], len(points)))
     # dots have no length: simplification would drop every one
     path.should_simplify = False
-    ax.add_patch(PathPatch(path, edgecolor=color, linewidth=size, capstyle="round", fill=False))
+    # not as a patch, whose extent is sought dot by dot as if it were curved
+    ax.add_artist(PathPatch(path, edgecolor=color, linewidth=size, capstyle="round", fill=False))
     ax.update_datalim(points)
     ax.autoscale_view()
 

@@ -10,12 +10,13 @@ deviation is that of linear propagation.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, lru_cache
 
 import numpy as np
 from scipy.special import log_ndtr, ndtr
 
-from calib.arrays import Array
+from calib.arrays import Array, frozen
+from calib.geometry.model import RobotModel
 from calib.information.propagation import tool_covariance
 from calib.uncertainty.covariance import independent_draws
 from calib.uncertainty.tool_point import propagate
@@ -78,21 +79,25 @@ def clouds_of(campaign: Campaign) -> dict[str, tuple[Cloud, Cloud]]:
         return {}
     scenario, nominal = campaign.scenario, campaign.setting.nominal
     sources = stated(scenario, nominal, paper_budget_of(campaign))
-    zero = np.zeros((1, nominal.chain.n_joints))
-    point = nominal.poses(zero)[0, :3, 3]
 
     def cloud(source: str) -> Cloud:
-        """The draws behind one row of the record."""
-        u, rng = sources[source], draws_of(scenario.seed, source)
-        points = propagate(nominal, zero, independent_draws(u, study.draws, rng))[:, 0] - point
-        linear = tool_covariance(nominal, zero, np.diag(u**2))[0, :3, :3]
-        return Cloud(source, point, points, linear)
+        return _cloud(nominal, scenario.seed, source, study.draws, sources[source].tobytes())
 
     return {
         whose: (cloud(best), cloud(random))
         for whose, (best, random) in PAIRS.items()
         if {best, random} <= set(study.source)
     }
+
+
+@lru_cache(maxsize=4)
+def _cloud(nominal: RobotModel, seed: int, source: str, draws: int, standard: bytes) -> Cloud:
+    """The draws behind one row of the record: tables, claims and figures ask for the same."""
+    u, zero = np.frombuffer(standard), np.zeros((1, nominal.chain.n_joints))
+    point = frozen(nominal.poses(zero)[0, :3, 3])
+    steps = independent_draws(u, draws, draws_of(seed, source))
+    points = frozen(propagate(nominal, zero, steps)[:, 0] - point)
+    return Cloud(source, point, points, tool_covariance(nominal, zero, np.diag(u**2))[0, :3, :3])
 
 
 @dataclass(frozen=True, slots=True)
