@@ -29,11 +29,14 @@ from testbed.studies.coverage.judge import OF_A_MODEL, MeasuredRobot, judge_mode
 from testbed.studies.coverage.settings import CoverageSettings
 from testbed.studies.coverage.study import CoverageStudy
 from testbed.studies.coverage.visits import measure_robot, measure_robots, poses_of
-from testbed.studies.many_robots import alone, together
+from testbed.studies.many_robots import BLOCK, alone, together
 from testbed.studies.trial.records import Trial
 
 OF_NUMBERS = ("normal_error", "nees")
 OF_A_ROBOT = ("extended", "log_evidence", "before", *OF_NUMBERS)
+AT_ONCE = BLOCK
+"""Robots of a kind: what their fits need has room, and arrays of more are no quicker. As many as a
+piece of a small study has, so that a robot is the same to the last bit in a large one."""
 AXES = dict.fromkeys((*OF_A_MODEL, *OF_A_ROBOT), -1)
 
 
@@ -42,30 +45,30 @@ def play_robots(
 ) -> dict[str, CoverageStudy]:
     """Play a trial's pose set on some robots of each kind."""
     laboratory = open_laboratory(scenario, setting)
-    chosen = trial.selection.indices
-    level = scenario.table(CoverageSettings).level
-    poses = [poses_of(laboratory, k) for k in robots]  # robot k of every kind meets the same
-    measured = [measure_robots(laboratory, kind, chosen, robots, poses) for kind in kinds]
-    ladders = offered(laboratory)
-    found = [many_models(of_kind, ladders) for of_kind in measured]
-    errors = [
-        many_parameter_errors([fits[0] for fits, *_ in own], of_kind)
-        for own, of_kind in zip(found, measured, strict=True)
-    ]
-    everyone = [one for of_kind in measured for one in of_kind]
+    ladders, chosen = offered(laboratory), trial.selection.indices
+    found: dict[str, list[CoverageStudy]] = {kind: [] for kind in kinds}
+    for k in range(0, len(robots), AT_ONCE):
+        some = robots[k : k + AT_ONCE]
+        poses = [poses_of(laboratory, robot) for robot in some]  # every kind meets the same
+        for kind in kinds:
+            measured = measure_robots(laboratory, kind, chosen, some, poses)
+            found[kind].append(_play_some(kind, measured, ladders))
+    return {kind: gather(parts) for kind, parts in found.items()}
+
+
+def _play_some(
+    kind: str, measured: Sequence[MeasuredRobot], ladders: Sequence[Ladder]
+) -> CoverageStudy:
+    """Robots of one kind, so many that what their fits need has room in memory."""
+    level = measured[0].laboratory.scenario.table(CoverageSettings).level
+    found = many_models(measured, ladders)
+    errors = many_parameter_errors([fits[0] for fits, *_ in found], measured)
     judged = zip(
-        *(
-            judge_models([fits[k] for own in found for fits, *_ in own], everyone, level)
-            for k in range(2)
-        ),
+        *(judge_models([fits[k] for fits, *_ in found], measured, level) for k in range(2)),
         strict=True,
     )
-    return {
-        kind: gather(
-            [_played(kind, *one, next(judged)) for one in zip(of_kind, own, wrong, strict=True)]
-        )
-        for kind, of_kind, own, wrong in zip(kinds, measured, found, errors, strict=True)
-    }
+    each = zip(measured, found, errors, judged, strict=True)
+    return gather([_played(kind, *one) for one in each])
 
 
 def gather(parts: Sequence[CoverageStudy]) -> CoverageStudy:

@@ -18,6 +18,7 @@ from testbed.scenario.checks import check_robot
 from testbed.scenario.read import changed
 from testbed.store.codec import pack, unpack
 from testbed.studies import load_scenario
+from testbed.studies.coverage import play
 from testbed.studies.coverage.judge import judge_model
 from testbed.studies.coverage.play import gather, measure_robot, models, offered, play_robots
 from testbed.studies.coverage.report import believable_sentence, section, unnoticed
@@ -430,11 +431,14 @@ def test_hidden_errors_belong_to_a_tracker_that_states_them():
     check_robot(at960, tx60, where="x.toml")
 
 
-def test_robots_played_in_pieces_are_those_played_at_once(campaign):
+def test_robots_played_in_pieces_are_those_played_at_once(campaign, monkeypatch):
     given = campaign.scenario, campaign.setting, ("rigid", "wen2022"), campaign.trials[0]
     parts = [play_robots(*given, range(1)), play_robots(*given, range(1, 3))]
+    monkeypatch.setattr(play, "AT_ONCE", 2)
+    passes = play_robots(*given, range(3))
     for kind in ("rigid", "wen2022"):
         assert_same(gather([part[kind] for part in parts]), study_of(campaign, kind))
+        assert_same(passes[kind], study_of(campaign, kind))
 
 
 def test_numbers_that_one_robot_cannot_hold_are_judged_on_none(campaign):
