@@ -1,5 +1,6 @@
 """A report as one HTML page: headline, then sections of paragraphs, lists, tables and figures."""
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -7,10 +8,13 @@ from typing import Any, ClassVar, Literal, get_args
 
 from calib.arrays import Index
 from calib.errors import visible
-from testbed.units import listed
+from testbed.units import listed, plain
 
 SIMULATED = "SIMULATED - not a calibration certificate"
 """On everything that was made from a virtual robot."""
+SENTENCE_ENDS = re.compile(r"(?<=[.!?]) (?=[A-Z])")
+SHORTEST = 3
+"""Spaces in what counts as a sentence, at least."""
 TEMPLATES = Path(__file__).parent / "templates"
 
 
@@ -121,6 +125,41 @@ class Page:
         return self
 
 
+def said_once(page: Page) -> Page:
+    """The page without sentences of its sections that stand before them, on the first screen first.
+
+    Of paragraphs and lists only: tables and figures say what they say where they stand.
+    """
+    seen = set[str]()
+
+    def new(text: str) -> str:
+        """What of a text was not said before."""
+        kept = []
+        for sentence in SENTENCE_ENDS.split(text):
+            if plain(sentence) not in seen:
+                kept.append(sentence)
+            if sentence.count(" ") >= SHORTEST:
+                seen.add(plain(sentence))
+        return " ".join(kept)
+
+    for text in (page.verdict, *page.reasons, page.next_step):
+        new(text)
+    sections = []
+    for section in page.sections:
+        blocks: list[Block] = []
+        for block in section.blocks:
+            if isinstance(block, Text):
+                text = new(block.text)
+                blocks += [Text(text)] if text else []
+            elif isinstance(block, Points):
+                items = tuple(item for text in block.items if (item := new(text)))
+                blocks += [Points(items)] if items else []
+            else:
+                blocks.append(block)
+        sections.append(replace(section, blocks=tuple(blocks)))
+    return replace(page, sections=tuple(section for section in sections if section.blocks))
+
+
 def render(page: Page) -> str:
     """The page as HTML: no network, same bytes each time; whatever a user wrote is escaped."""
     from jinja2 import Environment, FileSystemLoader, StrictUndefined
@@ -132,7 +171,7 @@ def render(page: Page) -> str:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    return visible(environment.get_template("report.html.j2").render(page=page.opened()))
+    return visible(environment.get_template("report.html.j2").render(page=said_once(page.opened())))
 
 
 def record_section(text: str, versions: Mapping[str, str]) -> Section:

@@ -255,5 +255,5 @@ def answer(campaign: Campaign) -> Answer:
         summary_table(studies),
         "In a run of your own let the evidence choose the model ([identification] model = "
         '"choose"), measure 19 held-out poses or more, drawn from where the robot is used, and '
-        f"believe the region. {obeyed(studies)}",
+        "believe the region.",
     )

@@ -16,16 +16,18 @@ from testbed.units import NARROW, counted, micrometres, sentence, significant, t
 
 
 def index_table(campaign: Campaign) -> Table:
-    """Observability indices of every trial's set, per pose, in two kinds of rows; of many, in one.
+    """Observability indices of every trial's set, per pose, in the rows that sets were chosen by.
 
     The paper's twelve rows exist for full poses only.
     """
     scenario, many = campaign.scenario, len(campaign.trials) > plots.MOST_PANELS
     poses = scenario.tracker.measures == "pose" and scenario.fixtures is None and not many
+    chosen = {trial.rows for trial in campaign.trials if trial.method != "random"}
     rows = []
     for trial in campaign.trials:
-        kinds = [("paper", trial.observability)] if poses else []
-        kinds.append(("whitened", trial.whitened_observability))
+        kinds = [("paper", trial.observability)] if poses and "paper" in chosen else []
+        if "whitened" in chosen or not kinds:
+            kinds.append(("whitened", trial.whitened_observability))
         for k, (name, seen) in enumerate(kinds):
             values = (significant(getattr(seen.per_pose, c), 3) for c in CRITERIA)
             head = f"{trial.name}, {set_in_words(trial)}" if k == 0 else ""

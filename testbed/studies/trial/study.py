@@ -118,7 +118,7 @@ class TrialStudy:
             report_design.design_section(campaign),
             secret_section(campaign),
             bending_section(campaign),
-            report_parameters.parameter_section(campaign),
+            report_parameters.parameter_section(campaign) if first else None,
             glossary_section(),
         )
         return tuple(section for section in found if section is not None)

@@ -364,7 +364,7 @@ def test_figures_in_a_table_have_their_units():
     assert v.beaten == 20
     assert v.best == v.values.min()
     assert "µm" in beaten(v)
-    assert "below the mean" in beaten(v)
+    assert "below their mean" in beaten(v)
     assert (sets["paper-o1-29"].unit, sets["d-29"].unit) == ("1", "1")
     assert figure("m", 12.5e-6) == "12.50 µm"
     rows = {row[0]: row for row in beaten_table(tuple(sets.values())).rows}
