@@ -175,7 +175,7 @@ class SprungRows(NamedTuple):
 
         def bowl(x: Array) -> tuple[Array, Array, Array]:
             D = self.slopes(x)
-            left = v - rows.times(self.bent(x))
+            left = v - rows.times(D[:, :p] @ x[:p])
             H, bend = rows.gram(D), np.zeros((len(x), len(x)))
             H[np.diag_indices(len(H))] += 1.0
             pushed = (left.reshape(-1, 1, 6) @ self.columns)[:, 0]
