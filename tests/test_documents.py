@@ -21,6 +21,7 @@ from testbed.cli import app
 from testbed.identify.handback.results import TIP_HEAD
 from testbed.robots.links import Link
 from testbed.scenario.laboratory import PaperTracker
+from tests.real import test_arms as arms
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
@@ -211,3 +212,10 @@ def test_the_cells_of_a_notebook_run_by_themselves(name, tmp_path, monkeypatch):
 def test_a_page_becomes_cells_without_options_and_roles():
     page = "# A\n\nSee {doc}`/concepts/nees`.\n\n```{play} python\n:figure: a.png\nx = 1\n```\n"
     assert cells(page) == [("markdown", "# A\n\nSee `concepts/nees`."), ("code", "x = 1")]
+
+
+def test_what_measured_arms_reach_is_what_their_study_found():
+    page = PAGES["proven.md"].partition("## Real arms")[2].partition("```sh")[0]
+    figures = set(re.findall(r"0\.\d{3}", page))
+    assert len(figures) > 8
+    assert not [figure for figure in figures if figure not in (arms.__doc__ or "")]

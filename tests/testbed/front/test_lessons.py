@@ -1,6 +1,7 @@
 """The lessons of `scenes/`: what each teaches holds, small here, at its own size as a study."""
 
 import sys
+from functools import partial
 
 import numpy as np
 import pytest
@@ -14,6 +15,20 @@ from truebed.lesson import calibrated, guess, laboratories, spread
 ONE = range(1, 2)
 
 
+@pytest.fixture
+def small(monkeypatch):
+    """A lesson with fewer candidates to draw and prove free of collisions."""
+
+    def made(name, **names):
+        lesson = script(f"lesson_{name}")
+        monkeypatch.setattr(lesson, "laboratories", partial(laboratories, pool__size=80))
+        for key, value in names.items():
+            monkeypatch.setattr(lesson, key, value)
+        return lesson
+
+    return made
+
+
 def surely(values, sd=3.0):
     """Whether the mean of independent values lies above zero by so many standard errors."""
     return values.mean() > sd * values.std(ddof=1) / len(values) ** 0.5
@@ -24,9 +39,8 @@ def poses(made, seeds):
     return rigid, soft
 
 
-def test_more_poses_help_a_rigid_robot_more_than_one_that_sags(monkeypatch):
-    made = script("lesson_poses")
-    monkeypatch.setattr(made, "COUNTS", (29, 61))
+def test_more_poses_help_a_rigid_robot_more_than_one_that_sags(small):
+    made = small("poses", COUNTS=(29, 61))
     found = made.errors(ONE)
     rigid, soft = (made.gain(um, 29, 61).mean() for um in found.values())
     assert rigid > soft
@@ -38,7 +52,7 @@ def test_more_poses_help_a_rigid_robot_more_than_one_that_sags(monkeypatch):
 def test_o1_and_v_make_small_what_noise_causes():
     """What they cost where the model is wrong takes many robots to see: that is in the study."""
     made = script("lesson_o1")
-    (bench,) = laboratories(ONE, "rigid", pool__size=100)
+    (bench,) = laboratories(ONE, "rigid", pool__size=60)
     sets = made.chosen(bench)
     for k in range(4):
         rng = np.random.default_rng(k)
@@ -55,9 +69,8 @@ def test_o1_and_v_make_small_what_noise_causes():
     assert "by +6 % and V by +6 %" in made.answer(percent)
 
 
-def test_a_wrong_model_makes_an_interval_worthless_and_held_out_poses_mend_it(monkeypatch):
-    made = script("lesson_model")
-    monkeypatch.setattr(made, "COUNTS", (29,))
+def test_a_wrong_model_makes_an_interval_worthless_and_held_out_poses_mend_it(small):
+    made = small("model", COUNTS=(29,))
     found = made.shares(ONE)
     assert found["rigid"][:, 0].mean() > 75
     assert found["soft"][:, 0].mean() < 10
@@ -65,9 +78,8 @@ def test_a_wrong_model_makes_an_interval_worthless_and_held_out_poses_mend_it(mo
     assert "no fewer" in made.answer(found)
 
 
-def test_a_radius_needs_nineteen_poses_and_holds_what_it_promises(monkeypatch):
-    made = script("lesson_held_out")
-    monkeypatch.setattr(made, "COUNTS", (18, 19, 39))
+def test_a_radius_needs_nineteen_poses_and_holds_what_it_promises(small):
+    made = small("held_out", COUNTS=(18, 19, 39))
     found = made.radii(ONE, draws=100)
     assert found[18] is None
     for count, rank in ((19, 19), (39, 38)):
@@ -78,11 +90,9 @@ def test_a_radius_needs_nineteen_poses_and_holds_what_it_promises(monkeypatch):
     assert "With 18 held-out poses there is no radius" in made.answer(found)
 
 
-def test_a_tracker_far_away_reads_with_more_noise(monkeypatch):
-    made = script("lesson_tracker")
-    ends = {name: made.STATIONS[name] for name in ("1.5 m in front", "12 m in front")}
-    monkeypatch.setattr(made, "STATIONS", ends)
-    near, far = made.errors(ONE).values()
+def test_a_tracker_far_away_reads_with_more_noise(small):
+    ends = {"near": (1500.0, 0.0, 300.0), "far": (12000.0, 0.0, 300.0)}
+    near, far = small("tracker", STATIONS=ends).errors(ONE).values()
     assert (far[0] > 2 * near[0]).all()
     assert (far[1] > near[1]).all()
 
