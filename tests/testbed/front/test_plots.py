@@ -78,14 +78,20 @@ def test_a_budget_and_its_target_are_drawn_in_um(axes):
 
 class Counted(Shown):
     def tables(self):
-        names = {"truth": "soft", "model": "geometric", "statement": ["believed", "alone"]}
-        return {"coverage": ResultTable({**names, "robots": 40, "inside": [0.99, 0.2], "sd": 0.05})}
+        names = {
+            "truth": "soft",
+            "model": "geometric",
+            "statement": ["believed", "chance", "alone"],
+        }
+        shares = {"robots": 40, "inside": [0.99, 0.94, 0.2], "sd": [0.05, 0.1, 0.05]}
+        return {"coverage": ResultTable({**names, **shares})}
 
 
 def test_what_falls_short_of_its_promise_is_drawn_otherwise(axes):
     plots.coverage(axes, Counted())
     assert words(axes)[1:] == ["holds", "falls short"]
-    assert [t.get_text() for t in axes.get_yticklabels()][1] == "soft, geometric, alone"
+    assert [len(bars[0].get_xdata()) for bars in axes.containers] == [2, 1]
+    assert [t.get_text() for t in axes.get_yticklabels()][2] == "soft, geometric, alone"
 
 
 def test_what_cannot_be_drawn_is_refused_in_a_sentence(axes, campaign):

@@ -1,6 +1,7 @@
 """The product's front: what it hands out is what the rooms make, in memory and on disk."""
 
 import numpy as np
+from matplotlib.figure import Figure
 
 import truebed
 from testbed.run.export import export_campaign
@@ -8,6 +9,7 @@ from testbed.scenario.read import changed
 from testbed.studies import load_scenario
 from tests import planned
 from tests.testbed.front.conftest import SMALL
+from truebed import plots
 
 
 def test_a_campaign_runs_in_memory_and_comes_back_from_its_folder(tmp_path, campaign):
@@ -29,6 +31,9 @@ def test_a_campaign_runs_in_memory_and_comes_back_from_its_folder(tmp_path, camp
 
     session = truebed.load(tmp_path / "files")
     assert again.tables()["errors"].rows == len(session.measurements)
+    (_, after) = plots.errors(Figure().add_subplot(), again).lines
+    missed = 1e3 * again.fit.misses.position[again.split.is_test]
+    np.testing.assert_allclose(after.get_xdata(), np.sort(missed))
     assert truebed.load(tmp_path / "identified" / "robot").name.startswith("staubli_tx60")
 
 
