@@ -30,7 +30,7 @@ TRACKER_AWAY = 0.8
 UPRIGHT = np.cos(np.radians(20.0))
 """A tracker stands upright within 20 deg."""
 AXIS_LENGTH = 0.12
-AXES_COLORS = ((214, 60, 60), (60, 160, 70), (60, 90, 214))
+AXES_COLORS = (style.VERMILION, style.LEAF, style.BLUE)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -98,6 +98,7 @@ def calibration_story(calibration: Calibration, robot: Robot) -> Story:
         chain=replace(robot.model.chain, T_world_base=base),
         reach=shown.seen,
         station=shown.station[:3, 3] if shown.has_tracker else AHEAD,
+        has_tracker=shown.has_tracker,
         draw=lambda pen: draw_cell(shown, robot.base_offset, pen),
         chapters=(_measure(shown), _identify(shown), _evaluate(shown)),
     )

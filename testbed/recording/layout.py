@@ -20,8 +20,9 @@ ROWS = (5.8, 1.1, 3.1)
 """Heights of cell, bar of phases and charts."""
 TEXTS, FEWER_TEXTS = (0.75, 2.0, 2.65), (0.75, 4.65)
 """Of the line, the words of now and, unless it stands elsewhere, the summary."""
-ASIDE, TOWARD_TRACKER = np.radians(140.0), 0.13
-"""Camera: turned so far from the tracker's direction, aimed at this part of the way to it."""
+ASIDE, AT_TRACKER, AT_ROBOT = np.radians(140.0), (0.13, 3.12), (0.0, 2.2)
+"""Camera: turned so far from the tracker's direction; where it looks and how far off it is, with a
+tracker in view and without one."""
 OPENING, ASPECT, TALL_ASPECT, FILLED = np.radians(55.0), 1.4, 1.05, 0.92
 """The viewer's angle of view from bottom to top, the cell's width over its height (less beside a
 tall plane), and the part of both in which the axes of bodies stay: the bodies are thicker."""
@@ -91,10 +92,11 @@ def _cell(story: Story, timeline: Timeline, name: str, contents: str | list[str]
 
     bodies = link_poses(story.chain, timeline.q)[:, :, :3, 3].reshape(-1, 3)
     tools = forward(story.chain, timeline.q)[:, :3, 3]
-    drawn = np.vstack([bodies, tools, story.station])
+    drawn = np.vstack([bodies, tools, *([story.station] if story.has_tracker else [])])
     tall = any(one.panel is not None and one.panel.tall for one in story.chapters)
     base, aspect = story.chain.T_world_base[:3, 3], TALL_ASPECT if tall else ASPECT
-    position, target = camera(story.reach, base, story.station, drawn, aspect)
+    look = AT_TRACKER if story.has_tracker else AT_ROBOT
+    position, target = camera(story.reach, base, story.station, drawn, aspect, look)
     return rrb.Spatial3DView(
         origin="/world",
         contents=contents,
@@ -116,7 +118,12 @@ def _cell(story: Story, timeline: Timeline, name: str, contents: str | list[str]
 
 
 def camera(
-    reach: Array, base: Array, station: Array, drawn: Array, aspect: float = ASPECT
+    reach: Array,
+    base: Array,
+    station: Array,
+    drawn: Array,
+    aspect: float = ASPECT,
+    look: tuple[float, float] = AT_TRACKER,
 ) -> tuple[Array, Array]:
     """Eye and the point it looks at (3,), so that workspace, robot and tracker are in view [m].
 
@@ -130,6 +137,9 @@ def camera(
         Where bodies and tools are at any step, and whatever else must be in view.
     aspect : float
         Width of the window over its height.
+    look : (float, float)
+        Part of the way to the tracker at which the eye looks, and how far off it is at least, in
+        sizes of the workspace.
     """
     middle = (reach.mean(axis=0) + base) / 2
     radius = float(np.quantile(np.linalg.norm(reach - middle, axis=1), 0.95))
@@ -140,7 +150,7 @@ def camera(
     front = reach.mean(axis=0) - base
     sides = [rot_z(sign * ASIDE)[:3, :3] @ ahead for sign in (1, -1)]
     side = max(sides, key=lambda direction: float(direction @ front))
-    target = middle + TOWARD_TRACKER * away - [0, 0, 0.2 * radius]
+    target = middle + look[0] * away - [0, 0, 1.5 * look[0] * radius]
     back = 2.9 * side + np.array([0, 0, 1.15])
     back = back / np.linalg.norm(back)
     right = np.cross([0.0, 0.0, 1.0], back)
@@ -148,7 +158,7 @@ def camera(
     x, y, z = np.stack([right, np.cross(back, right), back]) @ (drawn - target).T
     # a point is in view if it is nearer to the line of sight than its share of its depth
     depth = np.maximum(np.abs(x) / aspect, np.abs(y)) / (FILLED * np.tan(OPENING / 2)) + z
-    return target + max(3.12 * radius, float(depth.max())) * back, target
+    return target + max(look[1] * radius, float(depth.max())) * back, target
 
 
 def _plane(panel: Panel) -> Any:

@@ -88,6 +88,8 @@ class Story:
     chapters: Sequence[Chapter]
     windows: Sequence[Window] = ()
     """On the cell; none: there is but one."""
+    has_tracker: bool = True
+    """Whether one stands at the station, and has to be in view."""
 
 
 def numbered(what: str, count: int, says: Iterable[str] = ()) -> list[str]:

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from testbed.recording import layout
 from testbed.recording.chart import Chart, Series
 from testbed.recording.layout import blueprint, camera
 from testbed.recording.story import Panel, timeline_of
@@ -52,8 +53,9 @@ def test_an_arm_is_in_the_picture_wherever_its_joints_may_take_it(name):
     tools, station = robot.model.poses(q)[:, :3, 3], np.array([2.5, 0.4, 0.8])
     drawn = np.vstack([bodies, tools, station])
     front = tools[tools[:, 0] > 0.3]
-    for reach, aspect in ((tools, 1.4), (front, 1.4), (front, 1.05)):
-        eye, target = camera(reach, chain.T_world_base[:3, 3], station, drawn, aspect)
+    far, near = layout.AT_TRACKER, layout.AT_ROBOT
+    for reach, aspect, look in ((tools, 1.4, far), (front, 1.4, near), (front, 1.05, far)):
+        eye, target = camera(reach, chain.T_world_base[:3, 3], station, drawn, aspect, look)
         # a pinhole that looks from the eye to the target, world z up in it
         view = Rotation.align_vectors([[0, 0, 1]], [target - eye])[0]
         up = view.apply([0, 0, 1.0])
