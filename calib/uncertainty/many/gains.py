@@ -44,7 +44,7 @@ def gains_of(seen: ManySights) -> ManyGains:
     """Those of R robots; poses of a table stand for themselves."""
     R, m = seen.train.q.shape[:2]
     f, A = len(seen.free), seen.train.free * seen.scale
-    F = seen.scale[:, None] * _gains(A, seen.train.covariance, seen.precision)
+    F = seen.scale[:, None] * gain_of_rows(A, seen.train.covariance, seen.precision)
     columns, sd = _shapes(seen)
     B = seen.train.rows[..., columns] * sd[:, None, None]
     each_pose = (F.reshape(R, f, m, 6).swapaxes(1, 2) @ B).swapaxes(1, 2).reshape(R, f, -1)
@@ -56,7 +56,7 @@ def gains_of(seen: ManySights) -> ManyGains:
     return ManyGains(F, columns, sd, misfit, (spread[0], spread[1]), (left[0], left[1]))
 
 
-def _gains(A: Array, N: Array, precision: Array) -> Array:
+def gain_of_rows(A: Array, N: Array, precision: Array) -> Array:
     """F (R, f, 6 m) of rows A (R, m, 6, f) under noise N (R, m, 6, 6) and a prior (R, f, f).
 
     References

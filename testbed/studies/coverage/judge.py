@@ -111,7 +111,7 @@ def _figures(
     beyond = np.where(judged.discrepancy.any(axis=(1, 2)), beyond, normal)
     held, size = np.stack(
         [
-            _held(error, covariance, factor, level)
+            regions_hold(error, covariance, factor, level)
             for covariance, factor in (
                 (sigma, judged.factor),
                 (judged.bare, np.full(len(fits), normal)),
@@ -153,7 +153,9 @@ def _figures(
     return found
 
 
-def _held(error: Array, covariance: Array, factor: Array, level: float) -> tuple[Array, Array]:
+def regions_hold(
+    error: Array, covariance: Array, factor: Array, level: float
+) -> tuple[Array, Array]:
     """Whether regions (R, t) hold the errors (R, t, 3), and radii of balls as large [m]."""
     square, variance, flat = _in_units_of(error, covariance)
     holds = square <= factor[:, None] ** 2

@@ -10,6 +10,7 @@ from calib.geometry.parameters import parameters_of
 from calib.identification.identify import identify
 from calib.identification.model_choice import identify_extended
 from calib.uncertainty.judgement import Circumstances, judge
+from calib.uncertainty.many.gains import gain_of_rows
 from calib.uncertainty.many.judgements import judge_many
 from calib.uncertainty.many.sights import alike
 from calib.uncertainty.tool_point import tool_statement
@@ -106,3 +107,31 @@ def test_what_is_no_plain_table_goes_alone():
     assert alike(fit, train, again, 0.95) is None
     robust = identify(TX60, train, parameters_of(TX60), loss="huber")
     assert alike(robust, train, test, 0.95) is None
+
+
+def test_no_bit_of_a_judgement_hangs_on_the_others():
+    trains, tests, targets = zip(*map(robot, range(3)), strict=True)
+    given = [fitted(train, True) for train in trains], trains, tests, targets
+    together = judge_many(*given)
+    parts = [judge_many(*(one[some] for one in given)) for some in (slice(1), slice(1, None))]
+    for name in ("held_out_p", "conformal", "discrepancy", "bare", "believed", "factor", "drift_p"):
+        both = np.concatenate([getattr(part, name) for part in parts])
+        np.testing.assert_array_equal(getattr(together, name), both)
+
+
+@pytest.mark.parametrize("f", [20, 60])
+@pytest.mark.parametrize("independent", [True, False])
+def test_estimates_of_few_and_of_many_numbers_follow_their_rows(f, independent):
+    """By numbers, and where these are more than the rows, by rows."""
+    rng, R, m = np.random.default_rng(7), 2, 6
+    A, root = rng.normal(size=(R, m, 6, f)), np.eye(6) + rng.normal(size=(R, m, 6, 6)) / 5
+    N, shape = root @ np.swapaxes(root, 2, 3), np.diag(rng.uniform(1, 9, f))
+    if not independent:
+        shape = shape + 0.1 * np.ones((f, f))
+    found = gain_of_rows(A, N, np.tile(shape, (R, 1, 1)))
+    for k in range(R):
+        rows, W = A[k].reshape(6 * m, f), np.zeros((6 * m, 6 * m))
+        for j in range(m):
+            W[6 * j : 6 * j + 6, 6 * j : 6 * j + 6] = np.linalg.solve(N[k, j], np.eye(6))
+        plain = np.linalg.solve(rows.T @ W @ rows + shape, rows.T @ W)
+        np.testing.assert_allclose(found[k], plain, rtol=0, atol=1e-13)

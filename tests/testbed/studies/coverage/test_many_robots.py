@@ -3,12 +3,14 @@
 import numpy as np
 import pytest
 
+from calib.uncertainty.regions import coverage_factor, inside
 from testbed.laboratory.truth.laboratory import open_laboratory
 from testbed.laboratory.truth.setting import make_setting
 from testbed.scenario.read import changed
 from testbed.streams import stream
 from testbed.studies import load_scenario
 from testbed.studies.coverage.errors import many_parameter_errors, parameter_errors
+from testbed.studies.coverage.judge import regions_hold
 from testbed.studies.coverage.play import gather, many_models, offered, play_robot, play_robots
 from testbed.studies.coverage.visits import measure_robots, poses_of
 from testbed.studies.trial.play import criterion_of, select
@@ -86,3 +88,20 @@ def test_errors_of_numbers_are_those_against_each_true_step():
             if found is not None:
                 np.testing.assert_allclose(found[0], alone[0], rtol=0, atol=1e-9)
                 assert found[1] == pytest.approx(alone[1], rel=1e-9)
+
+
+def test_regions_of_many_robots_hold_what_each_holds():
+    """By factors written out, and where a region is flat or a point, by its axes."""
+    rng = np.random.default_rng(8)
+    root = rng.normal(size=(6, 50, 3, 3)) * [1.0, 0.1, 0.01]
+    root[1, :5, :, 2], root[2, :5] = 0.0, 0.0
+    error = (root @ rng.normal(size=(6, 50, 3, 1)))[..., 0] * 1.4
+    covariance, factor = root @ np.swapaxes(root, 2, 3), rng.uniform(2, 4, 6)
+    found, radius = regions_hold(error, covariance, factor, 0.95)
+    stretch = (factor / coverage_factor(3, 0.95)) ** 2
+    own = inside(error, stretch[:, None, None, None] * covariance, probability=0.95)
+    np.testing.assert_array_equal(found, own)
+    assert 0.3 < own.mean() < 0.99
+    # of as much volume: the square root of the product of three variances, of which nothing cancels
+    sizes = np.prod(np.linalg.svd(root, compute_uv=False), axis=2) ** (1 / 3)
+    np.testing.assert_allclose(radius, factor[:, None] * sizes, rtol=1e-6, atol=1e-9)
