@@ -1,4 +1,4 @@
-"""How long one fit takes: 29 poses, reduction included (bar: 10 ms); run with --benchmark-only."""
+"""How long one fit takes: 29 poses, reduction included (bar: 4 ms); run with --benchmark-only."""
 
 from dataclasses import replace
 
