@@ -24,14 +24,15 @@ def plain_obj(data: bytes) -> tuple[Array, Index, Array] | None:
             corners.append(line[2:].replace(b"//", b" "))
         elif not line.startswith(SAID):
             return None
-    if any(b"_" in line for line in (*places, *turns, *corners)):
+    texts = [b" ".join(rows) for rows in (places, turns, corners)]
+    if any(b"_" in text for text in texts):
         return None  # Python reads such numbers, nobody else does
     try:
         v, vn = (
-            np.array(list(map(float, b" ".join(rows).split()))).reshape(len(rows), 3)
-            for rows in (places, turns)
+            np.array(list(map(float, text.split()))).reshape(len(rows), 3)
+            for text, rows in zip(texts, (places, turns), strict=False)
         )
-        pairs = np.array(list(map(int, b" ".join(corners).split()))).reshape(3 * len(corners), 2)
+        pairs = np.array(list(map(int, texts[2].split()))).reshape(3 * len(corners), 2)
     except ValueError:
         return None
     if not len(pairs) or pairs.min() < 1 or (pairs.max(axis=0) > (len(v), len(vn))).any():
