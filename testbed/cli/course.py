@@ -13,6 +13,8 @@ from typing import NamedTuple
 
 TRUST = 0.05
 """Share of the whole that the times before count as, beside what has ended by now."""
+ROUNDS = 2
+"""Pieces that each of several processes plays before the rate of all is told."""
 LATE = 0.1
 """A step that takes longer than expected is expected to go on for this share of what it took."""
 
@@ -120,11 +122,11 @@ class TimeLeft:
         if self.name in certain:
             usual, told = certain[self.name], self.done - self._first
             whole, lasts = usual.beside(self.workers), self.clock() - self._since
-            # pieces that go on side by side may all be about to end
-            due = whole * min((told + min(self.workers, usual.pieces)) / usual.pieces, 1.0)
+            # those that go on may all be about to end, and processes had to be begun
+            due = whole * min((told + self._rounds(usual)) / usual.pieces, 1.0)
             if lasts > due:
                 was, now = was + due, now + lasts
-            elif told >= self.workers:
+            elif told and self.workers == 1:  # else their beginning is in it
                 was, now = was + whole * told / usual.pieces, now + self._piece - self._since
         whole = sum(took.beside(self.workers) for took in certain.values())
         trust = TRUST * whole
@@ -135,17 +137,21 @@ class TimeLeft:
         if self.name not in self.expected:
             return 0.0
         usual, told = self.expected[self.name], self.done - self._first
-        if usual.pieces > 1 and told:
-            # those side by side end together: the first one alone says too much of their rate
-            beside = min(self.workers, usual.pieces)
-            each = pace * usual.seconds / usual.pieces / beside
-            if isnan(each):
-                each = (self._piece - self._since) / told
-            each = (self._piece - self._since + beside * each) / (told + beside)
-            return self._by_piece(each, max(usual.pieces - told, 0))
+        rounds, unknown = self._rounds(usual), isnan(usual.seconds)
+        if usual.pieces > 1 and told >= (1 if unknown else rounds):
+            # of those that go on beside the one that ended, half is done on average
+            ended = told + (min(self.workers, usual.pieces) - 1) / 2
+            rate = (self._piece - self._since) / ended
+            each = rate if unknown else pace * usual.beside(self.workers) / usual.pieces
+            each = (ended * rate + rounds * each) / (ended + rounds)
+            return self._by_piece(each, max(usual.pieces - ended, 0.0))
         lasts = self.clock() - self._since
         return max(pace * usual.beside(self.workers) - lasts, LATE * lasts)
 
-    def _by_piece(self, each: float, pieces: int) -> float:
+    def _rounds(self, step: Took) -> int:
+        """Pieces after which the rate of a step is told: processes begin, and end together."""
+        return ROUNDS * min(self.workers, step.pieces) if self.workers > 1 else 1
+
+    def _by_piece(self, each: float, pieces: float) -> float:
         """Seconds that so many pieces take yet, one of them since the last one ended."""
         return max(each * pieces - (self.clock() - self._piece), each * max(pieces - 1, 0))
