@@ -171,7 +171,8 @@ def test_where_only_points_are_measured_the_turn_of_the_tool_is_no_number():
 @pytest.mark.parametrize("name", ["D", "O1", "V"])
 @pytest.mark.parametrize("method", METHODS)
 def test_the_way_to_a_set_goes_by_single_exchanges_and_then_by_better_ends(method: str, name: str):
-    blocks, criterion = small_pool(11, 24), small_criterion(name)
+    # a pool so large that the first search is not the last one to gain
+    blocks, criterion = small_pool(12, 60), small_criterion(name)
     found = METHODS[method](Problem.of_blocks(blocks, 6, criterion), np.random.default_rng(3))
     if method in ("greedy", "random", "best_of_random"):
         assert found.way is found.way_figures is None
