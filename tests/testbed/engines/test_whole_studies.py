@@ -166,19 +166,36 @@ def test_slices_on_machines_without_a_common_disk_are_merged(place, whole):
     assert content(place / "merged") == whole
 
 
-def test_a_cluster_gives_the_same_bytes_also_where_the_client_or_a_worker_is_killed(
-    place, whole, dask
-):
-    address = f"file:{dask.file}"
-    ended(start(place, "toys.toml", "--out", "dask", "--scheduler", address))
+def test_a_cluster_gives_the_same_bytes(place, whole, dask):
+    ended(start(place, "toys.toml", "--out", "dask", "--scheduler", f"file:{dask.file}"))
     assert content(place / "dask") == whole
-    out = place / "dask-left"
-    words = ("toys.toml", "--out", out, "--scheduler", address)
+
+
+@pytest.mark.parametrize(("name", "code"), [("SIGINT", 130), ("SIGTERM", 143), ("SIGKILL", -9)])
+def test_a_run_on_a_cluster_that_is_stopped_leaves_nothing_and_goes_on(
+    place, whole, dask, name, code
+):
+    """Ctrl-C, a polite end and a sudden one of the client; its workers serve the next run."""
+    out = place / f"dask-{name}"
+    words = ("toys.toml", "--out", out, "--scheduler", f"file:{dask.file}")
     process = start(place, *words)
     until(out, 3, process)
-    process.kill()
-    process.communicate()
+    processes = family(process.pid)
+    process.send_signal(getattr(signal, name))
+    told = ended(process, code, 30)
+    assert ("--resume" in told) == (name != "SIGKILL")
+    assert gone(processes)
+    assert not (out / layout.RESULT).exists()
     ended(start(place, *words, "--resume"))
+    assert content(out) == whole
+
+
+def test_a_worker_of_a_cluster_that_is_killed_changes_nothing(place, whole, dask):
+    out = place / "dask-worker"
+    process = start(place, "toys.toml", "--out", out, "--scheduler", f"file:{dask.file}")
+    until(out, 2, process)
+    os.kill(family(dask.workers[0].pid)[-1], signal.SIGKILL)  # its nanny begins another one
+    ended(process)
     assert content(out) == whole
 
 

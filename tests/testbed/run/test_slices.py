@@ -196,6 +196,22 @@ def test_slices_share_a_folder_and_keep_a_whole_run_out(tmp_path, monkeypatch):
     assert len(list((tmp_path / "a" / layout.PARTS).glob("many.*"))) == 5
 
 
+def test_a_slice_that_two_processes_play_at_once_is_played_twice_and_the_same(tmp_path, whole):
+    class Meanwhile(Many):
+        def play(self, scenario, task, needed):
+            if task.keys[0] == "many.a" and task.piece == 0:
+                many = Many()
+                part(tmp_path / "a", 1, 1, many)
+                assert [one for one in many.computed if one.startswith("many.a")] == [
+                    f"many.a {k}" for k in range(5)
+                ]
+            return super().play(scenario, task, needed)
+
+    part(tmp_path / "a", 1, 1, Meanwhile())
+    run(tmp_path / "a", resume=True)
+    assert content(tmp_path / "a") == whole
+
+
 def test_more_robots_keep_the_full_pieces_and_fewer_keep_them_too(tmp_path):
     out = tmp_path / "grown"
     run(out)
