@@ -16,7 +16,7 @@ from calib.geometry.model import RobotModel
 from calib.geometry.parameters import parameters_of
 from calib.identification.identify import Identification, Status, identify
 from calib.identification.outliers import outliers
-from calib.identification.sufficiency import independent_equations
+from calib.identification.sufficiency import independent_equations, require_equations
 from calib.measurement.observations import POINT, POSE, Measurements, count_distinct
 from calib.measurement.residual import linearize, paper_stack
 from tests.reference import (
@@ -96,6 +96,9 @@ def test_poses_alone_never_promise_more_equations_than_all_rows(seen):
         different = count_distinct(table.q[table.is_pose])
         assert different == seen + (1 if seen > 1 else 2)
         assert 6 * different <= independent_equations(table, parameters)[1]
+    require_equations(tx60(), measured(tx60(), POOL[:6]), parameters_of(tx60(), READABLE30))
+    with pytest.raises(InputError, match="5 different poses"):  # one more is asked for
+        require_equations(tx60(), measured(tx60(), POOL[:5]), parameters_of(tx60(), READABLE30))
 
 
 @pytest.mark.parametrize("mode", ["whitened", "paper"])

@@ -35,7 +35,8 @@ def repeated(seed: int, visits: int = 3, *, noise: float = 1.0, sag: float = 0.0
 def test_joint_values_are_counted_as_numbers_not_as_bits():
     rng = np.random.default_rng(0)
     for _ in range(20):
-        rows = rng.integers(-1, 2, (rng.integers(0, 12), 2)) * rng.choice([-1.0, 1.0], (1, 2))
+        rows = rng.integers(-1, 2, (rng.integers(0, 12), 2)) * 1.0
+        rows *= rng.choice([-1.0, 1.0], rows.shape)  # zeros of either sign
         assert count_distinct(rows) == len(np.unique(rows, axis=0))
 
 
