@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from calib.arrays import Array
-from testbed.report.plots import TICKS, dots, legend_above
+from testbed.report.plots import TICKS, Look, dots, legend_above
 from testbed.report.svg import DARK, LIGHT, MIDDLE, drawing, svg_of
 from testbed.studies.wen2022.cloud.draws import Cloud
 from testbed.units import MM
@@ -59,7 +59,8 @@ def view(ax: "Axes", cloud: Cloud, axes: tuple[int, int], color: str, edge: str,
     """The drawn points of a cloud along two axes, and the range of all draws around them [mm]."""
     dots(ax, MM * cloud.shown[:, axes], color, size=0.9)
     low, high = MM * cloud.ends[list(axes)].T
-    ax.plot(*outline(low, high), color=edge, linewidth=0.8, label=f"{name}, range of all draws")
+    look: Look = {"color": edge, "linewidth": 0.8, "linestyle": "--" if edge == MIDDLE else "-"}
+    ax.plot(*outline(low, high), label=f"{name}, range of all draws", **look)
 
 
 def outline(low: Array, high: Array) -> tuple[Array, Array]:
