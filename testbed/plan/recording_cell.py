@@ -13,7 +13,7 @@ from testbed.robots.robot import Robot
 
 OBSTACLE_COLOR = (150, 140, 128, 255)
 GOAL_BOX_COLOR = (*style.LEAF, 200)
-MOST_STAGES = 120
+MOST_STAGES = 60
 """Rows in which the way of the tool grows."""
 CHOSEN, HELD_OUT = style.BLUE, style.ORANGE
 
