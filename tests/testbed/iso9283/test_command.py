@@ -11,6 +11,7 @@ from testbed.cli import app
 from testbed.iso9283.play import play_test
 from testbed.iso9283.read import read_test
 from testbed.iso9283.report import page_of
+from tests.reported import said_twice
 from tests.testbed.iso9283.made import SESSION, path_rows, pose_rows, text_of
 
 
@@ -54,6 +55,7 @@ def test_the_command_writes_a_folder_and_says_what_came_out(done):
 
 def test_the_page_has_every_section_and_keeps_what_users_wrote_as_text(done):
     html = (done[0] / "report.html").read_text()
+    assert said_twice(html) == []
     for anchor in ("poses", "distances", "drift", "path-1", "data", "job", "record"):
         assert f'<section id="{anchor}">' in html, anchor
     assert "A &lt;b&gt;bold&lt;/b&gt; one" in html
