@@ -172,7 +172,7 @@ def coverage(axes: "Axes", result: Tabular, *, level: float = 0.95) -> "Axes":
     level : float
         What is promised.
     """
-    table = _table(result, ("coverage",), "inside")
+    table = _table(result, (), "statement")
     words = zip(table["truth"], table["model"], table["statement"], strict=True)
     names = [", ".join(row) for row in words]
     rows, share = np.arange(table.rows), table["inside"]
@@ -192,12 +192,13 @@ def coverage(axes: "Axes", result: Tabular, *, level: float = 0.95) -> "Axes":
 
 
 def _table(result: Tabular, names: tuple[str, ...], column: str) -> "ResultTable":
-    """The first table of these names that has the column."""
+    """The first table of these names, or of any, that has the column."""
     tables = result.tables()
-    for name in names:
+    for name in names or tables:
         if name in tables and column in tables[name]:
             return tables[name]
-    message = f"{type(result).__name__} has no table {' or '.join(names)} with {column}"
+    of_names = f"{' or '.join(names)} " if names else ""
+    message = f"{type(result).__name__} has no table {of_names}with {column}"
     have = f"it has {', '.join(tables) or 'none'}"
     raise refuse("result", None, have, code="A3", message=message)
 

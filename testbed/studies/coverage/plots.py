@@ -55,7 +55,7 @@ def attained(cells: tuple[Cell, ...]) -> str:
                     linestyle="none", **look,
                 )  # fmt: skip
             worst = min(cell.joint.low for cell in shown)
-            low = floor(20 * worst) * 5.0 if worst > FINE else 0.0
+            low = min(floor(20 * worst) * 5.0, 95.0) if worst > FINE else 0.0
             ax.set_xlim(low - (100 - low) * 0.04, 100 + (100 - low) * 0.04)
             ax.set_title(TITLES[statement])
             ax.set_xlabel("points inside [%]")
