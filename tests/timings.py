@@ -10,6 +10,7 @@ import sys
 import time
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any
 
 from testbed.assets import scene_names
 from testbed.cli.course import TimeLeft, Took
@@ -20,10 +21,13 @@ from testbed.plan.folder import play_plan
 from testbed.robots.catalog import load_robot
 from testbed.run.export import export_campaign
 from testbed.run.play import planned_steps, play_run
+from testbed.scenario.read import changed
 from testbed.studies import load_scenario
 
 MEASURED = ("quick", "wen2022")
 """Scenes whose measurements are identified from as well."""
+FEWER: dict[str, dict[str, Any]] = {"million": {"coverage.robots": 2500}}
+"""What is played of a scene that takes a night; its pieces are alike."""
 
 
 def played(name: str, folder: Path) -> dict[str, dict[str, Took]]:
@@ -33,10 +37,13 @@ def played(name: str, folder: Path) -> dict[str, dict[str, Took]]:
         course = TimeLeft(clock=time.process_time)
         play_plan(scenario, folder / "plan", progress=course)
         took[f"plan {name}"] = course.took
+    whole, scenario = planned_steps(scenario), changed(scenario, FEWER.get(name, {}))
     planned = {step: Took(0.0, pieces) for step, pieces in planned_steps(scenario).items()}
     course = TimeLeft(planned, clock=time.process_time)
     campaign = play_run(scenario, folder / "run", progress=course).campaign
-    took[f"run {name}"] = course.took
+    took[f"run {name}"] = {
+        step: one.scaled(whole.get(step, one.pieces)) for step, one in course.took.items()
+    }
     if name in MEASURED:
         robot = load_robot(scenario.robot)
         export_campaign(campaign, robot, folder / "data")

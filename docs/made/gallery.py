@@ -32,6 +32,7 @@ QUESTIONS = {
     "pose_sets": "Which way of choosing poses is best on robots that sag and wobble?",
     "pose_sets_rigid": "Which is best where the model is right?",
     "coverage": "Which of the uncertainties that one could state really holds the truth?",
+    "million": "What does the same say to a tenth of a percent?",
     "wen2022_reexamined": "Do the paper's claims hold for more than one robot?",
     "compensate": "Do corrected targets make a robot more accurate in a test after ISO 9283?",
     "plan_tx60": "Which poses, how many, from which station, for a tool point known to U = 32 µm?",

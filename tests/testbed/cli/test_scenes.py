@@ -13,6 +13,7 @@ from testbed.assets import scenes
 from testbed.cli import handout
 from testbed.report.page import render
 from testbed.run.derive import page_of
+from testbed.scenario.read import changed
 from testbed.studies import load_scenario
 from testbed.versions import all_versions
 from tests.golden.write import BY_HAND, LONG, SCENES, golden_file, headline, headline_of, played
@@ -101,9 +102,13 @@ def test_the_smallest_sets_of_a_long_scene_have_the_golden_numbers():
         assert differences(of_one(then), of_one(now)) == []
 
 
-def test_every_shipped_scene_has_a_golden_file_or_is_a_plan():
+def test_every_shipped_scene_has_a_golden_file_or_is_a_plan_or_another_with_more_robots():
     shipped = {file.stem for file in scenes().glob("*.toml")}
-    assert shipped - set(SCENES) == set(PLANS)
+    assert shipped - set(SCENES) == {*PLANS, "million"}
+    few, many = load_scenario("coverage"), load_scenario("million")
+    kinds = ("rigid", "wen2022", "soft", "unmodelled")
+    more = {"coverage.robots": 250_000, "coverage.truths": kinds}
+    assert changed(few, {"name": many.name, "title": many.title} | more) == many
 
 
 @pytest.mark.parametrize("scene", SCENES)
