@@ -212,7 +212,7 @@ def rank_words(fit: FittedModel) -> str:
         return text + "All free numbers can be told apart."
     return text + (
         f"{counted(len(reduction.dropped), 'number')} cannot be told from others and "
-        f"{'is' if len(reduction.dropped) == 1 else 'are'} left nominal"
+        f"{'is' if len(reduction.dropped) == 1 else 'are'} not fitted"
         f"{':' if result.prior is None else ' unless the prior holds them.'}"
     )
 

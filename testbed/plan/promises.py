@@ -36,7 +36,7 @@ def misfit_words(plan: Plan) -> str:
         return "these measurements are too few to show any misfit"
     return (
         f"a misfit of {micrometres(size, 2)} µm per axis or more would be seen by these "
-        "measurements; less may hide, and will be in the region"
+        "measurements; less may hide, and the region will hold what the readings then allow"
     )
 
 

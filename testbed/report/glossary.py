@@ -4,7 +4,7 @@ from testbed.report.page import Points, Section
 
 GLOSSARY = (
     "u: standard uncertainty, k = 1; of a point the root of the summed variances along x, y, z.",
-    "U = 2 u: holds one number with 95.4 %, a point only with 73.9 %.",
+    "U = 2 u: holds one number with 95.4 %; a ball of 2 u holds a point with at least that.",
     "R95: radius about the predicted point that holds the true one with 95 % probability, at poses "
     "like the held-out ones.",
     "Region: the ellipsoid that does so at one pose, of k = 2.80 (2-D 2.45, 1-D 1.96).",

@@ -34,7 +34,7 @@ HIDDEN = 0.3
 """Seen over left at the tool below which no held-out pose can show a source."""
 NOTHING = 0.01
 """A source that leaves less than this share of the whole at the tool does not count."""
-UNSEEN = "no held-out pose of this instrument can show it"
+UNSEEN = "held-out poses of this instrument show too little of it"
 SEEN = "held-out poses show it"
 
 

@@ -19,8 +19,9 @@ def hand_back_section(calibration: Calibration) -> Section:
         Points(hand_back_words(calibration)),
         Text(
             "held by: measurements, where U is within the tolerance and comes from the readings; "
-            "prior, where more of it comes from nominal values and their tolerances; nominal, "
-            "where a number cannot be told from others and stays."
+            "prior, where more of it comes from nominal values and their tolerances; only "
+            "together with others, where these could stand for it and no prior holds them: it has "
+            "no U; nominal, where base or tool take it up and it stays."
             + f" {SPRUNG}"
             * (calibration.fit.identification.model.joint_errors.springs is not None)
         ),

@@ -15,9 +15,14 @@ NOMINAL, MEASURED, PRIOR = "nominal", "measurements", "prior"
 TOGETHER = "measurements, with all that springs do"
 """Of a compliance, a moment or a tilt: it stands for what the model lacks as well, and alone it has
 no U that holds; the region of the tool point counts what all of them leave there."""
+SHARED = "measurements, only together with others"
+"""Of a number that others can stand for, and that no prior holds: it takes its share of what is
+known of all of them, so that its own true value may lie as far off as their tolerances."""
 BEYOND, LOOSE = "measurements, beyond its tolerance", "nothing: U exceeds its tolerance"
 HALF = 0.5
 """Share of the variance of a number from which on a prior holds it, its own or that of others."""
+STANDS = 0.1
+"""Part of its standard uncertainty that a number may be off by what stands for it unnoticed."""
 MOST_NAMED = 6
 """Numbers that a sentence names."""
 
@@ -62,13 +67,31 @@ def handed_numbers(calibration: Calibration) -> tuple[HandedNumber, ...]:
     )  # in the units of the rows
     shares = dict(zip((row.name for row in rows), calibration.handback.by_prior, strict=False))
     springs = handed.model.joint_errors.springs
-    together = set(() if springs is None else springs.names)
+    together = dict.fromkeys(() if springs is None else springs.names, TOGETHER)
+    together |= dict.fromkeys(_shared(calibration, believed), SHARED)
     return tuple(
-        HandedNumber(replace(row, expanded=None), None, TOGETHER)
+        HandedNumber(replace(row, expanded=None), sizes.get(row.name), together[row.name])
         if row.name in together and row.expanded is not None
         else _held(row, sizes.get(row.name), row.name in believed, shares.get(row.name, 0.0))
         for row in rows
     )
+
+
+def _shared(calibration: Calibration, believed: set[str]) -> set[str]:
+    """Link numbers without a prior that stand for each other further than their own u reaches."""
+    result, tolerance = calibration.fit.identification, calibration.handback.tolerance.ravel()
+    reduction = result.reduction
+    told = {*reduction.kept, *reduction.dropped}
+    free = [name for name in result.parameters.names if name in told]
+    sd = dict(zip(result.parameters.names[6:], tolerance, strict=False))
+    u = dict(zip(result.names, np.sqrt(np.diag(result.covariance)), strict=True))
+    found = set()
+    for other in set(reduction.dropped) & set(sd) - believed:
+        moved = dict(zip(reduction.kept, reduction.mixing[:, free.index(other)], strict=True))
+        for name in set(moved) & set(sd) - believed:
+            if abs(moved[name]) * sd[other] > STANDS * u[name]:
+                found |= {name, other}
+    return found
 
 
 def _held(row: DhRow, tolerance: float | None, believed: bool, share: float) -> HandedNumber:

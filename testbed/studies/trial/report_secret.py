@@ -57,9 +57,11 @@ def secret_words(rows: list[tuple[str, str, str]]) -> str:
     if len(rows) == 1:
         return "Nothing: the true robot is the nominal one."
     name, meaning, size = rows[0]
+    whole, how = rows[-1][2], "All" if size == rows[-1][2] else "Most"
+    of = f"{size} mm" if size == whole else f"{size} of {whole} mm"
     text = (
-        f"Most of this robot's error is {name.replace('_', ' ')} ({meaning}): {size} of "
-        f"{rows[-1][2]} mm rms at the held-out poses."
+        f"{how} of this robot's error is {name.replace('_', ' ')} ({meaning}): {of} rms at the "
+        "held-out poses."
     )
     unmodelled = [row for row in rows[:-1] if row[0] not in ("geometry", "frames", "repeatability")]
     if not unmodelled:
