@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from calib.errors import refuse
 from testbed.cli.folders import ISO9283, PLAN
 from testbed.report.text import table
 from testbed.store import layout
@@ -39,9 +40,19 @@ NONE = "-"
 
 
 def document(kind: str, path: Path) -> dict[str, Any]:
-    """The figures of a folder, as its file has them."""
+    """The figures of a folder, as its file has them.
+
+    Raises
+    ------
+    InputError
+        D42: it has no such file, or one that is damaged.
+    """
     fix = "give the command that wrote it again, with another --out"
-    return read_json(path / NUMBERS[kind], fix=fix)
+    try:
+        return read_json(path / NUMBERS[kind], fix=fix)
+    except FileNotFoundError as error:
+        message = f"has no {NUMBERS[kind]}: what wrote it was not finished, or the file was removed"
+        raise refuse("", code="D42", message=message, fix=fix, where=str(path)) from error
 
 
 def table_of(kind: str, found: Mapping[str, Mapping[str, Any]]) -> str:

@@ -19,7 +19,7 @@ from testbed.scenario.presets import REPEATABILITY
 from testbed.schemas.described import meaning, summary, unit
 from testbed.schemas.files import FILES, roots
 from testbed.schemas.names import directive, schema_name
-from testbed.strict import Strict, choice_of, models_in
+from testbed.strict import Strict, did_you_mean, models_in
 
 Json = dict[str, Any]
 DRAFT = "http://json-schema.org/draft-07/schema#"
@@ -65,7 +65,7 @@ def schema_text(file: str) -> str:
     if file not in FILES:
         raise refuse(
             "FILE", file, f"there are {', '.join(FILES)}", code="C41",
-            message=f'there is no schema of "{file}"', fix=choice_of(file, FILES),
+            message=f'there is no schema of "{file}"', fix=did_you_mean(file, FILES),
         )  # fmt: skip
     return json.dumps(schema(file), ensure_ascii=False, indent=1) + "\n"
 

@@ -139,6 +139,7 @@ def ellipse(
 
 def observability(axes: "Axes", count: "PoseCount") -> "Axes":
     """An index of observability against the number of poses: mean and scatter of random sets."""
+    _has(count, "PoseCount", "counts", "mean", "sd", "chosen", "criterion")
     low, high = count.mean - count.sd, count.mean + count.sd
     axes.fill_between(count.counts, low, high, color=AFTER, alpha=0.2, linewidth=0)
     axes.plot(count.counts, count.mean, color=AFTER, label="random sets: mean and sd")
@@ -152,6 +153,7 @@ def observability(axes: "Axes", count: "PoseCount") -> "Axes":
 
 def pose_budget(axes: "Axes", budget: "PoseBudget") -> "Axes":
     """What so many poses reach, and what no set of so many can [um]."""
+    _has(budget, "PoseBudget", "counts", "reached", "possible", "target")
     axes.plot(budget.counts, 1e6 * budget.reached, "o-", color=AFTER, label="designed set")
     axes.plot(budget.counts, 1e6 * budget.possible, "--", color=INK, label="no set is better")
     axes.axhline(1e6 * budget.target, color=BEFORE, linewidth=1.2, label="target")
@@ -193,6 +195,7 @@ def coverage(axes: "Axes", result: Tabular, *, level: float = 0.95) -> "Axes":
 
 def _table(result: Tabular, names: tuple[str, ...], column: str) -> "ResultTable":
     """The first table of these names, or of any, that has the column."""
+    _has(result, "result with tables", "tables")
     tables = result.tables()
     for name in names or tables:
         if name in tables and column in tables[name]:
@@ -201,6 +204,13 @@ def _table(result: Tabular, names: tuple[str, ...], column: str) -> "ResultTable
     message = f"{type(result).__name__} has no table {of_names}with {column}"
     have = f"it has {', '.join(tables) or 'none'}"
     raise refuse("result", None, have, code="A3", message=message)
+
+
+def _has(thing: object, wanted: str, *names: str) -> None:
+    """Refuse a thing that lacks what is drawn of it."""
+    if not all(hasattr(thing, name) for name in names):
+        message = f"{type(thing).__name__} cannot be drawn here"
+        raise refuse("result", None, f"a {wanted} is wanted", code="A3", message=message)
 
 
 def _distribution(axes: "Axes", mm: Array, label: str, color: str, style: str) -> None:

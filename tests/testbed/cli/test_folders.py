@@ -134,6 +134,15 @@ def test_a_document_without_a_figure_has_a_dash(kind):
         assert set(row) == {"-"}
 
 
+def test_a_folder_without_its_figures_is_refused_in_a_sentence(here):
+    Path("runs/ident/result.json").unlink()
+    done = call("compare", "runs/ident")
+    assert done.exit_code == 2
+    assert done.stderr.startswith("runs/ident: has no result.json: what wrote it was not finished")
+    assert done.stderr.endswith("[D42]\n")
+    assert done.stderr.count("\n") == 1
+
+
 def test_a_damaged_file_is_told(here):
     Path("runs/plan/plan.json").write_text("{")
     done = call("compare", "runs/plan")

@@ -97,6 +97,12 @@ def test_what_falls_short_of_its_promise_is_drawn_otherwise(axes):
 def test_what_cannot_be_drawn_is_refused_in_a_sentence(axes, campaign):
     with pytest.raises(InputError, match=r"Selection has no table errors with after_mm; it has p"):
         plots.errors(axes, campaign.trials[0].selection)
+    with pytest.raises(InputError, match="Trial cannot be drawn here; a PoseCount is wanted"):
+        plots.observability(axes, campaign.trials[0])
+    with pytest.raises(InputError, match="Campaign cannot be drawn here; a PoseBudget is wanted"):
+        plots.pose_budget(axes, campaign)
+    with pytest.raises(InputError, match="int cannot be drawn here; a result with tables is"):
+        plots.errors(axes, 3)
     with pytest.raises(InputError, match="plane is xw; two of the letters"):
         plots.ellipse(axes, S, plane="xw")
     with pytest.raises(InputError, match="covariance has shape"):

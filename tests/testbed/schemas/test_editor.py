@@ -206,3 +206,5 @@ def test_a_schema_that_is_not_there_is_refused_with_those_that_are():
         'there is no schema of "sesion"; there are scene, session, robot, tracker; '
         'did you mean "session"? [C41]\n'
     )
+    told = 'there is no schema of "foo"; there are scene, session, robot, tracker. [C41]\n'
+    assert call("schema", "foo").stderr == told
