@@ -1,9 +1,11 @@
 """The product's front: what it hands out is what the rooms make, in memory and on disk."""
 
 import numpy as np
+import pytest
 from matplotlib.figure import Figure
 
 import truebed
+from calib.errors import InputError
 from testbed.run.export import export_campaign
 from testbed.scenario.read import changed
 from testbed.studies import load_scenario
@@ -48,3 +50,11 @@ def test_a_plan_is_made_and_its_numbers_come_back(tmp_path):
     ]
     np.testing.assert_allclose(made.tables()["goal"]["u_um"], 1e6 * made.u)
     assert len(truebed.plan(planned.scenario(planned.QUICK)).places) == len(made.places)
+
+
+def test_what_is_no_folder_is_not_loaded(tmp_path):
+    with pytest.raises(InputError, match="nosuch: does not exist; give a folder that truebed wr"):
+        truebed.load(tmp_path / "nosuch")
+    (tmp_path / "robot.toml").write_text("")
+    with pytest.raises(InputError, match=r"robot.toml: is a file; give a folder that truebed wr"):
+        truebed.load(tmp_path / "robot.toml")
