@@ -14,7 +14,7 @@ Both models must speak of the same world and the same tool: give `nominal` the b
 which the program is meant. What the identified base moved against it is compensated too.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -223,14 +223,19 @@ WORDS: dict[InverseStatus, str] = {
 
 
 def status_sentences(
-    status: tuple[InverseStatus, ...], noun: str, words: Mapping[InverseStatus, str] = WORDS
+    status: tuple[InverseStatus, ...],
+    noun: str,
+    words: Mapping[InverseStatus, str] = WORDS,
+    *,
+    names: Sequence[str] = (),
 ) -> tuple[str, ...]:
-    """One sentence for each kind of trouble, with the rows (from 1) it concerns."""
+    """One sentence for each kind of trouble, with the rows it concerns: `names`, else from 1."""
+    names = names or [str(k + 1) for k in range(len(status))]
     said = []
     for outcome, meaning in words.items():
-        rows = [k + 1 for k, one in enumerate(status) if one == outcome]
+        rows = [name for name, one in zip(names, status, strict=True) if one == outcome]
         if rows:
-            listed = ", ".join(str(row) for row in rows[:10]) + (" ..." if len(rows) > 10 else "")
+            listed = ", ".join(rows[:10]) + (" ..." if len(rows) > 10 else "")
             many = len(rows) > 1
             said.append(
                 f"{len(rows)} of {len(status)} {noun}s {'are' if many else 'is'} {meaning} "

@@ -21,13 +21,14 @@ from calib.geometry.operating import AS_USUAL, OperatingConditions
 from calib.measurement.accuracy import rotation_errors
 from calib.uncertainty.statement.conditions import Conditions, departure
 from testbed.disk import atomic_write
+from testbed.files.columns import TEXTS
 from testbed.files.conditions import SetUp, first_stated, target_conditions
 from testbed.files.joints import joint_columns, read_joints
 from testbed.files.refusal import refusal
 from testbed.files.rotations import VECTOR, axes_of, checked_rotations, in_form, stated_in
-from testbed.files.rows.targets import of_targets
+from testbed.files.rows.targets import NAMES, called, of_targets, target_names
 from testbed.files.session import Stated
-from testbed.files.table import Columns, DataTable, table_of, together
+from testbed.files.table import Columns, DataTable, require_short, table_of, together
 from testbed.files.text import read_sheet, rewritten
 from testbed.files.valid import valid_rows
 from testbed.gates.text import FileText, read_text
@@ -70,6 +71,10 @@ class ProgramResult:
     """Under which the model takes the targets."""
     departed: Bool | None = None
     """(m,) whether it lies under others."""
+    names: tuple[str, ...] = ()
+    """(m,) what the program calls each target; empty where it has no name."""
+    places: tuple[str, ...] = ()
+    """(m,) file and line in which each target stands."""
 
     @property
     def before(self) -> Array:
@@ -151,8 +156,8 @@ def correct_program(
         DEG * result.left_rotation,
         away.words,
     )
-    names = [table.names[name] for name in targets.columns.names]
-    numbers = dict(zip(names, (targets.numbers / targets.columns.factors).T, strict=True))
+    theirs = [table.names[name] for name in targets.columns.names]
+    numbers = dict(zip(theirs, (targets.numbers / targets.columns.factors).T, strict=True))
     added = dict(zip(ADDED, columns, strict=True))
     comma = table.decimal == ","
     new = rewritten(text, table.sheet, numbers, result.corrected, added, comma=comma)
@@ -164,9 +169,16 @@ def correct_program(
         f"{count} miss {1e3 * result.before.mean():.3f} mm before and "
         f"{significant(1e3 * result.left.mean())} mm after on average"
     )
-    sentences = (done, *status_sentences(result.status, "target", WORDS), *away.sentences)
-    sentences += (*away.unsaid, *result.sentences)
-    return replace(result, sentences=sentences, conditions=away.words, departed=away.outside)
+    names = target_names(table)
+    failed = status_sentences(result.status, "target", WORDS, names=called(names))
+    return replace(
+        result,
+        sentences=(done, *failed, *away.sentences, *away.unsaid, *result.sentences),
+        conditions=away.words,
+        departed=away.outside,
+        names=names,
+        places=table.places,
+    )
 
 
 def read_program(path: Path, robot: Robot) -> tuple[FileText, DataTable]:
@@ -184,10 +196,14 @@ def read_program(path: Path, robot: Robot) -> tuple[FileText, DataTable]:
             message = f'has a column "{name}" already, as a corrected program has'
             fix = "correct the program as it was, not a corrected one"
             raise refusal(path.name, name, message, fix=fix)
-    numeric = [name for name in sheet.head if "_" in name or name[:1] in "qr"]
+    numeric = [
+        name for name in sheet.head if name not in TEXTS and ("_" in name or name[:1] in "qr")
+    ]
     table = table_of(sheet, {}, numeric=numeric)
     if not len(table):
         raise refusal(path.name, "file", "has no targets", fix="write one target a line")
+    for name in NAMES:
+        require_short(table, name)
     target_conditions(table)
     if _is_cartesian(table):
         _poses(table)

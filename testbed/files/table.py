@@ -185,7 +185,7 @@ def table_of(
     names = {name: name for name in sheet.head if name not in used and name not in mapping}
     table = DataTable(sheet, names | dict(mapping), decimal or "")
     for name in TEXTS:
-        _require_short(table, name)
+        require_short(table, name)
     if decimal:
         return table
     if numeric is None:
@@ -193,7 +193,7 @@ def table_of(
     return replace(table, decimal=_decimal_mark(table, numeric))
 
 
-def _require_short(table: DataTable, name: str) -> None:
+def require_short(table: DataTable, name: str) -> None:
     """Refuse endless names: they are compared, numbered and shown."""
     texts = table.texts_of(name) or ("",)
     longest = max(range(len(texts)), key=lambda row: len(texts[row]))

@@ -4,6 +4,7 @@ import numpy as np
 
 from calib.uncertainty.statement.belief import Belief
 from calib.uncertainty.statement.stated_point import StatedPoint
+from testbed.identify.applies.targets import named
 from testbed.identify.decisions import decided_at, decision_line, decision_words, would_decide
 from testbed.identify.handback.delivered import Delivered, TargetStatement
 from testbed.identify.records import Calibration
@@ -51,7 +52,10 @@ def targets(found: TargetStatement | None) -> list[Quantity]:
     """What is stated at the targets of a program; nothing without one."""
     if found is None:
         return []
+    names, places = named(found)
     words: dict[str, object] = {
+        "name": names,
+        "where": places,
         "transfer": found.transfer,
         "leverage": found.leverage,
         "place": found.place,

@@ -1,9 +1,31 @@
-"""Under which conditions a model takes the targets of a program, and what had to be assumed."""
+"""What the targets of a program are called, under which conditions a model takes them."""
+
+from collections.abc import Sequence
 
 from calib.arrays import Array
 from calib.geometry.model import RobotModel
 from calib.geometry.operating import OperatingConditions, approaches
 from calib.uncertainty.statement.conditions import Conditions
+from testbed.files.table import DataTable
+
+NAMES = ("pose_id", "target", "name")
+"""Columns that name the targets of a program; the first one there does."""
+
+
+def target_names(table: DataTable) -> tuple[str, ...]:
+    """What a program calls its targets (m,), as it came; empty where it has no name for one."""
+    return next((table.texts(name) for name in NAMES if name in table), ("",) * len(table))
+
+
+def called(names: Sequence[str]) -> tuple[str, ...]:
+    """How a sentence calls each target (m,): its number from 1, and its name if it has one.
+
+    Examples
+    --------
+    >>> called(("pick", ""))
+    ('1 "pick"', '2')
+    """
+    return tuple(f'{k} "{name}"' if name else str(k) for k, name in enumerate(names, start=1))
 
 
 def of_targets(

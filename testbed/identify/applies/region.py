@@ -5,7 +5,7 @@ import numpy as np
 from calib.arrays import Array
 from calib.uncertainty.statement.applicability import REFUSED, WARNED
 from testbed.identify.applies.rows import held_out_words
-from testbed.identify.applies.targets import target_words
+from testbed.identify.applies.targets import named, target_words
 from testbed.identify.handback.delivered import Delivered, TargetStatement
 from testbed.identify.records import Calibration
 from testbed.report.page import Block, Points, Section, Table, Text, heads
@@ -84,19 +84,22 @@ def workspace_table(calibration: Calibration) -> Table:
 
 def target_table(found: TargetStatement) -> Table:
     """What is stated at the first targets of a program."""
-    rows = []
+    rows, (names, places) = [], named(found)
     for k in range(min(len(found.why), MOST_TARGETS)):
         moves = found.radius_move[k : k + 1]
         radii = [significant(float(x) * UM) for x in (found.radius_mean[k], *moves)]
         cells = [*radii, "–"][:2] if found.stated[k] else ["–", "–"]
         reach = (significant(float(x[k]), 2) for x in (found.transfer, found.leverage))
-        rows.append((str(k + 1), *cells, *reach, str(found.place[k]), found.why[k]))
+        told = (str(found.place[k]), found.why[k])
+        rows.append((str(k + 1), names[k] or places[k], *cells, *reach, *told))
     more = len(found.why) - len(rows)
     return Table(
         caption="What is stated at the targets of the corrected program",
-        head=heads("target, R95 mean µm, R95 one move µm, transfer g, leverage h, place, why"),
+        head=heads(
+            "target, name, R95 mean µm, R95 one move µm, transfer g, leverage h, place, why"
+        ),
         rows=tuple(rows),
-        align="rrrrrll",
+        align="rlrrrrll",
         size="small",
         note="R95: 3-D radius, 95 %; a dash: no region is stated there."
         + (f" {more} more targets are in the table beside the program." if more > 0 else ""),

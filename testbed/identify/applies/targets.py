@@ -11,6 +11,7 @@ from calib.uncertainty.statement.places import MEASURE, place_words, reasons
 from calib.uncertainty.statement.stated_point import widened
 from calib.uncertainty.tool_point import ToolStatement
 from testbed.files.program import ProgramResult
+from testbed.files.rows.targets import called
 from testbed.identify.applies.unsaid import seen_by, unsaid_spread, widened_by
 from testbed.identify.decisions import UNDECIDED, outcomes
 from testbed.identify.handback.delivered import NOT_CORRECTED, TargetStatement
@@ -19,7 +20,8 @@ from testbed.identify.records import Calibration
 from testbed.report.text import csv_text
 from testbed.units import UM, counted, significant
 
-HEAD = ("target", "R95_mean_um", "R95_move_um", "transfer", "leverage", "place", "why")
+CALLED = ("target", "name", "where")
+HEAD = (*CALLED, "R95_mean_um", "R95_move_um", "transfer", "leverage", "place", "why")
 DECIDED = ("deviation_before_um", "decision_before", "deviation_um", "decision", "risk")
 
 
@@ -67,6 +69,8 @@ def statement_at(calibration: Calibration, program: ProgramResult) -> TargetStat
         why=_why(calibration, reach, program),
         before=_decided(calibration, program.deviation_before, before, decidable),
         after=_decided(calibration, program.deviation, mean, decidable),
+        names=program.names,
+        places=program.places,
     )
 
 
@@ -115,6 +119,12 @@ def _decided(
     return conformity(deviation[decidable], S[decidable], asked.tolerance, rule=asked.rule)
 
 
+def named(found: TargetStatement) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Name and place of each target (m,); empty in records that hold none."""
+    none = ("",) * len(found.why)
+    return found.names or none, found.places or none
+
+
 def target_words(found: TargetStatement) -> tuple[str, ...]:
     """What is stated at the targets, in sentences."""
     m, n = len(found.place), int(found.stated.sum())
@@ -123,9 +133,9 @@ def target_words(found: TargetStatement) -> tuple[str, ...]:
     which, kind = np.flatnonzero(~left), "corrected " * bool(left.any())
     said = []
     if len(which):
-        names = [str(k + 1) for k in which]
+        names = called(named(found)[0])
         one, many = (f"{kind}{noun} of the program" for noun in ("target", "targets"))
-        said.append(place_words(found.place[which], one, many, names))
+        said.append(place_words(found.place[which], one, many, [names[k] for k in which]))
     if left.any():
         said.append(f"no radius is stated at {counted(int(left.sum()), 'target')} left as written")
     if not found.reaches:
@@ -152,11 +162,12 @@ def _span(radius: Array) -> str:
 def statement_csv(found: TargetStatement) -> str:
     """One row for each target, numbered from 1."""
     decided = found.before is not None and found.after is not None
+    names, places = named(found)
     rows = []
     for k, why in enumerate(found.why):
         radii = [found.radius_mean[k], *found.radius_move[k : k + 1]] if found.stated[k] else []
         cells = [f"{radius * UM:.4g}" for radius in radii]
-        cells = [str(k + 1), *cells, *[""] * (2 - len(cells))]
+        cells = [str(k + 1), names[k], places[k], *cells, *[""] * (2 - len(cells))]
         cells += [f"{found.transfer[k]:.3g}", f"{found.leverage[k]:.3g}", str(found.place[k])]
         cells.append(why if found.decidable[k] else f"no region: {why}")
         rows.append([*cells, *(_decision_cells(found, k) if decided else ())])

@@ -6,7 +6,7 @@ from typing import Annotated
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.arrays import Array, Bool
+from calib.arrays import LATER, Array, Bool
 from calib.uncertainty.statement.conformity import Conformity
 
 NOT_CORRECTED = "not corrected"
@@ -41,6 +41,10 @@ class TargetStatement:
     or without such a target."""
     after: Conformity | None
     """The same of the corrected program."""
+    names: Annotated[tuple[str, ...], LATER] = ()
+    """(m,) what the program calls each target; empty where it has no name."""
+    places: Annotated[tuple[str, ...], LATER] = ()
+    """(m,) file and line in which each target stands."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

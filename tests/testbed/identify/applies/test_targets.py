@@ -10,12 +10,13 @@ import numpy as np
 import pytest
 
 import testbed.identify.handback.deliver as deliver_module
+from calib.errors import InputError
 from calib.geometry.joint_errors import JointErrors, harmonic_terms
 from calib.identification.levels import with_errors
 from calib.uncertainty.statement.conditions import Conditions
 from testbed.files.conditions import SetUp
 from testbed.identify.applies.region import reach_section
-from testbed.identify.applies.targets import target_words, tool_point
+from testbed.identify.applies.targets import statement_csv, target_words, tool_point
 from testbed.identify.calibrate import Options, calibrate
 from testbed.identify.decisions import at_held_out, decided_at, decision_line, decision_section
 from testbed.identify.handback.deliver import deliver, in_own_frames
@@ -44,10 +45,10 @@ def narrow(rule="guarded", tolerance=100e-6):
     return calibrate(robot(), session, Options(seed=1, held_out=30))
 
 
-def delivered(found, joints, folder, payload=()):
+def delivered(found, joints, folder, **texts):
     """What comes with a program of joint targets [rad], and the table beside it."""
     columns = {f"q{k + 1}_deg": [f"{x / DEG:.6f}" for x in joints[:, k]] for k in range(6)}
-    columns |= {"payload_kg": payload} if payload else {}
+    columns |= texts
     program = folder / "jobs.csv"
     program.write_text(csv_text(tuple(columns), zip(*columns.values(), strict=True)))
     out = folder / "out"
@@ -139,7 +140,7 @@ def test_a_target_left_as_written_has_no_radius_but_what_it_misses(tmp_path):
 
 
 def test_a_target_under_another_payload_has_no_region_and_no_decision(tmp_path):
-    made, table = delivered(narrow(), many()[:3], tmp_path, payload=("5.0", "0.0", "0.0"))
+    made, table = delivered(narrow(), many()[:3], tmp_path, payload_kg=("5.0", "0.0", "0.0"))
     assert made.targets.stated.tolist() == [False, True, True]
     assert table[0]["why"] == "no region: other payload"
     assert (table[0]["decision"], table[0]["R95_mean_um"]) == ("undecided", "")
@@ -219,7 +220,41 @@ def test_what_was_stated_and_decided_stands_in_report_and_result_and_comes_back(
         found.proof.point.radius_mean * 1e6, rel=1e-12
     )
     shown = reach_section(found, again).blocks[4]
-    assert [float(row[1]) for row in shown.rows] == pytest.approx(radii, rel=0.01)  # three digits
+    assert [float(row[2]) for row in shown.rows] == pytest.approx(radii, rel=0.01)  # three digits
+
+
+def test_targets_keep_the_names_that_the_program_gives_them(tmp_path):
+    """In the table, the result, the report and the sentences; one without a name has its line."""
+    q = many()[[0, 1, 20]]
+    names = ["pick", "", "=place, left"]
+    made, table = delivered(narrow(), q, tmp_path, pose_id=names)
+    again = unpack(Delivered, pack(made))
+    result = json.loads(pretty_json(headline(narrow(), again)))["targets"]
+    places = ["jobs.csv:2", "jobs.csv:3", "jobs.csv:4"]
+    assert list(again.targets.names) == result["name"] == names
+    assert list(again.targets.places) == result["where"] == places
+    # a spreadsheet must not take a name for a formula
+    assert [row["name"] for row in table] == ["pick", "", "'=place, left"]
+    assert [row["where"] for row in table] == places
+    shown = reach_section(narrow(), again).blocks[4]
+    assert shown.head[:2] == ("target", "name")
+    assert [row[:2] for row in shown.rows] == [
+        ("1", "pick"), ("2", "jobs.csv:3"), ("3", "=place, left"),
+    ]  # fmt: skip
+    assert '(3 "=place, left")' in target_words(again.targets)[0]
+    old = replace(again.targets, names=(), places=())  # of a record that holds none
+    assert "(3)" in target_words(old)[0]
+    assert [row["name"] for row in csv.DictReader(io.StringIO(statement_csv(old)))] == ["", "", ""]
+
+
+@pytest.mark.parametrize("column", ["pose_id", "target", "name"])
+def test_any_column_of_names_names_the_targets_but_no_endless_one(tmp_path, column):
+    q = many()[:2]
+    _, table = delivered(narrow(), q, tmp_path, **{column: ("weld 7", "weld 8")})
+    assert [row["name"] for row in table] == ["weld 7", "weld 8"]
+    (tmp_path / "long").mkdir()
+    with pytest.raises(InputError, match="201 characters"):
+        delivered(narrow(), q, tmp_path / "long", **{column: ("a" * 201, "b")})
 
 
 def test_a_program_moves_the_tool_that_it_was_written_for():
