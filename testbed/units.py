@@ -1,5 +1,6 @@
 """Numbers for people: units, digits, intervals in words; quantities that carry their unit."""
 
+import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from math import floor, isfinite, log10
@@ -16,6 +17,7 @@ DEG = 180.0 / np.pi
 """Degrees per radian."""
 MDEG = 1e3 * DEG
 """Thousandths of a degree per radian."""
+MICRO = re.compile(r"(?<=[\d)]) um\b")
 NARROW = "\u202f"
 """Narrow space that does not break a line, between a number and its sign."""
 
@@ -143,10 +145,10 @@ def typeset(text: str) -> str:
 
     Examples
     --------
-    >>> typeset("180 um at 95 %").replace(NARROW, "_")
-    '180_µm at 95_%'
+    >>> typeset("180 um at 95 %, a word um stays").replace(NARROW, "_")
+    '180_µm at 95_%, a word um stays'
     """
-    return text.replace(" um", f"{NARROW}µm").replace(" %", f"{NARROW}%")
+    return MICRO.sub(f"{NARROW}µm", text).replace(" %", f"{NARROW}%")
 
 
 def plain(text: str) -> str:

@@ -62,8 +62,8 @@ def in_command_frame(test: CycleTest) -> tuple[CycleTest, Array, str]:
         told = (
             f"The readings were brought into the frame of the commands by a best fit over "
             f"{found.points} points ({found.size}), which leaves {after} mm (rms): AP, AT and "
-            "their parts hold only what no motion as one piece explains, and the fit takes "
-            f"6 of the {3 * found.points} numbers"
+            "their parts hold only what no rigid motion explains, and the fit takes "
+            f"6 of the {3 * found.points} degrees of freedom"
         )
         return _moved(test, found.T), found.T, told
     if test.fitted is None and not found.flat and found.before > max(LEAST, TIMES * found.after):
@@ -75,10 +75,11 @@ def in_command_frame(test: CycleTest) -> tuple[CycleTest, Array, str]:
             fix='write frame = "fitted" under [iso9283] in session.toml if they stand in another '
             'one, or frame = "robot" if that is the robot\'s error',
         )  # fmt: skip
-    said = "as the session states" if test.fitted is False else "as nobody states otherwise"
+    said = "as the session states" if test.fitted is False else "as no other frame is stated"
     told = f"The readings are taken to be in the frame of the commands, {said}"
     if not found.flat:
-        told += f"; a best fit would leave {after} of {significant(found.before * MM)} mm (rms)"
+        before = significant(found.before * MM)
+        told += f"; a best fit would lower the rms deviation from {before} to {after} mm"
     return test, np.eye(4), told
 
 

@@ -1,6 +1,7 @@
 """The straight line of `iso9283`: readings into one frame, then every figure with its limits."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from itertools import combinations, pairwise
 
 import numpy as np
@@ -98,7 +99,16 @@ def play_test(test: CycleTest) -> CycleResult:
         one, picture = _path(path, shared)
         figures += one
         shown.append(picture)
-    return CycleResult(moved, tuple(figures), drifts, p_value, tuple(shown), frame)
+    return CycleResult(moved, _alike(figures), drifts, p_value, tuple(shown), frame)
+
+
+def _alike(figures: Sequence[StatedFigure]) -> tuple[StatedFigure, ...]:
+    """The figures, each with the median u of all that have its name."""
+    u = dict[str, list[float]]()
+    for figure in figures:
+        u.setdefault(figure.name, []).append(figure.u)
+    typical = {name: float(np.median(values)) for name, values in u.items()}
+    return tuple(replace(figure, typical_u=typical[figure.name]) for figure in figures)
 
 
 def _poses(visits: Visits, shared: Shared) -> Iterator[StatedFigure]:

@@ -125,13 +125,14 @@ def path_picture(path: PathShown) -> str:
         view.set_ylabel(f"{'xyz'[j]} [mm]")
         view.set_title(f"errors × {times}")
         along = path.along * mm
-        curve.plot(along, path.AT * UM, color=DARK, label="mean path off the command")
+        curve.plot(along, path.AT * UM, color=DARK, label="mean path from command")
         curve.plot(along, path.RT * UM, color=LIGHT, label="RT of each point")
         for values, color, name in ((path.AT, DARK, "AT"), (path.RT, LIGHT, "RT")):
             k = int(values.argmax())
             curve.plot(along[k], values[k] * UM, "o", color=color, markersize=4)
             text = f"{name} {significant(float(values[k]) * UM)}"
-            label(curve, text, (float(along[k]), float(values[k]) * UM), (0, 4), ha="center")
+            side = "left" if k < len(along) / 3 else "right" if k > 2 * len(along) / 3 else "center"
+            label(curve, text, (float(along[k]), float(values[k]) * UM), (0, 4), ha=side)
         curve.set_ylim(0, 1.2 * UM * float(max(path.AT.max(), path.RT.max())))
         curve.set_xlabel("along the path [mm]")
         curve.set_ylabel("[µm]")

@@ -95,7 +95,7 @@ def _test(
     sha = tuple(dict.fromkeys([*first, *sources.files]))
     frame = settings.iso9283.frame
     return CycleTest(
-        name=settings.name or (file.parent.name if file.name == SESSION_FILE else file.stem),
+        name=settings.name or name_of(file),
         files=sha,
         visits=visits,
         paths=tuple(paths),
@@ -115,6 +115,11 @@ def _test(
         warnings=_without_folders(warnings, sha),
         notes=_without_folders([*(note for one in parts for note in one.notes), *notes], sha),
     )
+
+
+def name_of(file: Path) -> str:
+    """Name of a test whose session gives none: that of its folder, or of its only file."""
+    return (file.resolve().parent.name if file.name == SESSION_FILE else "") or file.stem
 
 
 def _repeating(visits: Visits | None, paths: Sequence[PathRuns]) -> Iterator[str]:

@@ -117,6 +117,8 @@ class StatedFigure:
     angle: bool = False
     shared: float = 0.0
     """Part of u that all readings of the instrument share; more cycles do not lower it."""
+    typical_u: float = 0.0
+    """Median u of all figures of its name, which decides the digits of all of them; 0: its own."""
 
     @property
     def size(self) -> float:

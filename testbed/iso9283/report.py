@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 
+from testbed.iso9283.figure_words import limit_um
 from testbed.iso9283.records import STANDARD, CycleResult
 from testbed.iso9283.report_figures import (
     angle_section,
@@ -21,22 +22,21 @@ from testbed.iso9283.words import (
     notice,
     overall,
     reasons,
-    unit,
     verdict,
 )
 from testbed.jobsheet.report import Row, job_rows, job_section
 from testbed.report.page import Block, Page, Points, Section, Table, Text, record_section
-from testbed.units import UM, sentences, significant
+from testbed.units import sentences
 
 WORST = ("AP", "RP", "AP_angle", "RP_angle_x", "RP_angle_y", "RP_angle_z", "vAP", "AD", "RD",
          "dAP", "dRP", "AT", "RT")  # fmt: skip
 """Figures of the headline, in its order."""
 LIMITS = (
-    "Limits hold the figure that endlessly many cycles would show with 95 % probability: of AP, "
-    "AD, vAP and AT by Student's t, with what the instrument is stated to share; of RP, RD and RT "
-    "by chi-square, its degrees of freedom from the shape of the scatter. Floor: what the figure "
-    "reads, on average, where there is nothing to see. PASS: every upper limit keeps the limit, at "
-    "a risk of 2.5 %; FAIL: a lower limit is beyond it, at 2.5 % for each figure."
+    "95 %: confidence limits of the figure that infinitely many cycles would give; of AP, AD, vAP "
+    "and AT by Student's t, stated systematic errors included; of RP, RD and RT by chi-square, "
+    "with degrees of freedom from the shape of the scatter. floor: what the figure would read on "
+    "average if its true value were zero. PASS: every upper limit is within the limit, at a risk "
+    "of 2.5 %; FAIL: a lower limit is beyond it, at 2.5 % for each figure."
 )
 
 
@@ -58,7 +58,7 @@ def page_of(result: CycleResult, versions: Mapping[str, str]) -> Page:
     )  # fmt: skip
     return Page(
         banner=notice(result),
-        title=f"{STANDARD}: {test.name}",
+        title=f"{STANDARD}: {test.name}" if test.name else STANDARD,
         subtitle=EDITION,
         believable=enough(result) and overall(result) in ("", "PASS"),
         mark=mark(result),
@@ -83,8 +83,8 @@ def headline(result: CycleResult) -> Table:
                     called(name),
                     figure.where,
                     *cells(figure),
-                    unit(figure),
-                    "–" if limit is None else significant(limit.limit * UM),
+                    "mdeg" if figure.angle else "µm",
+                    "–" if limit is None else limit_um(limit.limit),
                     "–" if limit is None else limit.word,
                 )
             )
@@ -107,7 +107,7 @@ def called(name: str) -> str:
 def sheet_rows(result: CycleResult) -> tuple[Row, ...]:
     """The job sheet with how the test was done, and what was decided."""
     test = result.test
-    limits = ", ".join(f"{name} {significant(x * UM)} um" for name, x in test.limits.items())
+    limits = ", ".join(f"{name} {limit_um(x)} um" for name, x in test.limits.items())
     decided = "; ".join(one.sentence for one in decisions(result))
     stated = job_rows(
         test.job,
@@ -127,7 +127,7 @@ def _data(result: CycleResult) -> Section:
     test = result.test
     rows = [
         ("uncertainty of a reading", test.uncertainty or "not stated"),
-        ("shared by all readings", "as stated" if test.systematic else "not stated"),
+        ("systematic errors", "as stated" if test.systematic else "not stated"),
         ("conditions", test.conditions or "not stated"),
         ("speed", f"{test.speed_percent:g} %" if test.speed_percent else "not stated"),
         *(("file", f"{one.path.name}, sha256 {one.sha256[:16]}") for one in test.files),

@@ -2,9 +2,9 @@
 
 import numpy as np
 
+from testbed.iso9283.figure_words import equal, show
 from testbed.iso9283.plots import FEW, clusters, drawn, drift_picture, factor_of, path_picture
 from testbed.iso9283.records import CycleResult, StatedFigure
-from testbed.iso9283.words import equal, show
 from testbed.report.page import Figure as Drawing
 from testbed.report.page import Section, Table
 from testbed.units import counted, probability, significant
@@ -45,16 +45,16 @@ def pose_section(result: CycleResult) -> Section | None:
         align="lrrrrrrrr",
         size="small",
         note="AP: from the commanded position to the barycenter of the attained ones; x, y, z in "
-        "the frame of the commands. RP: mean distance to the barycenter and three standard "
+        "the frame of the commands. RP: mean distance to the barycenter plus three standard "
         f"deviations of it.{_more(len(visits.names))}",
     )
     count = len(drawn(result))
     which = "" if count == len(visits.names) else f" The {count} poses that scatter most."
     thinned = f" At most {2 * FEW} cycles, evenly spread, are drawn." * (visits.cycles > 2 * FEW)
     picture = Drawing(
-        "Where the cycles of each pose fell, about their barycenter: above from above (x, y), "
-        f"below from the side (x, z).{which} An arrow that ends at the edge points to a command "
-        f"further out.{thinned}",
+        "Readings of each pose about their barycenter: upper row seen from above (x, y), lower row "
+        f"from the side (x, z).{which} An arrow that ends at the edge points to a command "
+        f"outside the picture.{thinned}",
         clusters(result),
     )
     return Section("poses", "Poses", (table, picture))
@@ -79,7 +79,7 @@ def angle_section(result: CycleResult) -> Section | None:
     rows = tuple(
         (
             turn.where, show(turn.value, turn), _span(turn),
-            *(cell for own in about for cell in (show(own[e].value, turn), _span(own[e]))),
+            *(cell for own in about for cell in (show(own[e].value, own[e]), _span(own[e]))),
         )
         for e, turn in enumerate(turns[:MOST_ROWS])
     )  # fmt: skip
@@ -147,12 +147,13 @@ def drift_section(result: CycleResult) -> Section | None:
         rows,
         size="small",
         note="Blocks of ten cycles in the order of time; dAP and dRP: largest change of AP and RP "
-        "against the first block. Chance: what 95 % of random orders of the same cycles stay "
-        f"below; p: share of them that change as much; all poses and figures together: p "
+        "against the first block. chance 95 %: 95 % of random orders of the same cycles change by "
+        f"less; p: share of them that change as much; all poses and figures together: p "
         f"{equal(result.drift_p_value)}.{_more(len(result.drifts))}",
     )
     picture = Drawing(
-        "AP and RP of each block of ten cycles; dark: the pose whose change is least by chance.",
+        "AP and RP of each block of ten cycles; dark: the pose whose change is least likely by "
+        "chance.",
         drift_picture(result.drifts),
     )
     return Section("drift", "Drift", (table, picture))
@@ -166,7 +167,7 @@ def path_sections(result: CycleResult) -> list[Section]:
         rows = tuple((figure.name, *cells(figure)) for figure in figures)
         run = result.test.paths[k]
         how = (
-            "" if run.matched else " Runs were read without numbers of points, in their order."
+            "" if run.matched else " Runs were read without point numbers, in their order."
         )  # fmt: skip
         table = Table(
             f"Path {shown.name}: {counted(len(run.runs), 'run')}, {len(shown.command)} points",
@@ -174,15 +175,15 @@ def path_sections(result: CycleResult) -> list[Section]:
             rows,
             size="small",
             note="AT: largest distance of the mean path from a commanded point, in the plane "
-            "across the path there; RT: largest mean distance to the mean path and three standard "
-            "deviations, in such a plane. Early or late along the path is no error. Largest of "
-            f"many points, both read a little more than any single one: the lower limits allow for "
-            f"that, each point's at 1 - 0.025/{len(shown.command)}.{how}",
+            "across the path there; RT: largest mean distance to the mean path plus three standard "
+            "deviations, in such a plane. Lead or lag along the path does not count. Both are the "
+            "largest of many points, so they read a little high: the lower limits allow for that, "
+            f"each point's at 1 - 0.025/{len(shown.command)}.{how}",
         )
         picture = Drawing(
-            f"Left: commanded path, mean path and the tube of RT, errors drawn {factor_of(shown)} "
-            "times larger than life. Right: how far the mean path lies off, and RT, point by "
-            "point.",
+            f"Left: commanded path, mean path and the tube of RT, errors magnified "
+            f"{factor_of(shown)} times. Right: distance of the mean path from the command, and RT, "
+            "at each point.",
             path_picture(shown),
         )
         sections.append(Section(f"path-{k + 1}", f"Path {shown.name}", (table, picture)))

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import stdtrit
 
+from testbed.iso9283.figure_words import equal, limit_um, place, show, um, unit
 from testbed.iso9283.records import (
     PATH_CYCLES,
     POSE_CYCLES,
@@ -14,29 +15,18 @@ from testbed.iso9283.records import (
     StatedFigure,
 )
 from testbed.report.page import SIMULATED
-from testbed.units import (
-    MDEG,
-    UM,
-    counted,
-    decimals,
-    fixed,
-    probability,
-    sentences,
-    significant,
-)
+from testbed.units import counted, sentences, significant
 
 MEASURED = "MEASURED - a test report, not a certificate of traceability"
 EDITION = (
     f"Figures of {STANDARD}, from their textbook definitions; the text of the standard is not "
-    "reproduced, and its further conditions (warm-up, load, speed, where the poses lie) are for "
-    "whoever measured to keep."
+    "reproduced. Its further conditions (warm-up, load, speed, choice of poses) are the "
+    "responsibility of whoever measured."
 )
 NEAR = 1.5
 """Times its floor up to which a figure may be mostly noise."""
 SURE = 0.01
 """A p-value, for all poses together, below which a drift is said."""
-FINEST = 1e-3
-"""Of a standard uncertainty that decides digits [um, mdeg]."""
 MOST_CYCLES = 1000
 """Beyond which no number of cycles is proposed."""
 OF_THE_FRAME = ("AP", "AT")
@@ -73,24 +63,25 @@ def decisions(result: CycleResult) -> tuple[LimitDecision, ...]:
 
 def _decision(result: CycleResult, name: str, limit: float) -> LimitDecision:
     """One limit."""
-    figures, allowed = result.of(name), f"limit {name} {um(limit)}"
+    figures, allowed = result.of(name), f"{name} limit {limit_um(limit)} um"
     if not figures:
-        text = f"{allowed}: UNDECIDED: nothing that was measured gives {name}"
+        text = f"{allowed}: UNDECIDED, nothing that was measured gives {name}"
         return LimitDecision(name, limit, "UNDECIDED", "", text)
     failing = [figure for figure in figures if figure.least > limit]
     if failing:
         worst = max(failing, key=lambda figure: figure.least)
-        text = f"{allowed}: FAIL: {told(worst)}"
+        text = f"{allowed}: FAIL, {told(worst)}"
         return LimitDecision(name, limit, "FAIL", worst.where, text)
     worst = max(figures, key=lambda figure: figure.most)
     if worst.most <= limit:
-        text = f"{allowed}: PASS: the largest upper limit is {um(worst.most)} ({worst.where})"
+        most = f"{show(worst.most, worst)} {unit(worst)}"
+        text = f"{allowed}: PASS, the largest upper limit is {most} ({place(worst)})"
         if result.test.fitted and name in OF_THE_FRAME:
-            text += ", in the frame that was fitted to these very readings"
+            text += ", in the frame that was fitted to these same readings"
         if drifts(result):
-            text += ", if the drift below is no more than what these cycles show"
+            text += ", if the drift stays within what these cycles show"
         return LimitDecision(name, limit, "PASS", worst.where, text)
-    text = f"{allowed}: UNDECIDED: {told(worst)}; {would_decide(worst, limit)}"
+    text = f"{allowed}: UNDECIDED, {told(worst)}; {would_decide(worst, limit)}"
     return LimitDecision(name, limit, "UNDECIDED", worst.where, text)
 
 
@@ -106,8 +97,8 @@ def would_decide(figure: StatedFigure, limit: float) -> str:
         return f"about {int(np.ceil(cycles - 1e-6))} cycles would decide it if it stays where it is"
     if of_all and rest <= 0:
         return (
-            f"more cycles would not decide it: u of what all readings of the instrument share is "
-            f"{um(figure.shared)}; an instrument that knows places better would"
+            "more cycles would not decide it: the stated systematic errors alone give u = "
+            f"{um(figure.shared)}; a more accurate instrument would"
         )
     return "it lies so near the limit that no sensible number of cycles would decide it"
 
@@ -136,14 +127,16 @@ def mark(result: CycleResult) -> str:
 
 def verdict(result: CycleResult) -> str:
     """The largest figures with their limits."""
-    parts = []
+    parts = list[str]()
     for name in ("AP", "RP", "AT", "RT"):
         figure = result.worst(name)
         if figure is not None:
             span = f"{show(figure.least, figure)} to {show(figure.most, figure)}"
-            parts.append(f"{name} is up to {show(figure.size, figure)} um ({figure.where}: {span})")
-    text = f"{'; '.join(parts)}; in brackets 95 % limits"
-    return f"{text}. Measured: {extent(result.test)}."
+            limits = f"95 % limits {span}" if not parts else span
+            at = f"({place(figure)}; {limits})"
+            parts.append(f"{name} is up to {show(figure.size, figure)} um {at}")
+    said = [f"{'; '.join(parts)}", *_drift_told(result), f"Measured: {extent(result.test)}"]
+    return f"{'. '.join(said)}."
 
 
 def extent(test: CycleTest) -> str:
@@ -161,7 +154,7 @@ def told(figure: StatedFigure) -> str:
     low, high = (show(x, figure) for x in (figure.least, figure.most))
     value = show(figure.size, figure)
     return (
-        f"{figure.name} is up to {value} {unit(figure)} ({figure.where}; 95 % limits {low} to "
+        f"{figure.name} is up to {value} {unit(figure)} ({place(figure)}; 95 % limits {low} to "
         f"{high} {unit(figure)})"
     )
 
@@ -176,18 +169,18 @@ def reasons(result: CycleResult) -> tuple[str, ...]:
     if near:
         worst = min(near, key=lambda figure: figure.size / figure.floor)
         texts.append(
-            f"{worst.name} of {worst.where} is {um(worst.size)}, and the stated noise alone reads "
-            f"{um(worst.floor)}: the robot itself repeats better than that"
+            f"{worst.name} of {place(worst)} is {show(worst.size, worst)} um, and the stated noise "
+            f"alone gives {show(worst.floor, worst)} um: the robot itself repeats better than that"
             + (f" ({counted(len(near) - 1, 'more figure')} like it)" if len(near) > 1 else "")
         )
     if not test.uncertainty:
         texts.append(
-            "The noise of a reading is not stated: nothing tells how much of the scatter is the "
-            "instrument's ([uncertainty] position_um)"
+            "The noise of a reading is not stated ([uncertainty] position_um): the instrument's "
+            "share of the scatter is unknown"
         )
     if test.systematic is None:
         texts.append(
-            "What the instrument gets wrong in all readings alike is in no limit: nobody states it "
+            "Systematic errors of the instrument are not in these limits: none are stated "
             "([uncertainty.systematic])"
         )
     texts.append(result.frame)
@@ -203,8 +196,8 @@ def _too_few(result: CycleResult) -> list[str]:
         said = f"The poses have {n} cycles, and {STANDARD} asks for {POSE_CYCLES}"
         assert RP is not None  # every pose has one
         texts.append(
-            f"{said}: these are not the standard's figures; the RP of {um(RP.size)} may be "
-            f"{um(RP.least)} to {um(RP.most)} with endlessly many"
+            f"{said}: these are not the standard's figures; with infinitely many cycles the RP of "
+            f"{show(RP.size, RP)} um may be {show(RP.least, RP)} to {show(RP.most, RP)} um"
         )
     texts += [
         f"Path {one.name} has {len(one.runs)} runs, and {STANDARD} asks for {PATH_CYCLES}"
@@ -214,8 +207,24 @@ def _too_few(result: CycleResult) -> list[str]:
     return texts
 
 
+def _drift_told(result: CycleResult) -> list[str]:
+    """Drift in one sentence, where it was tested."""
+    if not result.drifts:
+        return []
+    dAP, p = result.worst("dAP"), equal(result.drift_p_value)
+    assert dAP is not None  # every drift has one
+    hours = max(float(np.ptp(one.hours)) for one in result.drifts)
+    size = f"{show(dAP.size, dAP)} um ({place(dAP)}) over {significant(hours, 2)} h"
+    if drifts(result):
+        return [f"The robot drifts (p {p} for all poses together): AP by up to {size}"]
+    return [
+        f"Drift is not significant (p {p} for all poses together, tested at {SURE:g}): AP changes "
+        f"by up to {size}"
+    ]
+
+
 def drifts(result: CycleResult) -> bool:
-    """Whether chance alone hardly orders the cycles so."""
+    """Whether chance alone would hardly order the cycles so."""
     return result.drift_p_value < SURE  # nan where nothing tells
 
 
@@ -226,16 +235,18 @@ def _drifting(result: CycleResult) -> list[str]:
         return []
     if not result.drifts:
         why = "there are no times" if visits.time is None else "there are fewer than 20 cycles"
-        return [f"Drift was not asked about: {why}"]
+        return [f"Drift was not tested: {why}"]
     if not drifts(result):
         return []
     worst = max(result.drifts, key=lambda one: float((one.changes / one.chance).max()))
     k = int((worst.changes / worst.chance).argmax())
+    own = next(f for f in result.of(("dAP", "dRP")[k]) if f.where == worst.where)
+    change, usual = show(worst.changes[k], own), show(worst.chance[k], own)
+    name = ("AP", "RP")[k]
     return [
-        f"The robot drifts (p {equal(result.drift_p_value)}): {('AP', 'RP')[k]} of {worst.where} "
-        f"changes by {um(worst.changes[k])} over {significant(float(np.ptp(worst.hours)), 2)} h, "
-        f"chance alone stays below {um(worst.chance[k])} in 95 %; the limits take cycles as "
-        "independent, and are too narrow then"
+        f"{name} of {place(own)} changes by {change} um; in 95 % of random orders of the "
+        f"same cycles it changes by less than {usual} um. "
+        "The 95 % limits assume independent cycles and are too narrow under drift"
     ]
 
 
@@ -248,29 +259,5 @@ def next_step(result: CycleResult) -> str:
         return f"Measure {POSE_CYCLES} cycles of poses and {PATH_CYCLES} runs of paths."
     stated = [test.conditions, f"speed {test.speed_percent:g} %" if test.speed_percent else ""]
     said = ", ".join(filter(None, stated))
-    where = f"measured {said}" if said else "load and speed, which nobody stated"
-    return f"Quote each figure with its limits, its cycles and the conditions: {where}."
-
-
-def equal(p: float) -> str:
-    """A p-value with its sign."""
-    text = probability(p)
-    return text if text.startswith("<") else f"= {text}"
-
-
-def um(length: float) -> str:
-    """A length [m] in um with its unit."""
-    return f"{significant(length * UM)} um"
-
-
-def show(value: float, figure: StatedFigure) -> str:
-    """A value of a figure in um, or mdeg, to the second digit of its standard uncertainty."""
-    scale = MDEG if figure.angle else UM
-    if figure.u * scale < FINEST:
-        return significant(value * scale)
-    return fixed(value * scale, decimals(figure.u * scale, 2))
-
-
-def unit(figure: StatedFigure) -> str:
-    """Unit that it is shown in."""
-    return "mdeg" if figure.angle else "um"
+    where = f"measured {said}" if said else "load and speed, which are not stated"
+    return f"Quote each figure with its limits, its number of cycles and the conditions: {where}."

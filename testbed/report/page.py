@@ -1,14 +1,15 @@
 """A report as one HTML page: headline, then sections of paragraphs, lists, tables and figures."""
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import zip_longest
 from pathlib import Path
 from typing import Any, ClassVar, Literal, get_args
 
 from calib.arrays import Index
 from calib.errors import visible
-from testbed.units import listed, plain
+from testbed.units import listed, plain, typeset
 
 SIMULATED = "SIMULATED - not a calibration certificate"
 """On everything that was made from a virtual robot."""
@@ -156,8 +157,16 @@ def said_once(page: Page) -> Page:
                 blocks += [Points(items)] if items else []
             else:
                 blocks.append(block)
-        sections.append(replace(section, blocks=tuple(blocks)))
+        sections.append(replace(section, blocks=tuple(_announced(blocks))))
     return replace(page, sections=tuple(section for section in sections if section.blocks))
+
+
+def _announced(blocks: Sequence[Block]) -> Iterator[Block]:
+    """The blocks but lines that end with a colon and have lost the list they announce."""
+    for block, following in zip_longest(blocks, blocks[1:]):
+        announces = isinstance(block, Text) and block.text.endswith(":")
+        if not announces or isinstance(following, Points | Table | Figure):
+            yield block
 
 
 def render(page: Page) -> str:
@@ -171,6 +180,7 @@ def render(page: Page) -> str:
         trim_blocks=True,
         lstrip_blocks=True,
     )
+    environment.filters["typeset"] = typeset
     return visible(environment.get_template("report.html.j2").render(page=said_once(page.opened())))
 
 

@@ -2,16 +2,19 @@
 
 import json
 import re
+from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 from typer.testing import CliRunner
 
 from testbed.cli import app
+from testbed.iso9283.figure_words import show
 from testbed.iso9283.play import play_test
 from testbed.iso9283.read import read_test
 from testbed.iso9283.report import page_of
-from tests.reported import said_twice
+from tests.reported import read, said_twice
 from tests.testbed.iso9283.made import SESSION, path_rows, pose_rows, text_of
 
 
@@ -63,6 +66,42 @@ def test_the_page_has_every_section_and_keeps_what_users_wrote_as_text(done):
     assert "the text of the standard is not reproduced" in html
     assert not re.search(r"https?://(?!www\.w3\.org)", html)
     assert "nan" not in re.sub(r"<svg.*?</svg>", "", html, flags=re.DOTALL).replace("finance", "")
+
+
+def test_the_page_says_micrometres_in_one_way_and_announces_no_empty_list(done):
+    text = read((done[0] / "report.html").read_text()).said
+    assert not [line for line in text if re.search(r"\bum\b", line)]
+    # all runs of the path are alike: rounding is not printed as a length
+    assert not [line for line in text if "× 10⁻" in line]
+    assert any("RT of path line is < 0.001" in line for line in text)
+    assert "Warnings:" not in text  # what it said stands in the verdict
+    assert "60" in text  # the limit of RP, as it was given
+    assert not [line for line in text if "limit 60.0" in line]
+
+
+def test_all_figures_of_a_kind_have_the_same_decimals(files):
+    result = play_test(read_test(files / "session.toml"))
+    spreads = result.of("RD")
+    # on both sides of the 9.95 um at which the second digit of u moves by one place
+    between = [replace(f, u=u * 1e-6) for f, u in zip(spreads, (9.0, 10.5) * 5, strict=True)]
+    typical = float(np.median([f.u for f in between]))
+    alike = [replace(figure, typical_u=typical) for figure in between]
+    assert len({show(f.value, f).partition(".")[2] != "" for f in alike}) == 1
+    for name in {figure.name for figure in result.figures}:
+        own = result.of(name)
+        assert {f.typical_u for f in own} == {float(np.median([f.u for f in own]))}
+
+
+def test_a_session_without_a_name_is_called_after_its_folder(files, monkeypatch):
+    text = (files / "session.toml").read_text().replace('name = "acceptance"\n', "")
+    folder = files / "press 4"
+    folder.mkdir()
+    for name in ("cycles.csv", "path.csv"):
+        (folder / name).write_bytes((files / name).read_bytes())
+    (folder / "session.toml").write_text(text)
+    monkeypatch.chdir(folder)
+    page = page_of(play_test(read_test(Path("session.toml"))), {})
+    assert page.title == "ISO 9283:1998: press 4"
 
 
 def test_the_same_files_give_the_same_bytes_and_nothing_is_written_over(done, files):

@@ -12,6 +12,7 @@ from scipy import stats
 from calib.errors import InputError
 from testbed.files.read import ReadOptions
 from testbed.iso9283 import grouped
+from testbed.iso9283.figure_words import show
 from testbed.iso9283.play import play_test
 from testbed.iso9283.read import read_test
 from testbed.iso9283.results import headline, iso_csv
@@ -104,7 +105,7 @@ def test_distances_have_their_sign_and_the_instruments_scale_in_u(tmp_path):
     # AP of the same instrument: the scale at 1.1 m from the station, along the beam
     P1 = result.of("AP")[0]
     assert P1.shared <= 20e-6 * np.linalg.norm(CUBE[0]) * 1e-3 * (1 + 1e-9)
-    assert "instrument gets wrong" not in " ".join(reasons(result))
+    assert "Systematic errors" not in " ".join(reasons(result))
     RD = next(f for f in result.of("RD") if f.where == "P1 to P2")
     assert RD.floor / UM == pytest.approx(3 * 3 * np.sqrt(2), rel=0.02)  # c4(30) = 0.991
 
@@ -146,17 +147,19 @@ def test_a_drift_is_read_and_said_and_its_absence_is_too(tmp_path):
     result = played(tmp_path, later)
     P1 = result.of("dAP")[0]
     assert P1.value / UM == pytest.approx(50, abs=3 * 4 * np.sqrt(2 / 10))
-    said = " ".join(reasons(result))
-    assert "The robot drifts (p = 0.001" in said
-    assert "AP of P1 changes by" in said
+    assert "The robot drifts (p = 0.001" in verdict(result)
+    assert f"AP by up to {show(P1.value, P1)} um (pose P1)" in verdict(result)
+    assert "AP of pose P1 changes by" in " ".join(reasons(result))
     passed = played(tmp_path, later, "[iso9283]\nlimits_um = {AP = 900}\n")
     assert mark(passed) == "✓ PASS at the stated limits (it drifts)"
-    assert "if the drift below is no more" in decisions(passed)[0].sentence
+    assert "if the drift stays within" in decisions(passed)[0].sentence
     calm = played(tmp_path, rows)
     assert "drift" not in " ".join(reasons(calm)).lower()
+    assert "Drift is not significant (p =" in verdict(calm)
     still = [{k: v for k, v in row.items() if k != "time_s"} for row in rows]
-    told = " ".join(reasons(played(tmp_path, still)))
-    assert "Drift was not asked about: there are no times" in told
+    untimed = played(tmp_path, still)
+    assert "Drift was not tested: there are no times" in " ".join(reasons(untimed))
+    assert "rift" not in verdict(untimed)
 
 
 def test_paths_beside_their_command_give_at_and_rt_by_hand(tmp_path):
@@ -218,7 +221,7 @@ def test_a_fitted_frame_takes_a_rigid_motion_and_nothing_else(tmp_path):
     assert "best fit over 5 points" in other.frame
     limited = played(tmp_path, moved, '[iso9283]\nframe = "fitted"\nlimits_um = {AP = 900}\n')
     assert "PASS" in decisions(limited)[0].sentence
-    assert "in the frame that was fitted to these very readings" in decisions(limited)[0].sentence
+    assert "in the frame that was fitted to these same readings" in decisions(limited)[0].sentence
 
 
 def test_stated_noise_turns_with_the_readings(tmp_path):
@@ -248,7 +251,7 @@ def test_limits_are_decided_with_their_confidence(tmp_path):
     near = played(tmp_path, pose_rows(n=30, sd=10.0), "[iso9283]\nlimits_um = {AP = 82}\n")
     assert [one.word for one in decisions(near)] == ["UNDECIDED"]  # 80.0 of 76.3 to 83.7
     assert mark(near) == "? UNDECIDED at the stated limits"
-    assert "AP is up to 80.0 um (P1: 76.3 to 83.7)" in verdict(result)
+    assert "AP is up to 80.0 um (pose P1; 95 % limits 76.3 to 83.7)" in verdict(result)
 
 
 def test_so_many_cycles_decide_as_they_were_said_to(tmp_path):

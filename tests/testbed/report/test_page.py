@@ -28,6 +28,14 @@ def test_what_the_first_screen_says_is_left_out_of_the_sections():
     ]
 
 
+def test_a_line_that_announces_a_list_goes_with_it():
+    made = page(Section("one", "One", (Text("Warnings:"), Points((SECOND,)), Text("The rest."))))
+    (only,) = said_once(made).sections
+    assert only.blocks == (Text("The rest."),)
+    kept = page(Section("one", "One", (Text("Warnings:"), Points(("Another one was heard.",)))))
+    assert [type(block) for block in said_once(kept).sections[0].blocks] == [Text, Points]
+
+
 def test_a_section_that_gives_its_only_figure_to_the_first_screen_is_gone():
     figure = Figure("A curve.", "<svg></svg>")
     text = " ".join(read(render(page(Section("one", "Alone", (figure,))))).text)
