@@ -30,8 +30,9 @@ NEAR, NEARER = 1e-7, 1e-9
 """Relative offset from which one more step ends a fit. The step leaves the square of that; the
 smaller one where it leaves a hundredth, in paper mode, and where a prior holds what the rows hardly
 tell, whose columns turn with the step."""
-CHORDS = 2
-"""Steps by the columns at the start, before any robot's own are made."""
+CHORDS, SHORT = 2, 2.0
+"""Steps by the columns at the start, before any robot's own are made, and the length in standard
+uncertainties of all numbers below which a step was the last: what those columns miss stays."""
 MOST_STEPS = 12
 """Steps after which a fit is left to `identify`; two or three are usual."""
 SLOW = 0.1
@@ -220,11 +221,16 @@ def _by_chords(
     rows: ManyRows, models: ManyModels, belief: ManyBeliefs | None, shared: _Shared
 ) -> ManyModels:
     """Models after some steps that need no columns but those at the start."""
+    going = np.ones(len(models), dtype=bool)
     for _ in range(CHORDS):
         pull = times(rows.residual_at(models), shared.A)
         if belief is not None:
             pull += belief.at(models).pull
-        models = moved_by(models, rows.free, times(pull, shared.C))
+        step = times(pull, shared.C)
+        models = moved_by(models, rows.free, np.where(going[:, None], step, 0.0))
+        going &= (step * pull).sum(axis=1) >= SHORT**2 * len(rows.free)
+        if not going.any():
+            break
     return models
 
 

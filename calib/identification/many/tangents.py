@@ -208,8 +208,8 @@ class ManyCurvatures:
     @property
     def inverses(self) -> Array:
         """(R, f, f) of the normal equations."""
-        found = np.empty(self.normal.shape)
-        for to, one, s in zip(found, self.factor, self.scale, strict=True):
-            half = np.tril(dpotri(one.T, lower=1)[0] / (s[:, None] * s))
-            to[:] = half + np.tril(half, -1).T
-        return found
+        # LAPACK fills one triangle, here the upper one
+        found = np.array([dpotri(one.T, lower=1)[0].T for one in self.factor])
+        lower = np.tril_indices(found.shape[1], -1)
+        found[:, *lower] = found[:, *lower[::-1]]
+        return np.asarray(found / (self.scale[:, :, None] * self.scale[:, None, :]))
