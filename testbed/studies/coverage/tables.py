@@ -1,5 +1,6 @@
 """Tables of the coverage study: attained shares with bands, parameters, and the advice."""
 
+import math
 from itertools import chain, groupby
 
 import numpy as np
@@ -75,12 +76,11 @@ def coverage_table(studies: tuple[CoverageStudy, ...], found: tuple[Cell, ...]) 
         size="small",
         strong=tuple(strong),
         note="inside: share of held-out points inside what is stated, mean over robots and 95 % "
-        "band; ± 0.0 is a band below 0.05 %. radius: of the ball with "
-        "the region's volume. error: mean distance of true and predicted point. promise: kept, NO "
-        "where the band that holds for all cells at once lies below it, wide where it lies "
-        "above, refused where the program states nothing. flagged: robots on which a test "
-        "contradicts the region from the parameters alone. Bold: the model that the evidence "
-        "chooses on most of these robots.",
+        "band. radius: of the ball with the region's volume. error: mean distance of true and "
+        "predicted point. promise: kept, NO where the band that holds for all cells at once lies "
+        "below it, wide where it lies above, refused where the program states nothing. flagged: "
+        "robots on which a test contradicts the region from the parameters alone. Bold: the model "
+        "that the evidence chooses on most of these robots.",
     )
 
 
@@ -144,8 +144,10 @@ def advice_table(studies: tuple[CoverageStudy, ...]) -> Table:
 
 
 def attained_share(mean: Mean) -> str:
-    """A share with its band, in percent."""
-    return f"{fixed(100 * mean.value, 1)} ± {fixed(100 * mean.half_width, 1)}{NARROW}%"
+    """A share with its band, in percent, to the first digit of the band."""
+    half = 100 * mean.half_width
+    places = min(max(1, -math.floor(math.log10(half))), 3) if half > 0 else 1
+    return f"{fixed(100 * mean.value, places)} ± {fixed(half, places)}{NARROW}%"
 
 
 def share_of(value: float) -> str:

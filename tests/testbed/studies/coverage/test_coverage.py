@@ -24,7 +24,9 @@ from testbed.studies.coverage.play import gather, measure_robot, models, offered
 from testbed.studies.coverage.report import believable_sentence, section, unnoticed
 from testbed.studies.coverage.study import STUDY, CoverageStudy
 from testbed.studies.coverage.summary import cells, followed, numbers_check, uniform_p
+from testbed.studies.coverage.tables import attained_share
 from testbed.studies.many_robots import mean_over_robots
+from testbed.units import NARROW, Mean
 from tests.campaign import record_hash
 from tests.reported import VERSIONS, assert_same, played
 from tests.sbc import evenness, prior_ranks
@@ -450,3 +452,18 @@ def test_numbers_that_one_robot_cannot_hold_are_judged_on_none(campaign):
         assert both.normal_error.shape == (0, 6)
         assert both.nees.shape == (0,)
         assert both.before.shape == (6,)
+
+
+@pytest.mark.parametrize(
+    ("half", "shown"),
+    [
+        (0.0182, "94.9 ± 1.8 %"),
+        (0.002, "94.9 ± 0.2 %"),
+        (0.0006, "94.88 ± 0.06 %"),
+        (0.00008, "94.877 ± 0.008 %"),
+        (1e-7, "94.877 ± 0.000 %"),
+        (0.0, "94.9 ± 0.0 %"),
+    ],
+)
+def test_a_share_has_the_digits_of_its_band(half, shown):
+    assert attained_share(Mean(0.948769, half)).replace(NARROW, " ") == shown
