@@ -8,10 +8,11 @@ from testbed.report.page import Block, Figure, Section, Table, Text, heads
 from testbed.scenario.fixtures import targets_mm
 from testbed.scenario.scenario import Scenario
 from testbed.studies.trial import plots, plots_uncertainty
-from testbed.studies.trial.compare import INTERVAL
+from testbed.studies.trial.compare import held_by_repeats
 from testbed.studies.trial.records import Campaign, Estimate, Trial
 from testbed.units import (
     counted,
+    fixed,
     with_uncertainty,
 )
 
@@ -81,7 +82,7 @@ def parameter_table(
     values = (at, found.step, step_there, found.standard_uncertainty, estimate.type_a)
     units = [shown_in(*one) for one in zip(found.names, is_length.tolist(), strict=True)]
     start, step, true, u, type_a = np.array(values) * [scale for _, scale in units]
-    held = np.abs(found.step - seen.true_step) <= INTERVAL * estimate.type_a
+    (held, factor), freedom = held_by_repeats(estimate), len(estimate.repeated) - 1
     rows = []
     order = np.arange(len(found.names))
     if most is not None:
@@ -109,12 +110,14 @@ def parameter_table(
         f"covariance, {int(held[judged].sum())} by the scatter of repeats (type A){shown}",
         head=heads(
             "parameter, unit, nominal, identified, true, error, U of fit (1-D: 95.4 %), "
-            f"s of {counted(len(estimate.repeated), 'repeat')}, inside fit, inside type A"
+            f"s of {counted(len(estimate.repeated), 'repeat')}, inside fit, inside t s"
         ),
         rows=tuple(rows),
         align="llrrrrrrll",
         size="small",
         note="error: true minus identified. U = 2 u, if the model lacks nothing; s: scatter of "
-        "repeats. Base and tool: displacements along and about their axes. true: seen through the "
-        "numbers that were estimated.",
+        f"repeats (type A), its 95 % interval t s with Student's t = {fixed(factor, 2)} of "
+        f"{freedom} {'degree' if freedom == 1 else 'degrees'} of freedom. Base and tool: "
+        "displacements along and about their axes. true: seen through the numbers that were "
+        "estimated.",
     )

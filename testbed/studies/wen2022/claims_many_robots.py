@@ -145,7 +145,7 @@ def stated(again: Reexamination) -> Finding:
         decided([kept(said)], [said.high < LEVEL]),
         f"{', '.join(share(one.shares[point]) for one in judged)} inside instead of 95{NARROW}%",
         f"{where(study)}: by repeats (type A, as the paper states it) the true tool point lies "
-        "within 1.96 u of |P| at "
+        "within t u of |P| (Student's t) at "
         + " and ".join(f"{share(one.shares[point])} ({one.trial})" for one in judged)
         + f" of the held-out poses, its distance alone at "
         f"{' and '.join(share(one.shares[distance]) for one in judged)}; stated are u = "

@@ -204,8 +204,8 @@ def coverage(campaign: Campaign) -> Finding:
         verdict,
         f"{percent(point)} inside instead of 95 %",
         f"This campaign, {seen.trial}: by repeats (type A, as the paper states it) the true tool "
-        f"point lies within 1.96 u of |P| at {percent(point)} of the held-out poses, its distance "
-        f"alone at {percent(distance)}; stated is a mean u of "
+        f"point lies within t u of |P| (Student's t, {fixed(seen.factor, 2)}) at {percent(point)} "
+        f"of the held-out poses, its distance alone at {percent(distance)}; stated is a mean u of "
         f"{fixed(seen.distance_u * MM, 4)} mm, the mean error is {fixed(seen.error * MM, 3)} mm. "
         + ("" if verdict == "holds" else "Repeats cannot see what the model lacks. ")
         + "Beside the paper: the region that the covariance of the unweighted fit claims holds the "
@@ -214,7 +214,7 @@ def coverage(campaign: Campaign) -> Finding:
 
 
 def claim_16(point: float) -> Verdict:
-    """Verdict from the share of tool points that 1.96 u of |P| holds; it holds |P| more often."""
+    """Verdict from the share of tool points that t u of |P| holds; it holds |P| more often."""
     return "holds" if point >= LOW_SHARE else "does not hold"
 
 

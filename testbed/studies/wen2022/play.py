@@ -16,13 +16,14 @@ from calib.identification.identify import Identification
 from calib.measurement.accuracy import point_distances
 from calib.measurement.observations import Measurements
 from calib.measurement.prediction import predicted_positions
+from calib.uncertainty.regions import student_factor
 from calib.uncertainty.type_a import root_sum_square, type_a
 from testbed.laboratory.truth.laboratory import Laboratory, open_laboratory
 from testbed.laboratory.truth.setting import Setting
 from testbed.scenario.scenario import Scenario
 from testbed.streams import stream
 from testbed.studies.many_robots import alone, together, truth_of_kind
-from testbed.studies.trial.compare import INTERVAL, true_step
+from testbed.studies.trial.compare import true_step
 from testbed.studies.wen2022.budget import fitted, location_sets, steps_of
 from testbed.studies.wen2022.records import (
     ESTIMATORS,
@@ -31,7 +32,7 @@ from testbed.studies.wen2022.records import (
     TrialSets,
     environment,
 )
-from testbed.studies.wen2022.stated import held_by_covariance, held_by_type_a
+from testbed.studies.wen2022.stated import freedom_of, held_by_covariance, held_by_type_a
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -153,18 +154,23 @@ def play(visit: Visit, trial: TrialSets, pool: int) -> dict[str, Any]:
     u = type_a(visit.steps([chosen] * repeats, trial.trial)).standard
     off = np.abs(fits[0].step - true_step(visit.laboratory.setting, fits[1], seen))
     combined = root_sum_square(u, environment(visit.laboratory.scenario.budget, fits[0].names))
-    figures |= {"u_best": u, "numbers_inside": float((off <= INTERVAL * combined).mean())}
-    return figures | held(visit, fits, combined)
+    freedom = freedom_of(u, combined, repeats)
+    held_numbers = off <= student_factor(freedom) * combined
+    figures |= {"u_best": u, "numbers_inside": float(held_numbers.mean())}
+    return figures | held(visit, fits, combined, freedom)
 
 
-def held(visit: Visit, fits: tuple[Identification, ...], u: Array) -> dict[str, Any]:
+def held(
+    visit: Visit, fits: tuple[Identification, ...], u: Array, freedom: Array
+) -> dict[str, Any]:
     """Share of held-out points inside each of `STATEMENTS` (5,), and the mean stated u of |P|.
 
-    The first three are of type A, from standard uncertainties u (f,) of independent numbers.
+    The first three are of type A, from standard uncertainties u (f,) of independent numbers,
+    with their degrees of freedom (f,).
     """
     setting, true = visit.laboratory.setting, visit.true
     origin = setting.nominal.chain.T_world_base[:3, 3]
-    by_type_a, u_distance = held_by_type_a(fits[0], u, setting.test_q, true, origin)
+    by_type_a, u_distance, _ = held_by_type_a(fits[0], u, freedom, setting.test_q, true, origin)
     shares = (*by_type_a, *(held_by_covariance(fit, setting.test_q, true) for fit in fits))
     inside_each = tuple(float(np.mean(share)) for share in shares)
     return {"inside": inside_each, "distance_u": float(u_distance.mean())}

@@ -32,8 +32,8 @@ if TYPE_CHECKING:
 
 PARTS = (("repeats u_r", DARK), ("number of poses u_p", LIGHT), ("place of poses u_w", MIDDLE))
 TITLES = {
-    "distance": "type A: |P|\nwithin 1.96 u",
-    "point": "type A: point\nwithin 1.96 u",
+    "distance": "type A: |P|\nwithin t u",
+    "point": "type A: point\nwithin t u",
     "region": "type A: point\nin region of u best",
     "unweighted": "point in region of\nthe unweighted fit",
     "covariance": "point in region of\nthe weighted fit",

@@ -26,7 +26,7 @@ ESTIMATORS: tuple["Mode", ...] = ("paper", "whitened")
 Both move the paper's 24 numbers."""
 TYPE_A = ("distance", "point", "region")
 STATEMENTS = (*TYPE_A, "unweighted", "covariance")
-"""What is said at 95 %. Of type A, as the paper's uncertainty is: |P| within 1.96 u of |P|; the
+"""What is said at 95 %. Of type A, as the paper's uncertainty is: |P| within t u of |P|; the
 point itself within that; the ellipsoid of independent numbers with u_best. Beside the paper, the
 ellipsoid of the full covariance that a fit claims of itself: unweighted, and whitened."""
 
@@ -100,7 +100,7 @@ class Reexamined(Shown):
     inside: Annotated[Array, "d", 5, "R"]
     """(d, 5, R) share of held-out points inside each of `STATEMENTS`."""
     numbers_inside: Annotated[Array, "d", "R"]
-    """(d, R) share of the 24 numbers within 1.96 u_best of the truth."""
+    """(d, R) share of the 24 numbers within t u_best of the truth."""
     distance_u: Annotated[Array, "d", "R"]
     """(d, R) mean over held-out poses of the stated u of |P| [m]."""
 

@@ -114,8 +114,9 @@ def statement_table(found: Sequence[Judged]) -> Table:
         "set": [one.trial for one in found],
         "mean error mm": [fixed(one.error * MM, 3) for one in found],
         "type A: u of |P| mm": [fixed(one.distance_u * MM, 4) for one in found],
-        "type A: |P| in 1.96 u": [percent(one.type_a[0]) for one in found],
-        "type A: point in 1.96 u": [percent(one.type_a[1]) for one in found],
+        "type A: t": [fixed(one.factor, 2) for one in found],
+        "type A: |P| in t u": [percent(one.type_a[0]) for one in found],
+        "type A: point in t u": [percent(one.type_a[1]) for one in found],
         "type A: point in region": [percent(one.type_a[2]) for one in found],
         "unweighted fit: point in region": [percent(one.unweighted) for one in found],
     }
@@ -126,7 +127,8 @@ def statement_table(found: Sequence[Judged]) -> Table:
         "promised",
         columns,
         size="small",
-        note="type A, the scatter of repeats, is what the paper states; the covariance of its fit, "
+        note="type A, the scatter of repeats, is what the paper states (t: Student's factor of "
+        "its degrees of freedom); the covariance of its fit, "
         f"s² inv(J'WJ) with s² = RSS / (12 m − f), is not in the paper and judged beside, {over}. "
         "Neither can see what the model lacks.",
     )

@@ -76,7 +76,7 @@ class Held:
     shares: tuple[Mean, ...]
     """(5,) of held-out points, per statement."""
     numbers: Mean
-    """Of the 24 numbers within 1.96 u_best."""
+    """Of the 24 numbers within t u_best."""
     u: Annotated[Mean, METRE]
     """Stated u of |P| [m]."""
     error: Mean

@@ -105,10 +105,10 @@ def held_table(found: tuple[Held, ...]) -> Table:
         "set": [one.trial for one in found],
         "type A: u of |P| mm": [fixed(one.u.value * MM, 4) for one in found],
         "mean error mm": [within(one.error) for one in found],
-        "type A: |P| in 1.96 u": [share(one.shares[0]) for one in found],
-        "type A: point in 1.96 u": [share(one.shares[1]) for one in found],
+        "type A: |P| in t u": [share(one.shares[0]) for one in found],
+        "type A: point in t u": [share(one.shares[1]) for one in found],
         "type A: point in region": [share(one.shares[2]) for one in found],
-        "type A: numbers in 1.96 u": [share(one.numbers) for one in found],
+        "type A: numbers in t u": [share(one.numbers) for one in found],
         "unweighted fit: point in region": [share(one.shares[3]) for one in found],
         "weighted fit: point in region": [share(one.shares[4]) for one in found],
     }
@@ -119,7 +119,9 @@ def held_table(found: tuple[Held, ...]) -> Table:
         size="small",
         note="type A: what the paper states, the scatter of repeated calibrations with independent "
         "numbers: of the distance of the tool point to the base; the same figure read as an "
-        "uncertainty of the point; the 95 % ellipsoid; the numbers themselves. fit: what the paper "
+        "uncertainty of the point; the 95 % ellipsoid; the numbers themselves. t, and "
+        "the ellipsoid's factor: Student's and Hotelling's, from the degrees of freedom of the "
+        "repeats. fit: what the paper "
         "does not state and we judge beside it, the 95 % ellipsoid from the full covariance that a "
         "fit claims of itself: unweighted rows with s² = RSS / (12 m − 24), and rows weighted by "
         "their noise; the same 24 numbers. ± half of the 95 % interval over pools and robots.",

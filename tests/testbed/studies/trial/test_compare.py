@@ -1,15 +1,24 @@
 """Identified against true: by hand, by brute force, and where the answer is known."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from scipy import stats
 
 from calib.identification.identify import identify
+from calib.identification.many.fit import fit_many
 from calib.measurement import tables
 from testbed.laboratory.truth.laboratory import open_laboratory
 from testbed.scenario.read import changed
 from testbed.studies import load_scenario
-from testbed.studies.trial.compare import compare, noise_free, target_prediction, true_step
+from testbed.studies.trial.compare import (
+    compare,
+    held_by_repeats,
+    noise_free,
+    target_prediction,
+    true_step,
+)
 from testbed.studies.trial.replications import binomial_band, chi_square_mean_band
 from tests import campaign
 
@@ -106,3 +115,43 @@ def test_bands_are_those_of_scipy(count, probability):
     assert np.array_equal(binomial_band(count, probability=probability), expected)
     band = chi_square_mean_band(24, count, probability)
     assert band == pytest.approx(stats.chi2.ppf([tail, 1 - tail], 24 * count) / count, rel=1e-9)
+
+
+def test_an_interval_by_five_repeats_holds_the_numbers_of_another_calibration_in_95_percent():
+    """600 virtual laboratories repeat five times each; the normal factor would hold 88 %."""
+    bench, groups, repeats = bench_of(), 600, 5
+    free, first = bench.free("paper"), np.arange(29)
+    tables = bench.visits(
+        bench.setting.pool_q[first][None], "test", "repeats", count=groups * repeats
+    )
+    fits = fit_many(bench.setting.nominal, tables, free, mode="paper")
+    found, seen = identified(bench, 29, mode="paper")
+    truth = true_step(bench.setting, found, seen)
+    steps = fits.steps.reshape(groups, repeats, -1)
+    s = steps.std(axis=1, ddof=1)
+
+    def shares(judged):
+        """Of numbers held, by laboratory."""
+        held = []
+        for k in range(groups):
+            one = SimpleNamespace(
+                comparison=SimpleNamespace(true_step=truth),
+                identification=SimpleNamespace(step=judged[k]),
+                repeated=steps[k],
+                type_a=s[k],
+            )
+            inside, factor = held_by_repeats(one)
+            assert factor == pytest.approx(stats.t.ppf(0.975, repeats - 1), rel=1e-12)
+            held.append(inside.mean())
+        return np.array(held)
+
+    other = shares(np.roll(steps[:, 0], 1, axis=0))
+    # laboratories are independent, numbers of one are not: the scatter of the mean is measured
+    assert other.mean() == pytest.approx(0.95, abs=4 * other.std() / np.sqrt(groups))
+    normal = (np.abs(np.roll(steps[:, 0], 1, axis=0) - truth) <= 1.96 * s).mean()
+    assert normal < 0.9
+    # one of the five is nearer to their mean than another one: 99 % of a normal number's draws
+    draws = np.random.default_rng(7).normal(size=(100_000, repeats))
+    near = np.abs(draws[:, 0]) <= stats.t.ppf(0.975, repeats - 1) * draws.std(axis=1, ddof=1)
+    own = shares(steps[:, 0])
+    assert own.mean() == pytest.approx(near.mean(), abs=4 * own.std() / np.sqrt(groups))

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy import stats
 
 from testbed.report.page import SIMULATED, Table, rejections, render
 from testbed.run.derive import page_of
@@ -29,7 +30,7 @@ EVERY = [paper_campaign, rigid_campaign, bare_campaign, point_campaign]
 COUNTED = re.compile(  # columns whose numbers count, compare or index, and so have no unit
     r"inside|χ²/dof|\bp$|rank|NEES|coverage|better than|index and error"
     r"|stated / true|^#$|^O[1-5]$|number|share|^u_?|ratio|parameters inside|/ u$"
-    r"|^type A: (\|P\||point) in|point in region"
+    r"|^type A: (t$|(\|P\||point) in)|point in region"
 )
 
 
@@ -105,6 +106,8 @@ def test_parameter_rows_hold_identified_minus_nominal_and_the_stated_uncertainty
     found = estimate.identification
     table = report_parameters.parameter_table(campaign.setting.nominal, trial, estimate)
     assert tuple(row[0] for row in table.rows) == found.names
+    factor = stats.t.ppf(0.975, len(estimate.repeated) - 1)
+    assert f"Student's t = {factor:.2f} of {len(estimate.repeated) - 1} degree" in table.note
     start = {"theta3": 90.0, "d4": 310.0, "alpha1": -90.0, "a2": 290.0, "base.x": 0.0}
     for row, step, u, scatter, true in zip(
         table.rows,
@@ -124,7 +127,8 @@ def test_parameter_rows_hold_identified_minus_nominal_and_the_stated_uncertainty
         assert number(error) == pytest.approx((true - step) * scale, abs=half)
         assert number(expanded) == pytest.approx(2 * u * scale, abs=half)
         assert (row[-2] == "yes") == (abs(true - step) <= 1.959964 * u)
-        assert (row[-1] == "yes") == (abs(true - step) <= 1.959964 * scatter)
+        # Student's factor, as the note says
+        assert (row[-1] == "yes") == (abs(true - step) <= factor * scatter)
 
 
 @pytest.mark.parametrize("make", EVERY)

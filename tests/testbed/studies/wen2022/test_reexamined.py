@@ -202,16 +202,21 @@ def test_what_u_best_holds_is_counted_at_the_held_out_poses():
     wrong = at.true - p
     far = np.linalg.norm(wrong, axis=1)
     off = np.abs(np.linalg.norm(at.true, axis=1) - np.linalg.norm(p, axis=1))
-    k = stats.norm.ppf(0.975)
+    # three repeats: two degrees of freedom of each number, more of what 24 of them move
+    parts = np.einsum("fmi,mi->mf", columns, radial) ** 2
+    k = stats.t.ppf(0.975, 2 * parts.sum(axis=1) ** 2 / (parts**2).sum(axis=1))
     assert record.inside[0, 0, 1] == pytest.approx((off <= k * stated).mean())
     assert record.inside[0, 1, 1] == pytest.approx((far <= k * stated).mean())
     sigma = np.einsum("fmi,fmj->mij", columns, columns)
     square = np.einsum("mi,mi->m", wrong, np.linalg.solve(sigma, wrong[:, :, None])[..., 0])
-    assert record.inside[0, 2, 1] == pytest.approx((square <= stats.chi2.ppf(0.95, 3)).mean())
+    whole = (sigma**2).sum(axis=(1, 2)) + np.trace(sigma, axis1=1, axis2=2) ** 2
+    freedom = whole / ((columns**2).sum(axis=2) ** 2).sum(axis=0)
+    limit = 3 * freedom / (freedom - 2) * stats.f.ppf(0.95, 3, freedom - 2)
+    assert record.inside[0, 2, 1] == pytest.approx((square <= limit).mean())
     assert record.error[0, 0, 1] == pytest.approx(far.mean(), rel=1e-4)
     truth = own.true.chain.links - own.nominal.chain.links
     places = [own.nominal.names[6:36].index(name) for name in free.free_names]
-    held = np.abs(step - truth.ravel()[places]) <= k * u
+    held = np.abs(step - truth.ravel()[places]) <= stats.t.ppf(0.975, 2) * u
     assert record.numbers_inside[0, 1] == pytest.approx(held.mean())
 
 
