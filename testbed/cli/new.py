@@ -55,8 +55,14 @@ def session(
         write_new(out, (line := schema_beside(out, "session")) + text)
         if not quiet:
             say(f"{proposed.tried}.")
-            for sentence in proposed.assumed:
-                say(f"  assumed  {sentence}")
+            for label, sentences in (
+                ("assumed", proposed.assumed),
+                ("unused", proposed.unused),
+                ("odd", proposed.odd),
+                ("to mend", proposed.to_mend),
+            ):
+                for sentence in sentences:
+                    say(f"  {label:7}  {sentence}")
             say()
             say(f"Session    {out}")
             tell_schema(out, line)

@@ -2,11 +2,11 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from itertools import permutations
+from itertools import combinations, permutations
 
 import numpy as np
 
-from calib.arrays import Array
+from calib.arrays import Array, Bool
 from calib.geometry.chain import Chain
 from calib.geometry.frames import inverse, transform
 from calib.measurement.observations import Measurements
@@ -25,6 +25,10 @@ ANGLES = (
     (TURN, "if the joints are in deg, not rad", "name the columns q1_deg ..."),
     (1 / TURN, "if the joints are in rad, not deg", "name the columns q1_rad ..."),
 )
+SMALL = 2 * np.pi * TURN
+"""A joint of so few degrees, or of one turn in radians that were taken for degrees [rad]."""
+MOST_MIXED = 3
+"""Joints that look like radians among degrees, above which each and all of them are tried."""
 BY_AXIS = tuple("".join(triple) for triple in permutations("XYZ"))
 """Sequences with one angle for each axis; those about fixed axes are the same ones backwards."""
 
@@ -93,12 +97,20 @@ def distance_alternatives(table: Measurements) -> Iterator[tuple[Alternative, Me
         yield length, replace(table, distance=table.distance * factor)
 
 
+def shifted(shift: int, which: str = "") -> Alternative:
+    """The readings some rows further down belong to the joints."""
+    many = "one row" if abs(shift) == 1 else f"{abs(shift)} rows"
+    fix = f"move the readings{which} {many} {'up' if shift > 0 else 'down'}, beside their joints"
+    return Alternative("rows", f"if row k{shift:+d}{which} belongs to pose k", fix, "M31", "match")
+
+
 def _joints(rows: Interpretation, chain: Chain) -> Iterator[tuple[Alternative, Interpretation]]:
     """Units, signs and couplings of the joints."""
     turning = chain.prismatic == 0
     for factor, condition, fix in ANGLES if turning.any() else ():
         unit = Alternative("joints", condition, fix, "M20", "joints")
         yield unit, replace(rows, q=np.where(turning, rows.q * factor, rows.q))
+    yield from _some_joints(rows, turning)
     for factor, condition, fix in LENGTHS[:2] if not turning.all() else ():
         condition, fix = condition.replace("positions", "sliding joints"), fix.replace("x_", "q1_")
         unit = Alternative("joints", condition, fix, "M20", "joints")
@@ -116,6 +128,54 @@ def _joints(rows: Interpretation, chain: Chain) -> Iterator[tuple[Alternative, I
             condition = f"if joint {b + 1} is q{b + 1} {mark} q{a + 1}"
             coupling = Alternative("coupling", condition, "undo the coupling", "M20", f"q{b + 1}")
             yield coupling, replace(rows, q=q)
+
+
+def _some_joints(
+    rows: Interpretation, turning: Bool
+) -> Iterator[tuple[Alternative, Interpretation]]:
+    """Some joints in radians, the others in degrees."""
+    small = (np.abs(rows.q).max(axis=0) <= SMALL) & turning & rows.q.any(axis=0)
+    there = np.flatnonzero(small)
+    if not 0 < len(there) < turning.sum():
+        return
+    counts = range(1, len(there) + 1) if len(there) <= MOST_MIXED else (1, len(there))
+    for chosen in (some for count in counts for some in combinations(there.tolist(), count)):
+        factor = np.ones(len(turning))
+        factor[list(chosen)] = 1 / TURN
+        names = [f"q{j + 1}" for j in chosen]
+        condition = f"if {', '.join(names)} {'is' if len(names) == 1 else 'are'} in rad, not deg"
+        fix = f"name {'this column' if len(names) == 1 else 'these columns'} {names[0]}_rad"
+        unit = Alternative("joints", condition, fix + " ..." * (len(names) > 1), "M20", names[0])
+        yield unit, replace(rows, q=rows.q * factor)
+
+
+def small_rows(q: Array, turning: Bool) -> Bool:
+    """Rows (m,) of joints (m, n) that look like radians among degrees; none if all do."""
+    small: Bool = (np.abs(q) * turning).max(axis=1) <= SMALL
+    return small & (not small.all())
+
+
+def some_rows(
+    rows: Interpretation, turning: Bool, first: str
+) -> Iterator[tuple[Alternative, Interpretation]]:
+    """Joints of some rows in radians, those of the others in degrees.
+
+    Parameters
+    ----------
+    rows : Interpretation
+        As the file was read.
+    turning : (n,) array of bool
+        Joints that are angles.
+    first : str
+        File and line of the first such row.
+    """
+    small = small_rows(rows.q, turning)
+    if small.any():
+        line = first.rpartition(":")[2]
+        condition = f"if the joints of some rows, the first in line {line}, are in rad, not deg"
+        unit = Alternative("joints", condition, "write all rows in one unit", "M20", "joints")
+        factor = np.where(small[:, None] & turning, 1 / TURN, 1.0)
+        yield unit, replace(rows, q=rows.q * factor)
 
 
 def _flipped(values: Array, column: int) -> Array:

@@ -23,6 +23,9 @@ from testbed.files.session_toml import SessionFile
 from testbed.files.targets import TargetPart, targets_of, texts_of
 from testbed.robots.robot import Robot
 
+SHIFTS = (1, -1, 2, -2, 3, -3)
+"""Rows by which joints may stand beside the names of their poses."""
+
 
 def assemble(
     parts: Sequence[TargetPart], robot: Robot, settings: SessionFile, *, where: str
@@ -217,8 +220,28 @@ def _check_poses(pose: Index, names: Sequence[str], q: Array, place: Sequence[st
         row = int(np.argmax(off > SAME_JOINTS))
         name, line = names[pose[row]], place[start[row]].rpartition(":")[2]
         message = f"pose {name} has other joints than in line {line}"
-        fix = "give it a pose_id of its own"
+        file = place[row].rpartition(":")[0]
+        here = [k for k, one in enumerate(place) if one.rpartition(":")[0] == file]
+        shift = next((k for k in SHIFTS if _agree(pose[here], q[here], k)), None)
+        if shift is not None:
+            rows = "one row" if abs(shift) == 1 else f"{abs(shift)} rows"
+            message += (
+                f"; taken from {rows} further {'down' if shift > 0 else 'up'}, the joints of every "
+                "pose are the same throughout"
+            )
+            fix = f"move the joints {rows} {'up' if shift > 0 else 'down'}, beside their pose_id"
+        else:
+            fix = "give it a pose_id of its own"
         raise refusal(place[row], "pose_id", message, code="M31", value=name, fix=fix)
+
+
+def _agree(pose: Index, q: Array, shift: int) -> bool:
+    """Whether rows of one name have one joint vector, that some rows further on."""
+    low, high = max(0, -shift), len(pose) - max(0, shift)
+    _, first, number = np.unique(pose[low:high], return_index=True, return_inverse=True)
+    moved = q[low + shift : high + shift]
+    apart = len(first) < high - low and len(np.unique(moved[first], axis=0)) > len(first) // 2
+    return apart and bool((np.abs(moved - moved[first[number.ravel()]]) <= SAME_JOINTS).all())
 
 
 def _check_split(pose: Index, is_test: Bool, names: Sequence[str], place: Sequence[str]) -> None:

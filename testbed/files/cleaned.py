@@ -20,6 +20,7 @@ from testbed.files.observed import (
     section_of,
 )
 from testbed.files.readings import Readings, copied_rows, lost_readings
+from testbed.files.refusal import no_rows
 from testbed.files.session import Drift, Sources
 from testbed.files.session_toml import SessionFile
 from testbed.files.table import DataTable, table_of
@@ -83,6 +84,8 @@ def _cleaned(
     else:
         _try_beginning(text, section, settings)
         table = table_in(text, settings, section, settings.joints)
+        if not len(table):
+            raise no_rows(text.where)
         warnings += misspelt_columns(table)
         section = section or section_of(table)
         readings = read_observed(table, section, settings.uncertainty, drop=drop)

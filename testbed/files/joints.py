@@ -18,10 +18,13 @@ from testbed.files.table import Columns, DataTable, together
 from testbed.files.valid import valid_rows
 from testbed.robots.robot import Robot
 from testbed.strict import choice_of
+from testbed.units import counted
 
 SPLITS = ("identify", "test")
 BEYOND = 0.05
 """Part of the joint values outside the limits above which the unit is wrong."""
+LARGER = ("rad", "m")
+"""Units whose numbers may be those of the other one."""
 OTHER_UNIT = {"rad": "deg", "deg": "rad", "m": "mm", "mm": "m"}
 Source = Literal["commanded", "read-back"]
 
@@ -198,7 +201,7 @@ def read_joints(
     used = together(chosen, other, extra_columns(table))
     good, warnings = valid_rows(table, used, drop=drop)
     q = table.values(chosen)
-    _check_limits(table, robot, chosen.names, q, good)
+    warnings += _check_limits(table, robot, chosen.names, q, good)
     extras = extras_of(table, good)
     whole = Joints(
         where=table.where,
@@ -253,23 +256,37 @@ def _missing(table: DataTable, robot: Robot, tail: str) -> InputError:
 
 def _check_limits(
     table: DataTable, robot: Robot, names: tuple[str, ...], q: Array, good: Bool
-) -> None:
-    """Refuse radians that are degrees: too many values outside the limits."""
+) -> list[str]:
+    """A warning of joint values outside the limits; too many are refused."""
     lower, upper = robot.limits.T
     outside = ((q < lower - 1e-6) | (q > upper + 1e-6)) & good[:, None]
-    if outside.sum() <= BEYOND * max(good.sum(), 1) * q.shape[1]:
-        return
+    if not outside.any():
+        return []
     row, j = (int(i) for i in np.argwhere(outside)[0])
     unit = names[j].rpartition("_")[2]
     factor = UNITS[_stems(robot)[j][1]][unit]
-    other = OTHER_UNIT.get(unit, "another unit")
+    first = f'{table.names[names[j]]} = "{table.texts(names[j])[row][:20]}"'
+    allowed = f"its limits are {lower[j] / factor:.4g} to {upper[j] / factor:.4g} {unit}"
+    if outside.sum() <= BEYOND * max(good.sum(), 1) * q.shape[1]:
+        values, lie = (
+            counted(int(outside.sum()), "joint value"),
+            "lies" if outside.sum() == 1 else "lie",
+        )
+        return [
+            f"{table.where}: {values} {lie} outside the limits of {robot.name}, the first is in "
+            f"line {table.sheet.lines[row]}: {first}; {allowed}"
+        ]
     share = 100 * outside.sum() / (good.sum() * q.shape[1])
+    other = OTHER_UNIT.get(unit, "another unit")
+    # a number beyond the limits in degrees is farther beyond them in radians, meters in mm alike
+    fix = "mend these cells, or check the robot"
+    if unit in LARGER:
+        wrong = [names[k] for k in np.flatnonzero(outside.mean(axis=0) > BEYOND)]
+        stem = wrong[0].rpartition("_")[0] if len(wrong) < len(names) // 2 + 1 else "q1"
+        what = "these" if stem == "q1" else ", ".join(name.rpartition("_")[0] for name in wrong)
+        fix = f"if {what} are {other}, name the columns {stem}_{other} ...; else check the robot"
     raise refusal(
         table.place(row), names[j],
         f"{share:.0f} % of the joint values lie outside the limits of {robot.name}, the first is "
-        f'{table.names[names[j]]} = "{table.texts(names[j])[row][:20]}"',
-        code="M20",
-        value=float(q[row, j]),
-        allowed=f"its limits are {lower[j] / factor:.4g} to {upper[j] / factor:.4g} {unit}",
-        fix=f"if these are {other}, name the columns q1_{other} ...; else check the robot",
+        f"{first}", code="M20", value=float(q[row, j]), allowed=allowed, fix=fix,
     )  # fmt: skip

@@ -4,8 +4,9 @@ Only the nominal robot is needed: with the right reading its base and tool expla
 millimeter or so, with a wrong one they leave centimeters. Nothing is ever switched in silence.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import chain
 
 import numpy as np
 
@@ -19,6 +20,9 @@ from testbed.files.alternatives import (
     Interpretation,
     alternatives_of,
     distance_alternatives,
+    shifted,
+    small_rows,
+    some_rows,
 )
 from testbed.files.frames_fit import FAR, Misfit, fit_frames, flange_poses, target_groups
 from testbed.files.refusal import refusal
@@ -139,7 +143,7 @@ def probe(robot: Robot, session: Session) -> Probe:
     groups = target_groups(table)
     if not groups:
         return _probe_distances(plain, robot, session)
-    rows = groups[0]
+    rows = _doubtful(robot.model, session, groups)
     F, poses = flange_poses(robot.model, table.q[rows]), len(np.unique(table.q[rows], axis=0))
     if poses > 1:  # one has no spread
         extent = max(_extent(F[:, :3, 3]), 1e-9)
@@ -150,7 +154,11 @@ def probe(robot: Robot, session: Session) -> Probe:
     read = replace(_as_read(session, some), numbers=session.stated.rows(some).numbers)
     stated = _misfit(robot.model, read)
     numbers = alternatives_of(read, session.stated, robot.model.chain)
-    others = [*numbers, *_other_rows(session, rows)]
+    turning = robot.model.chain.prismatic == 0
+    small = rows[small_rows(table.q[rows], turning)]
+    mixed = some_rows(read, turning, session.place[small[0]] if len(small) else "")
+    lines = list(_other_lines(robot.model, session, groups, rows))
+    others = [*numbers, *mixed, *(lines or _other_rows(session, rows))]
     tried = [Tried(other, _misfit(robot.model, read)) for other, read in others]
     tried.sort(key=lambda one: one.misfit.score)
     warnings = _warnings(robot, session, some, stated)
@@ -165,10 +173,42 @@ def _other_rows(session: Session, rows: Index) -> Iterator[tuple[Alternative, In
         low, high = max(0, -shift), len(rows) - max(0, shift)
         some = _spread_out(high - low) + low
         moved = _as_read(session, rows[some + shift])
-        which = f"{'first' if shift > 0 else 'last'} row{'s' if abs(shift) > 1 else ''}"
-        condition, fix = f"if row k{shift:+d} belongs to pose k", f"drop the extra {which}"
-        other = Alternative("rows", condition, fix, "M31", "match")
-        yield other, replace(moved, q=session.measurements.q[rows[some]])
+        which = "" if len(rows) == len(session.measurements) else " of one target"
+        yield shifted(shift, which), replace(moved, q=session.measurements.q[rows[some]])
+
+
+def _other_lines(
+    model: RobotModel, session: Session, groups: Sequence[Index], rows: Index
+) -> Iterator[tuple[Alternative, Interpretation]]:
+    """Readings of one line with the joints of another, where that fits each of several targets.
+
+    The target belongs to the joints: all cells that were measured have moved.
+    """
+    table = session.measurements
+    optical = np.flatnonzero(~table.is_distance)
+    if len(groups) == 1 or len(np.unique(table.is_pose[optical])) > 1:
+        return
+    for shift in (1, 2, 3, -1, -2, -3):
+        each = []
+        for group in (rows, *groups):
+            at = np.searchsorted(optical, group)
+            at = at[(at + shift >= 0) & (at + shift < len(optical))]
+            some = at[_spread_out(len(at))] if len(at) else at
+            moved = optical[some + shift]
+            each.append((moved, replace(_as_read(session, moved), q=table.q[optical[some]])))
+        enough = [read for moved, read in each if len(moved) >= FEWEST]
+        if enough and all(_misfit(model, read).score <= FAR for read in enough):
+            yield shifted(shift), enough[0]
+
+
+def _doubtful(model: RobotModel, session: Session, groups: Sequence[Index]) -> Index:
+    """Rows of the largest group, or of the first one that does not fit while that does."""
+    for rows in groups:
+        if len(np.unique(session.measurements.q[rows], axis=0)) < FEWEST:
+            continue
+        if _misfit(model, _as_read(session, rows[_spread_out(len(rows))])).score > FAR:
+            return rows
+    return groups[0]
 
 
 def _as_read(session: Session, rows: Index) -> Interpretation:
@@ -238,9 +278,19 @@ def _probe_distances(plain: Probe, robot: Robot, session: Session) -> Probe:
 
     stated = misfit(table)
     tried: list[Tried] = []
-    for alternative, other in distance_alternatives(table) if stated.position > FAR / TIMES else ():
+    others = chain(distance_alternatives(table), _other_distances(session.measurements))
+    for alternative, other in others if stated.position > FAR / TIMES else ():
         tried.append(Tried(alternative, misfit(other)))
         if stated.score > TIMES * tried[-1].misfit.score:
             break
     tried.sort(key=lambda one: one.misfit.score)
     return replace(plain, stated=stated, tried=tuple(tried))
+
+
+def _other_distances(table: Measurements) -> Iterator[tuple[Alternative, Measurements]]:
+    """Distances of one row with the joints of another."""
+    for shift in (1, -1, 2, -2):
+        low, high = max(0, -shift), len(table) - max(0, shift)
+        if high - low >= FEWEST:
+            some = _spread_out(high - low) + low
+            yield shifted(shift), replace(table.rows(some), distance=table.distance[some + shift])

@@ -99,17 +99,30 @@ def read_session(
         settings = settings.of_one_table
     root = file.parent if toml is None else Path(toml).parent
     sources = Sources(root, None if toml == file else file, options.max_mb, {})
+    session = whole_session(settings, sources, robot, drop=options.drop_invalid, where=str(toml))
+    return replace(session, name=session.name or file.stem, files=(*first, *session.files))
+
+
+def whole_session(
+    settings: SessionFile, sources: Sources, robot: Robot, *, drop: bool, where: str
+) -> Session:
+    """The session that a session.toml describes, or all of its sessions as one.
+
+    Rows that belong to no joints are left out, and named.
+
+    Raises
+    ------
+    InputError
+        As `read_session`.
+    """
 
     def one(own: SessionFile, here: Sources) -> Session:
         """A session by itself."""
-        read = session_of(own, here, robot, drop=options.drop_invalid, where=str(toml))
-        return _without_strays(robot, read)
+        return _without_strays(robot, session_of(own, here, robot, drop=drop, where=where))
 
-    several = isinstance(settings, CampaignFile) and settings.session
-    session = (
-        read_visits(settings, sources, one, where=str(toml)) if several else one(settings, sources)
-    )
-    return replace(session, name=session.name or file.stem, files=(*first, *session.files))
+    if isinstance(settings, CampaignFile) and settings.session:
+        return read_visits(settings, sources, one, where=where)
+    return one(settings, sources)
 
 
 def session_of(

@@ -41,3 +41,11 @@ def require_names(column: str, names: Sequence[str], place: Sequence[str]) -> No
         fix = "fill the cell" if any(names) else "name each row, or take the column out"
         where = place[list(names).index("")]
         raise refusal(where, column, f"{column} is empty", code="M25", fix=fix)
+
+
+def no_rows(where: str) -> InputError:
+    """The error of a table that has names of columns and nothing below them."""
+    return refusal(
+        where, "measurements", "names its columns and has no rows below them", code="M27",
+        fix="give the file with what was measured",
+    )  # fmt: skip

@@ -112,12 +112,13 @@ def calibrate(
     if session.wanted.free == FRAMES_ALONE:
         model = frames_model(options.model)
     loss = loss_of(options.loss)
+    report(STEPS[0], 0, len(STEPS))
+    # first: joints beside other rows' readings make held-out poses look like those that identify
+    probes = probed(robot, session)
     split = split_of_session(
         session, train=options.train, held_out=options.held_out, seed=options.seed
     )
     require_order(session)
-    report(STEPS[0], 0, len(STEPS))
-    probes = probed(robot, session)
     try:
         return _calibrated(robot, session, probes, split, options, model, loss, report)
     except InputError as error:  # of arrays, which know no file

@@ -26,6 +26,10 @@ REACH = 20.0
 """Positions never lie so far where they are in meters [m]."""
 BESIDE_JOINTS = ("pose_id", "temperature_degC", "payload_kg", "order", "time")
 """What a file of joints may say besides."""
+BOTH_JOINTS = (
+    "joints: no file says which ones count; the commanded ones are used, not those that were read "
+    "back"
+)
 Document = dict[str, Any]
 Part = tuple[Found, Document, tuple[str, ...], str]
 """File, keys of its table, what was taken without being said, and the layout of a bare file."""
@@ -37,7 +41,7 @@ def joint_parts(look: Found, n: int) -> Iterator[Part]:
         yield (
             look,
             {"format": "rapid"},
-            ("joints: RAPID writes them in deg, and commands them",),
+            (),
             "",
         )
     elif look.kind == "bare":
@@ -58,7 +62,7 @@ def joint_parts(look: Found, n: int) -> Iterator[Part]:
         units = _by_size(look, open_, TURN, ("deg", "rad")) if open_ else ("",)
         both = {"", "_read"} <= {one.plain[2:] for one in found}
         source = {"source": "commanded"} if both else {}
-        notes = ("joints: commanded ones are used, not those that were read back",) if both else ()
+        notes = (BOTH_JOINTS,) if both else ()
         for unit in units:
             mapped = {f"{one.stem}_{one.unit or unit}": one.theirs for one in foreign}
             said = (f"joints: no column says its unit; taken as {unit}",) if unit else ()
@@ -201,11 +205,13 @@ def _turnings(
     known = all(name in means and means[name].known for name in turns)
     directions: tuple[Document, ...] = ({}, {"gives": "T_tool_tracker"})
     if len(turns) == 4:
-        orders = ("wxyz", "xyzw") if turns[0] not in means else ("wxyz",)
-        for order, gives in product(orders, directions):
-            note = _direction(gives)
+        named = turns[0] in means  # a name such as qw says which number it is
+        for order, gives in product(("wxyz",) if named else ("wxyz", "xyzw"), directions):
             columns = {} if known else {f"q{a}": name for a, name in zip(order, turns, strict=True)}
-            yield columns, gives, (note, f"rotations: quaternions, {' '.join(order)}")
+            said = (
+                f"rotations: no name says the order of the quaternions; taken as {' '.join(order)}"
+            )
+            yield columns, gives, (_direction(gives), *(() if named else (said,)))
         return
     if len(turns) == 9:
         names = [f"r{i}{j}" for i in "123" for j in "123"]

@@ -3,28 +3,17 @@
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-import numpy as np
-
-from calib.errors import InputError
-from testbed.files.frames_fit import FAR, fit_frames, flange_poses, target_groups
-from testbed.files.probe import FEWEST, TIMES, probe
-from testbed.files.read import session_of
-from testbed.files.refusal import refusal
-from testbed.files.session import Session, Sources
-from testbed.files.session_toml import SESSION_FILE, SessionFile
-from testbed.gates.mistakes import validated
-from testbed.gates.text import MAX_MB, FileText
+from testbed.files.refusal import no_rows, refusal
 from testbed.proposal.data import Found
-from testbed.proposal.drafts import MATCHED, PARTS, drafts_of
+from testbed.proposal.drafts import drafts_of
 from testbed.proposal.names import is_wished
 from testbed.proposal.parts import Document
+from testbed.proposal.tried import tried_with
+from testbed.proposal.verdict import verdict_on
 from testbed.robots.robot import Robot
-from testbed.units import counted
 
 JOINTS = 6
 """Of a robot that nobody names."""
-TRIED, FITTED = 300, 60
-"""Lines of one file that readings are tried with, and rows of them that frames are fitted to."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,6 +27,12 @@ class Proposed:
     """How well this and other readings fit, in words."""
     fits: bool
     """Whether the robot has been where the file says."""
+    unused: tuple[str, ...] = ()
+    """Files, or sheets, that are not read."""
+    to_mend: tuple[str, ...] = ()
+    """What `identify` will refuse, in its words."""
+    odd: tuple[str, ...] = ()
+    """What it will leave out, or warn of."""
 
 
 def propose_session(looks: tuple[Found, ...], robot: Robot | None, root: Path) -> Proposed:
@@ -55,8 +50,12 @@ def propose_session(looks: tuple[Found, ...], robot: Robot | None, root: Path) -
     Raises
     ------
     InputError
-        M35: no file has readings, or heads that do not go together.
+        M27: a file has no rows; M35: no file has readings, or heads that do not go together; what
+        reading the files says, where no reading of them can be proposed.
     """
+    for one in looks:
+        if not one.rows:
+            raise no_rows(str(one.path))
     proposed = _of_visits(_proposed(looks, robot, root), looks)
     read = {
         (name, each.get("sheet"))
@@ -65,9 +64,9 @@ def propose_session(looks: tuple[Found, ...], robot: Robot | None, root: Path) -
         if isinstance(each, dict)
         for name in (each.get("file"), *each.get("files", ()))
     }
-    left = [one for one in looks if (one.name, one.sheet) not in read]
-    notes = tuple(f"files: {one.called} is not used" for one in left)
-    return replace(proposed, assumed=(*proposed.assumed, *notes))
+    unused = tuple(one.called for one in looks if (one.name, one.sheet) not in read)
+    to_mend, odd = verdict_on(proposed.document, looks, robot, root, fits=proposed.fits)
+    return replace(proposed, unused=unused, to_mend=to_mend, odd=odd)
 
 
 def _of_visits(proposed: Proposed, looks: tuple[Found, ...]) -> Proposed:
@@ -123,79 +122,15 @@ def _proposed(looks: tuple[Found, ...], robot: Robot | None, root: Path) -> Prop
             allowed="columns X Y Z, also with rotations; or points or frames of Spatial Analyzer",
             fix=fix,
         )  # fmt: skip
+    first = drafts[0]
     if robot is None:
         tried = "no robot was named: units and conventions are by size and by custom"
-        return Proposed(drafts[0].document, drafts[0].notes, tried, False)
-    if drafts[0].jointless:
+        return Proposed(first.document, first.notes, tried, False)
+    if first.jointless:
         tried = "there are no joints: nothing could be tried"
-        return Proposed(drafts[0].document, drafts[0].notes, tried, False)
-    texts = {(root / one.name, one.sheet): _beginning(one, looks) for one in looks}
-
-    def read(document: Document) -> Session | None:
-        try:
-            settings = validated(document, SessionFile, SESSION_FILE)
-            sources = Sources(root, None, MAX_MB, dict(texts))
-            return session_of(settings, sources, robot, drop=True, where=SESSION_FILE)
-        except InputError:
-            return None
-
-    sessions = [read(draft.document) for draft in drafts]
-    # where a shot was missed, a part of the rows still shows the reading
-    for parts in PARTS:
-        scores = [_misfit(robot, session, parts) for session in sessions]
-        order = np.argsort(scores, kind="stable")
-        best, least = drafts[int(order[0])], scores[int(order[0])]
-        if least <= FAR:
-            break
-    else:
-        tried = (
-            f"none of {len(drafts)} readings of these files fits a nominal {robot.name}: is it the "
-            "robot that was measured? Units and conventions are by size and by custom"
-        )
-        return Proposed(drafts[0].document, drafts[0].notes, tried, False)
-    others = [scores[int(k)] for k in order[1:] if np.isfinite(scores[int(k)])]
-    tried = f"base and tool of a nominal {robot.name} alone leave {_shown(least)}"
-    if others:
-        tried += (
-            f"; the best of {counted(len(drafts) - 1, 'other reading')} leaves {_shown(others[0])}"
-        )
-        if others[0] < TIMES * least:
-            tried += ": too little to tell them apart"
-    return Proposed(best.document, best.notes, tried, True)
-
-
-def _misfit(robot: Robot, session: Session | None, parts: int) -> float:
-    """What base and tool leave in the best of some parts of the rows of one target [m]."""
-    if session is None:
-        return np.inf
-    table, groups = session.measurements, target_groups(session.measurements)
-    if not groups and parts == 1:
-        stated = probe(robot, session).stated
-        return stated.score if stated is not None else np.inf
-    if not groups or len(groups[0]) < FEWEST * parts:
-        return np.inf
-    left = []
-    for stretch in np.array_split(groups[0], parts):
-        spread = np.linspace(0, len(stretch) - 1, min(len(stretch), FITTED))
-        rows = stretch[spread.round().astype(np.int64)]
-        F = flange_poses(robot.model, table.q[rows])
-        turned = table.rotation[rows] if table.is_pose[rows[0]] else None
-        frames = fit_frames(F, table.position[rows], turned)
-        left.append(frames.misfit(F, table.position[rows], turned).score)
-    return min(left)
-
-
-def _shown(score: float) -> str:
-    """A misfit for people."""
-    number, unit = (score * 1e3, "mm") if score < 1 else (score, "m")
-    return f"{float(f'{number:.2g}'):g} {unit}"  # 600, where .2g alone has 6e+02
-
-
-def _beginning(look: Found, looks: tuple[Found, ...]) -> FileText:
-    """The text that readings are tried with: of one file, and of long ones, a part is enough."""
-    whole = len(looks) > 1 and max(one.rows for one in looks) <= MATCHED
-    lines = look.text.lines if whole else look.text.lines[:TRIED]
-    return replace(look.text, lines=lines)
+        return Proposed(first.document, first.notes, tried, False)
+    best, tried, fits = tried_with(drafts, looks, robot, root)
+    return Proposed(best.document, best.notes, tried, fits)
 
 
 def _count(looks: tuple[Found, ...]) -> int:

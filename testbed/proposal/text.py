@@ -51,6 +51,14 @@ def session_text(
     if proposed.assumed:
         lines.append("# Not said in any file, and taken so here; change what is wrong:")
         lines += [f"#   {sentence}" for sentence in proposed.assumed]
+    for title, told in (
+        ("Not used", proposed.unused),
+        ("Odd", proposed.odd),
+        ("To be mended before identify takes these files", proposed.to_mend),
+    ):
+        if told:
+            lines.append(f"# {title}:")
+            lines += [f"#   {line}" for sentence in told for line in sentence.splitlines()]
     arm = shlex.quote(robot) if robot is not None else "ROBOT"
     lines += [f"# Then: truebed identify {arm} {name}", "format = 1"]
     lines += [f"robot = {toml_value(model)}"] if model is not None else []

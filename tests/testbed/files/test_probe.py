@@ -60,6 +60,16 @@ MISTAKES = {
     "a joint's sign": (lambda t: scaled(t, JOINTS[3:4], -1), "M20", "joint 4 turns the other way"),
     "coupling 2-3": (lambda t: coupled(t, 2, 3, 1), "M20", r"joint 3 is q3 - q2"),
     "coupling 5-6": (lambda t: coupled(t, 5, 6, -1), "M20", r"joint 6 is q6 \+ q5"),
+    "joints 4, 5 rad as deg": (
+        lambda t: scaled(t, JOINTS[3:5], np.pi / 180),
+        "M20",
+        "q4, q5 are in rad, not deg",
+    ),
+    "last rows rad as deg": (
+        lambda t: t | {k: np.where(np.arange(29) < 20, t[k], np.radians(t[k])) for k in JOINTS},
+        "M20",
+        "joints of some rows, the first in line 22, are in rad",
+    ),
     "euler order": (lambda _: columns(made(), euler="ZYX"), "M24", "turn as ZYX"),
     "fixed axes": (lambda _: columns(made(), euler="xyz"), "M24", "xyz about fixed axes"),
     "angles rad": (lambda t: scaled(t, TURNS, np.pi / 180), "M24", "in rad, not deg"),
@@ -147,6 +157,53 @@ def test_distances_are_probed_by_the_general_start(tmp_path):
     assert right.stated.position < 1e-3
     with pytest.raises(InputError, match="distances are in mm, not m"):
         probe(ROBOT, session(distances(data, 1e3))).raise_if_wrong()
+
+
+@pytest.mark.parametrize("shift", [1, -2])
+def test_distances_beside_the_joints_of_other_rows_are_named(shift, tmp_path):
+    table = distances(made(9, 60))
+    table["distance_mm"] = np.roll(table["distance_mm"], shift)
+    (tmp_path / "a.csv").write_text(csv(table))
+    (tmp_path / "s.toml").write_text(
+        '[ranges]\nanchors_mm = { A = "free" }\n[uncertainty]\ndistance_um = 30\n'
+    )
+    session = read_session(tmp_path / "a.csv", ROBOT, config=tmp_path / "s.toml")
+    with pytest.raises(InputError, match=rf"row k{'[+]' if shift > 0 else ''}{shift} belongs to"):
+        probe(ROBOT, session).raise_if_wrong()
+
+
+def three_targets(m=25):
+    """Cells of points on three reflectors, those of one pose one after the other."""
+    data = made(3, m)
+    own = columns(data, form="none", ids=False)
+    arms = np.array([[0.05, 0.03, 0.08], [-0.05, 0.03, 0.08], [0.0, -0.06, 0.07]])
+    p = data.T[:, None, :3, 3] + np.einsum("mij,tj->mti", data.T[:, :3, :3], arms)
+    joints = {k: np.repeat(own[k], 3) for k in JOINTS}
+    places = {k: 1e3 * p.reshape(-1, 3)[:, axis] for axis, k in enumerate(PLACES)}
+    return joints | {"target": ["A", "B", "C"] * m} | places
+
+
+@pytest.mark.parametrize("shift", [1, -1, 2, -2])
+@pytest.mark.parametrize("what", [JOINTS, PLACES])
+def test_shifted_lines_of_several_targets_are_named(what, shift, tmp_path):
+    """Some targets may fit all the same: joints of the next line are often of the same pose."""
+    right = three_targets()
+    probe(ROBOT, read(tmp_path, right, "", "points")).raise_if_wrong()
+    table = right | {k: np.roll(right[k], -shift) for k in what}
+    further = shift if what is JOINTS else -shift
+    with pytest.raises(InputError, match=rf"row k\{further:+d} belongs to") as caught:
+        probe(ROBOT, read(tmp_path, table, "", "points")).raise_if_wrong()
+    assert caught.value.code == "M31"
+
+
+def test_one_target_whose_shots_have_slipped_is_named(tmp_path):
+    table = three_targets()
+    mine = np.array(table["target"]) == "B"
+    for k in PLACES:
+        table[k] = table[k].copy()
+        table[k][mine] = np.roll(table[k][mine], -1)
+    with pytest.raises(InputError, match="row k-1 of one target belongs to pose k"):
+        probe(ROBOT, read(tmp_path, table, "", "points")).raise_if_wrong()
 
 
 def test_another_robot_is_not_taken_for_this_one(tmp_path):

@@ -287,7 +287,7 @@ def test_files_of_one_kind_are_stations(tmp_path):
     said, text = proposed(tmp_path, files, "--robot", "staubli_tx60")
     assert tomllib.loads(text)["points"]["files"] == ["one.csv", "two.csv"]
     assert "assumed  stations: each file is one" in said
-    assert "is not used" not in said
+    assert "unused" not in said
     session = read_session(tmp_path / "session.toml", ROBOT)
     assert session.station_names == ("1", "2")
     assert len(session.measurements) == 2 * M - 5
@@ -312,8 +312,8 @@ def test_files_of_one_head_with_joints_of_their_own_are_visits(tmp_path):
 def test_a_file_that_is_left_aside_is_named(tmp_path):
     files = [*semicolons(tmp_path), *write(tmp_path, b__csv="time,note\n1,a\n")]
     said, text = proposed(tmp_path, files)
-    assert "assumed  files: b.csv is not used" in said
-    assert "#   files: b.csv is not used" in text
+    assert "unused   b.csv\n" in said
+    assert "# Not used:\n#   b.csv\n" in text
 
 
 def test_words_of_a_file_stay_words(tmp_path):

@@ -1,0 +1,139 @@
+"""Which draft of a session fits: each is read, and the nominal robot's base and tool fitted."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from calib.errors import InputError
+from testbed.files.frames_fit import FAR, fit_frames, flange_poses, target_groups
+from testbed.files.probe import FEWEST, TIMES, probe
+from testbed.files.read import session_of
+from testbed.files.session import Session, Sources
+from testbed.files.session_toml import SESSION_FILE, SessionFile
+from testbed.gates.mistakes import validated
+from testbed.gates.text import MAX_MB, FileText
+from testbed.proposal.data import Found
+from testbed.proposal.drafts import MATCHED, PARTS, Draft
+from testbed.robots.robot import Robot
+from testbed.units import counted
+
+TRIED, FITTED = 300, 60
+"""Lines of one file that readings are tried with, and rows of them that frames are fitted to."""
+BY_SIZE = "units and conventions are by size and by custom"
+
+
+def tried_with(
+    drafts: Sequence[Draft], looks: tuple[Found, ...], robot: Robot, root: Path
+) -> tuple[Draft, str, bool]:
+    """The draft that fits a robot, how well it and others do, in words, and whether it does.
+
+    Parameters
+    ----------
+    drafts : sequence of Draft
+        The likely ones first.
+    looks : tuple of Found
+        The files.
+    robot : Robot
+        Nominal.
+    root : Path
+        Folder of the session.
+
+    Raises
+    ------
+    InputError
+        No draft can be read, or none fits and what is wrong with the file is known: as `identify`
+        would say it.
+    """
+    texts = {(root / one.name, one.sheet): _beginning(one, looks) for one in looks}
+
+    def read(draft: Draft, *, drop: bool = True) -> Session:
+        settings = validated(draft.document, SessionFile, SESSION_FILE)
+        sources = Sources(root, None, MAX_MB, dict(texts))
+        return session_of(settings, sources, robot, drop=drop, where=SESSION_FILE)
+
+    def readable(draft: Draft) -> Session | None:
+        try:
+            return read(draft)
+        except InputError:
+            return None
+
+    sessions = [readable(draft) for draft in drafts]
+    # where a shot was missed, a part of the rows still shows the reading
+    for parts in PARTS:
+        scores = [_misfit(robot, session, parts) for session in sessions]
+        order = np.argsort(scores, kind="stable")
+        least = scores[int(order[0])]
+        if least <= FAR:
+            others = [scores[int(k)] for k in order[1:] if np.isfinite(scores[int(k)])]
+            tried = _fitting(robot, least, others, len(drafts) - 1, parts)
+            return drafts[int(order[0])], tried, True
+    likely = next((k for k, one in enumerate(sessions) if one is not None), None)
+    if likely is None:
+        read(drafts[0], drop=False)  # which says why
+        read(drafts[0])
+        raise AssertionError("a draft can be read that could not be")
+    session = sessions[likely]
+    assert session is not None
+    found = probe(robot, session)
+    if found.stated is None or found.wrong is not None:
+        found.raise_if_wrong()
+    if found.stated is None:
+        poses = counted(len(np.unique(session.measurements.q, axis=0)), "different pose")
+        tried = (
+            f"{poses} in {session.where}, too few to try readings of the file with (at least "
+            f"{FEWEST}): {BY_SIZE}"
+        )
+        return drafts[likely], tried, False
+    tried = (
+        f"none of {len(drafts)} readings of these files fits a nominal {robot.name}: is it the "
+        f"robot that was measured? {BY_SIZE.capitalize()}"
+    )
+    return drafts[likely], tried, False
+
+
+def _fitting(robot: Robot, least: float, others: Sequence[float], count: int, parts: int) -> str:
+    """How well a draft and others, the best one first, fit in some part of the rows [m]."""
+    tried = f"base and tool of a nominal {robot.name} alone leave {_shown(least)}"
+    if parts > 1:
+        tried += f" in the best of {parts} parts of the rows, and more than that in all of them"
+    if others:
+        tried += f"; the best of {counted(count, 'other reading')} leaves {_shown(others[0])}"
+        if others[0] < TIMES * least:
+            tried += ": too little to tell them apart"
+    return tried
+
+
+def _misfit(robot: Robot, session: Session | None, parts: int) -> float:
+    """What base and tool leave in the best of some parts of the rows of one target [m]."""
+    if session is None:
+        return np.inf
+    table, groups = session.measurements, target_groups(session.measurements)
+    if not groups and parts == 1:
+        stated = probe(robot, session).stated
+        return stated.score if stated is not None else np.inf
+    if not groups or len(groups[0]) < FEWEST * parts:
+        return np.inf
+    left = []
+    for stretch in np.array_split(groups[0], parts):
+        spread = np.linspace(0, len(stretch) - 1, min(len(stretch), FITTED))
+        rows = stretch[spread.round().astype(np.int64)]
+        F = flange_poses(robot.model, table.q[rows])
+        turned = table.rotation[rows] if table.is_pose[rows[0]] else None
+        frames = fit_frames(F, table.position[rows], turned)
+        left.append(frames.misfit(F, table.position[rows], turned).score)
+    return min(left)
+
+
+def _shown(score: float) -> str:
+    """A misfit for people."""
+    number, unit = (score * 1e3, "mm") if score < 1 else (score, "m")
+    return f"{float(f'{number:.2g}'):g} {unit}"  # 600, where .2g alone has 6e+02
+
+
+def _beginning(look: Found, looks: tuple[Found, ...]) -> FileText:
+    """The text that readings are tried with: of one file, and of long ones, a part is enough."""
+    whole = len(looks) > 1 and max(one.rows for one in looks) <= MATCHED
+    lines = look.text.lines if whole else look.text.lines[:TRIED]
+    return replace(look.text, lines=lines)

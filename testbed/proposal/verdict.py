@@ -1,0 +1,100 @@
+"""What `identify` will say of a proposed session: read whole, and probed, as it does."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from calib.errors import InputError
+from testbed.files.cleaned import readings_of, sheet_of, table_in
+from testbed.files.read import whole_session
+from testbed.files.session import Session, Sources
+from testbed.files.session_toml import SESSION_FILE, SessionFile
+from testbed.files.table import Columns
+from testbed.files.valid import valid_rows
+from testbed.files.visits.probing import probed
+from testbed.files.visits.tables import CampaignFile
+from testbed.gates.mistakes import validated
+from testbed.gates.text import MAX_MB
+from testbed.proposal.data import Found
+from testbed.proposal.parts import Document
+from testbed.robots.robot import Robot
+
+CELLS = ("M25", "V9")
+"""Codes of rows that can be left out to see what else there is."""
+SHOWN = 6
+"""Sentences on rows that are left out, or odd."""
+
+
+def verdict_on(
+    document: Document, looks: Sequence[Found], robot: Robot | None, root: Path, *, fits: bool
+) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """What `identify` will refuse, and what it will leave out or warn of, in its words.
+
+    Parameters
+    ----------
+    document : dict
+        A session.toml.
+    looks : sequence of Found
+        Its files.
+    robot : Robot or None
+        Whose joints these are; without it only the cells are looked at.
+    root : Path
+        Folder of the session.
+    fits : bool
+        Whether the robot fits at all; that it does not is said already.
+    """
+    settings = validated(document, CampaignFile, SESSION_FILE)
+    if "joints.csv" in (table := document.get("joints", {})).get("file", "") and not any(
+        look.name == table["file"] for look in looks
+    ):
+        return (), ()  # a name to fill in
+
+    def sources() -> Sources:
+        texts = {(root / one.name, one.sheet): one.text for one in looks}
+        return Sources(root, None, MAX_MB, texts)
+
+    if robot is None:
+        return _cells(settings, sources()), ()
+    refused: list[str] = []
+    session: Session | None = None
+    for drop in (False, True):
+        try:
+            session = whole_session(settings, sources(), robot, drop=drop, where=SESSION_FILE)
+            break
+        except InputError as error:
+            if str(error) not in refused:
+                refused.append(str(error))
+            if error.code not in CELLS:
+                break
+    if session is None:
+        return tuple(refused), ()
+    odd = list(session.masked)
+    if not refused:  # else they only say again what was left out
+        odd += session.warnings
+    try:
+        odd += [text for one in probed(robot, session) for text in one.warnings]
+    except InputError as error:
+        if fits or error.field != "ROBOT":
+            refused.append(str(error))
+    if len(odd) > SHOWN:
+        odd = [*odd[:SHOWN], f"and {len(odd) - SHOWN} more"]
+    return tuple(refused), tuple(odd)
+
+
+def _cells(settings: SessionFile, sources: Sources) -> tuple[str, ...]:
+    """Cells of one session that are no numbers, as far as that shows without a robot."""
+    if isinstance(settings, CampaignFile) and settings.session:
+        return ()
+    refused = []
+    try:
+        for cleaned in readings_of(sources, settings, drop=False):
+            own = settings.joints
+            file = own.file if own is not None else None
+            text = cleaned.text if file is None else sources.text(
+                file, "joints", sheet_of(own, cleaned.section, file)
+            )  # fmt: skip
+            table = table_in(text, settings, own, cleaned.section)
+            joints = [name for name in table.names if name[0] == "q" and name[1:2].isdigit()]
+            valid_rows(table, Columns(tuple(joints)), drop=False)
+    except InputError as error:
+        refused.append(str(error))
+    return tuple(refused)
