@@ -34,6 +34,11 @@ def number_versions() -> dict[str, str]:
     return {"truebed": own_version(), **{name: _version(name) for name in NUMBERS}}
 
 
+def compiler_version() -> str:
+    """Version of what compiles the loops of many robots: it decides last bits."""
+    return _version("numba")
+
+
 @cache
 def sources_hash() -> str:
     """Hex sha256 of the code of both packages: what computes, whatever its version says."""

@@ -124,6 +124,26 @@ class Bent(NamedTuple):
     """Log determinant of that second derivative."""
 
 
+class Lowest(NamedTuple):
+    """Where a fit of springs ended."""
+
+    numbers: Array
+    """(p + f,) in units of their prior sd."""
+    curvature: Array
+    """(p + f, p + f) of half the loss, without what products of two numbers add to it."""
+    loss: float
+    """What the springs change of the loss, their prior included."""
+    spread: float
+    """Log determinant of the curvature."""
+
+    @property
+    def inverse(self) -> Array:
+        """(p + f, p + f) of the curvature."""
+        if not len(self.numbers):
+            return self.curvature
+        return np.asarray(cho_solve(cho_factor(self.curvature), np.eye(len(self.numbers))))
+
+
 def settled(springs: ModelSprings, normal: Array, pull: Array) -> Bent:
     """Numbers x that minimize y'N y - 2 pull'y + x'x, y their products.
 
@@ -141,24 +161,26 @@ def settled(springs: ModelSprings, normal: Array, pull: Array) -> Bent:
         y = springs.products(x)
         return float(y @ (normal @ y) - 2 * pull @ y + x @ x)
 
-    return lowest(springs, loss_at, lambda x: springs.bowl(x, normal, pull))
+    found = lowest(len(springs.sd), loss_at, lambda x: springs.bowl(x, normal, pull))
+    x = found.numbers
+    return Bent(x, *springs.at(x), found.inverse, found.loss, found.spread)
 
 
 def lowest(
-    springs: ModelSprings,
+    count: int,
     loss_at: Callable[[Array], float],
     bowl: Bowl,
     enough: Callable[[Array, float], bool] | None = None,
-) -> Bent:
-    """Numbers of springs where a loss is lowest, searched from zero.
+) -> Lowest:
+    """So many numbers of springs where a loss is lowest, searched from zero.
 
     What gives and what weighs can stand for each other: along that valley the second derivative of
     their products counts, far from its floor it misleads. Of the steps with and without it the one
     is taken that leads lower, halved until it does.
     """
-    x, share, loss = np.zeros(len(springs.sd)), 1.0, 0.0
-    if not len(x):
-        return Bent(x, *springs.at(x), np.eye(0), loss, 0.0)
+    x, share, loss = np.zeros(count), 1.0, 0.0
+    if not count:
+        return Lowest(x, np.eye(0), loss, 0.0)
     H, bend, force = bowl(x)
     for _ in range(STEPS):
         steps = newton_steps(H, bend, force)
@@ -174,8 +196,7 @@ def lowest(
             break
         x, loss, share = x + share * steps[k], new, min(1.0, 2 * share)
         H, bend, force = bowl(x)
-    inverse = cho_solve(cho_factor(H), np.eye(len(x)))
-    return Bent(x, *springs.at(x), inverse, loss, float(np.linalg.slogdet(H)[1]))
+    return Lowest(x, H, loss, float(np.linalg.slogdet(H)[1]))
 
 
 def newton_steps(H: Array, bend: Array, force: Array) -> list[Array]:

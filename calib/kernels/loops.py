@@ -1,4 +1,4 @@
-"""Which loops play many replicates: numpy's for a few, compiled ones for many.
+"""Which loops play many replicates or fit springs of many robots: of few numpy's, else compiled.
 
 The choice follows the work, never whether compiled code is kept: the bits of a result must not
 hang on that. Without numba all are numpy's, equal but for the order of sums.
@@ -10,6 +10,8 @@ from typing import NamedTuple
 
 MANY = 50_000
 """Replicates from which compiling is worth its while: it takes some 15 s where no code is kept."""
+MANY_SPRUNG = 250
+"""Robots whose springs are fitted from which it is: their climb then takes half as long."""
 NUMBA = find_spec("numba") is not None
 
 
@@ -18,6 +20,22 @@ class Loops(NamedTuple):
 
     gradient: Callable[..., None]
     noisy_poses: Callable[..., None]
+
+
+class SpringLoops(NamedTuple):
+    """Two loops that fit springs of one model; see `calib.kernels.springs`."""
+
+    of_products: Callable[..., None]
+    of_rows: Callable[..., None]
+
+
+def spring_loops_for(robots: int) -> SpringLoops | None:
+    """The loops for so many robots; None where numpy's serve."""
+    if robots < MANY_SPRUNG or not NUMBA:
+        return None
+    from calib.kernels.springs import springs_of_products, springs_of_rows
+
+    return SpringLoops(springs_of_products, springs_of_rows)
 
 
 def loops_for(replicates: int) -> Loops:

@@ -22,7 +22,7 @@ from testbed.store.npz import from_bytes, record_bytes, record_from, to_bytes
 from testbed.strict import toml_value
 from testbed.studies import all_studies, declared_tables, study_named
 from testbed.studies.protocol import Record, Records, Study
-from testbed.versions import number_versions, sources_hash
+from testbed.versions import compiler_version, number_versions, sources_hash
 
 if TYPE_CHECKING:
     from testbed.robots.robot import Robot
@@ -74,8 +74,12 @@ def known_records(scenario: Scenario) -> dict[str, Record]:
 
 def alike() -> dict[str, str]:
     """What must be the same wherever pieces of one study are played."""
-    threads = {THREADS: os.environ.get(THREADS, "not set")}
-    return {**number_versions(), "source code": sources_hash()[:12], **threads}
+    return {
+        **number_versions(),
+        "numba": compiler_version(),
+        "source code": sources_hash()[:12],
+        THREADS: os.environ.get(THREADS, "not set"),
+    }
 
 
 def own_paths(scenario: Scenario) -> list[str]:

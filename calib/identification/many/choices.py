@@ -20,6 +20,7 @@ def choose_many(
     *,
     ladders: Sequence[Ladder],
     prior: Prior | None = None,
+    robots: int = 0,
 ) -> list[ModelChoice]:
     """Choose a model of each robot as `choose` does, all of the same poses and offers.
 
@@ -29,13 +30,16 @@ def choose_many(
         As in `choose`, of all robots.
     tables : sequence of Measurements
         One of each robot.
+    robots : int
+        As in `climb_many`.
     """
     prior = weak_prior(parameters, nominal) if prior is None else prior
     geometric = identify_many(nominal, tables, parameters, prior=prior)
 
     found = climb_many(
-        nominal, [fit.model for fit in geometric], tables, parameters, ladders, prior=prior
-    )
+        nominal, [fit.model for fit in geometric], tables, parameters, ladders,
+        prior=prior, robots=robots,
+    )  # fmt: skip
     extended = extended_many(
         nominal, tables, parameters, [levels_shown(one, ladders) for one in found],
         prior=prior, factors=[one.noise_factor for one in found],

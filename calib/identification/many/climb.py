@@ -49,6 +49,7 @@ def climb_many(
     ladders: Sequence[Ladder],
     *,
     prior: Prior,
+    robots: int = 0,
 ) -> list[Climb]:
     """Climb with each of many robots at the same poses, as `choose` has one climb.
 
@@ -64,11 +65,14 @@ def climb_many(
         Each robot after a fit of its geometry.
     tables : sequence of Measurements
         What may be looked at of each.
+    robots : int
+        So many climb in all, where these are some of them: the loops of many are compiled.
     """
     many = ManyTables.alike(tables)
     plan = None
     if many is not None and len(many.q) == 1:
-        plan = plan_of(nominal, tables, parameters, tuple(ladders), prior)
+        count = max(robots, len(tables))
+        plan = plan_of(nominal, tables, parameters, tuple(ladders), prior, count)
 
     def alone(k: int) -> Climb:
         rng = np.random.default_rng(0)
@@ -84,8 +88,8 @@ def climb_many(
         some = slice(first, first + BLOCK)
         rows = ClimbRows.of(models.some(some), many.some(some), parameters.free_index)
         step = models.some(some).steps()[:, parameters.free_index]
-        robots = at_their_noise(robots_of(plan, rows, step - plan.mean))
-        for k, (robot, course) in enumerate(zip(robots, courses(robots), strict=True), first):
+        block = at_their_noise(robots_of(plan, rows, step - plan.mean))
+        for k, (robot, course) in enumerate(zip(block, courses(block), strict=True), first):
             found.append(_climb(robot, course, near[k], parameters, k, alone))
     return found
 
@@ -173,13 +177,13 @@ def fit_all(tasks: Iterable[Task]) -> None:
             few[sprung].append(task)
             continue
         rows = robot.sprung(sprung)
-        one = rows.settled(ground.rows)
+        one = rows.settled(ground.rows, loops=robot.plan.loops)
         robot.fits[levels, k] = Fitted(one.numbers, rows.bent(one.numbers), one.loss, one.spread)
     for sprung, alike in few.items():
         springs = alike[0][0].plan.springs[sprung][0]
         systems = [robot.normal(sprung, levels, ground) for robot, ground, levels, _ in alike]
         normal, pull = (np.array(part) for part in zip(*systems, strict=True))
-        found = settled_many(springs, normal, pull)
+        found = settled_many(springs, normal, pull, alike[0][0].plan.loops)
         for (robot, _, levels, k), x, loss, spread in zip(alike, *found, strict=True):
             bent = robot.sprung(sprung).bent(x)
             robot.fits[levels, k] = Fitted(x, bent, float(loss), float(spread))

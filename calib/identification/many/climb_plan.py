@@ -12,6 +12,7 @@ from calib.identification.folds import parts_of
 from calib.identification.levels import Ladder, Level
 from calib.identification.prior import Prior
 from calib.identification.spring_products import ModelSprings, Products, products_of
+from calib.kernels.loops import SpringLoops, spring_loops_for
 from calib.measurement.observations import Measurements
 
 MOST_ROWS = 400
@@ -38,6 +39,8 @@ class ClimbPlan(NamedTuple):
     """Poses of each part that is left out."""
     pose: Index
     """(m,) pose of each row."""
+    loops: SpringLoops | None
+    """What fits springs, where there are enough robots for compiled loops."""
 
 
 def plan_of(
@@ -46,8 +49,9 @@ def plan_of(
     parameters: Parameters,
     ladders: tuple[Ladder, ...],
     prior: Prior,
+    robots: int = 1,
 ) -> ClimbPlan | None:
-    """What all robots of a climb share; None where arrays do not know it.
+    """What all of so many robots that climb share; None where arrays do not know it.
 
     They know full poses of one station at the same joints, of which nothing further is said, up to
     `MOST_ROWS` rows; a nominal chain alone; and ladders of waves, believed to be zero, and of one
@@ -88,6 +92,7 @@ def plan_of(
         float(np.linalg.slogdet(precision)[1]),
         [] if part is None else [np.flatnonzero(part == k) for k in np.unique(part)],
         np.unique(table.together, return_inverse=True)[1].ravel(),
+        spring_loops_for(robots) if sprung else None,
     )
 
 

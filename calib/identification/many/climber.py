@@ -149,7 +149,8 @@ class Climber:
         least = LEAST_FREE * len(left)
         if sprung is not None:
             rows = self.sprung(sprung)
-            bent = rows.settled(under, FAR_BELOW * least if self.scale == 1.0 else 0.0)
+            enough = FAR_BELOW * least if self.scale == 1.0 else 0.0
+            bent = rows.settled(under, enough, self.plan.loops)
             left = left - under.times(rows.bent(bent.numbers))
             moved = under.times(rows.slopes(bent.numbers))
             learned += float(np.trace(bent.inverse @ (moved.T @ moved)))

@@ -36,7 +36,8 @@ OF_NUMBERS = ("normal_error", "nees")
 OF_A_ROBOT = ("extended", "log_evidence", "before", *OF_NUMBERS)
 AT_ONCE = BLOCK
 """Robots of a kind: what their fits need has room, and arrays of more are no quicker. As many as a
-piece of a small study has, so that a robot is the same to the last bit in a large one."""
+piece of a small study has: a robot is the same in a large one, to the last bit where no loop of
+its climb is compiled."""
 AXES = dict.fromkeys((*OF_A_MODEL, *OF_A_ROBOT), -1)
 
 
@@ -52,16 +53,16 @@ def play_robots(
         poses = [poses_of(laboratory, robot) for robot in some]  # every kind meets the same
         for kind in kinds:
             measured = measure_robots(laboratory, kind, chosen, some, poses)
-            found[kind].append(_play_some(kind, measured, ladders))
+            found[kind].append(_play_some(kind, measured, ladders, len(robots)))
     return {kind: gather(parts) for kind, parts in found.items()}
 
 
 def _play_some(
-    kind: str, measured: Sequence[MeasuredRobot], ladders: Sequence[Ladder]
+    kind: str, measured: Sequence[MeasuredRobot], ladders: Sequence[Ladder], robots: int
 ) -> CoverageStudy:
-    """Robots of one kind, so many that what their fits need has room in memory."""
+    """Some of the robots of one kind, so many that what their fits need has room in memory."""
     level = measured[0].laboratory.scenario.table(CoverageSettings).level
-    found = many_models(measured, ladders)
+    found = many_models(measured, ladders, robots)
     errors = many_parameter_errors([fits[0] for fits, *_ in found], measured)
     judged = zip(
         *(judge_models([fits[k] for fits, *_ in found], measured, level) for k in range(2)),
@@ -125,13 +126,13 @@ def offered(laboratory: Laboratory) -> tuple[Ladder, ...]:
 
 
 def many_models(
-    measured: Sequence[MeasuredRobot], ladders: Sequence[Ladder]
+    measured: Sequence[MeasuredRobot], ladders: Sequence[Ladder], robots: int = 0
 ) -> list[tuple[tuple[Identification, ...], float, bool]]:
-    """What `models` finds of each robot of a kind."""
+    """What `models` finds of each robot of a kind, where `robots` are played in all."""
     own, seen = measured[0].laboratory, [one.seen for one in measured]
     nominal, free = own.setting.nominal, own.free("whitened")
     bare = identify_many(nominal, seen, free, prior=own_prior(free, nominal))
-    choices = choose_many(nominal, seen, free, ladders=ladders)
+    choices = choose_many(nominal, seen, free, ladders=ladders, robots=robots)
     return [_found(*one) for one in zip(bare, choices, strict=True)]
 
 

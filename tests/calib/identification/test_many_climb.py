@@ -23,6 +23,7 @@ from calib.identification.many.settle import settled_many
 from calib.identification.many.single import identify_many
 from calib.identification.prior import Prior, weak_prior
 from calib.identification.spring_products import ModelSprings, settled
+from calib.kernels.loops import MANY_SPRUNG
 from calib.measurement.residual import linearize, table_whiteners
 from tests.calib import kinds
 from tests.reference import rigid_truth, tx60
@@ -99,13 +100,16 @@ def held_to(one, alone, q):
     assert np.abs(gap).max() < 1e-9
 
 
-@pytest.mark.parametrize(("noise", "some"), [(1.0, slice(4)), (3.0, slice(1, 3))])
-def test_each_climbs_as_it_does_alone(noise, some, monkeypatch):
-    """Of four arms; also where the noise is larger than stated and has to be found."""
+@pytest.mark.parametrize(
+    ("noise", "some", "robots"),
+    [(1.0, slice(4), 4), (3.0, slice(1, 3), 2), (1.0, slice(4), MANY_SPRUNG)],
+)
+def test_each_climbs_as_it_does_alone(noise, some, robots, monkeypatch):
+    """Of four arms; where the noise is larger than stated and has to be found; by loops of many."""
     monkeypatch.setattr(many_climb, "FEW_PRODUCTS", 60)  # springs with free moments by rows
     tables = visits(noise)[some]
     near = fitted(tables)
-    found = climb_many(TX60, near, tables, FREE, LADDERS, prior=PRIOR)
+    found = climb_many(TX60, near, tables, FREE, LADDERS, prior=PRIOR, robots=robots)
     alone = one_by_one(near, tables)
     for one, other in zip(found, alone, strict=True):
         held_to(one, other, tables[0].q)

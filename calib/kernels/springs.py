@@ -1,0 +1,317 @@
+"""Springs of one model fitted, step by step: before normal equations of their products, or rows.
+
+The same steps as `calib.identification.spring_products.lowest` takes, to the same numbers but for
+the order of sums.
+"""
+
+from typing import Any
+
+import numpy as np
+
+from calib.kernels.compiled import array_in, array_out, compiled, part
+
+
+@part
+def _solved(A: Any, L: Any, force: Any, x: Any) -> bool:
+    """Solve A x = force by the transpose of a Cholesky factor, L; whether there is one."""
+    s = len(force)
+    for j in range(s):
+        for i in range(j, s):
+            L[j, i] = A[j, i]
+    for j in range(s):
+        if not L[j, j] > 0.0:
+            return False
+        d = 1.0 / np.sqrt(L[j, j])
+        for i in range(j, s):
+            L[j, i] *= d
+        for k in range(j + 1, s):
+            c = L[j, k]
+            for i in range(k, s):
+                L[k, i] -= c * L[j, i]
+    for j in range(s):
+        x[j] = force[j]
+    for j in range(s):
+        x[j] /= L[j, j]
+        for i in range(j + 1, s):
+            x[i] -= L[j, i] * x[j]
+    for j in range(s - 1, -1, -1):
+        found = x[j]
+        for i in range(j + 1, s):
+            found -= L[j, i] * x[i]
+        x[j] = found / L[j, j]
+    return True
+
+
+@part
+def _newton(H: Any, bend: Any, force: Any, L: Any, steps: Any) -> int:
+    """Newton's step where it has one and the one without the bend, and how many; L is of H then."""
+    first = 1 if _solved(H + bend, L, force, steps[0]) else 0
+    _solved(H, L, force, steps[first])
+    return first + 1
+
+
+@part
+def _dot(a: Any, b: Any) -> float:
+    found = 0.0
+    for k in range(len(a)):
+        found += float(a[k] * b[k])
+    return found
+
+
+@part
+def _factors(x: Any, gives: Any, weighs: Any, give: Any, more: Any) -> None:
+    """What each spring gives (p,), and what weighs on all (1 + f,)."""
+    p = len(gives)
+    for i in range(p):
+        give[i] = gives[i] * x[i]
+    more[0] = 1.0
+    for c in range(len(weighs)):
+        more[1 + c] = weighs[c] * x[p + c]
+
+
+@part
+def _bent(
+    x: Any, gives: Any, weighs: Any, columns: Any, loads: Any, give: Any, more: Any, each: Any,
+    h: Any,
+) -> None:  # fmt: skip
+    """What numbers x move (6 m,), and the bends (m, p) of springs that give all."""
+    m, _, p = columns.shape
+    _factors(x, gives, weighs, give, more)
+    np.dot(loads, more, each)
+    for k in range(m):
+        for r in range(6):
+            found = 0.0
+            for i in range(p):
+                found += columns[k, r, i] * (each[k * p + i] * give[i])
+            h[6 * k + r] = found
+
+
+@compiled(
+    array_in(3), array_in(2), array_in(2), array_in(1), array_in(1), array_in(1), array_in(1),
+    array_out(1), array_out(2), array_out(1),
+)  # fmt: skip
+def springs_of_rows(
+    columns: Any, loads: Any, spent: Any, v: Any, gives: Any, weighs: Any, limits: Any,
+    x: Any, H: Any, found: Any,
+) -> None:  # fmt: skip
+    """Numbers of springs that leave least of rows, n = 6 m of them.
+
+    Parameters
+    ----------
+    columns : (m, 6, p) array
+        Bends of the springs.
+    loads : (m p, 1 + f) array
+        What multiplies them.
+    spent : (k, n) array
+        Y: the inverse covariance of the rows is 1 - Y'Y.
+    v : (n,) array
+        That times the rows.
+    gives, weighs : (p,), (f,) array
+        Unit of each number.
+    limits : (4,) array
+        Steps at most, a promise of which is the last one; a sum of squares that is enough where a
+        step promises less than so much.
+    x : (p + f,) array
+        Receives the numbers.
+    H : (p + f, p + f) array
+        Receives half the second derivative there, without the bend of the products.
+    found : (2,) array
+        Receives the change of the loss, and the log determinant of H.
+    """
+    m, _, p = columns.shape
+    n, f, told = 6 * m, len(weighs), len(spent)
+    s = p + f
+    D, W = np.empty((n, s)), np.empty((told, s))
+    bend, L, steps = np.zeros((s, s)), np.zeros((s, s)), np.empty((2, s))
+    own, force, each, pushed = np.empty((s, s)), np.empty(s), np.empty(m * p), np.empty(p)
+    give, more, left = np.empty(p), np.empty(1 + f), np.empty(n)
+    h, t, tried = np.zeros((3, n)), np.zeros((3, told)), np.empty((2, s))
+    weighed = np.empty((m * p, f))
+    for k in range(m * p):
+        for c in range(f):
+            weighed[k, c] = loads[k, 1 + c] * weighs[c]
+    x[:] = 0.0
+    loss, share = 0.0, 1.0
+    for step in range(int(limits[0]) + 1):
+        _factors(x, gives, weighs, give, more)
+        np.dot(loads, more, each)
+        for k in range(m):
+            for r in range(6):
+                row = D[6 * k + r]
+                for i in range(p):
+                    row[i] = columns[k, r, i] * (each[k * p + i] * gives[i])
+                row[p:] = 0.0
+                for i in range(p):
+                    c0 = columns[k, r, i] * give[i]
+                    per = weighed[k * p + i]
+                    for c in range(f):
+                        row[p + c] += c0 * per[c]
+        np.dot(spent, D, W)
+        np.dot(D.T, D, H)
+        np.dot(W.T, W, own)
+        H -= own
+        for i in range(s):
+            H[i, i] += 1.0
+        np.dot(spent.T, t[2], left)
+        for k in range(n):
+            left[k] += v[k] - h[2, k]
+        np.dot(D.T, left, force)
+        for i in range(s):
+            force[i] -= x[i]
+        bend[:] = 0.0
+        for k in range(m):
+            pushed[:] = 0.0
+            for r in range(6):
+                for i in range(p):
+                    pushed[i] += left[6 * k + r] * columns[k, r, i]
+            for i in range(p):
+                push = pushed[i] * gives[i]
+                for c in range(f):
+                    bend[i, p + c] -= push * weighed[k * p + i, c]
+        for i in range(p):
+            for c in range(p, s):
+                bend[c, i] = bend[i, c]
+        ways = _newton(H, bend, force, L, steps)
+        promised = _dot(steps[0], force)
+        if step == int(limits[0]) or promised < limits[1]:
+            break
+        if promised < limits[3] and _dot(left, left) < limits[2]:
+            break
+        moved = -1
+        while share > limits[1]:
+            least, best = np.inf, 0
+            for way in range(ways):
+                for i in range(s):
+                    tried[way, i] = x[i] + share * steps[way, i]
+                _bent(tried[way], gives, weighs, columns, loads, give, more, each, h[way])
+                np.dot(spent, h[way], t[way])
+                new = _dot(h[way], h[way]) - _dot(t[way], t[way]) - 2.0 * _dot(v, h[way])
+                new += _dot(tried[way], tried[way])
+                if new < least:
+                    least, best = new, way
+            if least < loss:
+                moved = best
+                break
+            share /= 2.0
+        if moved < 0:
+            break
+        x[:], h[2], t[2] = tried[moved], h[moved], t[moved]
+        loss, share = least, min(1.0, 2.0 * share)
+    found[0] = loss
+    found[1] = 0.0
+    for i in range(s):
+        found[1] += 2.0 * np.log(L[i, i])
+
+
+@part
+def _product_loss(
+    x: Any, normal: Any, pull: Any, gives: Any, weighs: Any, give: Any, more: Any, by_more: Any,
+    left: Any,
+) -> float:  # fmt: skip
+    """Loss at x; also N contracted with what weighs (k p,), and pull - N y (k,)."""
+    k, p, wide = len(pull), len(gives), len(more)
+    _factors(x, gives, weighs, give, more)
+    np.dot(normal.reshape(k * p, wide), more, by_more)
+    loss = _dot(x, x)
+    for i in range(p):
+        for a in range(wide):
+            at = i * wide + a
+            seen = 0.0
+            for j in range(p):
+                seen += by_more[at * p + j] * give[j]
+            left[at] = pull[at] - seen
+            loss -= give[i] * more[a] * (pull[at] + left[at])
+    return float(loss)
+
+
+@compiled(
+    array_in(3), array_in(2), array_in(1), array_in(1), array_in(1),
+    array_out(2), array_out(1), array_out(1),
+)  # fmt: skip
+def springs_of_products(
+    normal: Any, pull: Any, gives: Any, weighs: Any, limits: Any, found: Any, losses: Any,
+    spreads: Any,
+) -> None:  # fmt: skip
+    """Numbers x of springs that minimize y'N y - 2 pull'y + x'x, y their products, of Q problems.
+
+    Parameters
+    ----------
+    normal : (Q, k, k) array
+        N of each, k = p (1 + f).
+    pull : (Q, k) array
+        Likewise.
+    gives, weighs : (p,), (f,) array
+        Unit of each number.
+    limits : (2,) array
+        Steps at most, and a promise of which is the last one.
+    found : (Q, p + f) array
+        Receives the numbers.
+    losses, spreads : (Q,) array
+        Receive the least losses, and log determinants of half their second derivatives without the
+        bend of the products.
+    """
+    p, f, k = len(gives), len(weighs), pull.shape[1]
+    s, wide = p + f, 1 + f
+    H, bend, L, steps = np.empty((s, s)), np.zeros((s, s)), np.zeros((s, s)), np.empty((2, s))
+    give, more, force, tried = np.empty(p), np.empty(wide), np.empty(s), np.empty((2, s))
+    by_more, left, by_give = np.empty((3, k * p)), np.empty((3, k)), np.empty(wide * k)
+    for q in range(len(pull)):
+        x, N, share = found[q], normal[q], 1.0
+        x[:] = 0.0
+        loss = _product_loss(x, N, pull[q], gives, weighs, give, more, by_more[2], left[2])
+        for step in range(int(limits[0]) + 1):
+            _factors(x, gives, weighs, give, more)
+            np.dot(N.reshape(p, wide * k).T, give, by_give)
+            H[:], by, out = 0.0, by_more[2], left[2]
+            for i in range(p):
+                pulled = 0.0
+                for a in range(wide):
+                    pulled += out[i * wide + a] * more[a]
+                    for j in range(p):
+                        H[i, j] += more[a] * by[(i * wide + a) * p + j]
+                force[i] = gives[i] * pulled - x[i]
+                for j in range(p):
+                    H[i, j] *= gives[i] * gives[j]
+            for a in range(f):
+                pulled = 0.0
+                for j in range(p):
+                    pulled += give[j] * out[j * wide + 1 + a]
+                    at = (1 + a) * k + j * wide
+                    crossed = 0.0
+                    for b in range(wide):
+                        crossed += by_give[at + b] * more[b]
+                    H[p + a, j] = H[j, p + a] = weighs[a] * crossed * gives[j]
+                    bent = -weighs[a] * out[j * wide + 1 + a] * gives[j]
+                    bend[p + a, j] = bend[j, p + a] = bent
+                    for b in range(f):
+                        H[p + a, p + b] += give[j] * by_give[at + 1 + b]
+                force[p + a] = weighs[a] * pulled - x[p + a]
+                for b in range(f):
+                    H[p + a, p + b] *= weighs[a] * weighs[b]
+            for i in range(s):
+                H[i, i] += 1.0
+            ways = _newton(H, bend, force, L, steps)
+            if step == int(limits[0]) or _dot(steps[0], force) < limits[1]:
+                break
+            moved = -1
+            while share > limits[1]:
+                least, best = np.inf, 0
+                for way in range(ways):
+                    for i in range(s):
+                        tried[way, i] = x[i] + share * steps[way, i]
+                    new = _product_loss(
+                        tried[way], N, pull[q], gives, weighs, give, more, by_more[way], left[way]
+                    )
+                    if new < least:
+                        least, best = new, way
+                if least < loss:
+                    moved = best
+                    break
+                share /= 2.0
+            if moved < 0:
+                break
+            x[:], by_more[2], left[2] = tried[moved], by_more[moved], left[moved]
+            loss, share = least, min(1.0, 2.0 * share)
+        losses[q], spreads[q] = loss, 0.0
+        for i in range(s):
+            spreads[q] += 2.0 * np.log(L[i, i])
