@@ -114,7 +114,11 @@ def percent(share: float) -> str:
     --------
     >>> [percent(share).replace(NARROW, " ") for share in (0.954, 0.034, 1.0)]
     ['95 %', '3.4 %', '100 %']
+    >>> [percent(share).replace(NARROW, " ") for share in (0.9997, 0.0004)]
+    ['> 99.9 %', '< 0.1 %']
     """
+    if 0.0 < share < 0.0005 or 0.9995 <= share < 1.0:
+        return f"{'< 0.1' if share < 0.5 else '> 99.9'}{NARROW}%"
     places = 1 if 0.0 < share < 0.1 or 0.99 < share < 1.0 else 0
     return f"{fixed(100.0 * share, places)}{NARROW}%"
 

@@ -2,7 +2,7 @@
 
 from calib.information.reduction import Reduction
 from testbed.identify.records import Calibration, Figures
-from testbed.units import DEG, MM, fixed, significant
+from testbed.units import DEG, MM, decimals, fixed, significant
 
 HEAD = (
     "model", "mean mm", "median mm", "rms mm", "p95 mm", "max mm", "mean deg", "p95 deg", "max deg",
@@ -33,9 +33,7 @@ def _figures(test: Figures | None, train: Figures) -> tuple[str, ...]:
     """Cells of one model."""
     shown = train if test is None else test
     p, r = shown.position, shown.rotation
-    turns = (
-        ("–",) * 3 if r is None else tuple(fixed(v * DEG, 4) for v in (r.mean, r.p95, r.maximum))
-    )
+    turns = ("–",) * 3 if r is None else tuple(deg(v) for v in (r.mean, r.p95, r.maximum))
     lengths = (p.mean, shown.median, p.rms, p.p95, p.maximum)
     return (*(mm(value) for value in lengths), *turns, mm(train.position.mean))
 
@@ -51,5 +49,5 @@ def mm(length: float) -> str:
 
 
 def deg(angle: float) -> str:
-    """An angle [rad] in deg."""
-    return fixed(angle * DEG, 4)
+    """An angle [rad] in deg to a thousandth, or to its second digit if that is smaller."""
+    return fixed(angle * DEG, max(3, decimals(angle * DEG, 2)))

@@ -14,9 +14,9 @@ from testbed.report.plots import (
     VIEWS,
     Look,
     dots,
+    error_axis,
     legend_above,
     marked_line,
-    plain_log,
     view_of,
 )
 from testbed.report.svg import DARK, INK, LIGHT, MIDDLE, SOFT, drawing, svg_of
@@ -28,7 +28,9 @@ if TYPE_CHECKING:
 PALE = "#d9c7bb"
 """Before, where after lies over it."""
 BINS = 14
-"""Stretches along an axis over which a median is drawn."""
+"""Stretches along an axis over which a median is drawn, at most."""
+IN_A_STRETCH, LEAST = 7, 21
+"""Points of which a median is drawn, and of how many at least any is."""
 MOST_DOTS = 800
 """Of more rows this many, evenly spread, are drawn; medians and maps count all."""
 FEW = 60
@@ -99,12 +101,11 @@ def by_order(calibration: Calibration) -> str:
             if rows.any():
                 _cloud(ax, x[rows], after[rows], color, marker, name)
         judged = calibration.is_judged
-        _median(ax, x[judged], after[judged], DARK)
+        _median(ax, x[judged], after[judged], SOFT)
         out = calibration.gross.left_out
         if out.any():
             ax.plot(x[out], after[out], label="left out", **OUT_LOOK)
-        ax.set_yscale("log")
-        plain_log(ax)
+        error_axis(ax, after, float(np.median(after)))
         ax.set_xlabel(label)
         ax.set_ylabel("error after [mm]")
         legend_above(figure, ax)
@@ -136,6 +137,11 @@ def over_workspace(calibration: Calibration) -> str:
             ax.plot(0, 0, "s", color=SOFT, markersize=4)
             view_of(ax, i, j, view)
         return svg_of(figure)
+
+
+def has_medians(calibration: Calibration) -> bool:
+    """Whether there are rows enough for running medians."""
+    return int(calibration.is_judged.sum()) >= LEAST
 
 
 def thinned(calibration: Calibration) -> str:
@@ -187,8 +193,9 @@ def _against(
                 ax.set_title(titles[k])
             if k % columns == 0:
                 ax.set_ylabel("error [mm]")
-        highest = max(np.quantile(before, 0.99), np.quantile(after, 0.99))
-        axes[0].set_ylim(0, 1.05 * float(highest))  # all but a few rows
+        for ax in axes[: len(panels)]:
+            lowest = float(min(np.median(before), np.median(after)))
+            error_axis(ax, np.concatenate([before, after]), lowest)
         legend_above(figure, axes[0])
         return svg_of(figure)
 
@@ -212,7 +219,7 @@ def _points(ax: "Axes", x: Array, y: Array, color: str, marker: str) -> None:
 
 def _median(ax: "Axes", x: Array, y: Array, color: str) -> None:
     """Median over stretches of equally many points; none if there are too few."""
-    if len(x) < 4 * BINS or np.ptp(x) == 0:
+    if len(x) < LEAST or np.ptp(x) == 0:
         return
-    parts = np.array_split(np.argsort(x, kind="stable"), BINS)
+    parts = np.array_split(np.argsort(x, kind="stable"), min(BINS, len(x) // IN_A_STRETCH))
     ax.plot([np.median(x[p]) for p in parts], [np.median(y[p]) for p in parts], color=color)

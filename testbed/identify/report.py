@@ -29,7 +29,17 @@ from testbed.report.apart import left_nominal
 from testbed.report.glossary import glossary_section
 from testbed.report.page import Block, Page, Points, Section, Table, Text, record_section
 from testbed.store.layout import RECORDING
-from testbed.units import DEG, MM, counted, fixed, sentences, typeset, with_uncertainty
+from testbed.units import (
+    DEG,
+    MM,
+    counted,
+    decimals,
+    fixed,
+    listed,
+    sentences,
+    typeset,
+    with_uncertainty,
+)
 
 HIGHEST_LISTED = 4
 """Waves a turn up to which the numbers of a joint are listed."""
@@ -37,6 +47,8 @@ NO_DELTA = 1e-9
 """A change that is rounding [mm, deg]."""
 UNSEEN = 5e-5
 """A change that four decimals do not show [mm, deg]."""
+KINDS = {"pose": "position and orientation", "point": "position", "distance": "a distance"}
+"""What a reading of each kind measures."""
 ONE_NUMBER = "U = 2 u (95.4 %)"
 """Heads the U of single numbers: k = 2 in one dimension."""
 
@@ -131,13 +143,16 @@ def delivered_section(delivered: Delivered) -> Section:
 def data_section(calibration: Calibration) -> Section:
     """What was read, how, and what was left out."""
     source, table = calibration.source, calibration.measurements
-    kinds = ", ".join(
-        f"{int((table.kind == kind).sum())} {kind}{'s' if kind[-1] != 's' else ''}"
-        for kind in sorted(set(table.kind.tolist()))
+    kinds = listed(
+        [
+            f"{int((table.kind == kind).sum())} of {KINDS[kind]}"
+            for kind in sorted(set(table.kind.tolist()))
+        ]
     )
+    again = " (some were measured several times)" if table.n_poses < len(table) else ""
     rows = (
-        ("rows", f"{len(table)} ({kinds})"),
-        ("poses", str(table.n_poses)),
+        ("readings", kinds),
+        ("different poses", f"{table.n_poses}{again}"),
         ("joints", source.joints),
         ("split", calibration.split.sentence),
         ("uncertainty", source.uncertainty),
@@ -270,14 +285,22 @@ def _cells(number: HandedNumber) -> tuple[str, ...]:
     """One row, rounded by its uncertainty; a number without one as it stands."""
     row = number.row
     if row.expanded is None:
-        old, new = (f"{value:.6g}".replace("-", "−") for value in (row.old, row.new))
-        delta = fixed(row.delta, 4) if abs(row.delta) > NO_DELTA else "0"
-        return (row.name, row.unit, old, new, delta, "–", number.held_by)
+        if abs(row.delta) <= NO_DELTA:
+            old = f"{row.old:.6g}".replace("-", "−")
+            return (row.name, row.unit, old, old, "0", "–", number.held_by)
+        places = max(4, decimals(row.delta, 2))
+        new, delta = fixed(row.new, places), fixed(row.delta, places)
+        return (row.name, row.unit, _short(row.old, places), new, delta, "–", number.held_by)
     new, half, delta = with_uncertainty(row.new, row.expanded / 2, row.delta)
     places = len(half.partition(".")[2])
-    old = fixed(row.old, places)
-    old = old.rstrip("0").rstrip(".") if "." in old else old
+    old = _short(row.old, places)
     return (row.name, row.unit, old, new, delta, fixed(row.expanded, places), number.held_by)
+
+
+def _short(value: float, places: int) -> str:
+    """A number as it was stated: without zeros at its end."""
+    text = fixed(value, places)
+    return text.rstrip("0").rstrip(".") if "." in text else text
 
 
 def _row(name: str, value: float, u: float, length: bool) -> tuple[str, ...]:

@@ -51,16 +51,18 @@ def residual_section(calibration: Calibration) -> Section:
     """Where the errors are: by joint, in time, over the workspace."""
     low, high = plots.shade_steps(calibration)
     shown = "held-out rows" if calibration.split.is_test.any() else "rows identified from"
+    medians = plots.has_medians(calibration)
     blocks: list[Block] = [
         Figure(
-            f"Errors of the {shown} against each joint, before and after; lines: running medians. "
-            "A wave that is left in one joint may come of a joint that does not turn as modeled."
-            f"{plots.thinned(calibration)}",
+            f"Errors of the {shown} against each joint, before and after"
+            f"{'; lines: running medians' * medians}. A wave that is left in one joint suggests "
+            f"that this joint does not turn as modeled.{plots.thinned(calibration)}",
             plots.by_joint(calibration),
         ),
         Figure(
-            "Error after calibration in the order of measuring; a trend or a step may say that "
-            "something moved, or that poses near each other were measured after each other.",
+            "Error after calibration in the order of measuring"
+            f"{f'; line: running median of the {shown}' * medians}. A trend or a step suggests "
+            "that something moved, or that neighboring poses were measured one after another.",
             plots.by_order(calibration),
         ),
         Figure(

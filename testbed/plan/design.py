@@ -1,7 +1,5 @@
 """The poses of a plan and the uncertainty predicted for them; the one door to calib's design."""
 
-from math import floor
-
 import numpy as np
 
 from calib.arrays import Array, Index, frozen
@@ -19,7 +17,7 @@ from calib.design.relaxation import relaxation
 from calib.errors import refuse
 from calib.information.rank import rank
 from testbed.laboratory.tracker.predicted import goal_u
-from testbed.plan.promises import OVER, factor_words
+from testbed.plan.promises import OVER, efficiency_word, factor_words
 from testbed.plan.records import Curve, NextPose, Proof
 from testbed.plan.task import DesignTask, rms
 from testbed.scenario.planning import DEFAULT_POSES
@@ -151,14 +149,13 @@ def proof_of(task: DesignTask, places: Index) -> Proof:
     sentence, k, criterion = found.sentence, task.settings.coverage, task.settings.criterion
     if criterion in OVER:
         # in the unit of everything else a plan says: expanded, not standard, uncertainty
-        part = floor(found.efficiency * 1000) / 1000  # as true as the number
         even = ", even if its estimate found the tracker's systematic errors as well"
         sentence = (
-            f"{criterion}-efficiency at least {part:.3f}: no other set of {len(places)} from the "
-            f"{len(task.blocks)} poses of the pool goes below "
+            f"{criterion}-efficiency at least {efficiency_word(found.efficiency)}: no other set of "
+            f"{len(places)} from the {len(task.blocks)} poses of the pool goes below "
             f"U = {significant(k * found.figure_bound * UM, 4)} µm "
             f"({factor_words(k, OVER[criterion])}){even if task.inputs else ''}; "
-            f"this one reaches {significant(k * found.figure * UM, 4)} µm"
+            f"this set reaches {significant(k * found.figure * UM, 4)} µm"
         )
     elif task.inputs:
         sentence += "; the criterion counts noise alone, not the tracker's systematic errors"

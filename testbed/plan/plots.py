@@ -13,12 +13,13 @@ from testbed.report.plots import (
     VIEWS,
     dots,
     label,
+    labels_apart,
     legend_above,
     marked_line,
     toward,
     view_of,
 )
-from testbed.report.svg import DARK, INK, LIGHT, MIDDLE, SOFT, drawing, svg_of
+from testbed.report.svg import DARK, FAINT, INK, LIGHT, MIDDLE, SOFT, drawing, svg_of
 from testbed.units import MM, UM, significant
 
 if TYPE_CHECKING:
@@ -29,6 +30,8 @@ OUTERMOST = (0.02, 0.98)
 PARTS = ("of it: noise", "of it: systematic errors")
 NUMBERED = 45
 """More poses than this are not numbered."""
+ROOM = (190.0, 215.0)
+"""Width and height of a panel of the tour, at least [pt]."""
 
 
 def tool_points(plan: Plan, q: Array) -> Array:
@@ -70,13 +73,13 @@ def order_map(plan: Plan) -> str:
     way = np.vstack([tool_points(plan, tour.start[None]), *stops])
     with drawing(1, 2, height=4.4) as (figure, axes):
         for ax, (i, j, view) in zip(axes, VIEWS, strict=True):
-            ax.plot(way[:, i], way[:, j], color=SOFT, linewidth=0.7, zorder=1)
+            ax.plot(way[:, i], way[:, j], color=FAINT, linewidth=0.7, zorder=1)
             ax.plot(*way[:1, [i, j]].T, "s", color=INK, markersize=4.5, label="start")
             _mark(ax, points[~test][:, [i, j]], "o", DARK, "to identify")
             _mark(ax, points[test][:, [i, j]], "^", LIGHT, "held out")
             if len(points) <= NUMBERED:
-                for k, point in enumerate(points):
-                    label(ax, str(k + 1), (point[i], point[j]), (3, 2), size=7)
+                numbers = [str(k + 1) for k in range(len(points))]
+                labels_apart(ax, numbers, points[:, [i, j]], ROOM, besides=way[:1, [i, j]])
             view_of(ax, i, j, view)
         legend_above(figure, axes[0])
         return svg_of(figure)

@@ -12,6 +12,8 @@ from testbed.units import NARROW, UM, counted, listed, micrometres, percent, sig
 
 OVER = {"V": "RMS over the goal", "G": "worst of the goal"}
 """What a figure of each criterion of the goal is."""
+CERTAIN = 1e-9
+"""Of an efficiency: no difference."""
 BEYOND_COUNTS = 0.05
 """Share of the goal's postures from which a joint outside its proven range is named."""
 
@@ -20,12 +22,12 @@ def promise(plan: Plan) -> str:
     """What will come out, and what no plan can promise."""
     poses = counted(len(plan.places), "more pose" if len(plan.measured_q) else "pose")
     seen = plan.foresight
-    far = "noise and the tracker's systematic errors go" if has_shared(plan) else "noise goes"
+    far = "noise and the tracker's systematic errors" if has_shared(plan) else "noise alone"
     return (
-        f"{poses} in about {minutes(plan.tour.duration)} will make the mean tool point known to "
-        f"within {micrometres(seen.R95_over)} µm with 95{NARROW}% probability (3-D radius, over "
-        f"the goal; {micrometres(seen.R95_worst)} µm at its worst), as far as {far}. What the "
-        f"model misses cannot be promised: {misfit_words(plan)}."
+        f"{poses} in about {minutes(plan.tour.duration)} will locate the mean tool point within "
+        f"{micrometres(seen.R95_over)} µm with 95{NARROW}% probability (3-D radius, over the goal; "
+        f"{micrometres(seen.R95_worst)} µm at its worst), counting {far}. Errors outside the model "
+        f"cannot be predicted: {misfit_words(plan)}."
     )
 
 
@@ -35,8 +37,8 @@ def misfit_words(plan: Plan) -> str:
     if not np.isfinite(size):
         return "these measurements are too few to show any misfit"
     return (
-        f"a misfit of {micrometres(size, 2)} µm per axis or more would be seen by these "
-        "measurements; less may hide, and the region will hold what the readings then allow"
+        f"a misfit of {micrometres(size, 2)} µm per axis or more would show in these "
+        "measurements; a smaller one may stay hidden, and the stated region will allow for it"
     )
 
 
@@ -70,6 +72,17 @@ def or_dash(value: float, digits: int = 3) -> str:
     return significant(float(value), digits) if np.isfinite(value) else "–"
 
 
+def efficiency_word(efficiency: float) -> str:
+    """A certified efficiency: rounded down, so that the word is as true as the number.
+
+    Examples
+    --------
+    >>> efficiency_word(0.93258), efficiency_word(1.0), efficiency_word(float("nan"))
+    ('0.932', '1.000', '–')
+    """
+    return f"{floor(min(efficiency + CERTAIN, 1.0) * 1000) / 1000:.3f}" if efficiency > 0 else "–"
+
+
 def minutes(seconds: float) -> str:
     """A duration for people.
 
@@ -92,8 +105,8 @@ def hidden_words(plan: Plan) -> str:
     if seen is None or not seen.hidden:
         return ""
     return (
-        f"No held-out pose of this tracker can show what it gets wrong by {listed(seen.hidden)}: "
-        "that is promised as stated"
+        "Held-out poses measured by the same tracker cannot reveal some of its errors "
+        f"({listed(seen.hidden)}): these count as stated"
     )
 
 
@@ -103,12 +116,12 @@ def order_words(plan: Plan) -> str:
     takes = f"takes about {minutes(other)}" if np.isfinite(other) else "finds no free way"
     if plan.scenario.plan.order == "random":
         return (
-            "The poses are in random order: drift of the station can be told from misfit of the "
-            f'model; [plan] order = "tour" {takes}'
+            "The poses are in random order, so that drift of the station can be distinguished from "
+            f'misfit of the model; [plan] order = "tour" {takes}'
         )
     return (
-        "The poses are in a tour, where neighbors follow each other: drift of the station and "
-        "misfit of the model look alike, and the test for noise that remembers is void; [plan] "
+        "The poses are in a tour, where neighbors follow each other: drift of the station cannot "
+        "be distinguished from misfit of the model, and correlated noise cannot be tested; [plan] "
         f'order = "random" {takes}'
     )
 
@@ -120,10 +133,9 @@ def reach_warnings(plan: Plan) -> tuple[str, ...]:
         return ()
     share = percent(float((seen.place == "outside").mean()))
     return (
-        f"Warning: the statement will not reach there: at {share} of the goal's postures what no "
-        f"model holds, or noise, arrives with more than {REFUSED:g} times the variance that it has "
-        "at the held-out poses; let the tracker see the goal, so that 20 poses can be held out "
-        "there",
+        f"Warning: the statement will not reach the goal: at {share} of its postures unmodelled "
+        f"errors or noise have more than {REFUSED:g} times the variance that they have at the "
+        "held-out poses; let the tracker see the goal, so that 20 poses can be held out there",
     )
 
 
@@ -133,14 +145,14 @@ def reach_words(plan: Plan) -> tuple[str, ...]:
     least = fewest_poses(0.95)
     if seen is None:
         return (
-            "No pose is held out: nobody can say where the statement will hold, and nothing guards "
-            f"it; write held_out = {least + 1}",
+            "No pose is held out: where the statement will hold is unknown, and nothing guards it; "
+            f"write held_out = {least + 1}",
         )
     said = [_where(seen)] if seen.reaches else []
     if count < least:
         said.append(
-            f"{counted(count, 'held-out pose')} cannot guard the factor of the statement, which "
-            f"{least} can"
+            f"{counted(count, 'held-out pose')} cannot guard the factor of the statement; "
+            f"{least} are needed"
         )
     return tuple(said)
 
@@ -152,12 +164,12 @@ def _where(seen: Applicability) -> str:
         return "Every posture of the goal lies inside what will be proven"
     parts = []
     if outside:
-        parts.append(f"{percent(outside)} lie outside, where no region will be stated")
+        parts.append(f"{percent(outside)} outside, where no region will be stated")
     grown = float((np.maximum(seen.transfer, seen.leverage) > WARNED).mean()) - outside
     if grown > 0:
         parts.append(
-            f"{percent(grown)} lie at the edge: what no model holds, or noise, arrives with more "
-            f"than {WARNED:g} times the variance that it has at the held-out poses, and the region "
+            f"{percent(grown)} at the edge, where unmodelled errors or noise have more than "
+            f"{WARNED:g} times the variance that they have at the held-out poses, and the region "
             "grows"
         )
     shares = seen.beyond.mean(axis=0)
@@ -168,7 +180,7 @@ def _where(seen: Applicability) -> str:
     ]
     if far:
         parts.append(
-            f"a joint goes more than 10 deg beyond its range over the held-out poses: {listed(far)}"
+            f"a joint is more than 10 deg beyond its range over the held-out poses: {listed(far)}"
         )
     inside = percent(1 - outside - edge)
-    return f"Of the goal's postures {inside} lie inside what will be proven: {'; '.join(parts)}"
+    return f"{inside} of the goal's postures lie inside what will be proven; {'; '.join(parts)}"

@@ -102,10 +102,10 @@ def headline(plan: Plan) -> Table:
         align="lrl",
         strong=PROMISED,
         note="The tool point is the mean of many moves to a posture; the repeatability of one move "
-        "comes on top. u: its standard uncertainty, root of the sum over x, y, z. Counted are the "
-        f"scatter of tracker and joints{counted_too(plan)}, through the numbers identified. What "
-        "the model leaves out (sag, harmonics, backlash) is not: how much of it the measurements "
-        "will show is the last line of the promise.",
+        "comes on top. u: its standard uncertainty, root of the summed variances along x, y, z. "
+        f"Included are the scatter of tracker and joints{counted_too(plan)}, as the identified "
+        "numbers carry them to the tool. What the model leaves out (sag, harmonics, backlash) is "
+        "not included; the smallest misfit that the measurements would show stands in the table.",
     )
 
 
@@ -143,8 +143,8 @@ def order_section(plan: Plan) -> Section:
         + (starred if any(map(len, tour.vias)) else ""),
     )
     caption = (
-        "The way of the tool from pose to pose, numbered as in the table; square: where the robot "
-        "starts, blue: poses to identify from, amber: held-out poses."
+        "Path of the tool from pose to pose, numbered as in the table where there is room; square: "
+        "start, blue: poses to identify from, amber: held-out poses."
     )
     return Section("order", "Measuring order", (Figure(caption, plots.order_map(plan)), table))
 
@@ -171,22 +171,23 @@ def station_section(plan: Plan) -> Section | None:
         caption=f"{counted(len(rows), 'station')} compared on the same "
         f"{seen.n_candidates} candidate poses, best first",
         head=("station", "x mm", "y mm", "z mm", "seen", "turned away", "hidden", "mean range m",
-              "U mean µm", "U worst µm"),
+              "U RMS µm", "U worst µm"),
         rows=rows,
         size="small",
         strong=(0,),
         note="seen: candidates that can be measured from there; turned away: the probe does not "
         "face the tracker; hidden: the beam is blocked. U: of the best design of "
-        f"{len(seen.designs[seen.best])} poses found from there ({factor_words(plan.coverage)}).",
+        f"{len(seen.designs[seen.best])} poses found from there ({factor_words(plan.coverage)}), "
+        "RMS and worst over the goal.",
     )  # fmt: skip
     figure = Figure(
-        "Stations from above and the uncertainty of the design from each; vermilion: the best, "
-        "cross: sees too little.",
+        "Stations from above, and U of the design from each; vermilion: the best"
+        f"{'' if np.isfinite(seen.u_mean).all() else ', cross: sees too few poses'}.",
         plots.stations(plan),
     )
     text = (
-        "Only the order of the stations is taken from this: the plan is made afresh for the best "
-        "one, from candidates that are all seen from there."
+        "This comparison only ranks the stations: for the best one the plan is made anew, from "
+        "candidates that are all visible from there."
     )
     return Section("stations", "Tracker stations", (Text(text), figure, table))
 
@@ -198,8 +199,8 @@ def candidate_section(plan: Plan) -> Section:
     near = f"nearer than {clearance:g} mm to it" if clearance else "touches it"
     blocks = (
         Figure(
-            "The pool colored by leverage, how much a pose tells beside the chosen set (trace "
-            f"of K_jj): from {low} or less, pale, to {high} or more, dark, in equal steps. "
+            "The pool colored by leverage, the information a pose would add to the chosen set "
+            f"(trace of K_jj): from {low} or less, pale, to {high} or more, dark, in equal steps. "
             "Vermilion: the chosen poses.",
             plots.leverage_map(plan),
         ),

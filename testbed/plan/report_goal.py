@@ -5,7 +5,13 @@ import numpy as np
 from calib.arrays import Array
 from calib.uncertainty.statement.applicability import REFUSED, WARNED
 from testbed.plan import plots
-from testbed.plan.promises import OVER, expanded, factor_words, has_shared, or_dash
+from testbed.plan.promises import (
+    OVER,
+    efficiency_word,
+    expanded,
+    factor_words,
+    has_shared,
+)
 from testbed.plan.records import Plan
 from testbed.plan.results import joint_columns, joint_units
 from testbed.report.page import Block, Figure, Section, Table, Text
@@ -49,14 +55,14 @@ def number_section(plan: Plan) -> Section:
                 expanded(plan, u, 4),
                 *((expanded(plan, (u**2 - b**2) ** 0.5, 4), expanded(plan, b, 4)) if parts else ()),
                 expanded(plan, bound, 4),
-                or_dash(bound / u),
+                efficiency_word(bound / u),
                 expanded(plan, random, 4),
             )
             for m, u, b, bound, random in zip(
                 curve.counts, curve.u, curve.shared, curve.bound, curve.random, strict=True
             )
         ),
-        note="U is the root of the sum of the squares of its parts; more poses hardly lower the "
+        note="U is the root of the sum of the squares of its parts; more poses hardly reduce the "
         "second."
         if parts
         else "",
@@ -81,8 +87,8 @@ def prediction_section(plan: Plan) -> Section:
     """Where the tool will be known how well."""
     figure = Figure(
         f"Left: U ({factor_words(plan.coverage, OVER['V'])}) after each pose, in the order of the "
-        "plan; nothing is drawn while some number cannot be told yet. Right: U of each posture of "
-        "the goal.",
+        "plan; not drawn while some number is still undetermined. Right: U of each posture of the "
+        "goal.",
         plots.prediction(plan),
     )
     goal = Text(f"The goal: {plan.goal.sentence}.")
@@ -102,12 +108,17 @@ def source_blocks(plan: Plan) -> tuple[Block, ...]:
     table = Table(
         caption="The tracker's systematic errors",
         head=("source", "at the tool µm", "held-out poses will show µm", ""),
-        rows=tuple((name, fixed(u * UM, 2), fixed(v * UM, 2), words) for name, u, v, words in rows),
+        rows=tuple((name, hundredths(u), hundredths(v), words) for name, u, v, words in rows),
         align="lrrl",
-        note="Standard uncertainties, 3-D, k = 1, RMS over the held-out poses. At the tool: what "
-        "the estimate takes over. More poses hardly make it smaller.",
+        note="Standard uncertainties, 3-D, k = 1, RMS over the held-out poses. At the tool: the "
+        "part that the calibrated robot takes over. More poses hardly reduce it.",
     )
     return (table,)
+
+
+def hundredths(u: float) -> str:
+    """A standard uncertainty [m] in um to two decimals; what they do not show is no zero."""
+    return fixed(u * UM, 2) if u * UM >= 0.005 else "< 0.01"
 
 
 def reach_blocks(plan: Plan) -> tuple[Block, ...]:
@@ -116,8 +127,8 @@ def reach_blocks(plan: Plan) -> tuple[Block, ...]:
     if seen is None:
         return ()
     table = Table(
-        caption="Where the statement will hold: the goal against the held-out poses",
-        head=("what arrives there", "median", "largest", "above 4", "above 9"),
+        caption="Where the statement will hold: variances over the goal",
+        head=("against the held-out poses", "median", "largest", "above 4", "above 9"),
         rows=tuple(
             (
                 name,
@@ -126,7 +137,7 @@ def reach_blocks(plan: Plan) -> tuple[Block, ...]:
                 *(percent(float((values > limit).mean())) for limit in (WARNED, REFUSED)),
             )
             for name, values in (
-                ("transfer g, of errors that no model holds", seen.transfer),
+                ("transfer g, of unmodelled errors", seen.transfer),
                 ("leverage h, of noise", seen.leverage),
             )
         ),

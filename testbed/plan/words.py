@@ -8,6 +8,7 @@ from calib.uncertainty.statement.conditions import departure
 from testbed.laboratory.tracker.stations import place_word
 from testbed.plan.promises import (
     OVER,
+    efficiency_word,
     expanded,
     factor_words,
     has_shared,
@@ -55,8 +56,8 @@ def headline_rows(plan: Plan) -> list[tuple[str, str, str]]:
          "µm: 3-D radius, 95 % probability"),
         ("standard uncertainty u over the goal", micrometres(plan.u_mean),
          f"µm (3-D, k = 1, RMS): {parts_words(plan)}"),
-        ("misfit that would be seen", micrometres(seen.misfit_seen, 2), "µm per axis"),
-        ("certified efficiency", "–" if efficiency is None else fixed(efficiency, 4),
+        ("smallest misfit that would show", micrometres(seen.misfit_seen, 2), "µm per axis"),
+        ("certified efficiency", "–" if efficiency is None else efficiency_word(efficiency),
          f"of the best possible, {settings.criterion}"),
     ]  # fmt: skip
     if target is not None:
@@ -153,10 +154,10 @@ def clearance_words(plan: Plan) -> str:
     smallest, wanted = plan.tour.clearance, plan.scenario.plan.clearance_mm
     if smallest >= FAR:
         return f"The robot keeps {FAR * MM:g} mm or more from floor and obstacles"
-    rule = f"at least {wanted:g} mm was kept" if wanted else "only no touch was asked for"
+    rule = f"{wanted:g} mm are required" if wanted else "only contact is ruled out"
     return (
-        f"The robot comes to {millimetres(smallest)} mm from floor or obstacles where the "
-        f"moves were tested; {rule}"
+        f"The smallest clearance from floor and obstacles along the tested moves is "
+        f"{millimetres(smallest)} mm; {rule}"
     )
 
 
@@ -228,11 +229,11 @@ def next_step(plan: Plan) -> str:
             "around by hand at the moves named above, or take the obstacle away and plan again."
         )
     check = (
-        f" Keep the {counted(held, 'held-out pose')} out of the identification: they tell whether "
-        "the promise was kept."
+        f" Keep the {counted(held, 'held-out pose')} out of the identification: they show whether "
+        "the prediction holds."
         if held
-        else " Hold out some poses (held_out): without them nobody can tell whether the promise "
-        "was kept."
+        else " Hold out some poses (held_out): without them nothing shows whether the prediction "
+        "holds."
     )
     return (
         "Compare signs and zeros of the joints with the controller, run the program once at low "
@@ -244,7 +245,7 @@ def terminal_text(plan: Plan) -> str:
     """What the command prints: the promise, the numbers, what is proven."""
     from testbed.report.text import table, verdict_lines
 
-    rows = [list(row) for row in headline_rows(plan)]
+    rows = [[plain(cell) for cell in row] for row in headline_rows(plan)]
     title = f"{plan.scenario.name}: what is planned"
     parts = [SIMULATED, table(title, ("what", "value", ""), rows, wrap=True), ""]
     parts += verdict_lines(plain(promise(plan)))

@@ -22,7 +22,9 @@ SHADES = ("#dfe7ee", "#b9cfe0", "#86aed0", "#4d87b8", "#1f5f97", "#0b3559")
 """Pale to dark blue, told apart in gray too."""
 VIEWS = ((0, 1, "from above"), (0, 2, "from the side"))
 """Axes to the right and up of each view of the work space, and its title."""
-TICKS = tuple(m * 10.0**e for e in range(-3, 5) for m in (1, 2, 5))
+SPAN = 8.0
+"""Times their median up to which errors are drawn on an axis from zero."""
+TICKS = tuple(m * 10.0**e for e in range(-7, 5) for m in (1, 2, 5))
 """Of logarithmic axes."""
 
 
@@ -52,6 +54,55 @@ def label(
 ) -> None:
     """Words beside a point of the data; the offset is in points."""
     ax.annotate(text, at, xytext=offset, textcoords="offset points", fontsize=size, **look)
+
+
+def labels_apart(
+    ax: "Axes",
+    texts: Sequence[str],
+    at: Array,
+    room: tuple[float, float],
+    *,
+    besides: Array,
+    size: float = 7.0,
+) -> None:
+    """Words beside points (m, 2) of a panel with equal axes, so far as no two meet.
+
+    A text takes the first free place around its point, and is left out if there is none: it may
+    lie over no other text and over no other point.
+
+    Parameters
+    ----------
+    ax : Axes
+        With equal scales.
+    texts : sequence of str
+        One per point.
+    at : (m, 2) array
+        In data units.
+    room : tuple of float
+        Width and height of the panel [pt].
+    besides : (n, 2) array
+        Further points that no text may cover, in data units.
+    size : float
+        Of the letters [pt].
+    """
+    unit = float(max(np.ptp(at, axis=0) / room)) or 1.0  # one point of the page in data units
+    points, taken = at / unit, list[tuple[float, float, float, float]]()
+    for k, (text, (x, y)) in enumerate(zip(texts, points, strict=True)):
+        wide, high = 0.62 * size * len(text), 0.85 * size
+        others = np.vstack([np.delete(points, k, axis=0), besides / unit])
+        for dx, dy in ((3, 2), (-3 - wide, 2), (3, -2 - high), (-3 - wide, -2 - high),
+                       (-wide / 2, 4), (-wide / 2, -4 - high)):  # fmt: skip
+            box = (x + dx - 1, y + dy - 1, x + dx + wide + 1, y + dy + high + 1)
+            hits = (others > np.array(box[:2]) - 2) & (others < np.array(box[2:]) + 2)
+            if not hits.all(axis=1).any() and not any(_meet(box, one) for one in taken):
+                taken.append(box)
+                label(ax, text, (float(at[k, 0]), float(at[k, 1])), (dx, dy), size=size)
+                break
+
+
+def _meet(one: Sequence[float], other: Sequence[float]) -> bool:
+    """Whether two boxes (left, bottom, right, top) lie over each other."""
+    return all(one[i] < other[i + 2] and other[i] < one[i + 2] for i in (0, 1))
 
 
 def marked_line(
@@ -126,6 +177,21 @@ def plain_log(ax: "Axes") -> None:
 
     ax.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     ax.yaxis.set_minor_formatter(NullFormatter())
+
+
+def error_axis(ax: "Axes", values: Array, typical: float) -> None:
+    """The upright axis of errors (m,): from zero, or logarithmic where the typical ones are small.
+
+    From zero, errors far below the largest would all lie on the floor.
+    """
+    top = float(values.max())
+    if top <= SPAN * typical:
+        ax.set_ylim(0, 1.08 * top or 1.0)
+        return
+    low = max(float(np.quantile(values, 0.02)), top * 1e-4)
+    ax.set_yscale("log")
+    ax.set_ylim(0.7 * low, 1.4 * top)
+    log_ticks(ax.yaxis, 0.7 * low, 1.4 * top)
 
 
 def log_ticks(axis: "Axis", low: float, high: float) -> None:

@@ -13,6 +13,8 @@ from calib.arrays import Array, frozen
 from calib.geometry.chain import Chain, joint_vectors
 from calib.geometry.frames import rot_x, rot_y, rot_z, slide
 
+ROUNDING = 1e-12
+"""Differences of poses below which only that is said [m, rad]."""
 LIMIT = 1e-9
 """Largest difference between a file and the robot it stands for [m or rad]."""
 
@@ -123,3 +125,15 @@ def difference(T: Array, other: Array) -> tuple[float, float]:
     # |R - S| = 2 sqrt(2) sin(angle / 2) in the Frobenius norm: exact for small angles too
     apart = np.linalg.norm(T[:, :3, :3] - other[:, :3, :3], axis=(1, 2)) / np.sqrt(8)
     return float(position.max()), float(2 * np.arcsin(np.clip(apart, 0, 1)).max())
+
+
+def agreement(name: str, position: float, rotation: float) -> str:
+    """That a file has the robot's poses, and how closely [m, rad].
+
+    Examples
+    --------
+    >>> agreement("robot.toml", 2e-16, 3e-10)
+    "robot.toml has the robot's poses to < 1e-12 m and 3e-10 rad"
+    """
+    m, rad = (f"{x:.1g}" if x > ROUNDING else f"< {ROUNDING:g}" for x in (position, rotation))
+    return f"{name} has the robot's poses to {m} m and {rad} rad"

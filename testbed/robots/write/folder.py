@@ -16,7 +16,7 @@ from testbed.gates.paths import real
 from testbed.robots.catalog import ROBOT_FILE, load_robot
 from testbed.robots.describe.urdf import load_urdf, urdf_poses, way_to
 from testbed.robots.meshes.files import Mesh, part_mesh
-from testbed.robots.placements import LIMIT, difference
+from testbed.robots.placements import LIMIT, agreement, difference
 from testbed.robots.robot import IN_PLACE, Robot, Visual, reflector_frames
 from testbed.robots.write.identified import require_name
 from testbed.robots.write.mjcf import frames_of, load_mjcf, mjcf_poses, mjcf_text
@@ -96,8 +96,7 @@ def write_robot_folder(
     except OSError as error:
         raise write_error(folder / ROBOT_FILE, error) from error
     told = tuple(
-        f"{name} has the robot's poses to {position:.1g} m and {rotation:.1g} rad"
-        for name, (position, rotation) in found.items()
+        agreement(name, position, rotation) for name, (position, rotation) in found.items()
     )
     told += tuple(proof for _, proof in ros.values())
     return (*told, words) if robot.model.joint_errors.names else told

@@ -18,7 +18,7 @@ from calib.errors import one_line
 from calib.geometry.chain import Chain, forward
 from calib.geometry.frames import inverse, rot_x, rot_y, rot_z, slide, transform
 from calib.geometry.inverse import spread
-from testbed.robots.placements import LIMIT, difference, joint_motion, link_poses
+from testbed.robots.placements import LIMIT, agreement, difference, joint_motion, link_poses
 from testbed.robots.robot import Robot
 
 ORIGINS, KINEMATICS = "joint_origins.yaml", "kinematics_params.yaml"
@@ -178,8 +178,7 @@ def _proven(robot: Robot, name: str, text: str, ends: tuple[Array, Array]) -> st
         raise RuntimeError(
             f"{name} differs from the robot by {position:.3g} m and {rotation:.3g} rad"
         )
-    words = f"{name} has the robot's poses to {position:.1g} m and {rotation:.1g} rad"
-    return words + (
+    return agreement(name, position, rotation) + (
         " in the convention of UR's drivers; the hash of a controller cannot be made here"
         if name == KINEMATICS
         else ", as joint origins for xacro"

@@ -83,6 +83,7 @@ def error_distributions(trials: Sequence[Trial]) -> str:
                 ax.set_ylabel("poses [%]")
             if k >= len(trials) - columns:
                 ax.set_xlabel("error of the tool point at most [mm]")
+                ax.tick_params(labelbottom=True)  # also above an empty place
         low, high = axes[0].get_xlim()
         log_ticks(axes[0].xaxis, low, high)
         axes[0].set(ylim=(0, 102), yticks=[0, 25, 50, 75, 100])
@@ -119,13 +120,13 @@ def pose_space(campaign: Campaign) -> str:
             random = trial.method == "random"
             look: Look = {"color": MIDDLE if random else DARK, "markersize": 3.2}
             ax.plot(chosen[:, i], chosen[:, j], "^" if random else "o", **look)
-            ax.set_title(f"{trial.name}: {view}")
+            ax.set_title(f"{trial.name}\n{view}")  # above each other: both fit any panel
             ax.set_ylabel(f"{'xyz'[j]} [mm]" if rows == 1 or k % columns == 0 else "")
             if k >= len(panels) - columns:
                 ax.set_xlabel("x [mm]")
             if view == "above":
                 toward(ax, station)
-            ax.set_aspect("equal")
+            ax.set_aspect("equal", anchor="W")
         return svg_of(figure)
 
 

@@ -58,13 +58,14 @@ def secret_words(rows: list[tuple[str, str, str]]) -> str:
         return "Nothing: the true robot is the nominal one."
     name, meaning, size = rows[0]
     whole, how = rows[-1][2], "All" if size == rows[-1][2] else "Most"
-    of = f"{size} mm" if size == whole else f"{size} of {whole} mm"
+    # terms add as vectors: one alone may be larger than all together
+    of = f"{size} mm" if size == whole else f"alone {size} mm, all terms together {whole} mm"
     text = (
-        f"{how} of this robot's error is {name.replace('_', ' ')} ({meaning}): {of} rms at the "
-        "held-out poses."
+        f"{how} of this robot's error is {name.replace('_', ' ')} ({meaning}): {of} (rms at the "
+        "held-out poses)."
     )
     unmodelled = [row for row in rows[:-1] if row[0] not in ("geometry", "frames", "repeatability")]
     if not unmodelled:
-        return f"{text} Nothing that a geometric model cannot follow is switched on."
+        return f"{text} All of it can be described by a geometric model."
     texts = ", ".join(f"{row[0].replace('_', ' ')} {row[2]} mm" for row in unmodelled)
-    return f"{text} Beyond any geometric model: {texts}."
+    return f"{text} A geometric model cannot describe: {texts}."

@@ -12,9 +12,12 @@ from calib.identification.identify import Status
 from calib.uncertainty.regions import coverage_factor
 from calib.uncertainty.tool_point import tool_statement
 from calib.uncertainty.trust import Trust
+from testbed.identify import plots
 from testbed.identify.handback.delivered import Delivered
 from testbed.identify.handback.states import handed_numbers
+from testbed.identify.headline import deg
 from testbed.identify.report import page_of
+from testbed.identify.report_errors import residual_section
 from testbed.identify.statements import statements_of
 from testbed.identify.words import (
     ELSEWHERE,
@@ -85,7 +88,7 @@ def test_the_verdict_and_the_headline_are_the_held_out_figures():
     for value in (before.position.mean * 1e3, after.position.mean * 1e3):
         assert f"{value:.4f}" in shown.verdict
     for value in (before.rotation.mean, after.rotation.mean):
-        assert f"{np.degrees(value):.4f}" in shown.verdict
+        assert f"{np.degrees(value):.3f}" in shown.verdict
     rows = shown.headline.rows
     assert [row[0] for row in rows] == [
         "nominal links, frames fitted",
@@ -222,3 +225,57 @@ def test_rows_left_out_while_reading_are_said_on_the_first_screen():
     masked = replace(found, source=replace(found.source, masked=("poses.csv:7: left out",)))
     assert not any("left out while reading" in text for text in reasons(found))
     assert any("left out while reading" in text for text in reasons(masked))
+
+
+def lines_of(monkeypatch, draw, found):
+    """Axes of the figure that a function draws."""
+    made = []
+    monkeypatch.setattr(plots, "svg_of", made.append)
+    draw(found)
+    return made[0].axes
+
+
+@pytest.mark.parametrize("make", [real, sound])
+def test_errors_over_time_have_an_axis_that_can_be_read(monkeypatch, make):
+    (ax,) = lines_of(monkeypatch, plots.by_order, make())
+    low, high = ax.get_ylim()
+    assert len([tick for tick in ax.get_yticks() if low <= tick <= high]) >= 3
+    errors = make().fit.misses.position * 1e3
+    assert low < np.quantile(errors, 0.05)
+    assert high > errors.max()
+
+
+def test_running_medians_are_named_where_they_are_drawn_and_nowhere_else(monkeypatch):
+    def captions(found):
+        return " ".join(block.caption for block in residual_section(found).blocks)
+
+    def lines(found):
+        axes = lines_of(monkeypatch, plots.by_joint, found)
+        return sum(line.get_marker() == "None" for ax in axes for line in ax.get_lines())
+
+    found = real()
+    assert "lines: running medians" in captions(found)
+    assert lines(found) == 2 * found.measurements.q.shape[1]
+    monkeypatch.setattr(plots, "LEAST", int(found.is_judged.sum()) + 1)
+    assert "median" not in captions(found).replace("medians are of all", "")
+    assert lines(found) == 0
+
+
+def test_rotations_have_three_decimals_or_two_digits():
+    assert [deg(np.radians(x)) for x in (0.1019, 0.01744, 0.00042)] == ["0.102", "0.017", "0.00042"]
+
+
+def test_a_number_without_u_is_rounded_as_its_change():
+    table = next(one for one in page(sound).sections if one.anchor == "parameters").blocks[1]
+    alone = [row for row in table.rows if row[5] == "–"]
+    assert alone
+    for _, _, _, new, delta, _, _ in alone:
+        assert delta == "0" or len(new.partition(".")[2]) == len(delta.partition(".")[2])
+
+
+def test_readings_and_different_poses_are_counted_apart():
+    rows = dict(next(one for one in page(sound).sections if one.anchor == "data").blocks[0].rows)
+    table = sound().measurements
+    assert rows["readings"] == f"{len(table)} of position and orientation"
+    assert rows["different poses"].split()[0] == str(table.n_poses)
+    assert ("several times" in rows["different poses"]) == (table.n_poses < len(table))

@@ -235,17 +235,17 @@ def test_the_words_name_poses_uncertainty_time_and_station():
     assert promise(made).startswith(f"{len(made.places)} poses in about 1 min")
     over, worst = (f"{1e6 * r:.1f} µm" for r in (made.foresight.R95_over, made.foresight.R95_worst))
     assert (
-        f"to within {over} with 95\u202f% probability (3-D radius, over the goal; {worst} at its "
-        "worst), as far as noise goes"
+        f"tool point within {over} with 95\u202f% probability (3-D radius, over the goal; {worst} "
+        "at its worst), counting noise alone"
     ) in promise(made)
     assert (
-        f"a misfit of {1e6 * made.foresight.misfit_seen:.2g} µm per axis or more would be seen"
+        f"a misfit of {1e6 * made.foresight.misfit_seen:.2g} µm per axis or more would show"
     ) in promise(made)
     reach, guard, proof, count, route, order, clearance, station = reasons(made)
-    assert reach.startswith("Of the goal's postures ")
-    assert guard == "6 held-out poses cannot guard the factor of the statement, which 19 can."
-    assert "drift of the station and misfit of the model look alike" in order
-    assert f"comes to {1e3 * made.tour.clearance:.1f} mm from floor or obstacles" in clearance
+    assert "of the goal's postures lie inside what will be proven" in reach
+    assert guard == "6 held-out poses cannot guard the factor of the statement; 19 are needed."
+    assert "drift of the station cannot be distinguished from misfit of the model" in order
+    assert f"tested moves is {1e3 * made.tour.clearance:.1f} mm" in clearance
     assert "V-efficiency at least" in proof
     assert count == (
         f"{len(made.places)} poses reach U = 20 µm (k = 2, 3-D, at least 95\u202f%, RMS over the "

@@ -199,7 +199,7 @@ def test_the_certificate_says_what_bound_and_figure_say(made):
     assert made.curve.bound[at] == pytest.approx(proof.bound, rel=1e-9)
     said = (
         f"U = {2e6 * proof.bound:#.4g} µm (k = 2, 3-D, at least 95\u202f%, RMS over the goal); "
-        f"this one reaches {2e6 * made.u_mean:#.4g} µm"
+        f"this set reaches {2e6 * made.u_mean:#.4g} µm"
     )
     assert said in proof.sentence
     assert f"at least {np.floor(proof.efficiency * 1000) / 1000:.3f}" in proof.sentence

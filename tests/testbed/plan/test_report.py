@@ -2,13 +2,17 @@
 
 import re
 from dataclasses import replace
+from itertools import combinations
 
 import numpy as np
 import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 from testbed.plan import plots as plan_plots
+from testbed.plan.promises import efficiency_word
 from testbed.plan.report import plan_report_html
-from testbed.plan.words import terminal_text
+from testbed.plan.report_goal import hundredths, number_section
+from testbed.plan.words import headline_rows, terminal_text
 from testbed.report.page import SIMULATED
 from testbed.scenario.read import changed
 from tests.planned import ROBOT, quick_plan, small_plan, with_blocked_move
@@ -48,7 +52,7 @@ def test_the_first_screen_has_promise_proof_time_and_next_step(text):
     first = text[: text.index(re.search("<h2>(.*?)</h2>", html(small_plan)).group(1))]
     assert first.startswith(SIMULATED)
     for wanted in (
-        f"to within {1e6 * made.foresight.R95_over:.1f} µm with 95 % probability",
+        f"tool point within {1e6 * made.foresight.R95_over:.1f} µm with 95 % probability",
         "noise alone: the tracker states no systematic errors",
         "V-efficiency at least",
         "it is proven that fewer than",
@@ -69,6 +73,46 @@ def test_what_was_not_tested_is_a_warning_and_not_in_the_tick():
     assert "line_of_sight is false" in text
     assert "acceptance_deg is 180" in terminal_text(replace(made, scenario=loose))
     assert "Warning" not in terminal_text(made)
+
+
+def test_the_numbers_of_the_tour_lie_apart_from_each_other_and_from_other_poses(monkeypatch):
+    made, drawn = small_plan(), []
+    monkeypatch.setattr(plan_plots, "svg_of", drawn.append)
+    plan_plots.order_map(made)
+    canvas = FigureCanvasAgg(drawn[0])
+    canvas.draw()
+    renderer = canvas.get_renderer()
+    points = plan_plots.tool_points(made, made.tour.q)
+    for ax, (i, j) in zip(drawn[0].axes, ((0, 1), (0, 2)), strict=True):
+        texts = [text for text in ax.texts if text.get_text()]
+        assert len(texts) > len(made.tour) / 2
+        boxes = {text.get_text(): text.get_window_extent(renderer) for text in texts}
+        for one, other in combinations(boxes.values(), 2):
+            assert not one.overlaps(other)
+        places = ax.transData.transform(points[:, [i, j]])
+        for name, box in boxes.items():
+            others = np.delete(places, int(name) - 1, axis=0)
+            assert not any(box.contains(*place) for place in others)
+
+
+def test_the_efficiency_is_one_number_and_never_rounded_up():
+    made = small_plan()
+    word = efficiency_word(made.proof.efficiency)
+    assert 0 <= made.proof.efficiency - float(word) < 1e-3
+    row = {what: value for what, value, _ in headline_rows(made)}
+    assert row["certified efficiency"] == word
+    assert f"V-efficiency at least {word}:" in made.proof.sentence
+    table = number_section(made).blocks[1]
+    counts, shown = (
+        [line[table.head.index(name)] for line in table.rows] for name in ("poses", "efficiency")
+    )
+    assert shown[counts.index(str(len(made.places)))] == word
+
+
+def test_what_two_decimals_do_not_show_is_no_zero():
+    assert [hundredths(u) for u in (0.0, 4.9e-9, 6e-9, 1.381e-6)] == [
+        "< 0.01", "< 0.01", "0.01", "1.38"
+    ]  # fmt: skip
 
 
 def test_a_blocked_move_is_the_verdict():

@@ -134,7 +134,7 @@ SAID = [
     "median of 3 robots); the noise floor of the figure is 2.5 um.",
     "3 of 17 claims hold, 8 in part, 4 do not, 2 misprints. The central one, that optimal poses "
     "cut the parameter uncertainties to a ninth, holds in part.",
-    "18 poses in about 2 min 54 s will make the mean tool point known to within 26.7 um with 95 % "
+    "18 poses in about 2 min 54 s will locate the mean tool point within 26.7 um with 95 % "
     "probability (3-D radius, over the goal), as far as noise goes.",
     "w" * 300,
     "Short.",
@@ -159,5 +159,5 @@ def test_a_verdict_ends_where_its_clause_does():
         "Of 24 chosen sets 0 are better than random sets of the same size, 2 are worse.",
         "On rigid robots the corrected program brings AP from 0.60 mm to 3.8 um.",
         "3 of 17 claims hold, 8 in part, 4 do not, 2 misprints.",
-        "18 poses in about 2 min 54 s will make the mean tool point known to within 26.7 um.",
+        "18 poses in about 2 min 54 s will locate the mean tool point within 26.7 um.",
     ]

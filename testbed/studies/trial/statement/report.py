@@ -67,12 +67,15 @@ def statement_blocks(campaign: Campaign) -> list[Block]:
         )
     if stated.belief is not None:
         made_map = plots_uncertainty.tool_views(campaign, first)
-        text = map_caption(campaign, first, stated.belief)
+        mapped = f"Believed u of the mean tool point of {first.name}"
+        cells = f"root mean square in cells of {1e3 * plots_uncertainty.CELL:.0f} mm"
+        ends = map_ends(campaign, stated.belief)
         if made_map.flat:
             low, high = (micrometres(u * 1e-6, 2) for u in (made_map.low, made_map.high))
-            text = f"{text[:-1]}: {low} to {high} µm."
+            text = f"{mapped}: {low} to {high} µm everywhere in the pool ({cells}){ends}."
             blocks.append(Text(text))
         else:
+            text = f"{mapped} over the postures of the pool, {cells}{ends}."
             blocks.append(Figure(text, plots_uncertainty.tool_maps(made_map)))
     return blocks
 
@@ -101,19 +104,16 @@ ELSEWHERE = ("No test of the", "The parameters alone do not explain the readings
 """How sentences begin that repeat the table of tests and the reasons of the verdict."""
 
 
-def map_caption(campaign: Campaign, trial: Trial, belief: Belief) -> str:
-    """What the map shows, and where it ends."""
+def map_ends(campaign: Campaign, belief: Belief) -> str:
+    """Where a map of the pool ends: postures at the edge of what was proven, and outside."""
     place = belief.proven.applies(campaign.setting.pool_q).place
     edge, outside = (int((place == word).sum()) for word in ("edge", "outside"))
-    text = (
-        f"Believed u of the mean tool point of {trial.name} over the postures of the pool, root "
-        f"mean square in cells of {1e3 * plots_uncertainty.CELL:.0f} mm"
-    )
+    text = ""
     if edge:
         text += f"; {edge} of {len(place)} postures lie at the edge of what was proven"
     if outside:
         text += f"; {counted(outside, 'posture')} outside of it are left out"
-    return f"{text}."
+    return text
 
 
 def statement_table(campaign: Campaign, statements: list[tuple[Trial, Statement]]) -> Table:

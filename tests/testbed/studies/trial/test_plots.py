@@ -162,3 +162,40 @@ def test_the_colors_of_all_pictures_are_told_apart_by_color_blind_eyes(eye):
 def test_captions_say_when_a_figure_shows_only_the_first_trials():
     assert plots.only([1, 2, 3], 4) == ""
     assert plots.only([1, 2, 3, 4, 5], 4) == " (the first 4 of 5)"
+
+
+def laid_out(monkeypatch, draw):
+    """The figure that a function draws, with its panels in their places, and its renderer."""
+    made = []
+    monkeypatch.setattr(plots, "svg_of", made.append)
+    draw()
+    (figure,) = made
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+    canvas = FigureCanvasAgg(figure)
+    canvas.draw()
+    return figure, canvas.get_renderer()
+
+
+@pytest.mark.parametrize("make", [rigid_campaign, paper_campaign])
+def test_the_name_of_every_view_of_a_pose_set_lies_inside_the_picture(monkeypatch, make):
+    campaign = make()
+    figure, renderer = laid_out(monkeypatch, lambda: plots.pose_space(campaign))
+    ends = [ax._left_title.get_window_extent(renderer) for ax in figure.axes]
+    assert {ax.get_title("left") for ax in figure.axes} == {
+        f"{trial.name}\n{view}" for trial in campaign.trials[:4] for view in ("above", "side")
+    }
+    assert max(end.x1 for end in ends) <= figure.bbox.x1
+    below = sorted(ends, key=lambda end: (round(end.y1), end.x0))
+    for one, following in itertools.pairwise(below):
+        assert one.y1 != following.y1 or one.x1 < following.x0
+
+
+def test_a_panel_above_an_empty_place_shows_its_ticks(monkeypatch):
+    trials = [*rigid_campaign().trials, rigid_campaign().trials[0]]
+    figure, _ = laid_out(monkeypatch, lambda: plots.error_distributions(trials))
+    shown = [ax for ax in figure.axes if ax.get_visible()]
+    assert len(shown) == 3
+    labeled = [ax.xaxis.get_tick_params()["labelbottom"] for ax in shown]
+    assert labeled == [False, True, True]
+    assert [bool(ax.get_xlabel()) for ax in shown] == labeled
