@@ -75,6 +75,30 @@ def headline_table(campaign: Campaign) -> Table:
     )
 
 
+def accuracy_is_not_belief(campaign: Campaign) -> str:
+    """Why an estimate whose statement is refuted may come closer than a believed one beside it.
+
+    Nothing where no trial has such a pair.
+    """
+    for trial in campaign.trials:
+        found = [(judge(trial, estimate), estimate) for estimate in trial.estimates]
+        believed = [estimate for verdict, estimate in found if verdict.believable]
+        for verdict, one in found:
+            mean = one.comparison.accuracy_after.mean
+            worse = [e for e in believed if e.comparison.accuracy_after.mean > mean]
+            if verdict.contradicted and worse:
+                other = worse[0].comparison.accuracy_after.mean
+                held = float(one.inside.mean())
+                share = f"only {percent(held)}" if held else "none"
+                return (
+                    'A "no" in the table judges the stated uncertainty, not the accuracy: with '
+                    f"{trial.name} the {SHORT[one.mode]} estimator errs by less on average "
+                    f"({mean * MM:.4f} against {other * MM:.4f} mm), but its 95 % regions hold "
+                    f"{share} of the true points."
+                )
+    return ""
+
+
 def _statistics(error: Accuracy, places: int) -> tuple[str, ...]:
     """Mean, p95 and maximum in mm."""
     values = (error.mean, error.p95, error.maximum)

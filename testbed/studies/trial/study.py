@@ -1,6 +1,7 @@
 """The ground study: the laboratory set up, every pose set measured, identified and judged."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -16,6 +17,7 @@ from testbed.studies.trial.bending.records import Ways
 from testbed.studies.trial.records import Trial, campaign_of
 from testbed.studies.trial.set_records import PoseCountStudy, RandomSetsStudy
 from testbed.studies.trial.statement.records import Validation
+from testbed.units import plain
 
 if TYPE_CHECKING:
     from testbed.recording.story import Chapter
@@ -81,13 +83,20 @@ class TrialStudy:
     def answer(self, scenario: Scenario, records: Records) -> Answer | None:
         """The verdict on the first trial: the answer where no other study asks."""
         from testbed.studies.trial.decisions import decided_in_words
-        from testbed.studies.trial.report_accuracy import distributions, headline_table
+        from testbed.studies.trial.report_accuracy import (
+            accuracy_is_not_belief,
+            distributions,
+            headline_table,
+        )
         from testbed.studies.trial.verdict import next_step, trial_verdict
 
         campaign = campaign_of(scenario, records)
         step = next_step(campaign) + decided_in_words(campaign)
         picture = partial(distributions, campaign.trials[:1])
-        return Answer(trial_verdict(campaign), headline_table(campaign), step, picture)
+        verdict = trial_verdict(campaign)
+        more = plain(accuracy_is_not_belief(campaign))
+        verdict = replace(verdict, sentence=f"{verdict.sentence} {more}".rstrip())
+        return Answer(verdict, headline_table(campaign), step, picture)
 
     def results(self, scenario: Scenario, records: Records) -> Sequence[Quantity]:
         """Pool, truth, and the headline of every trial."""

@@ -278,3 +278,26 @@ def test_printed_tables_stand_beside_ours_in_their_places():
     ratios = report_paper.ratio_table(budget, "")
     assert ratios.rows[0] == ("printed", "0.11", "0.37")
     assert ratios.rows[1][1] == f"{np.mean(budget.best[0] / budget.random):.2f}"
+
+
+def test_a_refuted_statement_beside_a_smaller_error_is_explained_where_the_verdict_stands():
+    for make in (rigid_campaign, paper_campaign, bare_campaign):
+        campaign = make()
+        pairs = [
+            (trial, one, other)
+            for trial in campaign.trials
+            for one in trial.estimates
+            for other in trial.estimates
+            if verdict.judge(trial, one).contradicted
+            and verdict.judge(trial, other).believable
+            and one.comparison.after.mean() < other.comparison.after.mean()
+        ]
+        said = page(make).verdict
+        assert ('A "no" in the table judges' in said) == bool(pairs)
+        if pairs:
+            trial, one, other = pairs[0]
+            means = [1e3 * e.comparison.after.mean() for e in (one, other)]
+            assert f"with {trial.name} the paper estimator" in said
+            assert f"({means[0]:.4f} against {means[1]:.4f} mm)" in said
+            assert report_accuracy.percent(one.inside.mean()) in said
+    assert 'A "no"' in page(rigid_campaign).verdict

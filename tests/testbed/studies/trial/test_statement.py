@@ -533,7 +533,7 @@ def test_the_table_has_a_row_per_trial_and_marks_what_is_contradicted(monkeypatc
     monkeypatch.setattr(plots_uncertainty, "FLAT", 1.01 * views.high / views.low)
     assert views.flat
     (said,) = (b.text for b in statement_blocks(rigid()) if b.kind == "text")
-    assert re.fullmatch(r"Believed u .*: \d+ to \d+ µm\.", said)
+    assert re.fullmatch(r"Believed u .*: \d+ to \d+ µm everywhere in the pool \(.*\).*\.", said)
     # one move has its own column where joints scatter
     assert statement_blocks(at960())[0].head[3] == "one move µm"
 
