@@ -8,8 +8,9 @@ from pathlib import Path
 from calib.errors import InputError, refuse
 from testbed.gates.paths import is_there, real
 from testbed.store import layout
+from testbed.store.foreign import foreign
 from testbed.store.manifest import CALIBRATION, CAMPAIGN, kind_of, read_manifest
-from testbed.strict import did_you_mean, some
+from testbed.strict import name_meant, some
 
 PLAN, ISO9283, SESSION, ROBOT, SEVERAL = "plan", "iso9283", "session", "robot", "several"
 MARKS = {layout.PLAN: PLAN, layout.ISO9283: ISO9283, "robot.toml": ROBOT, "session.toml": SESSION}
@@ -75,8 +76,8 @@ def unusable(path: Path, found: str) -> InputError:
             told, allowed = f"holds {len(names)} folders of truebed", ""
             fix = f"give one of them: {some(names, 6)}"
         case _:
-            told, allowed = "is not a run folder", f"a run folder holds {layout.MANIFEST}"
-            fix = "give a folder that truebed wrote"
+            what, fix = foreign(path)
+            told, allowed = f"is not a run folder: {what}", ""
     return refuse("", None, allowed, code="D42", message=told, fix=fix, where=str(path))
 
 
@@ -137,7 +138,7 @@ def _missing(path: Path) -> InputError:
         if is_there(folder, Path.is_dir):
             entries = islice(folder.iterdir(), MOST)
             known |= {one.name: one for one in entries if is_there(one, Path.is_dir)}
-    fix = did_you_mean(path.name, known) or "check the path; truebed run SCENE writes one"
+    fix = name_meant(path.name, known) or "check the path; truebed run SCENE writes one"
     for name, folder in known.items():
         fix = fix.replace(f'"{name}"', f'"{folder}"')
     return refuse("", None, code="D42", message="does not exist", fix=fix, where=where)

@@ -17,7 +17,7 @@ from testbed.files.matching import Match, by_cycle, by_order, by_pose, by_row
 from testbed.files.observed import (
     unused_columns,
 )
-from testbed.files.refusal import refusal, require_names
+from testbed.files.refusal import no_session, refusal, require_names
 from testbed.files.session import Session, Sources
 from testbed.files.session_toml import (
     SESSION_FILE,
@@ -233,7 +233,11 @@ def read_held_out(
 
 def _session_file(path: Path) -> Path:
     """The session.toml of a folder, or the file itself."""
-    return path / SESSION_FILE if is_there(path, Path.is_dir) else path
+    if not is_there(path, Path.is_dir):
+        return path
+    if not is_there(path / SESSION_FILE):
+        raise no_session(path)
+    return path / SESSION_FILE
 
 
 def _with_joints(

@@ -1,8 +1,14 @@
 """How a measurement file is refused: where, which column or key, and a sentence."""
 
+import shlex
 from collections.abc import Sequence
+from pathlib import Path
 
 from calib.errors import InputError, refuse
+from testbed.gates.paths import is_there
+from testbed.store.foreign import WROTE, foreign
+from testbed.store.layout import MANIFEST, OWNERS, PLAN
+from testbed.store.manifest import CAMPAIGN, kind_of, read_manifest
 
 
 def refusal(
@@ -49,3 +55,24 @@ def no_rows(where: str) -> InputError:
         where, "measurements", "names its columns and has no rows below them", code="M27",
         fix="give the file with what was measured",
     )  # fmt: skip
+
+
+def no_session(path: Path) -> InputError:
+    """The error of a folder that says nothing of measurements."""
+    allowed = "a table, or a folder with session.toml"
+    if is_there(path / PLAN):
+        told = f"is {OWNERS[PLAN]}: what is to be measured, not what was"
+        fix = "give the table of what was measured at its poses"
+    elif not is_there(path / MANIFEST):
+        told, fix = foreign(path)
+        told = f"has no session.toml: {told}"
+        fix = "check the path" if fix == WROTE else fix
+    elif kind_of(read_manifest(path)) == CAMPAIGN:
+        told, quoted = (
+            f"is {OWNERS[MANIFEST]}, which holds no measurement files",
+            shlex.quote(str(path)),
+        )
+        fix = f"truebed run {quoted} --out {quoted} --resume --export FOLDER writes them"
+    else:
+        told, fix = "is the folder of a calibration already", "give the files it was made from"
+    return refusal(str(path), "DATA", told, code="S38", allowed=allowed, fix=fix)

@@ -4,10 +4,14 @@ import errno
 import os
 from collections.abc import Callable
 from contextlib import suppress
+from itertools import islice
 from pathlib import Path
 
 from calib.errors import refuse
+from testbed.strict import name_meant
 
+MOST = 1000
+"""Entries of a folder among which a name is looked for."""
 SHOWN = 60
 """Characters, the last ones, of a path in a message about the path itself."""
 LONGEST_NAME = 200
@@ -63,6 +67,19 @@ def is_there(path: Path, kind: Callable[[Path], bool] = Path.exists) -> bool:
     with suppress(OSError, ValueError):
         return kind(path)
     return False
+
+
+def near(path: Path, otherwise: str = "check the path") -> str:
+    """What to do where nothing lies: the name beside it that was meant, or something else."""
+    folder = path.parent
+    if not is_there(folder, Path.is_dir):
+        return f"there is no folder {folder}"
+    with suppress(OSError, ValueError):
+        names = [one.name for one in islice(folder.iterdir(), MOST) if one.name[0] != "."]
+        if hint := name_meant(path.name, names):
+            name = hint.partition('"')[2].rpartition('"')[0]
+            return f'did you mean "{folder / name}"?'
+    return otherwise
 
 
 def short_stem(path: Path) -> str:

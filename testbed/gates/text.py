@@ -9,6 +9,7 @@ from pathlib import Path
 
 from calib.errors import InputError, refuse
 from testbed.disk import read_bounded
+from testbed.gates.paths import near
 
 MAX_MB = 100.0
 LARGER = "split it, or allow more with --max-mb"
@@ -127,8 +128,9 @@ def _bytes(path: Path, where: str, max_mb: float, larger: str) -> bytes:
         reason = getattr(error, "strerror", None) or "its name is not a path"
         raise _refused(where, f"cannot be read: {reason}") from error
     if not is_file:
-        message = "is not a file" if path.exists() else "does not exist"
-        raise _refused(where, message, fix="check the path")
+        if path.exists():
+            raise _refused(where, "is not a file", fix="check the path")
+        raise _refused(where, "does not exist", fix=near(path))
     if size > max_mb * 1e6:
         raise _refused(
             where, f"is {size / 1e6:.3g} MB", code="M36", value=size,

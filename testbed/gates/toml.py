@@ -8,6 +8,7 @@ from typing import Any
 from calib.errors import InputError, refuse
 from testbed.disk import read_bounded
 from testbed.gates.mistakes import Schema, validated
+from testbed.gates.paths import near
 
 MOST_BYTES = 1_000_000
 MOST_LEVELS = 16
@@ -47,7 +48,7 @@ def read_toml_bytes(path: Path, where: str) -> bytes:
     try:
         return read_bounded(path, MOST_BYTES)
     except FileNotFoundError as error:
-        raise _refused(where, "does not exist", fix="check the path") from error
+        raise _refused(where, "does not exist", fix=near(path)) from error
     except (OSError, ValueError) as error:  # ValueError: a NUL in the name
         message = f"cannot be read: {getattr(error, 'strerror', None) or 'its name is no path'}"
         raise _refused(where, message, fix="give a TOML file") from error

@@ -10,7 +10,7 @@ from testbed.files.session_toml import SESSION_FILE
 from testbed.files.visits.probing import probed, tried_words
 from testbed.files.visits.tables import CampaignFile
 from testbed.gates.mistakes import validated
-from testbed.gates.paths import is_there, real
+from testbed.gates.paths import is_there, near, real
 from testbed.gates.toml import read_toml, read_toml_bytes, toml_document
 from testbed.iso9283.read import read_test
 from testbed.iso9283.words import extent
@@ -55,7 +55,7 @@ def checked(file: Path, robot: str | None) -> list[str]:
         file = file / inside[0]
     if not is_there(file, Path.is_file):
         message = "is not an ordinary file" if at.exists() else "does not exist"
-        fix = "check the path"
+        fix = "check the path" if at.exists() else near(file)
         raise refuse("FILE", str(file), code="S37", message=message, fix=fix, where=str(file))
     if file.suffix.lower() in XML:
         return _robot(load_robot(file), "a robot description", str(file))

@@ -14,7 +14,7 @@ from calib.geometry.joint_errors import JointErrors, JointTerm
 from calib.geometry.model import RobotModel
 from testbed import assets
 from testbed.assets import robot_names as robot_names
-from testbed.gates.paths import real
+from testbed.gates.paths import near, real
 from testbed.gates.toml import read_toml
 from testbed.robots.assumed import (
     SLIDE_SCATTER,
@@ -40,7 +40,7 @@ from testbed.robots.robot import Visual as Visual
 from testbed.robots.robot import Workspace as Workspace
 from testbed.robots.robot import body_name as body_name
 from testbed.robots.tolerances import tolerances_of, usual_tolerances
-from testbed.strict import choice_of
+from testbed.strict import choice_of, name_meant
 
 ROBOT_FILE, TRACKER_FILE = "robot.toml", "tracker.toml"
 TRACKER = "laser_tracker"
@@ -210,8 +210,15 @@ def _robot_path(name_or_path: str | Path) -> Path:
         "robot", str(name_or_path),
         "a shipped name, or the path of a robot.toml, a URDF or an MJCF", code="S37",
         message=f'there is no robot "{name_or_path}"',
-        fix=choice_of(str(name_or_path), robot_names()),
+        fix=_robot_meant(path),
     )  # fmt: skip
+
+
+def _robot_meant(path: Path) -> str:
+    """What a robot's name, or the path of its file, was meant to be."""
+    if path.suffix or len(path.parts) > 1:
+        return near(path)
+    return name_meant(str(path), robot_names()) or f"there is {', '.join(robot_names())}"
 
 
 def _workspace(data: WorkspaceBox | None) -> Workspace | None:

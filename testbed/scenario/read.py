@@ -10,7 +10,7 @@ from pydantic import ValidationError
 
 from calib.errors import refuse
 from testbed.assets import scene_names, scenes
-from testbed.gates.paths import real
+from testbed.gates.paths import near, real
 from testbed.gates.toml import read_toml_bytes, toml_document
 from testbed.scenario.contradictions import contradictions
 from testbed.scenario.laboratory import TruthSettings
@@ -30,9 +30,9 @@ from testbed.scenario.stale import CALLED, OLD, copied_fault, filled_scenario, s
 from testbed.strict import (
     Fault,
     KeyPath,
-    did_you_mean,
     flat,
     foreign_values,
+    name_meant,
     nested,
     one_error,
     toml_lines,
@@ -55,7 +55,9 @@ def scenario_path(name_or_path: str | Path) -> tuple[Path, str]:
     if not is_file:
         names = ", ".join(scene_names())
         allowed = f"scenes that ship: {names}" if names else "no scenes ship with this copy"
-        fix = did_you_mean(text, scene_names()) or "give a scene name or the path of a .toml"
+        fix = name_meant(text, scene_names())
+        if path.suffix or len(path.parts) > 1 or not fix:
+            fix = near(path, fix or "give a scene name or the path of a .toml")
         message = f'there is no scene or file "{text}"'
         raise refuse("SCENE", text, allowed, code="S37", message=message, fix=fix)
     return path, text

@@ -6,6 +6,7 @@ from typing import Any
 
 from calib.errors import InputError, refuse
 from testbed.store.documents import check_format, damaged, read_json
+from testbed.store.foreign import foreign
 from testbed.store.layout import FORMAT, MANIFEST, SCENARIO
 from testbed.store.npz import pretty_json
 from testbed.versions import number_versions
@@ -50,8 +51,8 @@ def read_manifest(path: Path) -> dict[str, Any]:
     try:
         document = read_json(path / MANIFEST, fix=fix)
     except (FileNotFoundError, NotADirectoryError) as error:
-        allowed, fix = f"a run folder holds {MANIFEST}", "give the folder that `truebed run` wrote"
-        raise _unusable(path, "is not a run folder", allowed, fix=fix) from error
+        told, fix = foreign(path)
+        raise _unusable(path, f"is not a run folder: {told}", fix=fix) from error
     check_format(document, path / MANIFEST, fix)
     if kind_of(document) not in HASHES:
         raise damaged(path / MANIFEST, f"kind is {kind_of(document)!r}", fix)

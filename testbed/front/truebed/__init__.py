@@ -122,7 +122,7 @@ def load(folder: str | Path) -> "Campaign | Calibration | Session | Robot | Writ
     from calib.errors import refuse
     from testbed.files.read import read_session
     from testbed.files.session_toml import SESSION_FILE
-    from testbed.gates.paths import is_there
+    from testbed.gates.paths import is_there, near
     from testbed.gates.toml import read_toml_bytes, toml_document
     from testbed.identify.folder import load_calibration
     from testbed.robots.catalog import ROBOT_FILE, load_robot
@@ -134,6 +134,7 @@ def load(folder: str | Path) -> "Campaign | Calibration | Session | Robot | Writ
     if not is_there(path, Path.is_dir):
         message = "is a file" if is_there(path) else "does not exist"
         fix = "give a folder that truebed wrote"
+        fix = fix if is_there(path) else near(path, fix)
         raise refuse("", code="D42", message=message, fix=fix, where=str(path))
     if (written := written_folder(path)) is not None:
         return written

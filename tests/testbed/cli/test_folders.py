@@ -7,6 +7,8 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
+import truebed
+from calib.errors import InputError
 from testbed.cli import app, viewer
 from testbed.cli.compared import COLUMNS, document, figure, rows
 from testbed.store.npz import pretty_json
@@ -41,6 +43,8 @@ def here(tmp_path, monkeypatch):
         "runs/ident/result.json": MEASURED, "runs/ident/manifest.json": ABOUT,
         "runs/iso/iso9283.csv": "", "runs/iso/result.json": TESTED, "robot/robot.toml": "",
         "data/session.toml": "", "empty/any.txt": "", "runs/.hidden/plan.json": PLANNED,
+        "none/.hidden": "", "begun/scenario.toml": "", "runs/ident/trials/a.npz": "",
+        **{f"tables/{name}.csv": "" for name in "abcde"},
     }  # fmt: skip
     for name, content in files.items():
         Path(name).parent.mkdir(parents=True, exist_ok=True)
@@ -56,8 +60,16 @@ def call(*words):
 SAYS = {
     "data": "data: holds measurements to identify a robot from; truebed identify ROBOT data. [D42]",
     "robot": "robot: is the folder of a robot; truebed robots robot/robot.toml. [D42]",
-    "empty": "empty: is not a run folder; a run folder holds manifest.json; give a folder that "
-    "truebed wrote. [D42]",
+    "empty": "empty: is not a run folder: it holds any.txt; give a folder that truebed "
+    "wrote. [D42]",
+    "none": "none: is not a run folder: it is empty; give a folder that truebed wrote. [D42]",
+    "tables": "tables: is not a run folder: it holds a.csv, b.csv, c.csv, d.csv and 1 more; to "
+    "calibrate from measurements, type truebed new session tables/a.csv. [D42]",
+    "begun": "begun: is not a run folder: it holds scenario.toml; to play its scenario, type "
+    "truebed run begun/scenario.toml --out NEW_FOLDER. [D42]",
+    "runs/ident/trials": "runs/ident/trials: is not a run folder: it lies inside runs/ident, a run "
+    "folder; give runs/ident. [D42]",
+    "runs/iden": 'runs/iden: does not exist; did you mean "runs/ident"? [D42]',
     "runs/paln": 'runs/paln: does not exist; did you mean "runs/plan"? [D42]',
     "plan": 'plan: does not exist; did you mean "runs/plan"? [D42]',
     "qqq": "qqq: does not exist; check the path; truebed run SCENE writes one. [D42]",
@@ -71,6 +83,58 @@ SAYS = {
 def test_a_folder_that_no_verb_can_show_is_told_with_the_way_out(verb, folder, here):
     done = call(verb, folder)
     assert (done.exit_code, done.stdout, done.stderr) == (2, "", f"{SAYS[folder]}\n")
+
+
+@pytest.mark.parametrize("folder", ["none", "tables", "begun", "runs/ident/trials"])
+def test_a_script_is_told_the_same(folder, here):
+    with pytest.raises(InputError) as caught:
+        truebed.load(folder)
+    assert str(caught.value) == SAYS[folder]
+
+
+IDENTIFIES = {
+    "runs/campaign": "runs/campaign: is a run folder, which holds no measurement files; a table, "
+    "or a folder with session.toml; truebed run runs/campaign --out runs/campaign --resume "
+    "--export FOLDER writes them. [S38]",
+    "runs/plan": "runs/plan: is a plan's folder: what is to be measured, not what was; a table, or "
+    "a folder with session.toml; give the table of what was measured at its poses. [S38]",
+    "runs/ident": "runs/ident: is the folder of a calibration already; a table, or a folder with "
+    "session.toml; give the files it was made from. [S38]",
+    "tables": "tables: has no session.toml: it holds a.csv, b.csv, c.csv, d.csv and 1 more; a "
+    "table, or a folder with session.toml; to calibrate from measurements, type truebed new "
+    "session tables/a.csv. [S38]",
+    "runs/plan/plan.jsn": 'runs/plan/plan.jsn: does not exist; did you mean "runs/plan/plan.json"? '
+    "[M35]",
+    "nowhere/a.csv": "nowhere/a.csv: does not exist; there is no folder nowhere. [M35]",
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("data", IDENTIFIES)
+def test_identify_says_what_it_was_given_instead_of_measurements(data, here):
+    Path("runs/campaign").mkdir()
+    about = {"format": 1, "scenario_sha256": "0", **VERSIONS}
+    Path("runs/campaign/manifest.json").write_bytes(pretty_json(about))
+    done = call("identify", "staubli_tx60", data, "--out", "out")
+    assert (done.exit_code, done.stdout, done.stderr) == (2, "", f"{IDENTIFIES[data]}\n")
+    assert not Path("out").exists()
+
+
+@pytest.mark.parametrize(
+    ("word", "meant"),
+    [("UR10", "universal_ur10"), ("ur", "universal_ur10"), ("TX-60", "staubli_tx60"),
+     ("Stäubli", "staubli_tx60"), ("kuka", "kuka_iiwa7"), ("iwa7", "kuka_iiwa7")],
+)  # fmt: skip
+def test_a_robot_is_known_by_a_part_of_its_name(word, meant, here):
+    for words in (("robots", word), ("identify", word, "a.csv"), ("new", "scene", word)):
+        assert f'did you mean "{meant}"? [S37]' in call(*words).stderr
+    said = call("robots", "abc").stderr
+    assert said.endswith("there is kuka_iiwa7, staubli_tx60, universal_ur10. [S37]\n")
+    assert 'did you mean "robot/robot.toml"?' in call("robots", "robot/robt.toml").stderr
+
+
+def test_a_scene_is_known_by_a_part_of_its_name_or_path(here):
+    assert 'did you mean "position_only"?' in call("run", "position").stderr
+    assert 'did you mean "begun/scenario.toml"?' in call("run", "begun/scenari.toml").stderr
 
 
 @pytest.mark.parametrize("verb", VERBS[:3])
