@@ -70,7 +70,7 @@ def joined(levels: Iterable[Level]) -> JointErrors:
 
 def foreseen(levels: Iterable[Level]) -> bool:
     """Whether levels need no reported torques: nobody knows these of a pose not yet reached."""
-    return all(term.wave != "torque" for term in joined(levels).terms)
+    return all(term.wave != "torque" for level in levels for term in level.errors.terms)
 
 
 def with_errors(nominal: RobotModel, added: JointErrors) -> RobotModel:

@@ -1,7 +1,7 @@
 """What robots at the same poses share in a climb: columns of terms, loads of springs, the prior."""
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -17,6 +17,9 @@ from calib.measurement.observations import Measurements
 
 MOST_ROWS = 400
 """Rows up to which their covariance is smaller than the normal equations of a joint map."""
+
+
+Apart: TypeAlias = tuple[tuple[Level, ...], Level | None]
 
 
 class ClimbPlan(NamedTuple):
@@ -41,6 +44,8 @@ class ClimbPlan(NamedTuple):
     """(m,) pose of each row."""
     loops: SpringLoops | None
     """What fits springs, where there are enough robots for compiled loops."""
+    apart: dict[tuple[Level, ...], Apart]
+    """What `apart` found so far."""
 
 
 def plan_of(
@@ -93,6 +98,7 @@ def plan_of(
         [] if part is None else [np.flatnonzero(part == k) for k in np.unique(part)],
         np.unique(table.together, return_inverse=True)[1].ravel(),
         spring_loops_for(robots) if sprung else None,
+        {},
     )
 
 
@@ -120,8 +126,11 @@ def _sprung(
     return found
 
 
-def apart(plan: ClimbPlan, levels: Sequence[Level]) -> tuple[tuple[Level, ...], Level | None]:
+def apart(plan: ClimbPlan, levels: tuple[Level, ...]) -> Apart:
     """Levels of terms, those of most columns first, and the one of springs if there is one."""
-    terms = [level for level in levels if level in plan.terms]
-    terms.sort(key=lambda level: -len(plan.fewest[level][0]))
-    return tuple(terms), next((level for level in levels if level in plan.springs), None)
+    if levels not in plan.apart:
+        terms = [level for level in levels if level in plan.terms]
+        terms.sort(key=lambda level: -len(plan.fewest[level][0]))
+        sprung = next((level for level in levels if level in plan.springs), None)
+        plan.apart[levels] = tuple(terms), sprung
+    return plan.apart[levels]

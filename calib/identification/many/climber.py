@@ -14,6 +14,8 @@ from calib.identification.many.grounds import Ground, Rest
 from calib.identification.many.settle import SprungRows
 from calib.identification.normal_equations import LEAST_FREE
 
+MANY_TERMS = 64
+"""Terms from which their products are worked out joint by joint."""
 FAR_BELOW = 0.7
 """Part of the least sum of squares that tells of more noise than stated."""
 
@@ -48,14 +50,17 @@ class Climber:
     scale: float = 1.0
     grounds: dict[tuple[Level, ...], Ground] = field(default_factory=dict)
     fits: dict[tuple[tuple[Level, ...], int], Fitted] = field(default_factory=dict)
-    products: dict[tuple[tuple[Level, ...], Level | None], tuple[Array, Array, Array]] = field(
+    rows: dict[Level, SprungRows] = field(default_factory=dict)
+    pushed: dict[bytes, tuple[Array, Array]] = field(default_factory=dict)
+    """Columns A of the products of springs, and A'A, by which columns they are."""
+    products: dict[tuple[tuple[Level, ...], bytes], tuple[Array, Array, Array]] = field(
         default_factory=dict
     )
-    """Columns of springs on a ground, A'S A and A'v of them."""
+    """These on a ground: A, A'S A and A'v."""
 
     def at_noise(self, scale: float) -> "Climber":
         """The same with rows in units of a noise so many times the stated one."""
-        return replace(self, scale=scale, grounds={}, fits={}, products={})
+        return replace(self, scale=scale, grounds={}, fits={}, rows={}, pushed={}, products={})
 
     def ground(self, terms: tuple[Level, ...]) -> Ground:
         """With some levels of terms."""
@@ -63,9 +68,8 @@ class Climber:
             if not terms:
                 self.grounds[terms] = self._bare()[0]
             else:
-                joints, values = self.plan.fewest[terms[-1]]
-                columns = self._columns(joints, values)
-                self.grounds[terms] = self.ground(terms[:-1]).widened(columns)
+                found = self._columns(*self.plan.fewest[terms[-1]])
+                self.grounds[terms] = self.ground(terms[:-1]).widened(*found)
         return self.grounds[terms]
 
     def _bare(self, moved: Array | None = None) -> tuple[Ground, Array]:
@@ -74,25 +78,47 @@ class Climber:
         r = r if moved is None else r - moved
         return Ground.of_geometry(geometry, r, self.plan.precision, self.offset)
 
-    def _columns(self, joints: Index, values: Array) -> Array:
-        """Columns (k, n) of terms that turn joints (k,) by values (m, k)."""
-        turns = self.bends[2::3][joints].reshape(len(joints), -1, 6) / self.scale
-        return np.asarray((turns * values.T[:, :, None]).reshape(len(joints), -1))
+    def _columns(self, joints: Index, values: Array) -> tuple[Array, Array]:
+        """Columns (k, n) of terms that turn joints (k,) by values (m, k), and their products.
+
+        Of the products (k, k) the lower triangle at least.
+        """
+        turns = self.bends[2::3].reshape(-1, len(values), 6) / self.scale
+        columns = (turns[joints] * values.T[:, :, None]).reshape(len(joints), -1)
+        if len(joints) < MANY_TERMS:
+            return columns, columns @ columns.T
+        # two turns meet in one number at each pose, whatever their values
+        products = np.empty((len(joints), len(joints)))
+        for joint in np.unique(joints):
+            own = np.flatnonzero(joints == joint)
+            before = slice(own[-1] + 1)
+            met = (turns * turns[joint]).sum(axis=2)[joints[before]]
+            products[own, before] = values[:, own].T @ (met.T * values[:, before])
+        return columns, products
 
     def sprung(self, level: Level) -> SprungRows:
         """Rows of a level of springs."""
-        springs, places, loads = self.plan.springs[level]
-        columns = self.bends[places].reshape(len(places), -1, 6) / self.scale
-        return SprungRows(springs, np.ascontiguousarray(np.moveaxis(columns, 0, 2)), loads)
+        if level not in self.rows:
+            springs, places, loads = self.plan.springs[level]
+            columns = self.bends[places].reshape(len(places), -1, 6).transpose(1, 2, 0)
+            self.rows[level] = SprungRows(
+                springs, np.ascontiguousarray(columns) / self.scale, loads
+            )
+        return self.rows[level]
 
     def normal(
         self, sprung: Level, levels: tuple[Level, ...], ground: Ground | Rest
     ) -> tuple[Array, Array]:
         """N and pull of the products of some springs, where all linear numbers follow them."""
-        key = apart(self.plan, levels)
+        terms, columns = apart(self.plan, levels)[0], self.plan.springs[sprung][0].columns.tobytes()
+        key = terms, columns
         if key not in self.products:
-            P, whole = self.sprung(sprung).products(), self.ground(key[0]).rows
-            self.products[key] = P, whole.gram(P), whole.v @ P
+            if columns not in self.pushed:
+                P = self.sprung(sprung).products()
+                self.pushed[columns] = P, P.T @ P
+            whole, (P, square) = self.ground(terms).rows, self.pushed[columns]
+            told = whole.spent @ P
+            self.products[key] = P, square - told.T @ told, whole.v @ P
         P, N, pull = self.products[key]
         if isinstance(ground, Rest):
             told = ground.new @ P
@@ -141,17 +167,23 @@ class Climber:
         """Noise that a model leaves, one or more, in units of the stated one.
 
         Where much less is left than would tell of more noise than stated, springs are not followed
-        to their end: the loss only falls on the way there.
+        to their end: the loss only falls on the way there. Nor are they looked at where the loss
+        before them, never less than what is left in the end, is as low.
         """
         terms, sprung = apart(self.plan, levels)
-        under = self.ground(terms).rows
-        left, learned = under.v, float((under.spent**2).sum())
-        least = LEAST_FREE * len(left)
+        ground, least = self.ground(terms), LEAST_FREE * len(self.r)
+        if self.scale * np.sqrt(ground.loss / least) <= 1.0:
+            return 1.0
+        under, left = ground.rows, ground.rows.v
         if sprung is not None:
             rows = self.sprung(sprung)
             enough = FAR_BELOW * least if self.scale == 1.0 else 0.0
             bent = rows.settled(under, enough, self.plan.loops)
             left = left - under.times(rows.bent(bent.numbers))
+        if self.scale * float(np.sqrt(left @ left / least)) <= 1.0:  # whatever is learned
+            return 1.0
+        learned = float((under.spent**2).sum())
+        if sprung is not None:
             moved = under.times(rows.slopes(bent.numbers))
             learned += float(np.trace(bent.inverse @ (moved.T @ moved)))
         return max(1.0, self.scale * float(np.sqrt(left @ left / max(len(left) - learned, least))))

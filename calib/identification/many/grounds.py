@@ -72,11 +72,14 @@ class Ground:
         """Its rows."""
         return self.made()
 
-    def widened(self, columns: Array) -> "Ground":
-        """With further numbers of prior sd one, by their columns (k, n)."""
+    def widened(self, columns: Array, products: Array) -> "Ground":
+        """With further numbers of prior sd one, by their columns (k, n) and those' products (k, k).
+
+        Of the products the lower triangle counts.
+        """
         rows = self.rows
         told = rows.spent @ columns.T
-        inner = columns @ columns.T - told.T @ told
+        inner = products - told.T @ told
         inner[np.diag_indices(len(inner))] += 1.0
         L = np.linalg.cholesky(inner)
         pulled = dtrtrs(L.T, columns @ rows.v, lower=0, trans=1)[0].ravel()
