@@ -1,5 +1,6 @@
 """The likelihood of a misfit from systems at few sizes, and by polynomials at all between them."""
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -7,12 +8,14 @@ import numpy as np
 from calib.arrays import Array
 from calib.uncertainty.statement.evidence import PositionRows, reduced
 from calib.uncertainty.statement.likelihood import HOPELESS, Grid, Likelihood, values_of
-from calib.uncertainty.statement.likelihood_systems import systems_of
+from calib.uncertainty.statement.likelihood_systems import SMALL, OfNumbers, Pools, systems_of
 
 PART = 3.0
 """Length of one polynomial in s = ln(1 + c t^2)."""
 TERMS = 18
 """Of one polynomial: see below."""
+POOLS = 16
+"""Most sums over rows that are made instead of one for each size."""
 
 
 def likelihood_between(
@@ -33,12 +36,14 @@ def likelihood_between(
     n, p = len(rows.y), A.shape[1]
     if len(A) - p < 1:
         return None
-    grid, lam = Grid.of(None), unit**2 * rows.lam
+    grid, lam = _grid(), unit**2 * rows.lam
     nodes = grid.nodes if n < len(A) else np.zeros(1)
     systems = systems_of(np.column_stack([A, both.y]), lam, nodes)
+    if isinstance(systems, OfNumbers) and p < SMALL:
+        systems = replace(systems, pools=systems.pools or pooled(systems.X, lam))
     most = max(float(lam.max()), float(grid.t[-1]) ** -2)
     s = np.log1p(most * grid.t**2)
-    x, to_terms = _chebyshev()
+    x, to_terms = _chebyshev(TERMS)
     of_both, start, best = np.full((len(s), len(grid.log_g)), -np.inf), 0, -np.inf
     while start < len(s):
         low = s[start]
@@ -47,7 +52,7 @@ def likelihood_between(
         t = np.sqrt(np.expm1(low + PART * (x + 1) / 2) / most)
         found = np.stack(systems.eliminated(t))  # (2, nodes, TERMS)
         logarithms = np.log1p(t[:, None] ** 2 * lam).sum(axis=1)
-        series = np.cos(np.arange(TERMS) * np.arccos(2 * (s[at, None] - low) / PART - 1))
+        series = _series(2 * (s[at] - low) / PART - 1, TERMS)
         between = (series @ to_terms).T
         values = values_of(tuple(found @ between), nodes, grid.log_g, n, p)
         of_both[at] = values - (logarithms @ between)[:, None] / 2 - grid.known
@@ -58,15 +63,52 @@ def likelihood_between(
     return grid.profile(of_both)
 
 
+def pooled(X: Array, lam: Array) -> Pools | None:
+    """Products of the columns of rows X (n, p) of misfit `lam` (n,), to 1e-12.
+
+    None where the rows differ by so much that this takes more than `POOLS`.
+
+    References
+    ----------
+    A weight 1 / (1 + t^2 lam) is analytic in x = ln lam wherever |Im x| < pi, for every t: by
+    polynomials in Chebyshev points of x, as above, few sums over rows serve all t.
+    """
+    if not lam.min() > 0.0:
+        return None
+    x = np.log(lam)
+    length = max(float(np.ptp(x)), 1e-3)
+    b = 2 * np.pi / length
+    terms = int(np.ceil(12 * np.log(10) / np.log(b + np.sqrt(1 + b**2))))
+    if terms > POOLS:
+        return None
+    points, to_terms = _chebyshev(terms)
+    low, columns = x.min(), np.ascontiguousarray(X.T)
+    share = _series(2 * (x - low) / length - 1, terms) @ to_terms  # above -1
+    half = columns * np.ascontiguousarray(np.sqrt(share + 1.0).T)[:, None]
+    products = half @ np.swapaxes(half, 1, 2) - columns @ columns.T
+    return Pools(np.exp(low + length * (points + 1) / 2), products)
+
+
+def _series(x: Array, terms: int) -> Array:
+    """Chebyshev polynomials (k, terms) at x (k,) in -1 to 1."""
+    return np.asarray(np.cos(np.arange(terms) * np.arccos(np.clip(x, -1.0, 1.0))[:, None]))
+
+
 @cache
-def _chebyshev() -> tuple[Array, Array]:
+def _grid() -> Grid:
+    """What is tried where no repeats tell the scale of the noise."""
+    return Grid.of(None)
+
+
+@cache
+def _chebyshev(terms: int) -> tuple[Array, Array]:
     """Points (k,) in -1 to 1, and what makes the terms of a series of values there (k, k).
 
     References
     ----------
     Trefethen 2013, chapter 3.
     """
-    angle = np.pi * (np.arange(TERMS) + 0.5) / TERMS
-    to_terms = 2 / TERMS * np.cos(np.arange(TERMS)[:, None] * angle)
+    angle = np.pi * (np.arange(terms) + 0.5) / terms
+    to_terms = 2 / terms * np.cos(np.arange(terms)[:, None] * angle)
     to_terms[0] /= 2
     return np.cos(angle), to_terms

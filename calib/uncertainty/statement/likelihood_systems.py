@@ -1,11 +1,10 @@
 """Systems of numbers behind the likelihood of a misfit: by numbers, by rows, or by pooled rows."""
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.linalg import solve_triangular
-from scipy.linalg.lapack import dpotrf
+from scipy.linalg.lapack import dpotrf, dsytrd, dsytrd_lwork, dtrtri
 
 from calib.arrays import Array
 from calib.uncertainty.statement.evidence import diagonal
@@ -14,6 +13,9 @@ COSTLY, POOLS = 5e7, 120
 """Products of columns above which rows that share noise and misfit alike are pooled; pools."""
 ROWS_FOR_NUMBERS = 2.0
 """Rows for each number up to which the covariance of rows is the smaller work."""
+SMALL = 40
+"""Columns up to which systems are made and factored together; of larger ones each stays near the
+processor."""
 EPSILON = 1e-12
 """Part of the largest share below which no misfit shows in a row."""
 
@@ -25,7 +27,7 @@ def systems_of(X: Array, lam: Array, nodes: Array) -> "OfNumbers | OfRows":
         return OfRows.of(X[:n], X[n:], lam, nodes)
     pooled = n * X.shape[1] ** 2 > COSTLY and lam.any()
     before = X[n:].T @ X[n:]
-    return OfNumbers(X[:n], before, lam, nodes, _Pools.of(X[:n], lam) if pooled else None)
+    return OfNumbers(X[:n], before, lam, nodes, Pools.of(X[:n], lam) if pooled else None)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -40,25 +42,23 @@ class OfNumbers:
     """(n,) variance per t^2 of misfit."""
     nodes: Array
     """(k,) logarithms of the scale."""
-    pools: "_Pools | None"
+    pools: "Pools | None"
 
     def eliminated(self, t: Array) -> tuple[Array, Array]:
         """ln|H| and y'Py (nodes, k) of sizes t (k,)."""
-        every = _normal(self.X, self.lam, t) if self.pools is None else self.pools.normal(t)
-        scales, p = np.exp(-2 * self.nodes), self.X.shape[1]
+        scales, p = np.exp(-2 * self.nodes)[:, None, None, None], len(self.before)
         raised, pivots = np.empty((len(scales), len(t))), np.empty((len(scales), len(t), p))
-        for j, H in enumerate(every):
-            for k, scale in enumerate(scales):
-                # one factor serves both; the corner is raised, so that it has one where nothing is
-                # left. One after the other, each stays near the processor
-                whole = H * scale
-                whole += self.before
-                raised[k, j] = whole[-1, -1] + 1.0
-                whole[-1, -1] += raised[k, j]
-                factor, flaw = dpotrf(whole.T, lower=1, clean=0, overwrite_a=1)
-                if flaw:
-                    raise np.linalg.LinAlgError("Matrix is not positive definite")
-                pivots[k, j] = np.diagonal(factor)
+        many, columns = len(t) if p <= SMALL else 1, np.ascontiguousarray(self.X.T)
+        for some in (slice(k, k + many) for k in range(0, len(t), many)):
+            pools = self.pools
+            H = _normal(columns, self.lam, t[some]) if pools is None else pools.normal(t[some])
+            whole = H * scales
+            whole += self.before
+            # one factor serves both; the corner is raised, so that it has one where nothing is left
+            corner = whole[..., -1, -1]
+            raised[:, some] = corner + 1.0
+            corner += raised[:, some]
+            pivots[:, some] = _factors(whole).diagonal(0, 2, 3)
         return 2 * np.log(pivots[..., :-1]).sum(axis=2), pivots[..., -1] ** 2 - raised
 
 
@@ -68,20 +68,21 @@ class OfRows:
 
     References
     ----------
-    K = A inv(Lambda0) A', V = g^2 + K + g^2 t^2 Lambda: with the eigenvalues mu of Lambda against
-    g^2 + K all t are at hand. ln|H| = ln|V| + ln|Lambda0| - ln|g^2 (1 + t^2 Lambda)|.
+    K = A inv(Lambda0) A', V = g^2 + K + g^2 t^2 Lambda; Lambda against g^2 + K = L L' is made
+    tridiagonal, with y along its first axis, so that every t costs one continued fraction.
+    ln|H| = ln|V| + ln|Lambda0| - ln|g^2 (1 + t^2 Lambda)|.
     """
 
     lam: Array
     """(n,) variance per t^2 of misfit."""
-    nodes: Array
-    """(k,) logarithms of the scale."""
     logarithm: Array
     """(k,) ln|g^2 + K| + ln|Lambda0| - 2 n ln g."""
-    mu: Array
-    """(k, n) eigenvalues, times g^2."""
-    y: Array
-    """(k, n) residuals along the eigenvectors, of variance one."""
+    own: Array
+    """(k, n) diagonals, times g^2."""
+    next: Array
+    """(k, n - 1) what stands beside them."""
+    square: Array
+    """(k,) sums of squares of the residuals, of variance one."""
 
     @classmethod
     def of(cls, X: Array, prior: Array, lam: Array, nodes: Array) -> "OfRows":
@@ -96,34 +97,66 @@ class OfRows:
             B = solve_triangular(root, X[:, :p].T, trans=1, check_finite=False)
         y = X[:, p] - pull @ B
         K, of_prior = B.T @ B, 2 * np.log(np.abs(np.diag(root))).sum()
-        logarithm, mu, along = [], [], []
+        logarithm, found = [], []
         for g in np.exp(nodes):
             L = np.linalg.cholesky(K + g**2 * np.eye(len(y)))
-            both = np.column_stack([g * np.diag(np.sqrt(lam)), y])
-            both = solve_triangular(L, both, lower=True, check_finite=False)
-            values, axes = np.linalg.eigh(both[:, :-1] @ both[:, :-1].T)
             logarithm.append(2 * np.log(np.diag(L) / g).sum() + of_prior)
-            mu.append(np.maximum(values, 0.0))
-            along.append(both[:, -1] @ axes)
-        return cls(lam, nodes, np.array(logarithm), np.array(mu), np.array(along))
+            back, _ = dtrtri(L.T)  # upper: of the transposed factor
+            lean = (g * np.sqrt(lam))[:, None] * back
+            found.append(_tridiagonal(lean.T @ lean, y @ back))
+        own, beside, square = (np.array(part) for part in zip(*found, strict=True))
+        return cls(lam, np.array(logarithm), own, beside, square)
 
     def eliminated(self, t: Array) -> tuple[Array, Array]:
         """ln|H| and y'Py (nodes, k) of sizes t (k,)."""
-        square = t[:, None] ** 2
-        size = 1 + square * self.mu[:, None]
-        logarithm = np.log(size).sum(axis=2) - np.log1p(square * self.lam).sum(axis=1)
-        return self.logarithm[:, None] + logarithm, (self.y[:, None] ** 2 / size).sum(axis=2)
+        square = t**2
+        pivots = 1 + self.own.T[:, :, None] * square
+        follows = (self.next.T[:, :, None] * square) ** 2
+        for k in range(len(follows) - 1, -1, -1):
+            pivots[k] -= follows[k] / pivots[k + 1]
+        logarithm = np.log(pivots).sum(axis=0) - np.log1p(square[:, None] * self.lam).sum(axis=1)
+        return self.logarithm[:, None] + logarithm, self.square[:, None] / pivots[0]
 
 
-def _normal(X: Array, lam: Array, t: Array) -> Iterator[Array]:
-    """X'inv(V)X (p, p) of rows X (n, p) for each of some sizes t (k,), V = 1 + t^2 lam."""
-    for root in 1 / np.sqrt(1 + t[:, None] ** 2 * lam):
-        half = X.T * root
-        yield half @ half.T
+def _tridiagonal(M: Array, y: Array) -> tuple[Array, Array, float]:
+    """Diagonal (n,) and what is beside it (n - 1,) of M (n, n) where y is along the first axis.
+
+    And the square of y. By two-sided reflections: the first takes y there, all others leave it.
+    """
+    size = float(np.linalg.norm(y))
+    v = y.copy()
+    v[0] += np.copysign(size, y[0])
+    if size > 0:
+        v *= np.sqrt(2) / np.linalg.norm(v)
+        w = M @ v
+        w -= (v @ w / 2) * v
+        M = M - v[:, None] * w - w[:, None] * v
+    work = int(dsytrd_lwork(len(y), lower=1)[0])
+    _, own, beside, _, _ = dsytrd(M.T, lower=1, lwork=work)
+    return own, beside, size**2
+
+
+def _factors(systems: Array) -> Array:
+    """Lower Cholesky factors of systems (j, k, p, p), which may be overwritten; above is anything.
+
+    Raises `LinAlgError` where there is none.
+    """
+    if systems.shape[2] <= SMALL:
+        return np.asarray(np.linalg.cholesky(systems))
+    for one in systems.reshape(-1, *systems.shape[2:]):
+        if dpotrf(one.T, lower=0, clean=0, overwrite_a=1)[1]:
+            raise np.linalg.LinAlgError("Matrix is not positive definite")
+    return systems
+
+
+def _normal(columns: Array, lam: Array, t: Array) -> Array:
+    """X'inv(V)X (k, p, p) of rows as columns (p, n) for sizes t (k,), V = 1 + t^2 lam."""
+    half = columns * (1 / np.sqrt(1 + t[:, None] ** 2 * lam))[:, None]
+    return np.asarray(half @ half.transpose(0, 2, 1))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Pools:
+class Pools:
     """Products of the columns of many rows, pooled by how misfit and noise share in them.
 
     Between two nodes the weight of a row is straight in ln lam: for nodes 4 % apart to 2e-5. They
@@ -136,7 +169,7 @@ class _Pools:
     """(b, p, p) what belongs to each."""
 
     @classmethod
-    def of(cls, X: Array, lam: Array) -> "_Pools":
+    def of(cls, X: Array, lam: Array) -> "Pools":
         """Those of rows X (n, p)."""
         shares = lam > lam.max() * EPSILON
         x = np.log(np.where(shares, lam, lam.max()))
@@ -161,4 +194,5 @@ class _Pools:
     def normal(self, t: Array) -> Array:
         """X'inv(V)X (k, p, p) for sizes t (k,)."""
         weights = 1 / (1 + t[:, None] ** 2 * self.lam)
-        return np.asarray(np.tensordot(weights, self.products, 1))
+        flat = weights @ self.products.reshape(len(self.lam), -1)
+        return np.asarray(flat.reshape(len(t), *self.products.shape[1:]))

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from calib.uncertainty.many.likelihoods import likelihood_between
+from calib.uncertainty.many.likelihoods import POOLS, likelihood_between, pooled
 from calib.uncertainty.statement.evidence import PositionRows
 from calib.uncertainty.statement.likelihood import likelihood
 from calib.uncertainty.statement.misfit import DROP
@@ -46,3 +46,15 @@ def test_rows_that_say_nothing_have_no_likelihood():
         == np.inf
         == likelihood(flat, 1.0, None).limit(DROP)
     )
+
+
+@pytest.mark.parametrize("spread", [0.0, 1.0, 2.0])
+def test_few_sums_over_rows_serve_all_sizes(spread):
+    own, _ = rows(90, 6, 1.0, spread)
+    pools = pooled(own.A, own.lam)
+    assert len(pools.lam) <= POOLS
+    sizes = np.array([0.0, 0.1, 1.0, 30.0])
+    for t, H in zip(sizes, pools.normal(sizes), strict=True):
+        weighed = own.A.T @ (own.A / (1 + t**2 * own.lam)[:, None])
+        np.testing.assert_allclose(H, weighed, rtol=0, atol=1e-11 * np.abs(weighed).max())
+    assert pooled(*(getattr(rows(90, 6, 1.0, 9.0)[0], name) for name in ("A", "lam"))) is None
