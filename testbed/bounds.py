@@ -94,7 +94,9 @@ TURN_SPEED = Bound("a speed of a turning joint", 1e6 * DEG, 1e-4 * DEG)
 SLIDE_SPEED = Bound("a speed of a sliding joint", 1e3, 1e-6)
 SCATTER = Bound("a repeatability", 1.0)
 """Of a joint [rad or m]."""
-LENGTH_SD = Bound("a standard uncertainty of a length", 1.0, 1e-12, (1e-8, 0.01))
+LENGTH_SD = Bound("a standard uncertainty of a length", 1.0, 1e-12, (1e-7, 0.01))
+TRACKER_SD = 1e-6
+"""What no laser tracker stays below, all its sources together [m]."""
 ANGLE_SD = Bound(
     "a standard uncertainty of an angle", 100 * DEG, 1e-9 * DEG, (1e-5 * DEG, 10 * DEG)
 )

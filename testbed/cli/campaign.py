@@ -61,6 +61,7 @@ def run(
         scenario, where = scenario_of(scene, seed)
         folder = out or default_folder(scenario)
         end.folder = folder
+        warn_of(scenario, where, quiet=quiet or as_json)
         words = ["truebed", "run", scene, "--out", str(folder)]
         words += [] if seed is None else ["--seed", str(seed)]
         if export is not None:
@@ -178,6 +179,14 @@ def scenario_of(scene: str, seed: int | None) -> "tuple[Scenario, str]":
     if seed is not None:
         scenario = changed(scenario, {"seed": seed}, where="--seed")
     return scenario, where
+
+
+def warn_of(scenario: "Scenario", where: str, *, quiet: bool) -> None:
+    """Say on stderr what is hardly meant in a scenario."""
+    from testbed.scenario.checks import odd_settings
+
+    for text in () if quiet else odd_settings(scenario):
+        warn(f"warning: {where}: {text}")
 
 
 def default_folder(scenario: "Scenario") -> Path:

@@ -8,7 +8,7 @@ import typer
 from calib.errors import refuse
 from testbed.cli.app import Debug, Json, Plain, Run, app, robots_like, scenes_like
 from testbed.cli.exit_codes import SOME_FAILED, exit_codes
-from testbed.cli.output import say, say_json, warn
+from testbed.cli.output import say, say_found, say_json, warn
 
 Trial = Annotated[str | None, typer.Option(metavar="NAME", help="Of this trial [the first].")]
 
@@ -70,7 +70,7 @@ def robots(
             from testbed.cli.terminal import robot_text
             from testbed.robots.catalog import load_robot
 
-            say(robot_text(load_robot(name)))
+            say_found(robot_text(load_robot(name)))
             return
         from testbed.assets import robot_rows
         from testbed.report.text import table
@@ -111,7 +111,7 @@ def compare(
             return
         for kind in dict.fromkeys(kind for kind, _ in found.values()):
             alike = {str(path): result for path, (its, result) in found.items() if its == kind}
-            say(compared.table_of(kind, alike))
+            say_found(compared.table_of(kind, alike))
         for group in equal:
             say(f"Equal byte for byte: {', '.join(str(path) for path in group)}")
         if len(played) > 1 and not equal:

@@ -54,7 +54,7 @@ def session(
         text = session_text(proposed, looks, str(out), robot, arm.name if arm else None)
         write_new(out, (line := schema_beside(out, "session")) + text)
         if not quiet:
-            say(f"{proposed.tried}.")
+            say_found(f"{proposed.tried}.")
             for label, sentences in (
                 ("assumed", proposed.assumed),
                 ("unused", proposed.unused),
@@ -62,7 +62,7 @@ def session(
                 ("to mend", proposed.to_mend),
             ):
                 for sentence in sentences:
-                    say(f"  {label:7}  {sentence}")
+                    say_found(f"  {label:7}  {sentence}")
             say()
             say(f"Session    {out}")
             tell_schema(out, line)

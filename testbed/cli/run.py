@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from testbed.cli.app import Debug, Json, Plain, Quiet, app, robots_like
-from testbed.cli.campaign import Overwrite, Scene, Seed, default_folder, scenario_of
+from testbed.cli.campaign import Overwrite, Scene, Seed, default_folder, scenario_of, warn_of
 from testbed.cli.exit_codes import SOME_FAILED, exit_codes
 from testbed.cli.output import say, say_found, say_json
 from testbed.machine import COMPUTING
@@ -35,6 +35,7 @@ def plan(
         scenario, where = scenario_of(scene, seed)
         default = default_folder(scenario)
         folder = out or default.with_name(f"{default.name}-plan")
+        warn_of(scenario, where, quiet=quiet or as_json)
         from testbed.cli.terminal import progress
         from testbed.plan.folder import RECORDING, REPORT, play_plan
         from testbed.plan.words import terminal_text

@@ -11,6 +11,7 @@ from testbed.bounds import (
     FACTORS,
     LENGTH_SD,
     RANGE_SCALE,
+    TRACKER_SD,
     Bound,
     shown,
 )
@@ -118,8 +119,19 @@ class UncertaintyTable(Strict):
         stated = {"position_um": self.position_um, "distance_um": self.distance_um}
         constant, slope = self.mpe_um or (None, None)
         stated |= {"rotation_mdeg": self.rotation_mdeg, "mpe_um": max(constant or 0, slope or 0)}
+        least = shown(TRACKER_SD, "um")
+        below = {
+            key: value
+            for key, value in stated.items()
+            if key.endswith("_um") and value and value < least
+        }
+        stated = {key: value for key, value in stated.items() if key not in below}
         shared = {} if self.systematic is None else self.systematic.sizes
-        return tuple(
+        return *(
+            f"[uncertainty] {key} is {value:g}: no laser tracker measures better than {least:g} "
+            "um; check the unit"
+            for key, value in below.items()
+        ), *(
             f"[{table}] {key} is {value:g}; {bound.allowed(unit, usual=True)}"
             for table, sizes in (("uncertainty", stated), ("uncertainty.systematic", shared))
             for key, value in sizes.items()

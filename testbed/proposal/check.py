@@ -92,14 +92,15 @@ def _robot(robot: Robot, what: str, where: str) -> list[str]:
 
 def _scenario(file: Path) -> list[str]:
     """Sentences on a scenario."""
-    from testbed.scenario.checks import check_robot
+    from testbed.scenario.checks import check_robot, odd_settings
     from testbed.studies import load_scenario
 
     scenario = load_scenario(file)
     arm = load_robot(scenario.robot)
     check_robot(scenario, arm, where=str(file))
     trials = ", ".join(trial.name for trial in scenario.trial) or "none"
-    return [f"a scenario, {scenario.name}, for {arm.name}; trials: {trials}"]
+    odd = [f"warning: {text}" for text in odd_settings(scenario)]
+    return [f"a scenario, {scenario.name}, for {arm.name}; trials: {trials}", *odd]
 
 
 def _session(file: Path, document: dict[str, Any], robot: str | None) -> list[str]:

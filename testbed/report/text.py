@@ -16,6 +16,10 @@ WIDTH = 110
 UNBOUNDED = 10_000
 NARROWEST = 60
 """Columns of a terminal below which broken texts stand in lines of their own, not in a table."""
+MOST_TABLES = 3
+"""Into which a table is folded; if it took more, each row stands by itself."""
+NO_BREAK = "\u00a0"
+"""A space that no line ends with; it is shown as any other."""
 SPACE = 2
 """Between two columns."""
 VERDICT, ONE_LINE = "Verdict", 100
@@ -50,12 +54,26 @@ def table(
     parts = folded_columns([[*column] for column in zip(head, *cells, strict=True)], edge)
     if parts is None:
         return folded(facts(title, head, cells))
+    if len(parts) > MOST_TABLES:
+        keys = next(k for k, (i, j) in enumerate(zip(*parts[:2], strict=False)) if i != j)
+        return folded(_blocks(title, head, cells, keys))
     return "\n\n".join(
         _grid(
             "" if k else title, [head[i] for i in part], [[row[i] for i in part] for row in cells]
-        )
+        ).strip("\n")
         for k, part in enumerate(parts)
     )
+
+
+def _blocks(title: str, head: Sequence[str], rows: Sequence[Sequence[str]], keys: int) -> str:
+    """Each row as a sentence below what tells it apart, its first cells."""
+    blocks = [title] if title else []
+    for row in rows:
+        told = zip(head[keys:], row[keys:], strict=True)
+        # a name and its number stay in one line
+        facts = ", ".join(f"{name} {cell}".replace(" ", NO_BREAK) for name, cell in told)
+        blocks.append(f"{', '.join(row[:keys])}\n  {facts}")
+    return "\n\n".join(blocks)
 
 
 def folded_columns(columns: Sequence[Sequence[str]], edge: int) -> list[list[int]] | None:
@@ -121,7 +139,7 @@ def folded(text: str) -> str:
         return text
     edge = max(terminal_width(), 20)
     return "\n".join(
-        part
+        part.replace(NO_BREAK, " ")
         for line in text.split("\n")
         for part in (
             wrap_lines(

@@ -3,6 +3,8 @@
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
+from testbed.bounds import TRACKER_SD, shown
+from testbed.scenario.laboratory import PaperTracker
 from testbed.scenario.scenario import Scenario
 from testbed.scenario.tables import PAPER_SET, SINGLE, PoolSettings
 from testbed.scenario.truth import truth_faults
@@ -13,6 +15,26 @@ if TYPE_CHECKING:
     from calib.geometry.parameters import Parameters
     from calib.identification.identify import Mode
     from testbed.robots.catalog import Robot
+
+
+def odd_settings(scenario: Scenario) -> tuple[str, ...]:
+    """Sentences on what is hardly meant, though it can be played: a noise below any instrument's.
+
+    Of a tracker with several sources the largest one counts, at one meter.
+    """
+    tracker = scenario.tracker
+    if isinstance(tracker, PaperTracker):
+        key, noise = "position_um is", tracker.position_um
+    else:
+        key = "range_um, transverse_um and centering_um are at most"
+        noise = max(sum(tracker.range_um), sum(tracker.transverse_um), tracker.centering_um)
+    least = shown(TRACKER_SD, "um")
+    if noise >= least:
+        return ()
+    return (
+        f"[tracker] {key} {noise:g}: no laser tracker measures better than {least:g} um; check the "
+        "unit",
+    )
 
 
 def check_robot(scenario: Scenario, robot: "Robot", *, where: str) -> None:

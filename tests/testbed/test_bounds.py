@@ -50,7 +50,7 @@ def test_a_range_is_told_in_the_unit_of_the_file():
     assert bounds.MASS.allowed("kg") == "a mass is 1e-09 to 1000000 kg"
     assert bounds.LINK.allowed("mm") == "a length of a robot is at most 1000000 mm"
     assert bounds.LENGTH_SD.allowed("um", usual=True) == (
-        "a standard uncertainty of a length is usually 0.01 to 10000 um"
+        "a standard uncertainty of a length is usually 0.1 to 10000 um"
     )
 
 

@@ -48,7 +48,7 @@ def terminal(monkeypatch):
 
 
 def cells(text):
-    return set(text.replace("─", " ").replace("trial:", " ").split())
+    return set(text.replace("─", " ").replace("trial:", " ").replace(",", " ").split())
 
 
 @pytest.mark.parametrize("columns", [200, 60, 48, 40, 20])
@@ -67,6 +67,27 @@ def test_a_folded_table_repeats_what_tells_its_rows_apart(terminal):
     parts = table("", HEAD, ROWS).strip().split("\n\n")
     assert len(parts) == 2
     assert all(part.count("whitened") == 2 and part.count("designed-29") == 2 for part in parts)
+
+
+def test_a_table_much_too_wide_has_its_rows_by_themselves(terminal):
+    """Not five tables of one column each."""
+    terminal(40)
+    head = [*HEAD[:5], "p95 mm", "max mm", "u mm", "in 95 %", "chi2/dof", HEAD[5]]
+    rows = [[*row[:5], "0.0230", "0.0265", "0.0191", "100 %", "0.83", row[5]] for row in ROWS]
+    text = table("Errors", head, rows)
+    assert max(map(len, text.split("\n"))) <= 40
+    assert text.split("\n\n")[:2] == [
+        "Errors",
+        "designed-29, whitened\n"
+        "  poses 29, before mm 0.6664,\n"
+        "    after mm 0.0124, p95 mm 0.0230,\n"
+        "    max mm 0.0265, u mm 0.0191,\n"
+        "    in 95 % 100 %, chi2/dof 0.83,\n"
+        "    believable yes",
+    ]
+    assert len(text.split("\n\n")) == 1 + len(rows)
+    terminal(60)
+    assert "\n\n\n" not in table("Errors", head, rows)
 
 
 def test_elsewhere_than_on_a_terminal_a_table_is_one(monkeypatch):

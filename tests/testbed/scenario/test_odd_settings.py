@@ -1,0 +1,76 @@
+"""What is hardly meant is said, and played all the same."""
+
+import pytest
+from typer.testing import CliRunner
+
+from testbed.assets import scene_names
+from testbed.cli import app
+from testbed.files.read import read_session
+from testbed.scenario.checks import odd_settings
+from testbed.scenario.read import changed
+from testbed.studies import load_scenario
+from tests.testbed.files.made import ROBOT, columns, csv, made
+
+TOLD = "[tracker] position_um is 0.01: no laser tracker measures better than 1 um; check the unit"
+
+
+@pytest.mark.parametrize("scene", scene_names())
+def test_no_scene_that_ships_is_odd(scene):
+    assert odd_settings(load_scenario(scene)) == ()
+
+
+def test_a_noise_below_that_of_any_tracker_is_said(tmp_path):
+    quick = load_scenario("quick")
+    quiet = changed(quick, {"tracker.position_um": 0.01}, where="test")
+    assert odd_settings(quiet) == (TOLD,)
+    assert odd_settings(changed(quick, {"tracker.position_um": 1.0}, where="test")) == ()
+    scene = tmp_path / "scene.toml"
+    scene.write_text(
+        'format = 1\nname = "a"\nrobot = "staubli_tx60"\n[tracker]\nposition_um = 0.01\n'
+        '[[trial]]\nname = "a"\nmethod = "random"\nposes = 20\n'
+    )
+    said = CliRunner().invoke(app, ["check", str(scene)])
+    assert f"warning: {TOLD}" in said.stdout, said.stderr
+    # refused later, so that nothing is computed: the warning stands before it
+    (tmp_path / "run").write_text("")
+    for verb in ("run", "plan"):
+        words = [verb, str(scene), "--out", str(tmp_path / "run")]
+        done = CliRunner().invoke(app, words)
+        assert done.stderr.startswith(f"warning: {scene}: {TOLD}\n")
+        assert "warning" not in CliRunner().invoke(app, [*words, "--quiet"]).stderr
+
+
+def test_sources_of_a_tracker_count_together():
+    scenario = load_scenario("stations")
+    small = {"tracker.range_um": (0.3, 0.1), "tracker.centering_um": 0.5}
+    assert odd_settings(changed(scenario, small, where="test")) == ()
+    small |= {"tracker.transverse_um": (0.2, 0.1)}
+    (said,) = odd_settings(changed(scenario, small, where="test"))
+    assert "range_um, transverse_um and centering_um are at most 0.5: no laser tracker" in said
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "odd"),
+    [("position_um", "0.01", True), ("position_um", "0.99", True), ("position_um", "1.0", False),
+     ("mpe_um", "[0.1, 0.2]", True), ("mpe_um", "[0.5, 6.0]", False)],
+)  # fmt: skip
+def test_the_same_of_what_a_session_states(key, value, odd, tmp_path):
+    (tmp_path / "a.csv").write_text(csv(columns(made(), form="none")))
+    table = 'file = "a.csv"\n'
+    (tmp_path / "s.toml").write_text(
+        f"[joints]\n{table}[points]\n{table}[uncertainty]\n{key} = {value}\n"
+    )
+    said = [text for text in read_session(tmp_path / "s.toml", ROBOT).warnings if "better" in text]
+    assert len(said) == odd
+    if odd:
+        assert "no laser tracker measures better than 1 um; check the unit" in said[0]
+        assert said[0].startswith(f"{tmp_path}/s.toml: [uncertainty] {key} is ")
+
+
+@pytest.mark.parametrize(("size", "odd"), [("0.00001", True), ("0.001", False)])
+def test_a_column_of_nanometers_is_said_with_its_line(size, odd, tmp_path):
+    table = columns(made(), form="none") | {f"u{axis}_mm": [size] * 29 for axis in "xyz"}
+    (tmp_path / "a.csv").write_text(csv(table))
+    said = [text for text in read_session(tmp_path / "a.csv", ROBOT).warnings if "odd" in text]
+    assert len(said) == odd
+    assert not odd or 'line 2 ux_mm "0.00001"' in said[0]
