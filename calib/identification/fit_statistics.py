@@ -109,8 +109,8 @@ def _paper_statistics(fit: SolvedFit, m: int) -> _Statistics:
     factor = fit.solution.factor
     variance = float(fit.solution.residual @ fit.solution.residual) / (n - f)
     note = (
-        f"twelve rows per pose hold six freedoms: s^2 = RSS/{n - f} counts {n // 2} rows too "
-        "many, and unweighted rows do not have one common variance; the claimed covariance is "
+        f"twelve rows per pose hold six degrees of freedom: s^2 = RSS/{n - f} counts {n // 2} rows "
+        "too many, and unweighted rows do not have one common variance; the claimed covariance is "
         "not that of the estimate"
     )
     return _Statistics(
@@ -241,7 +241,7 @@ def _outlier_notes(judged: Outliers, measurements: Measurements, many: bool) -> 
     if many:
         count = int(judged.suspect.sum())
         return (
-            f"{count} of {len(judged.suspect)} observations do not fit: that many are no gross "
+            f"{count} of {len(judged.suspect)} observations do not fit: too many for gross "
             "errors; the model or the stated noise is wrong",
         )
     return judged.sentences(measurements)

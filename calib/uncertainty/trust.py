@@ -177,7 +177,7 @@ def _unrefuted(questions: Questions, held_out: HeldOut | None, frame: OtherFrame
         return f"A test of the {of} answers: {said} ({p})"
     if not questions.agree:
         return f"The {of} together are larger than the stated noise makes likely ({p})"
-    return f"No test of the {of} speaks against the stated noise ({p}): that is no proof"
+    return f"No test of the {of} contradicts the stated noise ({p}), which is no proof"
 
 
 def _chance(p: float) -> str:

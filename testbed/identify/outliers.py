@@ -175,8 +175,8 @@ def model_words(
         poses = train.together
         missed = len(np.unique(poses[shots.sound]))
         return (
-            f"{missed} of {counted(len(np.unique(poses)), 'training pose')} do not fit: that many "
-            "are no gross errors, so none is left out; the model or the stated noise is wrong",
+            f"{missed} of {counted(len(np.unique(poses)), 'training pose')} do not fit: too many "
+            "for gross errors, so none is left out; the model or the stated noise is wrong",
         )
     misses = predict(chosen.identification.model, train).misses
     rows = set(shots.sound.tolist())

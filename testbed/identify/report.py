@@ -166,8 +166,8 @@ def data_section(calibration: Calibration) -> Section:
         ("How they were read:", source.probe),
         ("Assumed of the robot:", source.robot_notes),
         (f"Masked, {counted(len(source.masked), 'note')}:", source.masked),
-        ("Drift:", source.drift or ("no drift nest was measured: nothing tells whether anything "
-                                    "moved but the errors in time",)),
+        ("Drift:", source.drift or ("no drift nest was measured: only the errors over time can "
+                                    "show whether something moved",)),
     ):  # fmt: skip
         if texts:
             blocks += [Text(title), Points(sentences(texts))]
@@ -199,9 +199,9 @@ def parameter_section(calibration: Calibration) -> Section:
     }
     blocks: list[Block] = [
         Text(
-            f"U = 2 u holds one number with 95.4 %, {how}; what may hide behind the noise is in "
-            "the region of the tool point, not in U. The numbers belong together: what others "
-            "stand for stays near its old value, and they are correlated."
+            f"U = 2 u covers one number with 95.4 %, {how}; misfit hidden by the noise is in the "
+            "region of the tool point, not in U. The numbers are correlated: use them as one set. "
+            "A number that others can replace stays near its old value."
         ),
         Table(
             caption=f"Base, links, tool: {result.parameters.n_free} numbers estimated in all"

@@ -13,10 +13,10 @@ def belief_section(calibration: Calibration) -> Section | None:
     if found := statements_of(calibration):
         blocks.append(
             Table(
-                caption="What may be said of the tool point at a new pose like the "
+                caption="Statements on the tool point at a new pose like the "
                 f"{len(calibration.stated_q)} "
                 f"{'identified from' if calibration.elsewhere else 'judged here'}",
-                head=("statement", "R95 µm", "what it holds", "believe"),
+                head=("statement", "R95 µm", "what it holds", "status"),
                 rows=tuple(
                     (one.name, significant(one.radius * UM), one.promise, one.use) for one in found
                 ),
@@ -34,9 +34,9 @@ def belief_section(calibration: Calibration) -> Section | None:
 def questions_table(calibration: Calibration) -> Table:
     """Tests, together: one small p among several is no surprise."""
     asked, drifting = calibration.proof.questions, calibration.proof.drifting
-    when = f"asked of the rows in the order of {calibration.order_told_by}"
+    when = f"tested on the rows in the order of {calibration.order_told_by}"
     if drifting is not None and drifting.void:
-        when = "not asked, because poses near each other were measured after each other"
+        when = "not tested, because neighboring poses were measured one after another"
     elif not calibration.order_told_by:
         when = "cannot be told from noise, because the order of the rows is not known"
     answers = ("not shown", "shown")
@@ -46,11 +46,11 @@ def questions_table(calibration: Calibration) -> Table:
     ]
     rows.append(("residuals and held-out errors together", probability(asked.combined), "–", "–"))
     return Table(
-        caption="What the readings were asked, together",
+        caption="Tests of the readings, taken together",
         head=("question", "p", "p for all (Holm)", "answer"),
         rows=tuple(rows),
         align="lrrl",
-        note="p: chance of readings that say so if it is not so. shown: below 0.01 for all "
-        "questions together; not shown is no proof, because no test sees a misfit below the noise. "
+        note="p: probability of such readings if there is nothing to find. shown: below 0.01 over "
+        "all questions; not shown is no proof, since no test detects a misfit below the noise. "
         f"drift: {when}. Last row: chi-square against the stated noise alone, after Fisher.",
     )

@@ -31,8 +31,8 @@ def joint_section(calibration: Calibration) -> Section | None:
         return None
     blocks: list[Block] = [
         Text(
-            "Joint errors are what no length or angle of the links can say: sag, and waves of a "
-            "joint as gears and encoders leave them; a joint map is all waves up to 32 a turn."
+            "Joint errors are what no length or angle of the links can describe: sag, and waves of "
+            "gears and encoders; a joint map has all waves up to 32 a turn."
         ),
     ]
     blocks += choice_tables(choice.offered, choice.steps)
@@ -40,7 +40,7 @@ def joint_section(calibration: Calibration) -> Section | None:
         blocks.append(
             Figure(
                 "What each joint turns beside its command; the band holds 2 u. Where a joint was "
-                "not moved, nothing but the prior speaks. joint_map.csv has the numbers.",
+                "not moved, only the prior holds it. joint_map.csv has the numbers.",
                 joint_maps(found.joints, found.angle, found.turn, found.u),
             )
         )
@@ -81,7 +81,7 @@ def residual_section(calibration: Calibration) -> Section:
 def outlier_section(calibration: Calibration) -> Section:
     """Rows that do not fit, by name."""
     outliers = calibration.gross
-    blocks: list[Block] = [Text("No training row is a bad shot.")]
+    blocks: list[Block] = [Text("No training row is an outlier.")]
     if outliers.sentences:
         rows = counted(len(outliers.sentences), "training row")
         part = (
@@ -96,7 +96,7 @@ def outlier_section(calibration: Calibration) -> Section:
         ]
     if outliers.held_out_sentences:
         blocks += [
-            Text("Held-out rows far off; none that was read is left out of any figure:"),
+            Text("Held-out rows with large errors; all of them count in every figure:"),
             Points(sentences(outliers.held_out_sentences)),
         ]
     against = (
@@ -107,8 +107,7 @@ def outlier_section(calibration: Calibration) -> Section:
         "named then."
     )
     judged = (
-        f"Rows are looked for by a robust fit that they cannot pull, {against} None is called bad "
-        "that the richest model offered, fitted without it, foretells: then it is the model that "
-        "misses a region, and the warnings say so."
+        f"Outliers are sought by a robust fit, {against} A row that the richest model offered, "
+        "fitted without it, predicts is no outlier: there the model fails, and a warning says so."
     )
     return Section("outliers", "Outliers", (*blocks, Text(judged)))

@@ -46,14 +46,14 @@ def _believed(calibration: Calibration) -> list[StatedRadius]:
         return []
     held = f"{100 * point.probability:g} %"
     within = (
-        f"{held} of true mean points; in it are noise and a misfit of up to "
+        f"{held} of true mean points; it includes noise and a misfit of up to "
         f"{belief.misfit.upper * UM:.1f} um per axis"
     )
     drifting = calibration.proof.drifting
     if drifting is not None and drifting.drift is not None:
         within += ", a drift"
     stated = calibration.shared is not None
-    within += ", and what all readings share" if stated else "; what all readings share is not"
+    within += ", and systematic errors" if stated else ", but no systematic errors"
     use = (
         BELIEVED
         if calibration.believable
@@ -62,7 +62,7 @@ def _believed(calibration: Calibration) -> list[StatedRadius]:
     found = [StatedRadius("region_mean", "believed region: mean of many moves", point.radius_mean,
                        within, use)]  # fmt: skip
     if np.isfinite(point.radius_move):
-        what = f"{held} of ends of single moves; in it is the same, and how well joints come back"
+        what = f"{held} of ends of single moves; it includes the same, and joint repeatability"
         name = "believed region: where one move ends"
         found.append(StatedRadius("region_move", name, point.radius_move, what, use))
     return found
@@ -89,7 +89,7 @@ def _compared(calibration: Calibration, other: str) -> list[StatedRadius]:
         found.append(StatedRadius("bootstrap", "virtual calibrations", radius, what, why))
     if proof.discrepancy is not None:
         wide = _by_numbers(calibration, result.full_covariance, discrepancy=True)
-        what = "95 %, roughly: a systematic error counts as drawn anew at each pose"
+        what = "95 %, roughly: model errors count as if drawn anew at each pose"
         name = "parameters and discrepancy"
         found.append(StatedRadius("discrepancy", name, common_radius(wide), what, other))
     if proof.conformal is not None:

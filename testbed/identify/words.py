@@ -129,8 +129,8 @@ def reasons(calibration: Calibration) -> tuple[str, ...]:
         )
     if calibration.shared is None and calibration.proof.belief is not None:
         texts.append(
-            "What all readings of the instrument share is in no figure: the session states no "
-            "systematic part"
+            "Systematic errors of the instrument are in no figure: the session states none "
+            "([uncertainty.systematic])"
         )
     texts += [*hand_back_warnings(calibration), *tool_words(calibration)]
     texts += calibration.warnings

@@ -8,10 +8,10 @@ GLOSSARY = (
     "R95: radius about the predicted point that holds the true one with 95 % probability, at poses "
     "like the held-out ones.",
     "Region: the ellipsoid that does so at one pose, of k = 2.80 (2-D 2.45, 1-D 1.96).",
-    "Guard: errors at 19 or more held-out poses, which may raise k.",
-    "Misfit: what the robot does and no number of the model follows, per axis; up to its limit it "
-    "is in the region.",
-    "Mean of many moves: where a robot lies on average at a pose that it comes to again and again.",
+    "Guard: 19 or more held-out poses, whose errors may raise k.",
+    "Misfit: error of the robot that the model cannot describe, per axis; the region holds it up "
+    "to a limit.",
+    "Mean of many moves: average position over repeated moves to one pose.",
     "Transfer g: how much of the misfit reaches a target; the region grows with it, and ends at 9.",
 )
 

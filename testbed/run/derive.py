@@ -152,6 +152,11 @@ def page_of(
         for study in reversed(_studies(campaign, studies))
         for section in study.sections(scenario, campaign.records, first=study is asked)
     ]
+    # names of trials stay as they are written, also where a sentence begins with one
+    names = {trial.name for trial in campaign.trials}
+    reasons = (
+        sentence(reason, keep_name=reason.partition(" ")[0] in names) for reason in verdict.reasons
+    )
     record = record_section(
         f"Seed {scenario.seed}. scenario.toml beside this page, played again with the same "
         "versions on the same kind of processor, gives the same bytes; result.json has every "
@@ -165,7 +170,7 @@ def page_of(
         believable=verdict.believable,
         mark=verdict.mark,
         verdict=typeset(verdict.sentence),
-        reasons=tuple(typeset(sentence(reason)) for reason in verdict.reasons),
+        reasons=tuple(typeset(reason) for reason in reasons),
         headline=answer.table,
         next_step=answer.next_step,
         # sections of one part keep the order of their studies

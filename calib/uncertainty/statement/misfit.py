@@ -91,8 +91,8 @@ class HiddenMisfit(Shown):
         if shown:
             return (
                 f"the readings show a misfit of about {1e6 * self.best:.1f} um per axis (p "
-                f"{'< 0.001' if self.p_value < SEEN else f'= {self.p_value:.3f}'}), and up to "
-                f"{1e6 * self.upper:.1f} um is in the region"
+                f"{'< 0.001' if self.p_value < SEEN else f'= {self.p_value:.3f}'}), and the "
+                f"region allows for up to {1e6 * self.upper:.1f} um"
             )
         told = "" if self.repeated else "; the stated noise is taken on trust: no pose was repeated"
         if self.doubted:
@@ -101,11 +101,13 @@ class HiddenMisfit(Shown):
                 "misfit there"
             )
         if np.isnan(self.detectable):
-            least = "the measurements are too few to see for certain what hides"
+            least = "the measurements are too few to say what may hide"
         else:
             size = f"{1e6 * self.detectable:.1f} um per axis"
-            least = f"a misfit of {size} or more would have been seen; less may hide"
-        return f"{least} behind the noise, and {1e6 * self.upper:.1f} um is in the region{told}"
+            least = f"a misfit of {size} or more would have been detected; a smaller one may hide"
+        return (
+            f"{least} behind the noise, and the region allows for {1e6 * self.upper:.1f} um{told}"
+        )
 
 
 def misfit(

@@ -51,8 +51,8 @@ class StatedPoint:
         if np.isnan(self.radius_move):
             return ""
         return (
-            f"where a single move ends lies within {_in_um(self.radius_move)} um, with the same "
-            f"probability (how well joints come back: {self.move_told_by})"
+            f"a single move ends within {_in_um(self.radius_move)} um of it, with the same "
+            f"probability (joint repeatability: {self.move_told_by})"
         )
 
 

@@ -26,13 +26,13 @@ def reach_section(calibration: Calibration, delivered: Delivered) -> Section:
         here = belief.proven.applies(calibration.stated_q)
         blocks.append(
             Text(
-                f"Over the {len(calibration.stated_q)} poses that the radius is of, transfer g "
+                f"Over the {len(calibration.stated_q)} poses behind the radius, transfer g "
                 f"lies between {_ends(here.transfer)}, leverage h between {_ends(here.leverage)}, "
                 f"each with mean one. A target is inside what was proven where both are at most "
                 f"{WARNED:g} and every joint is within 10 deg or 50 mm of its proven range; up to "
                 f"{REFUSED:g} it is at the edge, its region grown with g; beyond that it is "
-                "outside, and no region is stated. Neither g nor h sees a payload, another tool or "
-                "another temperature."
+                "outside, and no region is stated. Neither g nor h accounts for a payload, another "
+                "tool or another temperature."
             )
         )
     if delivered.targets is not None:

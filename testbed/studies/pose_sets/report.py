@@ -55,8 +55,7 @@ def in_short(contest: Contest) -> tuple[str, ...]:
     number = {o: sum(entry.outcome == o for entry in rivals) for o in get_args(Outcome)}
     said = [
         f"Of {counted(len(rivals), 'chosen set')} {number['better']} are better than random sets "
-        f"of the same size, {number['worse']} are worse, and {number['undecided']} cannot be told "
-        "apart from them."
+        f"of their size, {number['worse']} are worse and {number['undecided']} undecided."
     ]
     said += [sentence(entry, contest) for entry in rivals if entry.trial.rows == "paper"]
     said += [leader(contest, poses) for poses in contest.sizes]
@@ -68,7 +67,8 @@ def leader(contest: Contest, poses: int) -> str:
     shown = [entry for entry in contest.of_size(poses) if entry.outcome == "better"]
     if not shown:
         return f"With {poses} poses no set is shown to be better than random ones."
-    return f"With {poses} poses the best of those shown to be better: {sentence(shown[0], contest)}"
+    best = sentence(shown[0], contest)
+    return f"With {poses} poses the best of those shown to be better: {best[:1].lower()}{best[1:]}"
 
 
 def advice(contest: Contest) -> str:
@@ -84,7 +84,8 @@ def advice(contest: Contest) -> str:
             "No set is shown to be better than random poses: take random ones, and put the effort "
             "into the model."
         )
-    text = f"Take the set shown best at your number of poses: {'; '.join(named)}."
+    sets = "; ".join(f"{name[:1].lower()}{name[1:]}" for name in named)
+    text = f"Take the set shown best at your number of poses: {sets}."
     missing = [str(poses) for poses, found in best.items() if not found]
     return text + (f" At {', '.join(missing)} poses random ones are as good." if missing else "")
 
@@ -100,11 +101,11 @@ def source(contest: Contest) -> str:
             "smaller u keeps its promise."
         )
     if largest.model <= largest.noise:
-        return f"Noise is worth {noise} mm rms {after}, what the model cannot follow {model} mm."
+        return f"Noise makes {noise} mm rms {after}, errors outside the model {model} mm."
     return (
-        f"What the model cannot follow is worth {model} mm rms {after}, noise only {noise} mm. "
-        "The promised u is about noise alone: here it does not say which set is better, and "
-        "another set of the same kind, as good by its criterion, may differ by several percent."
+        f"Errors outside the model make {model} mm rms {after}, noise only {noise} mm. The "
+        "promised u counts noise alone: here it does not say which set is better, and another set "
+        "of the same kind, as good by its criterion, may differ by several percent."
     )
 
 
@@ -181,7 +182,7 @@ def size_table(contest: Contest, poses: int) -> Table:
                 "efficiency": NONE if entry.efficiency is None else floored(entry.efficiency),
                 "mean error mm": error,
                 "against random": against,
-                "so it is": word,
+                "result": word,
                 "wins": wins,
                 "noise mm": millimetres(entry.noise, 2),
                 "model mm": millimetres(entry.model, 2) if entry.model else "0",

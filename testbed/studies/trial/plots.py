@@ -82,7 +82,7 @@ def error_distributions(trials: Sequence[Trial]) -> str:
             if k % columns == 0:
                 ax.set_ylabel("poses [%]")
             if k >= len(trials) - columns:
-                ax.set_xlabel("error of the tool point at most [mm]")
+                ax.set_xlabel("error of the tool point [mm]")
                 ax.tick_params(labelbottom=True)  # also above an empty place
         low, high = axes[0].get_xlim()
         log_ticks(axes[0].xaxis, low, high)

@@ -62,16 +62,15 @@ def headline_table(campaign: Campaign) -> Table:
         "noise-free truth, and what is stated of it",
         head=heads(
             f"trial, estimator, mean mm, p95 mm, max mm, {rotation}fitted mm, u mm, inside 95 %, "
-            "χ²/dof, believe"
+            "χ²/dof, believable"
         ),
         rows=tuple(rows),
         align="ll" + "r" * (len(rows[0]) - 3) + "l",
         strong=(1,),
         note="fitted: mean at the poses fitted to, noise included. u: of the mean tool point (3-D, "
-        "k = 1), as it is believed. inside: share of true points in the 95 % region. χ²/dof: "
-        "residuals against the stated noise. default: weighted rows, all numbers that can be told "
-        "apart. paper: 24 numbers, base and tool taken as known, unweighted rows; its u is what "
-        "such a fit claims.",
+        "k = 1), as believed. inside: share of true points in the 95 % region. χ²/dof: residuals "
+        "against the stated noise. default: weighted rows, all distinguishable numbers. paper: 24 "
+        "numbers, base and tool taken as known, unweighted rows; its u as that fit claims.",
     )
 
 
@@ -91,8 +90,8 @@ def accuracy_is_not_belief(campaign: Campaign) -> str:
                 held = float(one.inside.mean())
                 share = f"only {percent(held)}" if held else "none"
                 return (
-                    'A "no" in the table judges the stated uncertainty, not the accuracy: with '
-                    f"{trial.name} the {SHORT[one.mode]} estimator errs by less on average "
+                    'A "no" judges the stated uncertainty, not the accuracy: with '
+                    f"{trial.name} the {SHORT[one.mode]} estimator errs less on average "
                     f"({mean * MM:.4f} against {other * MM:.4f} mm), but its 95 % regions hold "
                     f"{share} of the true points."
                 )
@@ -125,8 +124,8 @@ def accuracy_section(campaign: Campaign, every_trial: Table | None = None) -> Se
 def distributions(trials: Sequence[Trial]) -> Figure:
     """Held-out errors before and after."""
     return Figure(
-        f"{listed([trial.name for trial in trials[: plots.MOST_PANELS]])}: share of the held-out "
-        f"poses whose tool point errs by at most so much{plots.only(trials)}.",
+        f"{listed([trial.name for trial in trials[: plots.MOST_PANELS]])}: share of held-out poses "
+        f"with a tool point error up to each size{plots.only(trials)}.",
         plots.error_distributions(trials[: plots.MOST_PANELS]),
     )
 
@@ -155,9 +154,9 @@ def truth_table(campaign: Campaign) -> Table:
         rows=tuple(rows),
         align="llrrrrrl"[: len(rows[0])],
         size="small",
-        note="By the covariance of the fit alone, but for believed. NEES / rank: 1 is honest. too "
-        "narrow: numbers whose intervals held the truth less often than 999 of 1000 honest studies "
-        "show, the worst named.",
+        note="From the covariance of the fit alone, except believed. NEES / rank: 1 is expected. "
+        "too narrow: numbers whose intervals held the truth less often than in 999 of 1000 honest "
+        "studies, the worst named.",
     )
 
 

@@ -27,7 +27,7 @@ BAD = "✗ The stated uncertainty must not be believed"
 OPEN = "? The stated uncertainty was not tested against the truth"
 NOISE = ("tracker noise", "joint repeatability", "gross errors")
 """Sources that more poses average out."""
-JUDGES = "further poses, on which nothing rests"
+JUDGES = "further poses, used for nothing else"
 GROSS = 0.5
 """Share of one robot's poses below which the covariance of a fit has failed, by itself."""
 
@@ -217,7 +217,7 @@ def next_step(campaign: Campaign) -> str:
     outliers = 0 if statement is None else len(statement.outlier_poses)
     if outliers and found.loss == "squared":
         return (
-            f"{counted(outliers, 'shot')} of the calibration do not fit the "
+            f"{counted(outliers, 'observation')} of the calibration do not fit the "
             "others (named below). Measure them again, or play the scenario with [identification] "
             f'loss = "cauchy". Until then quote {quoted}.'
         )
@@ -252,13 +252,13 @@ def errors_in_words(seen: Comparison) -> str:
 def more_poses(statement: Statement | None) -> str:
     """What four times the poses would make of u: they shrink noise, and hardly anything else."""
     if statement is None or statement.point is None:
-        return "Four times the poses would halve the part of the noise."
+        return "Four times as many poses would halve the noise part."
     noise = np.isin(statement.sources, NOISE)
     if [name for name in statement.sources if name not in NOISE] == ["prior"]:
         return "How much more poses would help, only a fit without the prior can say."
     part = float(np.sqrt((statement.source_u[noise] ** 2).sum()))
     return (
-        f"Four times the poses would halve the part of the noise, {micrometres(part, 2)} µm of "
+        f"Four times as many poses would halve the noise part, {micrometres(part, 2)} µm of "
         f"u = {micrometres(statement.point.u_mean, 2)} µm (3-D, k = 1)."
     )
 

@@ -270,7 +270,7 @@ def test_paper_mode_claims_what_ordinary_least_squares_claims():
     claimed = np.sqrt(result.variance * np.diag(np.linalg.inv(H.T @ H)))
     np.testing.assert_allclose(result.standard_uncertainty, claimed, rtol=1e-8)
     assert np.isnan(result.p_value)
-    assert "six freedoms" in result.notes[-1]
+    assert "six degrees of freedom" in result.notes[-1]
 
 
 def in_millimeters(model: RobotModel) -> RobotModel:

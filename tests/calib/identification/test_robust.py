@@ -201,7 +201,7 @@ def test_many_misfits_are_the_models_fault():
     table = wrong(clean, np.arange(0, 40, 2), rng)
     found = identify(tx60(), table, parameters_of(tx60(), WEN24), loss="cauchy")
     assert found.p_value < 1e-3
-    assert any("that many are no gross errors" in note for note in found.notes)
+    assert any("too many for gross errors" in note for note in found.notes)
     assert any("do not believe the intervals" in note for note in found.notes)
 
 

@@ -142,7 +142,7 @@ def test_what_is_known_of_the_campaign_is_in_the_statement():
     assert np.isnan(plain.point.radius_move)
     assert made.point.radius_mean > plain.point.radius_mean
     assert made.point.radius_move > 1.1 * made.point.radius_mean
-    assert "how well joints come back: a test" in made.trust.sentence
+    assert "joint repeatability: a test" in made.trust.sentence
     assert made.belief.covariance[0, 0] == pytest.approx(
         fit.full_covariance[0, 0] + (80e-6) ** 2, rel=1e-12
     )

@@ -36,7 +36,7 @@ def test_a_sound_fit_says_what_is_believed_and_that_no_test_proves_it():
     first, *rest = made.trust.sentences
     assert first.startswith(f"The mean tool point lies within {radius} (3-D radius")
     assert first.endswith("per axis is in it")
-    assert "that is no proof" in rest[-1]
+    assert "which is no proof" in rest[-1]
     assert "40 held-out poses guard the factor" in made.trust.sentence
     assert "stated noise is taken on trust" in made.trust.sentence
 

@@ -86,7 +86,7 @@ def test_many_misfits_are_the_model_s_fault():
     position[rows] += np.random.default_rng(0).normal(0, 2e-3, (len(rows), 3))
     found = calibrate(robot(), session_of(replace(table, position=position)), Options(seed=1))
     assert not found.gross.left_out.any()
-    assert any("that many are no gross errors" in text for text in found.warnings)
+    assert any("too many for gross errors" in text for text in found.warnings)
 
 
 def test_a_good_shot_that_the_model_misses_is_told_as_the_models_fault():

@@ -174,7 +174,7 @@ def test_a_drift_is_not_asked_for_on_a_tour_and_that_is_said():
     assert found.proof.drifting.void
     assert "drift" not in found.proof.questions.names
     assert "Whether the readings drift cannot be told: " in found.proof.trust.sentence
-    assert "drift: not asked, because poses near" in questions_table(found).note
+    assert "drift: not tested, because neighboring poses" in questions_table(found).note
 
 
 def test_rows_of_two_files_keep_the_order_of_their_own_times():

@@ -162,9 +162,11 @@ def test_what_may_be_quoted_follows_from_what_is_believed():
 def test_what_no_held_out_pose_can_show_is_said_to_be_in_no_figure():
     """A scale of the instrument, say, would make a sentence untrue that did not say so."""
     found, parts = sound(), shared_session()
-    assert any("share is in no figure: the session states" in text for text in reasons(found))
-    assert not any("share is in no figure" in text for text in reasons(parts))
-    for one, ending in ((found, "; what all readings share is not"), (parts, "all readings share")):
+    assert any(
+        "instrument are in no figure: the session states none" in text for text in reasons(found)
+    )
+    assert not any("are in no figure" in text for text in reasons(parts))
+    for one, ending in ((found, ", but no systematic errors"), (parts, ", and systematic errors")):
         promise = next(each.promise for each in statements_of(one) if each.key == "region_mean")
         assert promise.endswith(ending)
     told = found.proof.conformal.sentence

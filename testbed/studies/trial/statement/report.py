@@ -34,9 +34,9 @@ REFUTED = "✗"
 TINY = re.compile(r"p (= [0-9.]+e-[0-9]+|< 1e-300)")
 """A p-value that nobody reads."""
 BUDGET_NOTE = (
-    "Over the held-out poses (3-D, k = 1, rms). noise beyond the stated: what repeats ask for. "
-    "believed: all of it, wider where held-out poses ask for a larger k. discrepancy: what these "
-    "show beyond the parameters alone; no part of the sum."
+    "Over the held-out poses (3-D, k = 1, rms). noise beyond the stated: as repeats show. "
+    "believed: the sum, enlarged where held-out poses require a larger k. discrepancy: what these "
+    "show beyond the parameters alone; not part of the sum."
 )
 QUESTIONS = {"misfit": "misfit p", "another frame": "another frame p", "drift": "drift p"}
 LEAST_SOURCES = 3
@@ -61,7 +61,7 @@ def statement_blocks(campaign: Campaign) -> list[Block]:
         blocks.append(
             Figure(
                 "What each source leaves at the tool point, u over the held-out poses"
-                f"{plots.only(statements)}; open: no part of the sum.",
+                f"{plots.only(statements)}; open: not part of the sum.",
                 plots_uncertainty.budget_bars([(trial.name, one) for trial, one in shown]),
             )
         )
@@ -137,11 +137,11 @@ def statement_table(campaign: Campaign, statements: list[tuple[Trial, Statement]
         head=("trial", *(h for name in names for h in (f"{COLUMNS[name]} µm", "inside"))),
         rows=tuple(rows),
         size="small",
-        note="believed: mean of many moves; misfit up to its limit, shared errors and drift are in "
-        "it. parameters alone: if the model lacks nothing and the noise is as stated; "
-        f"{REFUTED}: contradicted. with discrepancy: if what the model lacks is alike everywhere. "
-        "conformal ball: of a further reading, noise and all; needs no model. inside: share of "
-        "true points; those of one robot share its error, so that it may miss 95 % by chance.",
+        note="believed: mean of many moves, with misfit up to its limit, shared errors and drift. "
+        "parameters alone: for a complete model and noise as stated; "
+        f"{REFUTED}: contradicted. with discrepancy: if model errors are alike everywhere. "
+        "conformal ball: for a further reading with its noise; needs no model. inside: share of "
+        "true points; one robot's points share its error, so 95 % may be missed by chance.",
     )
 
 
@@ -160,8 +160,9 @@ def question_table(statements: list[tuple[Trial, Statement]]) -> Table:
         rows=tuple(rows),
         align="l" + "r" * (len(asked) + 1) + "l",
         size="small",
-        note="p: chance of as much if nothing is wrong, adjusted (Holm). all readings: residuals "
-        "and held-out errors against the stated noise (Fisher). Nothing seen is no proof.",
+        note="p: probability of such readings if nothing is wrong, adjusted (Holm). all "
+        "readings: residuals and held-out errors against the stated noise (Fisher). Nothing found "
+        "is no proof.",
     )
 
 
@@ -176,7 +177,7 @@ def answer(statement: Statement) -> str:
         seen.append(f"{name}{by}")
     if not seen and not found.agree:
         return "larger than the noise"
-    return ", ".join(seen) or "nothing seen"
+    return ", ".join(seen) or "nothing found"
 
 
 def reasons(statement: Statement, *, brief: bool = False) -> tuple[str, ...]:
@@ -197,19 +198,18 @@ def reasons(statement: Statement, *, brief: bool = False) -> tuple[str, ...]:
     if point is not None and np.isnan(point.u_move):
         texts.insert(
             0,
-            "where one move ends is not stated: this scenario gives the joints no scatter of "
-            "their own",
+            "where one move ends is not stated: the joints have no repeatability error here",
         )
     lack = statement.lack_of_fit
     if lack is not None and not statement.trust.refuted:
         texts.append(
-            "all visits fitted together, no more misfit is seen than repeats scatter (F = "
+            "all visits fitted together show no misfit beyond the scatter of repeats (F = "
             f"{lack.ratio:.2f}, p = {significant(lack.p_value, 2)})"
         )
     if statement.larger_noise_u and statement.belief is not None:
         factor = statement.belief.misfit.larger_noise
         texts.append(
-            f"readings and repeats ask for {factor:.2f} times the stated noise: it is in the region"
+            f"readings and repeats show {factor:.2f} times the stated noise: the region has it"
         )
     texts += [*statement.outliers, *statement.warnings]
     return tuple(map(written, texts))

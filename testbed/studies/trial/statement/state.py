@@ -76,7 +76,7 @@ def state(
     outliers, misfits = np.sort(search.rows), search.outliers.sentences(first)
     if search.too_many:
         misfits = (
-            f"{len(search.suspects)} of {len(first)} shots do not fit: that many are no gross "
+            f"{len(search.suspects)} of {len(first)} observations do not fit: too many for gross "
             "errors; the model or the stated noise is wrong",
         )
     robust = result.loss != "squared"

@@ -204,7 +204,7 @@ def test_a_sentence_reads_as_it_should():
     assert said["v-29"].startswith("The V set by exchange of 29 is 10.0 % better than random sets")
     assert said["best-of-random-15"].startswith("The best of 100 random sets by D of 15 is 12.0 %")
     assert report_pose_sets.leader(contest, 15).endswith("better than random ones.")
-    assert "The V set by exchange" in report_pose_sets.leader(contest, 29)
+    assert "the V set by exchange" in report_pose_sets.leader(contest, 29)
 
 
 def test_a_set_that_is_better_leads_even_if_an_undecided_one_has_the_smaller_mean():
@@ -217,7 +217,7 @@ def test_a_set_that_is_better_leads_even_if_an_undecided_one_has_the_smaller_mea
     outcome = {e.trial.name: e.outcome for e in contest.entries}
     assert (outcome["v-29"], outcome["e-29"]) == ("better", "undecided")
     assert contest.of_size(29)[0].trial.name == "e-29"
-    assert "The V set by exchange" in report_pose_sets.leader(contest, 29)
+    assert "the V set by exchange" in report_pose_sets.leader(contest, 29)
 
 
 @pytest.mark.parametrize(

@@ -242,7 +242,7 @@ def test_what_is_stated_contains_the_systematic_part_and_the_words_do_not_promis
     noise = np.isin(told.sources, ("tracker noise", "joint repeatability"))
     part = np.sqrt((told.source_u[noise] ** 2).sum())
     assert advice.startswith(f"Quote {1e6 * told.point.radius_mean:.3g} µm (3-D radius, 95 %)")
-    assert f"halve the part of the noise, {1e6 * part:.2g} µm of u" in advice
+    assert f"halve the noise part, {1e6 * part:.2g} µm of u" in advice
     assert part < told.point.u_mean / 2
 
 
@@ -281,10 +281,10 @@ def test_chance_is_not_called_a_misfit_of_the_model_and_quiet_tests_are_no_proof
     told = estimate(rigid()).statement
     said = told.trust.sentence
     assert told.questions.combined > 0.05
-    assert "Nothing seen is no proof." in question_table([(rigid().trials[0], told)]).note
+    assert "Nothing found is no proof." in question_table([(rigid().trials[0], told)]).note
     assert "show a misfit" not in said
-    assert "that is no proof" in said
-    assert "would have been seen; less may hide" in said
+    assert "which is no proof" in said
+    assert "would have been detected; a smaller one may hide" in said
 
 
 def test_wrong_shots_are_named_by_pose_and_cost_next_to_nothing():
