@@ -3,7 +3,8 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import cho_solve_banded, cholesky_banded
+from scipy.linalg import solve_triangular
+from scipy.linalg.lapack import dpbtrf, dtbtrs
 
 from calib.arrays import Array, Index
 from calib.uncertainty.statement.shape import MisfitShape, of_poses, same_count
@@ -20,7 +21,7 @@ class Beside:
     band: Array
     """(w + 1, 3 m) inv(V0), lower bands."""
     X: Array
-    """(3 m, p + 1) inv(V0) [A, y]."""
+    """(3 m, p + 1) inv(V0) [A, y], its columns contiguous."""
     square: Array
     """(p + 1, p + 1) [A, y]' inv(V0) [A, y]."""
     logarithm: float
@@ -36,7 +37,7 @@ class Beside:
         References
         ----------
         S = sd^2 K x I3. |V0 + S| = |V0| |S| |L| and inv(V0 + S) = inv(V0) - inv(V0) inv(L) inv(V0)
-        with L = inv(S) + inv(V0).
+        with L = inv(S) + inv(V0), of which half the solution does.
         """
         new = 1 - kept**2
         own = np.append(1 / new, 1.0)
@@ -44,9 +45,11 @@ class Beside:
         L = self.band.copy()
         L[0] += np.repeat(own, 3) / sd**2
         L[3, :-3] -= np.repeat(kept / new, 3) / sd**2
-        root = cholesky_banded(L, lower=True, overwrite_ab=True, check_finite=False)
-        follows = self.X.T @ cho_solve_banded((root, True), self.X, check_finite=False)
-        m = len(own)
+        root, flaw = dpbtrf(L, lower=1, overwrite_ab=1)
+        if flaw:
+            raise np.linalg.LinAlgError("Matrix is not positive definite")
+        half, _ = dtbtrs(root, self.X, uplo="L")
+        follows, m = half.T @ half, len(own)
         logarithm = 3 * np.log(new).sum() + 6 * m * np.log(sd) + 2 * np.log(root[0]).sum()
         return _restricted(self.square - follows, self.logarithm + float(logarithm))
 
@@ -68,12 +71,12 @@ def beside_drift(
         low = row >= column
         band[(row - column)[low], column[low]] = inverse[low]
         white[at] = inverse @ X[at]
-    return Beside(band, white, X.T @ white, logarithm)
+    return Beside(band, np.asfortranarray(white), X.T @ white, logarithm)
 
 
 def _restricted(square: Array, logarithm: float) -> float:
     """Restricted log-likelihood from [A, y]' inv(V) [A, y] and ln|V|."""
     root = np.linalg.cholesky(square[:-1, :-1])
-    b = np.linalg.solve(root, square[:-1, -1])
+    b = solve_triangular(root, square[:-1, -1], lower=True, check_finite=False)
     logarithm += 2 * float(np.log(np.diag(root)).sum())
     return -0.5 * (logarithm + float(square[-1, -1] - b @ b))
