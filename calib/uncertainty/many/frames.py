@@ -4,7 +4,7 @@ import numpy as np
 from scipy.special import chdtrc
 
 from calib.arrays import Array
-from calib.uncertainty.many.gains import ManyGains, many_whiteners
+from calib.uncertainty.many.gains import ManyGains, halved, many_whiteners
 from calib.uncertainty.many.sights import ManyRowsSeen, ManySights
 from calib.uncertainty.statement.motion_fit import FOLLOWED
 
@@ -38,10 +38,9 @@ def motion_chances(seen: ManySights, gains: ManyGains, covariance: Array, upper:
     f, c = rows.shape[3], common.shape[3]
     J, shared, error, motion = np.split(white, [f, f + c, f + c + 1], axis=2)
     C = covariance + size[:, None, None] ** 2 * gains.misfit
-    V = np.eye(3 * n) + J @ C @ np.swapaxes(J, 1, 2) + shared @ np.swapaxes(shared, 1, 2)
-    both = np.concatenate([error, motion], axis=2)
-    root = np.linalg.cholesky((V + np.swapaxes(V, 1, 2)) / 2)
-    both = np.linalg.solve(root, both)
+    V = J @ C @ np.swapaxes(J, 1, 2) + shared @ np.swapaxes(shared, 1, 2)
+    V[:, range(3 * n), range(3 * n)] += 1.0
+    both = halved(V, np.concatenate([error, motion], axis=2))
     error, base, tool = both[..., :1], both[..., 1:7], both[..., 7:]
     chances = chdtrc(6, _fall(error, base)), chdtrc(3, _fall(error, tool))
     return np.asarray(np.minimum(*chances))

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg.lapack import dposv
+from scipy.linalg.lapack import dposv, dpotrf, dtrtrs
 
 from calib.arrays import Array, Index
 from calib.geometry.jacobian import joint_columns
@@ -93,6 +93,18 @@ def many_whiteners(covariance: Array) -> Array:
     """Whiteners (R, m, k, k) of covariances (R, m, k, k)."""
     k = covariance.shape[2]
     return whiteners(covariance.reshape(-1, k, k)).reshape(covariance.shape)
+
+
+def halved(covariance: Array, columns: Array) -> Array:
+    """Columns (R, n, k) whitened by Cholesky factors of covariances (R, n, n), which are lost."""
+    found = np.empty_like(columns)
+    for to, V, own in zip(found, covariance, columns, strict=True):
+        # of a transposed symmetric matrix, which LAPACK overwrites
+        root, flaw = dpotrf(V.T, lower=1, clean=0, overwrite_a=1)
+        if flaw:
+            raise np.linalg.LinAlgError("Matrix is not positive definite")
+        to[:] = dtrtrs(root, own, lower=1)[0]
+    return found
 
 
 def propagated(rows: Array, covariance: Array) -> Array:

@@ -16,7 +16,7 @@ from calib.identification.identify import Identification
 from calib.measurement.observations import Measurements
 from calib.uncertainty.conformal import conformal
 from calib.uncertainty.many.frames import motion_chances
-from calib.uncertainty.many.gains import ManyGains, gains_of, many_whiteners, propagated
+from calib.uncertainty.many.gains import ManyGains, gains_of, halved, many_whiteners, propagated
 from calib.uncertainty.many.memories import memory_chances
 from calib.uncertainty.many.misfits import ManyMisfits, misfits
 from calib.uncertainty.many.sights import ManyRowsSeen, ManySights, sights
@@ -111,9 +111,9 @@ def _held_out(seen: ManySights, spread: Array) -> tuple[Array, Array]:
     R, n = rows.shape[:2]
     white = (many_whiteners(N) @ rows).reshape(R, 3 * n, -1)
     J, w = white[..., :-1], white[..., -1:]
-    V = J @ seen.covariance @ np.swapaxes(J, 1, 2) + np.eye(3 * n)
-    root = np.linalg.cholesky((V + np.swapaxes(V, 1, 2)) / 2)
-    square = (np.linalg.solve(root, w) ** 2).sum(axis=(1, 2))
+    V = J @ seen.covariance @ np.swapaxes(J, 1, 2)
+    V[:, range(3 * n), range(3 * n)] += 1.0
+    square = (halved(V, w) ** 2).sum(axis=(1, 2))
     raw = np.swapaxes(e, 1, 2) @ e / n - spread.mean(axis=1) - N.mean(axis=1)
     values, axes = np.linalg.eigh((raw + np.swapaxes(raw, 1, 2)) / 2)
     positive = (axes * np.maximum(values, 0.0)[:, None]) @ np.swapaxes(axes, 1, 2)

@@ -7,7 +7,7 @@ import numpy as np
 
 from calib.arrays import Array
 from calib.uncertainty.statement.evidence import PositionRows, reduced
-from calib.uncertainty.statement.likelihood import HOPELESS, Grid, Likelihood, values_of
+from calib.uncertainty.statement.likelihood import HOPELESS, Grid, Likelihood
 from calib.uncertainty.statement.likelihood_systems import SMALL, OfNumbers, Pools, systems_of
 
 PART = 3.0
@@ -54,7 +54,8 @@ def likelihood_between(
         logarithms = np.log1p(t[:, None] ** 2 * lam).sum(axis=1)
         series = _series(2 * (s[at] - low) / PART - 1, TERMS)
         between = (series @ to_terms).T
-        values = values_of(tuple(found @ between), nodes, grid.log_g, n, p)
+        logarithm, square = found @ between
+        values = grid.values((logarithm, square), n, p)
         of_both[at] = values - (logarithms @ between)[:, None] / 2 - grid.known
         value = of_both[at].max(axis=1)
         if value[-1] < max(best, value.max()) - HOPELESS:

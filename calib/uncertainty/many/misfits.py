@@ -40,7 +40,7 @@ def misfits(seen: ManySights, gains: ManyGains, drop: float) -> ManyMisfits:
     for k, fit in enumerate(seen.fits):
         rows = PositionRows(X[k, :, :-1], X[k, :, -1], lam[k], float(noise[k]))
         unit = rows.noise_sd
-        values = likelihood_between(rows, unit, believed_before(fit))
+        values = likelihood_between(rows, unit, believed_before(fit, seen.precision[k]))
         if values is not None:
             best = values.size[np.argmax(values.value)]
             found[:, k] = unit * best, unit * values.limit(drop)

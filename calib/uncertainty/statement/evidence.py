@@ -123,16 +123,18 @@ def position_rows(
     return found
 
 
-def believed_before(identification: Identification) -> PositionRows:
-    """The prior as rows without misfit."""
-    precision, free = prior_precision(identification), identification.parameters
-    expected = np.zeros(free.n_free)
+def believed_before(identification: Identification, precision: Array | None = None) -> PositionRows:
+    """The prior as rows without misfit; its `precision` (f, f) if already at hand."""
+    free = identification.parameters
     if identification.prior is None:
         return PositionRows(np.zeros((0, free.n_free)), np.zeros(0), np.zeros(0), 0.0)
+    precision = prior_precision(identification) if precision is None else precision
+    expected = np.zeros(free.n_free)
     place = {name: k for k, name in enumerate(free.free_names)}
     at = [place[name] for name in identification.prior.names]
     expected[at] = (identification.prior.mean - identification.step[at]) / free.free_scale[at]
-    precision = precision[np.ix_(at, at)]
+    if at != list(range(free.n_free)):
+        precision = precision[np.ix_(at, at)]
     if diagonal(precision):
         root = np.diag(np.sqrt(np.diagonal(precision)))
     else:

@@ -91,7 +91,7 @@ def likelihood(
         for start in range(0, len(at), many):
             part = at[start : start + many]
             logarithms = np.log1p(t[part, None] ** 2 * lam).sum(axis=1)
-            values = values_of(systems.eliminated(t[part]), nodes, log_g, n, A.shape[1])
+            values = grid.values(systems.eliminated(t[part]), n, A.shape[1])
             of_both[part] = values - logarithms[:, None] / 2 - grid.known
             value = of_both.max(axis=1)
             if value[part[-1]] < value[: part[-1]].max(initial=-np.inf) - HOPELESS:
@@ -118,6 +118,8 @@ class Grid:
     """(g,) logarithms of the scale, about its most likely one."""
     nodes: Array
     """(3,) of these, where a system with a prior is solved."""
+    between: Array
+    """(g, 3) what makes values at the scales of those at the nodes, by parabolas."""
     known: Array
     """(g,) what minus the log-likelihood has from what is known of the scale."""
 
@@ -129,12 +131,28 @@ class Grid:
         log_g = center + STEP * np.arange(-reach, reach + 1.0)
         t = SMALLEST * np.exp(STEP * np.arange(-reach, _count() + reach))
         known = (log_g - center) ** 2 / (2 * sd**2) if repeats is None else repeats.against(log_g)
-        return cls(np.concatenate([[0.0], t]), log_g, center + NODES * sd, known)
+        powers, wanted = (np.vander(x, len(NODES)) for x in (NODES * sd, log_g - center))
+        between = np.asarray(np.linalg.solve(powers.T, wanted.T).T)
+        return cls(np.concatenate([[0.0], t]), log_g, center + NODES * sd, between, known)
 
     @property
     def reach(self) -> int:
         """Scales on either side of the most likely one."""
         return len(self.log_g) // 2
+
+    def values(self, found: tuple[Array, Array], n: int, p: int) -> Array:
+        """Log-likelihood (k, g) by size and scale but for ln|1 + t^2 lam| and what is `known`.
+
+        `found` are ln|H| and y'Py (nodes, k) of n rows and p numbers; one node: without a prior.
+        """
+        logarithm, square = found
+        less = np.exp(-2 * self.log_g)
+        if len(logarithm) == 1:
+            left = square[0, :, None] * less
+            return np.asarray(-(logarithm[0, :, None] + 2 * (n - p) * self.log_g + left) / 2)
+        square = square * np.exp(2 * self.nodes[:, None])
+        quadratic = (self.between @ square).T * less
+        return np.asarray(-((self.between @ logarithm).T + 2 * n * self.log_g + quadratic) / 2)
 
     def profile(self, of_both: Array) -> Likelihood:
         """The likelihood of sizes, from that of sizes in scaled noise and scales (k, g).
@@ -158,20 +176,3 @@ class Grid:
 def _count() -> int:
     """Sizes tried beside zero."""
     return int(np.log(LARGEST / SMALLEST) / STEP) + 1
-
-
-def values_of(found: tuple[Array, Array], nodes: Array, log_g: Array, n: int, p: int) -> Array:
-    """Log-likelihood (k, g) by size and scale of the noise but for ln|1 + t^2 lam| and the scale.
-
-    `found` are ln|H| and y'Py (nodes, k) of n rows and p numbers.
-    """
-    logarithm, square = found
-    if len(nodes) == 1:  # without a prior
-        left = square[0, :, None] * np.exp(-2 * log_g)
-        return np.asarray(-(logarithm[0, :, None] + 2 * (n - p) * log_g + left) / 2)
-    square = square * np.exp(2 * nodes[:, None])
-    center = nodes.mean()
-    powers = np.vander(nodes - center, len(nodes))
-    place = np.linalg.solve(powers.T, np.vander(log_g - center, len(nodes)).T).T
-    quadratic = (place @ square).T * np.exp(-2 * log_g)
-    return np.asarray(-((place @ logarithm).T + 2 * n * log_g + quadratic) / 2)

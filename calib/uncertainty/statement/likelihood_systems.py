@@ -46,20 +46,42 @@ class OfNumbers:
 
     def eliminated(self, t: Array) -> tuple[Array, Array]:
         """ln|H| and y'Py (nodes, k) of sizes t (k,)."""
-        scales, p = np.exp(-2 * self.nodes)[:, None, None, None], len(self.before)
-        raised, pivots = np.empty((len(scales), len(t))), np.empty((len(scales), len(t), p))
-        many, columns = len(t) if p <= SMALL else 1, np.ascontiguousarray(self.X.T)
-        for some in (slice(k, k + many) for k in range(0, len(t), many)):
-            pools = self.pools
-            H = _normal(columns, self.lam, t[some]) if pools is None else pools.normal(t[some])
-            whole = H * scales
+        scales, pools = np.exp(-2 * self.nodes), self.pools
+        columns = np.ascontiguousarray(self.X.T)
+        if self.X.shape[1] <= SMALL:
+            every = _normal(columns, self.lam, t) if pools is None else pools.normal(t)
+            whole = every * scales[:, None, None, None]
             whole += self.before
             # one factor serves both; the corner is raised, so that it has one where nothing is left
-            corner = whole[..., -1, -1]
-            raised[:, some] = corner + 1.0
-            corner += raised[:, some]
-            pivots[:, some] = _factors(whole).diagonal(0, 2, 3)
+            raised = whole[..., -1, -1] + 1.0
+            whole[..., -1, -1] += raised
+            pivots = np.linalg.cholesky(whole).diagonal(0, 2, 3)
+        else:
+            raised, pivots = self._in_turn(columns, t)
         return 2 * np.log(pivots[..., :-1]).sum(axis=2), pivots[..., -1] ** 2 - raised
+
+    def _in_turn(self, columns: Array, t: Array) -> tuple[Array, Array]:
+        """Raised corners (nodes, k) and pivots (nodes, k, p), one system after the other."""
+        scales = np.exp(-2 * self.nodes)
+        raised, pivots = (
+            np.empty((len(scales), len(t))),
+            np.empty((len(scales), len(t), len(columns))),
+        )
+        if self.pools is not None:
+            every = iter(self.pools.normal(t))
+        else:
+            every = (_normal(columns, self.lam, t[j : j + 1])[0] for j in range(len(t)))
+        for j, H in enumerate(every):
+            for k, scale in enumerate(scales):
+                whole = H * scale
+                whole += self.before
+                raised[k, j] = whole[-1, -1] + 1.0
+                whole[-1, -1] += raised[k, j]
+                factor, flaw = dpotrf(whole.T, lower=1, clean=0, overwrite_a=1)
+                if flaw:
+                    raise np.linalg.LinAlgError("Matrix is not positive definite")
+                pivots[k, j] = factor.diagonal()
+        return raised, pivots
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -134,19 +156,6 @@ def _tridiagonal(M: Array, y: Array) -> tuple[Array, Array, float]:
     work = int(dsytrd_lwork(len(y), lower=1)[0])
     _, own, beside, _, _ = dsytrd(M.T, lower=1, lwork=work)
     return own, beside, size**2
-
-
-def _factors(systems: Array) -> Array:
-    """Lower Cholesky factors of systems (j, k, p, p), which may be overwritten; above is anything.
-
-    Raises `LinAlgError` where there is none.
-    """
-    if systems.shape[2] <= SMALL:
-        return np.asarray(np.linalg.cholesky(systems))
-    for one in systems.reshape(-1, *systems.shape[2:]):
-        if dpotrf(one.T, lower=0, clean=0, overwrite_a=1)[1]:
-            raise np.linalg.LinAlgError("Matrix is not positive definite")
-    return systems
 
 
 def _normal(columns: Array, lam: Array, t: Array) -> Array:
