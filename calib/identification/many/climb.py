@@ -178,12 +178,11 @@ def fit_all(tasks: Iterable[Task]) -> None:
             continue
         rows = robot.sprung(sprung)
         one = rows.settled(ground.rows, loops=robot.plan.loops)
-        robot.fits[levels, k] = Fitted(one.numbers, rows.bent(one.numbers), one.loss, one.spread)
+        robot.fits[levels, k] = Fitted(one.numbers, one.loss, one.spread)
     for sprung, alike in few.items():
         springs = alike[0][0].plan.springs[sprung][0]
         systems = [robot.normal(sprung, levels, ground) for robot, ground, levels, _ in alike]
         normal, pull = (np.array(part) for part in zip(*systems, strict=True))
         found = settled_many(springs, normal, pull, alike[0][0].plan.loops)
         for (robot, _, levels, k), x, loss, spread in zip(alike, *found, strict=True):
-            bent = robot.sprung(sprung).bent(x)
-            robot.fits[levels, k] = Fitted(x, bent, float(loss), float(spread))
+            robot.fits[levels, k] = Fitted(x, float(loss), float(spread))

@@ -25,8 +25,6 @@ class Fitted(NamedTuple):
 
     numbers: Array
     """(s,) in units of their prior sd."""
-    bent: Array
-    """(n,) what they move."""
     loss: float
     spread: float
 
@@ -53,10 +51,10 @@ class Climber:
     rows: dict[Level, SprungRows] = field(default_factory=dict)
     pushed: dict[bytes, tuple[Array, Array]] = field(default_factory=dict)
     """Columns A of the products of springs, and A'A, by which columns they are."""
-    products: dict[tuple[tuple[Level, ...], bytes], tuple[Array, Array, Array]] = field(
+    products: dict[tuple[tuple[Level, ...], bytes], tuple[Array, Array, Array, Array]] = field(
         default_factory=dict
     )
-    """These on a ground: A, A'S A and A'v."""
+    """These on a ground: A, Y A, A'S A and A'v."""
 
     def at_noise(self, scale: float) -> "Climber":
         """The same with rows in units of a noise so many times the stated one."""
@@ -118,10 +116,10 @@ class Climber:
                 self.pushed[columns] = P, P.T @ P
             whole, (P, square) = self.ground(terms).rows, self.pushed[columns]
             told = whole.spent @ P
-            self.products[key] = P, square - told.T @ told, whole.v @ P
-        P, N, pull = self.products[key]
+            self.products[key] = P, told, square - told.T @ told, whole.v @ P
+        P, spent, N, pull = self.products[key]
         if isinstance(ground, Rest):
-            told = ground.new @ P
+            told = ground.told(P, spent)
             N, pull = N - told.T @ told, pull - ground.pulled @ told
         return N, pull
 
@@ -158,10 +156,14 @@ class Climber:
         for k, rows in enumerate(self.plan.part):
             rest = self._on(self.ground(terms), k)
             assert isinstance(rest, Rest)
-            left = rest.left(None if sprung is None else self.fits[levels, k].bent)
+            left = rest.left(None if sprung is None else self.bent(levels, sprung, k))
             left = self.metres[rows] @ (self.scale * left).reshape(-1, 6)[:, :3, None]
             away[rows] = np.sqrt((left[:, :, 0] ** 2).sum(axis=1))
         return np.asarray(np.bincount(pose, away) / np.bincount(pose))
+
+    def bent(self, levels: tuple[Level, ...], sprung: Level, k: int) -> Array:
+        """What the springs of a fit move (n,)."""
+        return self.sprung(sprung).bent(self.fits[levels, k].numbers)
 
     def noise(self, levels: tuple[Level, ...]) -> float:
         """Noise that a model leaves, one or more, in units of the stated one.
@@ -196,7 +198,8 @@ class Climber:
         found: dict[str, float] = {}
         if sprung is not None:
             fitted, sd = self.fits[levels, -1], self.plan.springs[sprung][0].sd
-            left, moved = left - under.times(fitted.bent), fitted.bent
+            moved = self.bent(levels, sprung, -1)
+            left = left - under.times(moved)
             found |= zip(sprung.names, (sd * fitted.numbers).tolist(), strict=True)
         turns = self.bends[2::3].reshape(-1, len(self.plan.pose), 6) / self.scale
         pushed = (turns * left.reshape(-1, 6)).sum(axis=2)

@@ -11,7 +11,8 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
-from scipy.linalg.lapack import dtrtri, dtrtrs
+from scipy.linalg.blas import dtrsm
+from scipy.linalg.lapack import dpotrf, dtrtri
 
 from calib.arrays import Array, Index
 
@@ -57,13 +58,13 @@ class Ground:
         """
         seen = X @ X.T + precision
         root = np.sqrt(np.diag(seen))
-        L = np.linalg.cholesky(seen / root[:, None] / root)
-        inner = dtrtri(L.T)[0].T / root
+        U = _factor(seen / root[:, None] / root)
+        inner = dtrtri(U)[0].T / root
         force = X @ r - precision @ offset
         pulled = inner @ force
         step = inner.T @ pulled
         loss = r @ r + offset @ precision @ offset - pulled @ pulled
-        spread = 2 * (np.log(np.diag(L)).sum() + np.log(root).sum())
+        spread = 2 * (np.log(np.diag(U)).sum() + np.log(root).sum())
         rows = RowsLeft(inner @ X, r - step @ X)
         return cls(float(loss), float(spread), lambda: rows), step
 
@@ -81,22 +82,21 @@ class Ground:
         told = rows.spent @ columns.T
         inner = products - told.T @ told
         inner[np.diag_indices(len(inner))] += 1.0
-        L = np.linalg.cholesky(inner)
-        pulled = dtrtrs(L.T, columns @ rows.v, lower=0, trans=1)[0].ravel()
+        U = _factor(inner)
+        pulled = _behind(U, columns @ rows.v)
 
         def made() -> RowsLeft:
-            new = dtrtrs(L.T, columns - told.T @ rows.spent, lower=0, trans=1)[0]
+            new = _behind(U, columns - told.T @ rows.spent)
             return RowsLeft(np.concatenate([rows.spent, new]), rows.v - pulled @ new)
 
-        spread = self.spread + 2 * np.log(np.diag(L)).sum()
+        spread = self.spread + 2 * np.log(np.diag(U)).sum()
         return Ground(float(self.loss - pulled @ pulled), float(spread), made)
 
     def rest(self, which: int, out: Index) -> "Rest":
         """Without part number `which`, some rows (l,)."""
         if which not in self.rests:
             own = self.rows.spent[:, out]
-            L = np.asarray(np.linalg.cholesky(np.eye(len(out)) - own.T @ own))
-            self.rests[which] = Rest(self.rows, out, L)
+            self.rests[which] = Rest(self.rows, out, _factor(np.eye(len(out)) - own.T @ own))
         return self.rests[which]
 
 
@@ -113,8 +113,8 @@ class Rest:
     """All rows."""
     out: Index
     """(l,) rows that are left out."""
-    L: Array
-    """(l, l) triangle of their part of S."""
+    U: Array
+    """(l, l) upper triangle of their part of S."""
 
     @cached_property
     def new(self) -> Array:
@@ -122,13 +122,17 @@ class Rest:
         spent = self.whole.spent
         across = -(spent[:, self.out].T @ spent)
         across[range(len(self.out)), self.out] += 1.0
-        return np.asarray(dtrtrs(self.L.T, across, lower=0, trans=1)[0])
+        return _behind(self.U, across)
+
+    def told(self, rows: Array, spent: Array) -> Array:
+        """What is new in Y times rows (n,) or columns of them (n, c), of which Y takes `spent`."""
+        own = rows[self.out] - self.whole.spent[:, self.out].T @ spent
+        return _behind(self.U, own)
 
     @cached_property
     def pulled(self) -> Array:
         """(l,) their part of v in units of the triangle."""
-        v = self.whole.v[self.out]
-        return np.asarray(dtrtrs(self.L.T, v, lower=0, trans=1)[0].ravel())
+        return _behind(self.U, self.whole.v[self.out])
 
     @cached_property
     def rows(self) -> RowsLeft:
@@ -138,5 +142,21 @@ class Rest:
 
     def left(self, bent: Array | None = None) -> Array:
         """What the others leave (l,) of the rows, where springs bend all rows by `bent` (n,)."""
-        found = self.pulled if bent is None else self.pulled - self.new @ bent
-        return np.asarray(dtrtrs(self.L.T, found, lower=0)[0].ravel())
+        found = self.pulled
+        if bent is not None:
+            found = found - self.told(bent, self.whole.spent @ bent)
+        return np.asarray(dtrsm(1.0, self.U, found[:, None])[:, 0])
+
+
+def _factor(A: Array) -> Array:
+    """Upper U with U'U = A, which is overwritten; its lower triangle counts."""
+    U, flaw = dpotrf(A.T, overwrite_a=True)
+    if flaw:
+        raise np.linalg.LinAlgError("Matrix is not positive definite")
+    return np.asarray(U)
+
+
+def _behind(U: Array, rows: Array) -> Array:
+    """Solve U'X = rows (k,) or (k, n), which are overwritten: from the right, they lie so."""
+    found = dtrsm(1.0, U, np.atleast_2d(rows.T), side=1, overwrite_b=True)
+    return np.asarray(found.T.reshape(rows.shape))
