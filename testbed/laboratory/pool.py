@@ -38,7 +38,9 @@ REMEDIES = (
 SAMPLE = 100
 """Rejected candidates kept for each reason, so that rare reasons can be looked at too."""
 PARTS = 10
-"""In which a block of candidates is tested."""
+"""In which a block of candidates is simulated."""
+AT_ONCE = 4000
+"""Candidates whose poses are held at once."""
 PATIENCE = ((200_000, 1e-4), (4_000, 1e-2))
 """After so many candidates (drawn; in the box), give up below this feasible share."""
 
@@ -127,10 +129,13 @@ class Candidates:
         while drawn - rejected.sum() < wanted:
             block = rng.uniform(lower, upper, (4 * wanted, len(lower)))
             block = block[is_new(block, taken)]
-            # in order: nothing is tested behind the last one wanted but the rest of its part
-            for part in np.array_split(block, PARTS):
+            some = np.array_split(block, 1 + len(block) // AT_ONCE)
+            near = np.concatenate([self._cheap_fault(each) for each in some])
+            # in order: nothing is simulated behind the last one wanted but the rest of its part
+            parts = (np.array_split(each, PARTS) for each in (block, near))
+            for part, reason in zip(*parts, strict=True):
                 blocks.append(part)
-                faults.append(self.first_fault(part))
+                faults.append(self._simulated_fault(part, reason))
                 rejected, drawn = rejected + counts(faults[-1]), drawn + len(part)
                 if drawn - rejected.sum() >= wanted:
                     break
@@ -156,11 +161,20 @@ class Candidates:
 
         Cheap tests first; a later test looks only at what the earlier ones left.
         """
-        settings, reason = self.settings, np.full(len(q), -1, dtype=np.int64)
+        return self._simulated_fault(q, self._cheap_fault(q))
+
+    def _cheap_fault(self, q: Array) -> Index:
+        """The same (m,) of the tests that arrays make."""
+        reason = np.full(len(q), -1, dtype=np.int64)
         reason[~self._in_box(q)] = BOX
         reason[(reason < 0) & ~self._keeps_margin(q)] = LIMITS
         left = np.flatnonzero(reason < 0)
         reason[left[~self.faces(q[left])]] = CONE
+        return reason
+
+    def _simulated_fault(self, q: Array, reason: Index) -> Index:
+        """The same after all tests, from what cheap ones say: a robot stands at what is left."""
+        settings = self.settings
         if settings.self_collision or self.simulator.obstacles:
             left = np.flatnonzero(reason < 0)
             itself, floor, obstacle = self.simulator.contacts(q[left])

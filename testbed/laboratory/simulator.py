@@ -97,17 +97,20 @@ class Simulator:
         """Let the robot stand at each row of q (m, n) in turn; yields the row."""
         import mujoco
 
+        model, data = self._model, self._data
+        place, move = data.qpos, mujoco.mj_kinematics
         for k, joints in enumerate(q):
-            self._data.qpos[:] = joints
-            mujoco.mj_kinematics(self._model, self._data)
+            place[:] = joints
+            move(model, data)
             yield k
 
     def _colliding(self, q: Array) -> Iterator[int]:
         """The same, with the contacts found."""
         import mujoco
 
+        model, data, meet = self._model, self._data, mujoco.mj_collision
         for k in self._standing(q):
-            mujoco.mj_collision(self._model, self._data)
+            meet(model, data)
             yield k
 
     def poses(self, q: ArrayLike, *, growth: Array | None = None) -> Array:
@@ -135,14 +138,16 @@ class Simulator:
         """What the robot hits at joint values q (m, n) [rad, m], parts taken as convex hulls."""
         q = joint_vectors(self._chain, q)
         itself, floor, obstacle = np.zeros((3, len(q)), dtype=bool)
-        obstacles = [k for k in self._surroundings() if k != self._floor]
+        data, ground = self._data, {self._floor}
+        obstacles = set(self._surroundings()) - ground
         for k in self._colliding(q):
-            if self._data.ncon:
-                pairs = self._data.contact.geom
-                below = (pairs == self._floor).any(axis=1)
-                beside = np.isin(pairs, obstacles).any(axis=1)
-                itself[k] = not (below | beside).all()
-                floor[k], obstacle[k] = below.any(), beside.any()
+            if data.ncon:
+                pairs = [set(pair) for pair in data.contact.geom.tolist()]
+                below, beside = (
+                    [not some.isdisjoint(pair) for pair in pairs] for some in (ground, obstacles)
+                )
+                itself[k] = not all(map(max, below, beside))
+                floor[k], obstacle[k] = any(below), any(beside)
         return Contacts(itself, floor, obstacle)
 
     def collides(self, q: ArrayLike) -> Bool:
@@ -230,12 +235,13 @@ class Simulator:
         out = np.zeros(len(q), dtype=bool)
         if self.above_floor(start) < 0:
             return out
-        model, data, tool = self._model, self._data, self._tool
+        model, data, carrier, ray = self._model, self._data, self._carrier, mujoco.mj_ray
+        origin, axes = data.site_xpos[self._tool], data.site_xmat[self._tool].reshape(3, 3)
         hit = np.zeros(1, dtype=np.int32)
         for k in self._standing(q):
-            beam = data.site_xpos[tool] + data.site_xmat[tool].reshape(3, 3) @ offset - start
+            beam = origin + axes @ offset - start
             # the answer is in units of the beam's own length; negative: nothing met
-            share = mujoco.mj_ray(model, data, start, beam, None, 1, self._carrier, hit)
+            share = ray(model, data, start, beam, None, 1, carrier, hit)
             out[k] = share < 0 or share > 1 - TOUCH
         return out
 
