@@ -51,7 +51,8 @@ def extended_model(nominal: RobotModel, mounted: Chain | None = None) -> RobotMo
         wanted = [*gravity_terms(chain.n_joints, quarters), *wanted]
     elif known.springs is None:
         springs, _ = felt_springs(weight_of(chain, mounted), postures(chain), axes=("z",))
-    added = tuple(term for term in wanted if term.name not in known.names)
+    held = set(known.names)
+    added = tuple(term for term in wanted if term.name not in held)
     sag = springs if springs is not None and len(springs.load) else None
     return replace(nominal, joint_errors=known.joined(JointErrors(added, springs=sag)))
 

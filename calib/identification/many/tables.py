@@ -183,14 +183,11 @@ def row_places(model: RobotModel, free: Index) -> Index:
     Rows of free numbers come last and in order; before them those that only others need: the own
     columns of joints that are held but have free terms.
     """
-    chain = model.chain
+    chain, joints = model.chain, np.array(model.joint_errors.joints, dtype=np.int64)
     wanted = np.zeros(model.n_numbers, dtype=bool)
     wanted[free] = True
-    hidden = {
-        6 + 5 * joint + int(chain.prismatic[joint])
-        for k, joint in enumerate(model.joint_errors.joints)
-        if wanted[chain.n_numbers + k]
-    } - set(free.tolist())
+    moved = joints[wanted[chain.n_numbers :][: len(joints)]]
+    hidden = {*(6 + 5 * moved + chain.prismatic[moved].astype(int)).tolist()} - {*free.tolist()}
     place = np.full(model.n_numbers, -1)
     place[[*sorted(hidden), *free]] = np.arange(len(hidden) + len(free))
     return place

@@ -168,9 +168,10 @@ def _guarded(
     within = np.sqrt(mahalanobis_squared(e, sigma))
     misses, ball = np.linalg.norm(e, axis=2), np.zeros(within.shape)
     far = misses > plain * np.sqrt(np.trace(sigma, axis1=2, axis2=3) / 3) * (1 - SPARE)
+    rank = int(np.ceil(probability * (n + 1) - 1e-9))
+    far &= far.sum(axis=1, keepdims=True) > n - rank  # so few are beyond the rank that is asked
     if far.any():
         ball[far] = plain * misses[far] / distance_radius(sigma[far], probability)
-    rank = int(np.ceil(probability * (n + 1) - 1e-9))
     scores = np.sort(np.stack([within, ball]), axis=2)[:, :, rank - 1].max(axis=0)
     return np.asarray(np.maximum(np.sqrt(chdtri(3, 1 - probability)), scores))
 
