@@ -10,10 +10,12 @@ from calib.uncertainty.statement.evidence import PositionRows, reduced
 from calib.uncertainty.statement.likelihood import HOPELESS, Grid, Likelihood
 from calib.uncertainty.statement.likelihood_systems import SMALL, OfNumbers, Pools, systems_of
 
-PART = 3.0
-"""Length of one polynomial in s = ln(1 + c t^2)."""
-TERMS = 18
-"""Of one polynomial: see below."""
+PARTS = ((2.4, 16), (3.0, 18))
+"""Length in s = ln(1 + c t^2) and terms of the first polynomial and of all others: see below. The
+first is all that most robots need of whom the model misses little."""
+ALIKE, UNLIKELY = 3.0, 10.0
+"""Rows whose shares of misfit differ by less than this, in logarithms, deny larger sizes alike: a
+fall by so much is as good as one by `HOPELESS`."""
 POOLS = 16
 """Most sums over rows that are made instead of one for each size."""
 
@@ -29,7 +31,7 @@ def likelihood_between(
     wherever |Im s| < pi: there no 1 + t^2 lam is zero, and the imaginary parts of all weights
     1 / (1 + t^2 lam) have one sign, so that H, a sum of these and a positive prior, has no null
     vector. A polynomial in Chebyshev points of a stretch L falls short of such functions by
-    rho^-TERMS, rho = b + sqrt(1 + b^2) with b = 2 pi / L (Trefethen 2013, theorem 8.2): 1e-12.
+    rho^-terms, rho = b + sqrt(1 + b^2) with b = 2 pi / L (Trefethen 2013, theorem 8.2): 4e-12.
     """
     both = rows if before is None or not len(before.y) else rows.joined(before)
     A = reduced(both.A, None if before is None else before.A)
@@ -43,22 +45,22 @@ def likelihood_between(
         systems = replace(systems, pools=systems.pools or pooled(systems.X, lam))
     most = max(float(lam.max()), float(grid.t[-1]) ** -2)
     s = np.log1p(most * grid.t**2)
-    x, to_terms = _chebyshev(TERMS)
+    alike = lam.max() < np.exp(ALIKE) * lam.min()
     of_both, start, best = np.full((len(s), len(grid.log_g)), -np.inf), 0, -np.inf
     while start < len(s):
-        low = s[start]
-        end = int(np.searchsorted(s, low + PART, side="right"))
-        at = slice(start, end)
-        t = np.sqrt(np.expm1(low + PART * (x + 1) / 2) / most)
-        found = np.stack(systems.eliminated(t))  # (2, nodes, TERMS)
+        low, (length, terms) = s[start], PARTS[start > 0]
+        end = int(np.searchsorted(s, low + length, side="right"))
+        at, (x, to_terms) = slice(start, end), _chebyshev(terms)
+        t = np.sqrt(np.expm1(low + length * (x + 1) / 2) / most)
+        found = np.stack(systems.eliminated(t))  # (2, nodes, terms)
         logarithms = np.log1p(t[:, None] ** 2 * lam).sum(axis=1)
-        series = _series(2 * (s[at] - low) / PART - 1, TERMS)
+        series = _series(2 * (s[at] - low) / length - 1, terms)
         between = (series @ to_terms).T
         logarithm, square = found @ between
         values = grid.values((logarithm, square), n, p)
         of_both[at] = values - (logarithms @ between)[:, None] / 2 - grid.known
         value = of_both[at].max(axis=1)
-        if value[-1] < max(best, value.max()) - HOPELESS:
+        if value[-1] < max(best, value.max()) - (UNLIKELY if alike else HOPELESS):
             break  # larger ones are less likely still
         best, start = max(best, float(value.max())), end
     return grid.profile(of_both)
