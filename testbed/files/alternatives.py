@@ -77,11 +77,18 @@ def alternatives_of(
         length = Alternative("length", condition, fix, "M21", "length")
         yield length, replace(rows, position=rows.position * factor)
     yield from _joints(rows, chain)
+    for a, b in combinations(range(3 if rows.rotation is not None else 0), 2):
+        condition = f"if the columns {'xyz'[a]} and {'xyz'[b]} are swapped"
+        fix = "name them the other way round"
+        swap = Alternative("swap", condition, fix, "M32", f"{'xyz'[a]}_mm")
+        yield swap, replace(rows, position=_swapped(rows.position, a, b))
     # points in a mirror are the same points, whichever axis it turns
     for axis, name in enumerate("xyz" if rows.rotation is not None else "x"):
-        which = f"{name} has" if rows.rotation is not None else "one of x, y, z has"
+        condition = f"if {name} has the other sign"
+        if rows.rotation is None:
+            condition = "if one of x, y, z has the other sign or two are swapped"
         fix = "the frame is left-handed: check the axes of the export"
-        mirror = Alternative("mirror", f"if {which} the other sign", fix, "M32", f"{name}_mm")
+        mirror = Alternative("mirror", condition, fix, "M32", f"{name}_mm")
         yield mirror, replace(rows, position=_flipped(rows.position, axis))
     if rows.rotation is not None:
         yield from _directions(rows, rows.rotation)
@@ -119,6 +126,11 @@ def _joints(rows: Interpretation, chain: Chain) -> Iterator[tuple[Alternative, I
         name, condition = f"q{j + 1}", f"if joint {j + 1} turns the other way"
         sign = Alternative("sign", condition, f"change the sign of {name}", "M20", name)
         yield sign, replace(rows, q=_flipped(rows.q, j))
+    for a, b in combinations(np.flatnonzero(turning).tolist(), 2):
+        condition = f"if the columns q{a + 1} and q{b + 1} are swapped"
+        fix = "name them the other way round"
+        swap = Alternative("swap", condition, fix, "M20", f"q{a + 1}")
+        yield swap, replace(rows, q=_swapped(rows.q, a, b))
     for a, b in ((1, 2), (4, 5)):
         if b >= chain.n_joints or not (turning[a] and turning[b]):
             continue
@@ -176,6 +188,13 @@ def some_rows(
         unit = Alternative("joints", condition, "write all rows in one unit", "M20", "joints")
         factor = np.where(small[:, None] & turning, 1 / TURN, 1.0)
         yield unit, replace(rows, q=rows.q * factor)
+
+
+def _swapped(values: Array, a: int, b: int) -> Array:
+    """Values (m, k) with two columns in each other's place."""
+    order = np.arange(values.shape[1])
+    order[[a, b]] = b, a
+    return values[:, order]
 
 
 def _flipped(values: Array, column: int) -> Array:

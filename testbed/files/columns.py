@@ -120,3 +120,10 @@ def misspelling(names: Iterable[str]) -> str:
     """The hint on the first name that is none of ours and close to one of them, or nothing."""
     hints = (close_to(name) for name in names if not is_known(name))
     return next(filter(None, hints), "")
+
+
+def misspelt_reading(names: Iterable[str]) -> str:
+    """The same of columns that were measured: what says when or which does not help there."""
+    aside = {f'did you mean "{name}"?' for name in (*TEXTS, *NUMBERS, *COUNTS)}
+    hints = (close_to(name) for name in names if not is_known(name))
+    return next((hint for hint in hints if hint and hint not in aside), "")

@@ -6,7 +6,7 @@ import numpy as np
 
 from calib.arrays import Array, Bool
 from calib.geometry.frames import inverse, transform
-from testbed.files.columns import COMMANDED, TEXTS, close_to, is_known, misspelling
+from testbed.files.columns import COMMANDED, TEXTS, close_to, is_known, misspelt_reading
 from testbed.files.dialects.tables import FramesTable, ObservedTable, PointsTable, RangesTable
 from testbed.files.joints import extra_columns, extras_of
 from testbed.files.readings import Readings, plain_readings
@@ -35,7 +35,7 @@ def section_of(table: DataTable) -> ObservedTable:
         return FramesTable()
     if any(table.find("length", stem) for stem in ("x", "range", "difference_x")):
         return PointsTable()
-    hint = misspelling(table.names)
+    hint = misspelt_reading(table.names)
     raise refusal(
         table.where, "columns", "has no readings", value=", ".join(table.names)[:200],
         allowed="needed: x_mm y_mm z_mm (also _m), with qw qx qy qz, rx_deg ry_deg rz_deg or r11 "
@@ -185,7 +185,7 @@ def _positions(table: DataTable, section: ObservedTable) -> tuple[Array, Columns
             table.where, "columns", "has no positions",
             allowed="x_mm y_mm z_mm, or range_mm azimuth_deg elevation_deg (or zenith_deg); "
             + table.found(),
-            fix=misspelling(table.names),
+            fix=misspelt_reading(table.names) or "name the columns so",
         )  # fmt: skip
     used = together(reach, azimuth, height)
     r, a, e = table.values(used).T

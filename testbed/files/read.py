@@ -87,7 +87,7 @@ def read_session(
         Names the file, the line, the thing, what was allowed and the likely fix.
     """
     options = ReadOptions() if options is None else options
-    file = _session_file(Path(data))
+    file = session_file(Path(data))
     real(file, field="measurements", code="S37")
     toml = file if config is None and file.suffix.lower() == ".toml" else config
     settings, first = CampaignFile(), list[SourceFile]()
@@ -221,7 +221,7 @@ def read_held_out(
     A CSV says nothing of its own about units, conventions and uncertainties: what the session.toml
     of `data` says holds for it, too, but for the files that are named there.
     """
-    file, main = _session_file(test), _session_file(data)
+    file, main = session_file(test), session_file(data)
     own = config is not None or file.suffix.lower() == ".toml" or main.suffix.lower() != ".toml"
     if own:
         return read_session(test, robot, config=config, options=options)
@@ -231,7 +231,7 @@ def read_held_out(
         raise error.located(str(file)) from error
 
 
-def _session_file(path: Path) -> Path:
+def session_file(path: Path) -> Path:
     """The session.toml of a folder, or the file itself."""
     if not is_there(path, Path.is_dir):
         return path

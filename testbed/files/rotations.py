@@ -51,7 +51,8 @@ def rotations(form: str, numbers: ArrayLike) -> Array:
 
 def _from_quaternions(values: Array) -> Array:
     """Rotations (m, 3, 3) of quaternions (m, 4), w first, of any length."""
-    unit = values / np.linalg.norm(values, axis=1, keepdims=True)
+    length = np.linalg.norm(values, axis=1, keepdims=True)
+    unit = values / np.where(length > 0, length, 1.0)  # one of length 0 is refused elsewhere
     vector = unit[:, 1:]
     half = np.linalg.norm(vector, axis=1)
     angle = 2 * np.arctan2(half, unit[:, 0])

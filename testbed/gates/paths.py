@@ -75,9 +75,13 @@ def near(path: Path, otherwise: str = "check the path") -> str:
     if not is_there(folder, Path.is_dir):
         return f"there is no folder {folder}"
     with suppress(OSError, ValueError):
-        names = [one.name for one in islice(folder.iterdir(), MOST) if one.name[0] != "."]
-        if hint := name_meant(path.name, names):
-            name = hint.partition('"')[2].rpartition('"')[0]
+        there = [Path(one.name) for one in islice(folder.iterdir(), MOST) if one.name[0] != "."]
+        # endings would make strangers alike
+        alike = {one.stem: one.name for one in there if one.suffix == path.suffix}
+        other = sorted(one.name for one in there if one.stem == path.stem)
+        hint = name_meant(path.stem, [stem for stem in alike if stem != path.stem])
+        name = alike[hint.partition('"')[2].rpartition('"')[0]] if hint else "".join(other[:1])
+        if name and name != path.name:
             return f'did you mean "{folder / name}"?'
     return otherwise
 

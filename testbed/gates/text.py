@@ -32,6 +32,7 @@ FOREIGN = (
     (b"\x89HDF", "an HDF5 or MATLAB file"),
     (b"\xd0\xcf\x11\xe0", "an old Excel workbook"),
     (b"%PDF", "a PDF"),
+    *((first, "a page of HTML or XML") for first in (b"<!", b"<?", b"<html", b"<HTML")),
 )
 """First bytes of what is no text, and what to call it."""
 

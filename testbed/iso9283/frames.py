@@ -66,6 +66,16 @@ def in_command_frame(test: CycleTest) -> tuple[CycleTest, Array, str]:
             f"6 of the {3 * found.points} degrees of freedom"
         )
         return _moved(test, found.T), found.T, told
+    if shift := _shift_of(test):
+        rows = "one row" if abs(shift) == 1 else f"{abs(shift)} rows"
+        raise refusal(
+            where, "pose_id",
+            f"the readings lie {significant(found.before * MM)} mm (rms) from the commands, and "
+            f"{significant(_before(test, shift) * MM)} mm from those {rows} further "
+            f"{'down' if shift > 0 else 'up'}",
+            code="M31", allowed="each reading stands beside its command",
+            fix=f"move the readings {rows} {'down' if shift > 0 else 'up'}",
+        )  # fmt: skip
     if test.fitted is None and not found.flat and found.before > max(LEAST, TIMES * found.after):
         raise refusal(
             where, "iso9283.frame",
@@ -81,6 +91,23 @@ def in_command_frame(test: CycleTest) -> tuple[CycleTest, Array, str]:
         before = significant(found.before * MM)
         told += f"; a best fit would lower the rms deviation from {before} to {after} mm"
     return test, np.eye(4), told
+
+
+def _shift_of(test: CycleTest) -> int:
+    """Rows by which the readings stand away from their commands, in cycles of the same order; 0."""
+    if test.visits is None or len(test.visits.command) < FEWEST_POINTS:
+        return 0
+    stated = _before(test, 0)
+    best = min((1, -1, 2, -2), key=lambda shift: _before(test, shift))
+    far = stated > max(LEAST, TIMES * _before(test, best))
+    return best if far else 0
+
+
+def _before(test: CycleTest, shift: int) -> float:
+    """Rms deviation of the poses from the commands some poses further on [m]."""
+    assert test.visits is not None
+    seen, sent = test.visits.position.mean(axis=1), test.visits.command
+    return float(np.sqrt(np.square(seen - np.roll(sent, -shift, axis=0)).sum(axis=1).mean()))
 
 
 def fit_of(test: CycleTest, where: str) -> Fit:

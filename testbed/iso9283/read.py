@@ -8,12 +8,12 @@ import numpy as np
 
 from calib.errors import refuse
 from testbed.files.dialects.tables import CyclesTable
-from testbed.files.read import ReadOptions
+from testbed.files.read import ReadOptions, session_file
 from testbed.files.session import Sources
 from testbed.files.session_toml import SESSION_FILE, SessionFile
 from testbed.files.visits.tables import CampaignFile
 from testbed.gates.mistakes import validated
-from testbed.gates.paths import is_there, real
+from testbed.gates.paths import real
 from testbed.gates.text import SourceFile
 from testbed.gates.toml import read_toml_bytes, toml_document
 from testbed.iso9283.grouped import Commands, paths_in, visits_in
@@ -42,7 +42,7 @@ def read_test(
     """
     options = ReadOptions() if options is None else options
     path = Path(data)
-    file = path / SESSION_FILE if is_there(path, Path.is_dir) else path
+    file = session_file(path)
     real(file, field="DATA", code="S37")
     toml = file if config is None and file.suffix.lower() == ".toml" else config
     settings: SessionFile = SessionFile()

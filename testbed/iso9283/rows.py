@@ -13,7 +13,7 @@ from testbed.files.columns import COMMANDED, COUNTS, misspelling
 from testbed.files.dialects.tables import CyclesTable, FramesTable
 from testbed.files.observed import misspelt_columns, read_observed, section_of, unused_columns
 from testbed.files.readings import Readings, copied_rows, lost_readings
-from testbed.files.refusal import refusal, require_names
+from testbed.files.refusal import no_rows, refusal, require_names
 from testbed.files.session import rows_of
 from testbed.files.session_toml import SessionFile, UncertaintyTable
 from testbed.files.table import Columns, DataTable
@@ -94,6 +94,8 @@ def read_rows(
         Names the file, the line and the column.
     """
     table = table_in(text, settings, section)
+    if not len(table):
+        raise no_rows(table.where)
     readings, stated = _readings(table, section, settings, drop=drop)
     good, lost = lost_readings(readings, ())
     readings = readings.rows(good)

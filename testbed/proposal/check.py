@@ -162,7 +162,8 @@ def _table(file: Path, arm: Robot | None) -> list[str]:
     try:
         return [*said, *_read(file, arm)]
     except InputError as error:
-        if error.code not in ("M24", "M33", "M35"):
+        of_a_line = error.where.rpartition(":")[2].isdigit()
+        if of_a_line or error.code not in ("M24", "M33", "M35"):
             raise
         # not in the layout of the project: a session.toml says what is meant
         return [*said, f"identify needs a session.toml: truebed new session {file} --robot ROBOT"]

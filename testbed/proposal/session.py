@@ -11,7 +11,10 @@ from testbed.proposal.parts import Document
 from testbed.proposal.tried import tried_with
 from testbed.proposal.verdict import verdict_on
 from testbed.robots.robot import Robot
+from testbed.units import counted
 
+MOST_JOINTS = 20
+"""Above the number of joints that a file has columns of."""
 JOINTS = 6
 """Of a robot that nobody names."""
 
@@ -127,10 +130,33 @@ def _proposed(looks: tuple[Found, ...], robot: Robot | None, root: Path) -> Prop
         tried = "no robot was named: units and conventions are by size and by custom"
         return Proposed(first.document, first.notes, tried, False)
     if first.jointless:
+        _require_joints(looks, robot)
         tried = "there are no joints: nothing could be tried"
         return Proposed(first.document, first.notes, tried, False)
     best, tried, fits = tried_with(drafts, looks, robot, root)
+    there = max(len(_joints(one)) for one in looks)
+    if not fits and there > n:
+        tried += f". There are {there} joints, and {robot.name} has {n}"
     return Proposed(best.document, best.notes, tried, fits)
+
+
+def _joints(look: Found) -> set[int]:
+    """Numbers of the joints that a file has columns of."""
+    return {k for k in range(1, MOST_JOINTS) if f"q{k}" in look.stems or f"q{k}_read" in look.stems}
+
+
+def _require_joints(looks: tuple[Found, ...], robot: Robot) -> None:
+    """Refuse a file with some of the joints: there is no other one to name."""
+    n = robot.model.chain.n_joints
+    for look in looks:
+        there = _joints(look)
+        if missing := sorted(set(range(1, n + 1)) - there) if there else []:
+            shown = ", ".join(f"q{k}" for k in missing)
+            raise refusal(
+                str(look.path), "joints",
+                f"has columns for {counted(len(there), 'joint')}, and none for {shown}",
+                allowed=f"{robot.name} has {n} joints", fix="give all of them, or another ROBOT",
+            )  # fmt: skip
 
 
 def _count(looks: tuple[Found, ...]) -> int:

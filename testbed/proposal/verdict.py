@@ -5,6 +5,7 @@ from pathlib import Path
 
 from calib.errors import InputError
 from testbed.files.cleaned import readings_of, sheet_of, table_in
+from testbed.files.columns import is_known
 from testbed.files.read import whole_session
 from testbed.files.session import Session, Sources
 from testbed.files.session_toml import SESSION_FILE, SessionFile
@@ -93,7 +94,8 @@ def _cells(settings: SessionFile, sources: Sources) -> tuple[str, ...]:
                 file, "joints", sheet_of(own, cleaned.section, file)
             )  # fmt: skip
             table = table_in(text, settings, own, cleaned.section)
-            joints = [name for name in table.names if name[0] == "q" and name[1:2].isdigit()]
+            joints = [name for name in table.names if name[0] == "q" and name[1:2].isdigit()
+                      and is_known(name)]  # fmt: skip
             valid_rows(table, Columns(tuple(joints)), drop=False)
     except InputError as error:
         refused.append(str(error))

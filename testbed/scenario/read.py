@@ -1,6 +1,7 @@
 """The scenario file: read strictly, checked against its robot, written with every default."""
 
 import json
+import shlex
 from collections.abc import Callable, Collection, Mapping
 from copy import deepcopy
 from pathlib import Path
@@ -9,7 +10,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from calib.errors import refuse
-from testbed.assets import scene_names, scenes
+from testbed.assets import robot_names, scene_names, scenes
 from testbed.gates.paths import near, real
 from testbed.gates.toml import read_toml_bytes, toml_document
 from testbed.scenario.contradictions import contradictions
@@ -27,6 +28,7 @@ from testbed.scenario.origin import (
 from testbed.scenario.presets import given_in, resolved, written
 from testbed.scenario.scenario import FORMAT, Scenario, ScenarioFile, StudyTable
 from testbed.scenario.stale import CALLED, OLD, copied_fault, filled_scenario, stale
+from testbed.store.foreign import foreign
 from testbed.strict import (
     Fault,
     KeyPath,
@@ -38,6 +40,12 @@ from testbed.strict import (
     toml_lines,
     toml_value,
 )
+
+TABLE = ("a table", "to calibrate from measurements, type truebed new session {}")
+ROBOT = ("the description of a robot", "to begin a scenario for it, type truebed new scene {}")
+OTHERS = dict.fromkeys((".csv", ".tsv", ".txt", ".xlsx"), TABLE)
+OTHERS |= dict.fromkeys((".urdf", ".xml", ".mjcf", ".xacro"), ROBOT)
+"""What files of other endings are, and what they are for."""
 
 
 def scenario_path(name_or_path: str | Path) -> tuple[Path, str]:
@@ -52,10 +60,22 @@ def scenario_path(name_or_path: str | Path) -> tuple[Path, str]:
         is_file = is_folder = False
     if is_folder and (path / "scenario.toml").is_file():
         return path / "scenario.toml", str(path / "scenario.toml")
+    if is_folder and text:
+        told, fix = foreign(path)
+        raise refuse(
+            "SCENE", text, code="S37", message=f"{text} has no scenario.toml: {told}", fix=fix
+        )
+    if is_file and (kind := OTHERS.get(path.suffix.lower())):
+        what, fix = kind
+        message = f"{text} is {what}, and a scenario is a .toml"
+        raise refuse("SCENE", text, code="S37", message=message, fix=fix.format(shlex.quote(text)))
     if not is_file:
         names = ", ".join(scene_names())
         allowed = f"scenes that ship: {names}" if names else "no scenes ship with this copy"
         fix = name_meant(text, scene_names())
+        if name_meant(text, robot_names()) and not fix:
+            robot = name_meant(text, robot_names()).partition('"')[2].rpartition('"')[0]
+            fix = f"to begin one for a robot, type truebed new scene {robot}"
         if path.suffix or len(path.parts) > 1 or not fix:
             fix = near(path, fix or "give a scene name or the path of a .toml")
         message = f'there is no scene or file "{text}"'

@@ -19,6 +19,8 @@ from testbed.scenario.planning import StationSettings
 
 BESIDE = 0.5
 """A tracker stands at least so far outside the robot's reach [m]."""
+METERS = 0.05
+"""A station so near the base was stated in meters [m]."""
 NEAREST = 0.8
 """Nearest target a tracker is asked to measure [m]."""
 NAMED = 5
@@ -112,11 +114,12 @@ def require_station(bench: Bench, station: Array, name: str, field: str) -> None
         raise refusal(message, "", "put the tracker above the floor")
     needed = reach(chain, bench.robot.limits) + BESIDE
     if np.linalg.norm(station) < needed:
+        meters = 0 < np.linalg.norm(station) < METERS
         raise refusal(
             f"is {np.linalg.norm(station):.2f} m from the base: the tracker would stand in the "
             "robot's work space",
             f"it needs {needed:.2f} m or more, the arm's length and {BESIDE:g} m",
-            "move the tracker away from the robot",
+            "it is in mm: are these meters?" if meters else "move the tracker away from the robot",
         )
 
 

@@ -100,6 +100,8 @@ IDENTIFIES = {
     "a folder with session.toml; give the table of what was measured at its poses. [S38]",
     "runs/ident": "runs/ident: is the folder of a calibration already; a table, or a folder with "
     "session.toml; give the files it was made from. [S38]",
+    "page.csv": "page.csv: is a page of HTML or XML; measurements are read from text only, and "
+    "nothing is unpacked; save the table as CSV. [S39]",
     "tables": "tables: has no session.toml: it holds a.csv, b.csv, c.csv, d.csv and 1 more; a "
     "table, or a folder with session.toml; to calibrate from measurements, type truebed new "
     "session tables/a.csv. [S38]",
@@ -112,6 +114,7 @@ IDENTIFIES = {
 @pytest.mark.parametrize("data", IDENTIFIES)
 def test_identify_says_what_it_was_given_instead_of_measurements(data, here):
     Path("runs/campaign").mkdir()
+    Path("page.csv").write_text("<!DOCTYPE html><html><body>Log in</body></html>\n")
     about = {"format": 1, "scenario_sha256": "0", **VERSIONS}
     Path("runs/campaign/manifest.json").write_bytes(pretty_json(about))
     done = call("identify", "staubli_tx60", data, "--out", "out")
@@ -130,6 +133,25 @@ def test_a_robot_is_known_by_a_part_of_its_name(word, meant, here):
     said = call("robots", "abc").stderr
     assert said.endswith("there is kuka_iiwa7, staubli_tx60, universal_ur10. [S37]\n")
     assert 'did you mean "robot/robot.toml"?' in call("robots", "robot/robt.toml").stderr
+
+
+@pytest.mark.parametrize(
+    ("scene", "told"),
+    [
+        ("tables/a.csv", "tables/a.csv is a table, and a scenario is a .toml; to calibrate from "
+         "measurements, type truebed new session tables/a.csv. [S37]"),
+        ("arm.urdf", "arm.urdf is the description of a robot, and a scenario is a .toml; to begin "
+         "a scenario for it, type truebed new scene arm.urdf. [S37]"),
+        ("empty", "empty has no scenario.toml: it holds any.txt; give a folder that truebed wrote. "
+         "[S37]"),
+        ("UR10", "to begin one for a robot, type truebed new scene universal_ur10. [S37]"),
+    ],
+)  # fmt: skip
+def test_what_is_no_scene_is_told_with_the_way_on(scene, told, here):
+    Path("arm.urdf").write_text("<robot/>")
+    for verb in ("run", "plan"):
+        done = call(verb, scene)
+        assert (done.exit_code, done.stderr.endswith(f"{told}\n")) == (2, True), done.stderr
 
 
 def test_a_scene_is_known_by_a_part_of_its_name_or_path(here):

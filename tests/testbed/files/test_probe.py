@@ -74,6 +74,16 @@ MISTAKES = {
     "fixed axes": (lambda _: columns(made(), euler="xyz"), "M24", "xyz about fixed axes"),
     "angles rad": (lambda t: scaled(t, TURNS, np.pi / 180), "M24", "in rad, not deg"),
     "quaternion x y z w": (quaternions("xyzw"), "M22", "hold x y z w"),
+    "q2 and q5 swapped": (
+        lambda t: t | {"q2_deg": t["q5_deg"], "q5_deg": t["q2_deg"]},
+        "M20",
+        "q2 and q5 are swapped",
+    ),
+    "x and z swapped": (
+        lambda t: t | {"x_mm": t["z_mm"], "z_mm": t["x_mm"]},
+        "M32",
+        "columns x and z are swapped",
+    ),
     "inverse": (lambda _: columns(made(), gives="T_tool_tracker"), "M32", "inverse transforms"),
     "mirrored x": (lambda t: scaled(t, PLACES[:1], -1), "M32", "x has the other sign"),
     "mirrored z": (lambda t: scaled(t, PLACES[2:], -1), "M32", "z has the other sign"),

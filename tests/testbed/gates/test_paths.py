@@ -4,7 +4,7 @@ import pytest
 
 from calib.errors import InputError
 from testbed.files.read import read_session
-from testbed.gates.paths import real
+from testbed.gates.paths import near, real
 from testbed.robots.catalog import load_robot
 from testbed.robots.meshes.files import load_mesh
 from testbed.studies import parse_scenario
@@ -73,3 +73,18 @@ def test_a_file_of_a_session_is_told_with_the_session(file, says, tmp_path):
     with pytest.raises(InputError, match=says) as caught:
         read_session(session, load_robot("staubli_tx60"))
     assert caught.value.where == str(session)
+
+
+@pytest.mark.parametrize(
+    ("name", "meant"),
+    [("measured2.csv", "measured.csv"), ("MEASURED.csv", "measured.csv"), ("plan.jsn", "plan.json"),
+     ("none.csv", ""), ("measured.toml", "measured.csv"), ("dat", "data"), ("hidden", "")],
+)  # fmt: skip
+def test_the_name_that_was_meant_is_one_beside_it(name, meant, tmp_path):
+    """Not any file of the same ending, nor a hidden one."""
+    for one in ("measured.csv", "sent.csv", "plan.json", ".hidden"):
+        (tmp_path / one).write_text("")
+    (tmp_path / "data").mkdir()
+    told = f'did you mean "{tmp_path / meant}"?' if meant else "check the path"
+    assert near(tmp_path / name) == told
+    assert near(tmp_path / "nowhere" / name) == f"there is no folder {tmp_path / 'nowhere'}"

@@ -32,6 +32,15 @@ def shifted(rows):
     return [row | {"x_mm": row["x_mm"] + 1200.0} for row in rows]
 
 
+def moved(rows, shift):
+    """Readings beside the commands of other rows."""
+    later = [rows[(k + shift) % len(rows)] for k in range(len(rows))]
+    return [
+        row | {f"{a}_mm": other[f"{a}_mm"] for a in "xyz"}
+        for row, other in zip(rows, later, strict=True)
+    ]
+
+
 POSES, PATH = pose_rows(n=4), path_rows(n=4, m=6)
 COMMANDS = ("command_x_mm", "command_y_mm", "command_z_mm")
 FITTED = '[iso9283]\nframe = "fitted"\n'
@@ -68,6 +77,9 @@ CASES = {
         [{"pose_id": "P1", "cycle": k, "distance_mm": 1.0, "anchor": "A"} for k in range(4)], ""),
     "meters called millimeters": (scaled(POSES, 1e-3), ""),
     "another frame": (shifted(POSES), ""),
+    "readings one row further up": (moved(POSES, 1), ""),
+    "readings two rows further down": (moved(POSES, -2), ""),
+    "names of columns and no rows": (",".join(POSES[0]), ""),
     "a frame from a line of points": (PATH, FITTED),
     "a path point is missing": (dropped(PATH, path_point=3, cycle=2), ""),
     "path points that do not match": (
@@ -106,7 +118,7 @@ def told(name):
     rows, toml = CASES[name]
     with TemporaryDirectory() as folder:
         root = Path(folder)
-        (root / "a.csv").write_text(text_of(rows))
+        (root / "a.csv").write_text(rows if isinstance(rows, str) else text_of(rows))
         sent = "pose_id,x_mm,y_mm,z_mm\nP1,900,0,700\n"
         (root / "sent.csv").write_text(sent)
         (root / "twice.csv").write_text(sent + "P1,900,0,700\n")

@@ -92,6 +92,10 @@ CASES = {
         {"plan.stations.list_mm": [INSIDE, [600.0, 0.0, 500.0]]},
         ["station 2 at (600, 0, 500) mm is 0.78 m from the base", "work space", "1.19 m or more"],
     ),
+    "station in meters": (
+        {"tracker.station_mm": [2.6, -2.0, 0.3]},
+        ["at (2.6, -2, 0.3) mm is 0.00 m from the base", "it is in mm: are these meters?"],
+    ),
     "station twice": (
         {"plan.stations.list_mm": [INSIDE, [2600.0, 0.5, 300.0]]},
         ["station 2 at (2600, 0, 300) mm is the same as station 1"],

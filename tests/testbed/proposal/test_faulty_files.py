@@ -116,6 +116,26 @@ def test_the_true_fault_is_named_and_no_session_is_written(name, tmp_path):
         )
 
 
+@pytest.mark.parametrize("source", [table, foreign])
+def test_joints_that_are_not_all_there_are_named(source, tmp_path):
+    own = {k: v for k, v in source().items() if k not in ("q6_deg", "J6")}
+    done, out = proposal(tmp_path, own, *TX60)
+    assert done.exit_code == 2
+    told = "a.csv: has columns for 5 joints, and none for q6; staubli_tx60 has 6 joints; give all"
+    assert told in done.stderr
+    assert not out.exists()
+
+
+def test_more_joints_than_the_robot_has_are_said_where_nothing_fits(tmp_path):
+    own = table() | {"q7_deg": np.linspace(0, 9, M)}
+    done, out = proposal(tmp_path, own, *TX60)
+    assert "joints, and" not in done.stdout  # it may be an axis beside the robot
+    out.unlink()
+    rng = np.random.default_rng(0)
+    done, _ = proposal(tmp_path, own | {k: rng.uniform(-90, 90, M) for k in JOINTS}, *TX60)
+    assert "There are 7 joints, and staubli_tx60 has 6." in done.stdout
+
+
 MENDED = {
     "word": (lambda: cell("x_mm", 7, "abc"), 'line 9 x_mm "abc"'),
     "nan": (lambda: cell("q3_deg", 7, "nan"), 'line 9 q3_deg "nan"'),
