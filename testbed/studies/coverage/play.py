@@ -68,7 +68,7 @@ def _play_some(
         *(judge_models([fits[k] for fits, *_ in found], measured, level) for k in range(2)),
         strict=True,
     )
-    each = zip(measured, found, errors, judged, strict=True)
+    each = zip(measured, found, errors, judged, _before(measured), strict=True)
     return gather([_played(kind, *one) for one in each])
 
 
@@ -88,7 +88,16 @@ def play_robot(laboratory: Laboratory, truth: str, chosen: Index, robot: int) ->
     level = laboratory.scenario.table(CoverageSettings).level
     errors = parameter_errors(found[0][0], measured)
     judged = [judge_model(fit, measured, level) for fit in found[0]]
-    return _played(truth, measured, found, errors, judged)
+    return _played(truth, measured, found, errors, judged, *_before([measured]))
+
+
+def _before(measured: Sequence[MeasuredRobot]) -> list[float]:
+    """Mean errors of robots at their judging poses before any calibration [m]."""
+    nominal = measured[0].laboratory.setting.nominal
+    p = nominal.poses(np.concatenate([one.judge_q for one in measured]))[:, :3, 3]
+    parts = np.split(p, np.cumsum([len(one.judge_q) for one in measured[:-1]]))
+    each = zip(measured, parts, strict=True)
+    return [float(point_distances(one.true, there).mean()) for one, there in each]
 
 
 def _played(
@@ -97,9 +106,10 @@ def _played(
     found: tuple[tuple[Identification, ...], float, bool],
     errors: Errors | None,
     judged: Sequence[Mapping[str, Any]],
+    before: float,
 ) -> CoverageStudy:
     """The record of one robot, its models found and judged."""
-    scenario, nominal = measured.laboratory.scenario, measured.laboratory.setting.nominal
+    scenario = measured.laboratory.scenario
     fits, evidence, extended = found
     normal_error, nees = errors or (np.zeros(0), np.nan)
     return CoverageStudy(
@@ -111,7 +121,7 @@ def _played(
             AXES,
             extended=extended,
             log_evidence=evidence,
-            before=point_distances(measured.true, nominal.poses(measured.judge_q)[:, :3, 3]).mean(),
+            before=before,
             normal_error=normal_error,
             nees=nees,
             **{name: [one[name] for one in judged] for name in OF_A_MODEL},
