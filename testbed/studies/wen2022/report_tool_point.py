@@ -84,9 +84,10 @@ def tool_section(campaign: Campaign) -> Section | None:
     clouds = clouds_of(campaign)
     blocks: list[Block] = [Text(inflation(study, campaign)), tool_table(study)]
     if clouds:
+        ours = f"; ours of {study.trials[0]}" if len(clouds) > 1 else ""
         caption = (
             "The paper's Figure 7 again: tool point at the zero pose, from nominal, by independent "
-            f"draws (dots) and their range (boxes); ours of {study.trials[0]}. {ranges(clouds)}"
+            f"draws (dots) and their range (boxes){ours}. {ranges(clouds)}"
         )
         blocks.append(Figure(caption, zero_pose_clouds(clouds)))
     return Section("tool", "Uncertainty of the tool point", tuple(blocks), part="detail")

@@ -43,7 +43,8 @@ def zero_pose_clouds(clouds: Mapping[str, tuple[Cloud, Cloud]]) -> str:
             for ax, shown in ((above, (0, 1)), (side, (2, 1)), (front, (0, 2))):
                 view(ax, random, shown, LIGHT, MIDDLE, "random sets")
                 view(ax, best, shown, DARK, DARK, "optimal set")
-                ax.set_aspect("equal")
+                # the views stand against each other, however much room is left around them
+                ax.set_aspect("equal", anchor="SW" if ax is side else "NE" if ax is front else "SE")
             above.set(xlim=(-x, x), ylim=(-y, y), ylabel="" if k else "y [mm]")
             front.set(ylim=(-z, z), xlabel="x [mm]", ylabel="" if k else "z [mm]")
             side.set(xlim=(-z, z), xlabel="z [mm]")

@@ -9,7 +9,7 @@ from scipy import stats
 
 from calib.uncertainty.monte_carlo import distance_spread
 from testbed.scenario.read import changed
-from testbed.studies.wen2022 import claims_model, paper
+from testbed.studies.wen2022 import claims_model, paper, report_tool_point
 from testbed.studies.wen2022.cloud.draws import (
     PAIRS,
     SHOWN,
@@ -21,7 +21,7 @@ from testbed.studies.wen2022.cloud.draws import (
 )
 from testbed.studies.wen2022.cloud.plots import zero_pose_clouds
 from testbed.studies.wen2022.records import tool_point_of
-from testbed.studies.wen2022.report_tool_point import ranges
+from testbed.studies.wen2022.report_tool_point import ranges, tool_section
 from testbed.studies.wen2022.results import published
 from testbed.studies.wen2022.tool_point import draws_of
 from tests.campaign import with_records
@@ -275,3 +275,14 @@ def test_without_the_study_there_is_no_cloud():
     study = tool_point_of(paper_campaign())
     own = replace(study, source=("", "", *study.source[2:]))
     assert list(clouds_of(with_records(paper_campaign(), tool_point=own))) == ["this campaign"]
+
+
+def test_the_caption_names_a_set_of_ours_only_where_its_clouds_are_drawn(clouds, monkeypatch):
+    def caption():
+        blocks = tool_section(paper_campaign()).blocks
+        return next(block.caption for block in blocks if block.kind == "figure")
+
+    assert "; ours of " in caption()
+    printed = dict(list(clouds.items())[:1])
+    monkeypatch.setattr(report_tool_point, "clouds_of", lambda _: printed)
+    assert "ours" not in caption()
