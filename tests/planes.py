@@ -4,13 +4,15 @@ import re
 import textwrap
 from itertools import combinations
 
-LETTER, LINE, BLANK, ROW, HEADING = 6.3, 15.2, 12.0, 23.0, 58.0
-"""Of Markdown in the viewer, measured in pictures of 1600 by 1000 points: mean width of a letter,
-heights of a line, of an empty one, of a row of a table, of a heading with the space above it."""
-TEXTS = {"now": (545, 173), "summary": (545, 238)}
-BESIDE_TALL = {"now": (372, 173), "summary": (372, 238)}
-WITHOUT_PLANE = {"now": (545, 430), "summary": (775, 245)}
-"""Width and height of the windows of words in the three layouts [points]."""
+LETTER, LINE, BLANK, ROW, HEADING, ABOVE = 6.0, 15.2, 15.0, 23.0, 30.4, 20.0
+"""Of Markdown in the viewer, measured in pictures: mean width of a letter, heights of a line, of an
+empty one, of a row of a table, of a heading with the gap below it, and of the margins."""
+TEXTS = {"now": (487, 128), "summary": (487, 173)}
+BESIDE_TALL = {"now": (295, 300), "summary": (615, 209)}
+WITHOUT_PLANE = {"now": (487, 300), "summary": (615, 209)}
+"""Width and height of the windows of words in the three layouts, in a viewer of 1280 by 720."""
+LOW = (636, 209)
+"""Width and height of the windows of planes below, in a viewer of 1280 by 720 [points]."""
 
 
 def overlaps(words):
@@ -25,14 +27,14 @@ def overlaps(words):
 
 def height(markdown, width):
     """Height of a text in a window so wide [points]."""
-    total = 22.0  # above the first line
+    total = ABOVE
     for line in markdown.splitlines():
         if not line:
             total += BLANK
         elif line.startswith("|"):
             total += 0 if re.fullmatch(r"[|:\-]+", line) else ROW
         elif line.startswith("#"):
-            total += HEADING + LINE * (len(line) * 1.4 * LETTER > width)
+            total += HEADING + LINE * (len(line) * LETTER > width)
         else:
             letters = int((width - 20 * line.startswith("- ")) / LETTER)
             total += LINE * len(textwrap.wrap(line.removeprefix("- "), letters))

@@ -192,7 +192,7 @@ def view(
         Path | None, typer.Option(metavar="FILE.html", help="Make one page for browsers.")
     ] = None,
     video: Annotated[
-        Path | None, typer.Option(metavar="FILE.mp4|gif", help="Make a film; takes some minutes.")
+        Path | None, typer.Option(metavar="FILE.mp4|gif", help="Make a film, in a minute or two.")
     ] = None,
     plain: Plain = False,
     debug: Debug = False,

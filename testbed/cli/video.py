@@ -4,20 +4,24 @@ import io
 import shutil
 import subprocess
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
 from importlib import import_module
 from pathlib import Path
+from typing import TypeVar
 
 from calib.errors import InputError, MachineError, refuse
 from testbed.cli import viewer
 from testbed.disk import atomic_path
 
+T = TypeVar("T")
 MOST_FRAMES = 120
 """Pictures of a film: each takes about a second without a graphics card."""
 STEPS_PER_SECOND = 24.0
 """As the viewer plays."""
-GIF_SIZE = (960, 600)
+SIZE = (1280, 720)
+"""Width and height: the smallest window in which all words of a recording have room."""
 NEEDED = "an encoder: the command ffmpeg, or the package imageio-ffmpeg"
 
 
@@ -58,7 +62,7 @@ def frames(rrd: str | Path, most: int) -> Iterator[tuple[int, Iterator[bytes]]]:
     InputError, MachineError
         As `viewer.picture`.
     """
-    with viewer.headless(viewer.existing(rrd)) as client:
+    with viewer.headless(viewer.existing(rrd), SIZE) as client:
         viewer.paint(client)
         time.sleep(viewer.NOTES_FADE)
         (recording,) = client.get_state().recordings
@@ -70,6 +74,19 @@ def frames(rrd: str | Path, most: int) -> Iterator[tuple[int, Iterator[bytes]]]:
             return bytes(client.take_screenshot(None))
 
         yield every, (shot(min(step, last)) for step in range(0, last + every, every))
+
+
+def ahead(work: Callable[[bytes], T], pictures: Iterator[bytes]) -> Iterator[T]:
+    """Each picture worked on, while the viewer takes the next one."""
+    with ThreadPoolExecutor(1) as worker:
+        under_way: Future[T] | None = None
+        for picture in pictures:
+            begun = worker.submit(work, picture)
+            if under_way is not None:
+                yield under_way.result()
+            under_way = begun
+        if under_way is not None:
+            yield under_way.result()
 
 
 def require_encoder(out: Path) -> str:
@@ -110,16 +127,15 @@ def _encode(encoder: str, pictures: Iterator[bytes], rate: float, file: Path) ->
 
 
 def _animate(pictures: Iterator[bytes], rate: float, file: Path) -> None:
-    """A film as an animated picture, smaller and with few colors."""
+    """A film as an animated picture with few colors."""
     from PIL import Image
 
-    def shrunk(picture: bytes) -> Image.Image:
+    def reduced(picture: bytes) -> Image.Image:
         whole = Image.open(io.BytesIO(picture)).convert("RGB")
-        small = whole.resize(GIF_SIZE, Image.Resampling.LANCZOS)
         # not the usual averages of colors: blue has to stay blue
-        return small.quantize(method=Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE)
+        return whole.quantize(method=Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE)
 
-    frames = (shrunk(picture) for picture in pictures)
+    frames = ahead(reduced, pictures)
     first = next(frames)
     first.save(
         file,

@@ -187,13 +187,13 @@ def native() -> Path:
 
 
 @contextmanager
-def headless(rrd: Path) -> Iterator[Any]:
-    """Client of a viewer without a window that has loaded a recording."""
+def headless(rrd: Path, size: tuple[int, int] = SIZE) -> Iterator[Any]:
+    """Client of a viewer without a window, of so many points, that has loaded a recording."""
     from rerun.experimental import ViewerClient
 
     port = free_port()
     words = ["--headless", "--hide-welcome-screen", "--bind", LOCAL, "--port", str(port)]
-    words += ["--window-size", f"{SIZE[0]}x{SIZE[1]}", str(rrd)]
+    words += ["--window-size", f"{size[0]}x{size[1]}", str(rrd)]
     with running([str(native()), *words]) as viewer:
         until(lambda: connects(port), viewer)
         client = ViewerClient.connect(f"rerun+http://{LOCAL}:{port}/proxy")

@@ -113,11 +113,9 @@ def summary(calibration: Calibration) -> str:
         "",
         mark(calibration),
         "",
-        "| model | mean | p95 | max mm | mean deg |",
-        "|---|--:|--:|--:|--:|",
     ]
     lines += [
-        f"| {row[0]} | {row[1]} | {row[4]} | {row[5]} | {row[6]} |"
+        f"- {row[0]}: mean {row[1]}, p95 {row[4]}, largest {row[5]} mm; mean {row[6]} deg"
         for row in headline_rows(calibration)
     ]
     return "\n".join(lines)

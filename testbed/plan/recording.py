@@ -75,9 +75,7 @@ def summary(plan: Plan) -> str:
         "",
         promise(plan),
         "",
-        "| | | |",
-        "|---|--:|---|",
-        *(f"| {what} | {value} | {unit} |" for what, value, unit in rows[:MOST_ROWS]),
+        *(f"- {what}: {value} {unit}".rstrip() for what, value, unit in rows[:MOST_ROWS]),
     ]
     return "\n".join(lines)
 

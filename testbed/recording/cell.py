@@ -123,16 +123,18 @@ def draw_station(
         )
 
 
-def draw_beam(pen: Pen, phase: Phase, start: Array, target: Array) -> None:
+def draw_beam(
+    pen: Pen, phase: Phase, start: Array, target: Array, path: str = "world/beam"
+) -> None:
     """The beam to the target (s, 3) of every step, during a phase; its start (3,) or (s, 3) [m]."""
     import rerun as rr
 
     starts = np.broadcast_to(start, target.shape)
     part = slice(phase.start, phase.stop)
     strips = [[[a, b]] for a, b in zip(starts[part], target[part], strict=True)]
-    pen.every_step("world/beam", rr.LineStrips3D.columns(strips=strips), phase.steps)
-    pen.static("world/beam", rr.LineStrips3D.from_fields(radii=0.0022, colors=BEAM_COLOR))
-    pen.clear(phase.stop, "world/beam")
+    pen.every_step(path, rr.LineStrips3D.columns(strips=strips), phase.steps)
+    pen.static(path, rr.LineStrips3D.from_fields(radii=0.0022, colors=BEAM_COLOR))
+    pen.clear(phase.stop, path)
 
 
 def draw_box(

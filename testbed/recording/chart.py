@@ -20,8 +20,8 @@ from testbed.recording.plane import LETTER, LINE, Word, grid_lines, words_of
 from testbed.recording.style import Color
 from testbed.recording.timeline import Phase
 
-SIZE = (680.0, 224.0)
-"""Width and height of the plane: somewhat smaller than its window in one of 1600 by 1000."""
+SIZE = (620.0, 205.0)
+"""Width and height of the plane: somewhat smaller than its window in one of 1280 by 720."""
 LEFT, RIGHT, TICK, BOTTOM = 62.0, 18.0, 12.0, 35.0
 """Margins of a chart: for its numbers, below its legend, and for the numbers along it."""
 SAMPLE = 22.0

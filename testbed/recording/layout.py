@@ -14,12 +14,12 @@ from testbed.recording.timeline import Timeline
 from testbed.robots.placements import link_poses
 
 FRAMES_PER_SECOND = 24.0
-WIDTHS = (1.8, 1.0), (1.5, 1.0, 1.5)
+WIDTHS = (1.5, 1.0), (1.1, 0.9, 1.6)
 """Of cell and texts, and of both beside a tall plane."""
-ROWS = (5.8, 1.1, 3.1)
-"""Heights of cell, bar of phases and charts."""
-TEXTS, FEWER_TEXTS = (0.75, 2.0, 2.65), (0.75, 4.65)
-"""Of the line, the words of now and, unless it stands elsewhere, the summary."""
+ROWS = (5.45, 0.9, 3.65)
+"""Heights of cell, bar of phases and charts: in a window of 1280 by 720 all words have room."""
+TEXTS, FEWER_TEXTS = (0.82, 1.97, 2.66), (0.82, 4.63)
+"""Of the line, the words of now and, unless it stands beside the charts, the summary."""
 ASIDE, AT_TRACKER, AT_ROBOT = np.radians(140.0), (0.13, 3.12), (0.0, 2.2)
 """Camera: turned so far from the tracker's direction; where it looks and how far off it is, with a
 tracker in view and without one."""
@@ -39,16 +39,18 @@ def blueprint(story: Story, timeline: Timeline) -> Any:
     tall = [_plane(panel) for panel in panels if panel.tall]
     low = [_plane(panel) for panel in panels if not panel.tall]
     line = rrb.TextDocumentView(origin="/line", name="Line", titlebar=False)
-    now = rrb.TextDocumentView(origin="/now", name="Now")
-    summary = rrb.TextDocumentView(origin="/summary", name="Summary")
-    texts, heights = ([line, now, summary], TEXTS) if low else ([line, now], FEWER_TEXTS)
+    now = rrb.TextDocumentView(origin="/now", name="Now", titlebar=False)
+    summary = rrb.TextDocumentView(origin="/summary", name="Summary", titlebar=False)
+    few = bool(tall) or not low  # beside a tall plane the words of now need all the room
+    texts, heights = ([line, now], FEWER_TEXTS) if few else ([line, now, summary], TEXTS)
+    low = [summary, *low] if few else low
     above = [*_stacked(cells(story, timeline)), rrb.Vertical(*texts, row_shares=heights)]
     charts = [_chart(), *_curves(story, timeline)]
     return rrb.Blueprint(
         rrb.Vertical(
             rrb.Horizontal(*above, *_stacked(tall), column_shares=WIDTHS[bool(tall)]),
-            rrb.StateTimelineView(origin="/phase", name="Phase"),
-            rrb.Horizontal(rrb.Tabs(*charts, active_tab=0), *_stacked(low or [summary])),
+            rrb.StateTimelineView(origin="/phase", name="Phase", titlebar=False),
+            rrb.Horizontal(rrb.Tabs(*charts, active_tab=0), *_stacked(low)),
             row_shares=ROWS,
         ),
         rrb.BlueprintPanel(state="collapsed"),

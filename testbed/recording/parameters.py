@@ -11,10 +11,11 @@ from testbed.recording.pen import Pen
 from testbed.recording.plane import LETTER, LINE, Word, draw_grid, draw_words
 from testbed.recording.story import Panel
 
-TICKS, LABELLED, EDGE = (0, 2, 10, 100), (2, 100), 300.0
+TICKS, EDGE = (0, 2, 10, 100), 300.0
+LABELLED = (-1, 100), (1, 2), (1, 100)
 """Marks of the plot, those with a number, and where it clips, in stated standard uncertainties."""
 BAND = 1.959963984540054
-MOST_ROWS = 36
+MOST_ROWS = 32
 """Of more parameters only the first have a row, so that names can be read."""
 BLOCKS = 4
 """Blocks side by side."""
@@ -96,8 +97,7 @@ def parameter_words(names: Sequence[str]) -> list[Word]:
     for x in np.unique(middle):
         found += [
             Word(x + float(place(sign * tick)), ROW * (ROWS + 0.1), f"{sign * tick:d}")
-            for tick in LABELLED
-            for sign in (1, -1)
+            for sign, tick in LABELLED
         ]
     return found
 

@@ -5,7 +5,7 @@ something is known about it; the glide is for the eye, not planned.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -100,10 +100,20 @@ def glide(stops: Array, steps: int) -> Array:
     phase = np.arange(steps) * len(stops) / steps
     index = np.minimum(phase.astype(np.int64), len(stops) - 1)
     frames = steps / len(stops)
-    # the last two of `frames` steps belong to the stop itself
-    part = eased(np.clip((phase - index) * frames / max(frames - 2, 1e-9), 0, 1))
+    # the last two of `frames` steps belong to the stop itself; with no more there is no way to it
+    moving = frames - 2
+    part = np.ones(steps)
+    if moving > 0:
+        part = eased(np.clip((phase - index) * frames / moving, 0, 1))
     before = stops[np.maximum(index - 1, 0)]
     return np.asarray(before + part[:, None] * (stops[index] - before))
+
+
+def resting(phase: Phase, count: int) -> Phase:
+    """The phase with other items, so many: each where a glide over all of it rests at its stop."""
+    steps = phase.stop - phase.start
+    last = np.ceil((np.arange(count) + 1) * steps / count).astype(np.int64) - 1
+    return replace(phase, at=phase.start + last)
 
 
 def along(start: Array, stops: Array, vias: Sequence[Array], frames: int) -> Array:

@@ -1,5 +1,6 @@
 """A story as the file that Rerun plays."""
 
+import re
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
@@ -80,6 +81,7 @@ def _draw(story: Story, pen: Pen) -> None:
         window.draw(pen)
     for chapter, phase in zip(story.chapters, timeline.phases, strict=True):
         text = "\n".join(line for line in chapter.text if line)
+        text = re.sub(r"^#+ (.*)", r"**\1**", text)  # a heading would stand below a gap
         pen.at(phase.start, "now", rr.TextDocument(text, media_type=markdown))
         pen.at(phase.start, "phase", rr.StateChange(state=chapter.name))
         draw_charts(pen, phase, chapter.charts)

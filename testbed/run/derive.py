@@ -226,7 +226,7 @@ def campaign_story(
         station=setting.T_world_tracker[:3, 3],
         draw=lambda pen: trial.draw_scene(shown, scenario, robot, pen),
         chapters=chapters_of(campaign, studies),
-        windows=other_windows(campaign, shown),
+        windows=other_windows(campaign, shown, robot),
     )
 
 

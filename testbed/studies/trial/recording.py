@@ -8,7 +8,7 @@ import numpy as np
 
 from calib.uncertainty.statement.stated_point import widened
 from testbed.recording import parameters, style
-from testbed.recording.cell import draw_box, draw_station
+from testbed.recording.cell import draw_box
 from testbed.recording.chart import Chart, Series, before_after, fit_chart
 from testbed.recording.pen import Pen
 from testbed.recording.story import Chapter, floor_height, numbered
@@ -42,10 +42,7 @@ def draw_scene(shown: ShownTrial, scenario: Scenario, robot: Robot, pen: Pen) ->
     setting, pool = shown.setting, scenario.pool
     chain = setting.nominal.chain
     draw_ghost(shown, robot, pen)
-    target = cell.tracked(setting, pen.timeline.q)
-    floor = floor_height(chain, robot)
-    draw_station(pen, setting.T_world_tracker, target, floor)
-    cell.draw_fixtures(shown, floor, pen)
+    cell.draw_instruments(shown, floor_height(chain, robot), pen)
     center, size = np.array(pool.box_center_mm) / 1e3, np.array(pool.box_size_mm) / 1e3
     draw_box(pen, "world/box", chain, center, size)
     _send_properties(shown, scenario, pen)
@@ -97,7 +94,7 @@ def _measure(shown: ShownTrial) -> Chapter:
         color=style.MEASURE_PHASE,
         motion=visit(measurements.q),
         text=(
-            "#### 2 Measure",
+            f"#### 2 Measure: {shown.trial.name}",
             f"- the tracker measures {measurements.n_poses} poses",
             "- blue: the chosen poses; dark: where the target was seen",
             f"- vermilion arrows: seen minus nominal, drawn {shown.arrows} times",
@@ -163,11 +160,10 @@ def _evaluate(shown: ShownTrial) -> Chapter:
         color=style.EVALUATE_PHASE,
         motion=visit(shown.setting.test_q),
         text=(
-            f"#### 4 Evaluate: {count} held-out poses",
+            f"#### 4 Evaluate {shown.trial.name}: {count} held-out poses",
             f"- vermilion, blue: error before and after, both drawn {shown.arrows} times",
-            f"- ellipsoids: {whose} 95 % regions of the mean tool point, drawn {shown.regions} "
-            "times; blue: the truth is inside",
-            f"- {held} of {count} regions hold the truth",
+            f"- ellipsoids: {whose} 95 % regions of the mean, drawn {shown.regions} times",
+            f"- blue where the truth is inside: {held} of {count}",
             *one_move,
             f"- ghost: what is left of the deviation, drawn {shown.ghost} times",
         ),
@@ -185,13 +181,11 @@ def summary(campaign: Campaign, verdict: str) -> str:
         "",
         verdict,
         "",
-        "| trial | before mm | after mm | held |",
-        "|---|--:|--:|--:|",
     ]
     for trial in trials[:MOST_TRIALS]:
         estimate = trial.estimates[0]
         judged = estimate.comparison
         held = f"{int(estimate.inside.sum())}/{len(estimate.inside)}"
         before, after = judged.accuracy_before.mean * 1e3, judged.accuracy_after.mean * 1e3
-        lines.append(f"| {trial.name} | {before:.3f} | {after:.3f} | {held} |")
+        lines.append(f"- {trial.name}: {before:.3f} to {after:.3f} mm, {held} regions hold")
     return "\n".join(lines)

@@ -31,9 +31,10 @@ REGION_SIZE = 0.07
 """Longest drawn error or semi-axis of a stated region [m]."""
 INSIDE_COLOR, OUTSIDE_COLOR = (*style.BLUE, 110), (*style.VERMILION, 150)
 MOVE_COLOR = (60, 66, 76, 160)
-CHOSEN, LEAVES, MEASURED, HELD_OUT = (
-    f"world/{name}" for name in ("chosen", "leaves", "measured", "held_out")
-)
+WORLD = "world"
+"""Root of what is drawn of the trial that is shown first."""
+ROBOT, TRACKER, ANCHORS, BEAM = "robot", "tracker", "anchors", "beam"
+CHOSEN, LEAVES, MEASURED, HELD_OUT = "chosen", "leaves", "measured", "held_out"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -58,9 +59,9 @@ class ShownTrial:
     """The true arm at rest on its springs; None where nothing gives way."""
 
     @property
-    def error_path(self) -> str:
-        """Entity of the errors that are measured."""
-        return f"world/error_nominal_x{self.arrows}"
+    def error_name(self) -> str:
+        """Entity of the errors that are measured, below its root."""
+        return f"error_nominal_x{self.arrows}"
 
     @property
     def ghost_path(self) -> str:
@@ -117,18 +118,19 @@ def tracked(setting: Setting, q: Array) -> Array:
     return target_points(setting.nominal.poses(q), setting.target)
 
 
-def draw_measured(shown: ShownTrial, pen: Pen, phase: Phase) -> None:
+def draw_measured(shown: ShownTrial, pen: Pen, phase: Phase, root: str = WORLD) -> None:
     """The beam, what the tracker has seen so far, and its distance from the nominal prediction."""
     import rerun as rr
 
     setting, factor = shown.setting, shown.arrows
     found = shown.estimate.identification.model.fixtures
     station, table = setting.T_world_tracker[:3, 3], shown.trial.measurements
-    draw_beam(pen, phase, *beam(setting.nominal, found, station, table, phase.at, pen.timeline.q))
-    seen = seen_places(shown.estimate.identification.model, shown.trial.measurements)
-    points = predicted_places(setting.nominal, shown.trial.measurements)
+    start, target = beam(setting.nominal, found, station, table, phase.at, pen.timeline.q)
+    draw_beam(pen, phase, start, target, f"{root}/{BEAM}")
+    seen = seen_places(shown.estimate.identification.model, table)
+    points = predicted_places(setting.nominal, table)
     vectors = seen - points
-    cloud, arrows = MEASURED, shown.error_path
+    cloud, arrows = f"{root}/{MEASURED}", f"{root}/{shown.error_name}"
     look = {"radii": 0.010, "colors": SEEN_COLOR}
     pen.grow(cloud, phase, rr.Points3D, {"positions": seen}, look)
     pen.grow_arrows(arrows, phase, points, factor * vectors, style.BEFORE_COLOR, 0.0032)
@@ -164,17 +166,18 @@ def beam(
     return starts[row], _placed(model.poses(q), targets(model.fixtures, table)[row])
 
 
-def draw_fixtures(shown: ShownTrial, floor: float, pen: Pen) -> None:
-    """Further stations and the anchors of distances, where they were found."""
+def draw_instruments(shown: ShownTrial, floor: float, pen: Pen, root: str = WORLD) -> None:
+    """The tracker that looks at the target; further stations and anchors, where they were found."""
     import rerun as rr
 
     fixtures = shown.estimate.identification.model.fixtures
     target = tracked(shown.setting, pen.timeline.q)
+    draw_station(pen, shown.setting.T_world_tracker, target, floor, f"{root}/{TRACKER}")
     for k, station in enumerate(fixtures.stations):
-        draw_station(pen, station, target, floor, f"world/tracker{k + 2}")
+        draw_station(pen, station, target, floor, f"{root}/{TRACKER}{k + 2}")
     if len(fixtures.anchors):
         points = rr.Points3D(fixtures.anchors, radii=0.03, colors=ANCHOR_COLOR)
-        pen.static("world/anchors", points)
+        pen.static(f"{root}/{ANCHORS}", points)
 
 
 def predicted_places(model: RobotModel, table: Measurements) -> Array:
@@ -206,7 +209,7 @@ def _placed(T: Array, points: Array) -> Array:
 
 def draw_held_out(shown: ShownTrial, pen: Pen, phase: Phase) -> None:
     """What there is at held-out poses, as the robot comes to them."""
-    drawn = held_out(shown, HELD_OUT)
+    drawn = held_out(shown, f"{WORLD}/{HELD_OUT}")
     for path, (archetype, values, look) in drawn.items():
         pen.grow(path, phase, archetype, values, look)
     leaves = pen.timeline.moves_on(phase.stop)

@@ -11,7 +11,7 @@ from testbed.recording.chart import Chart, Series, level
 from testbed.recording.pen import Pen
 from testbed.recording.story import Chapter, numbered
 from testbed.recording.timeline import Motion, Phase, visit
-from testbed.studies.trial.recording_cell import CHOSEN, LEAVES, ShownTrial
+from testbed.studies.trial.recording_cell import CHOSEN, LEAVES, WORLD, ShownTrial
 from testbed.studies.trial.set_records import RandomSets
 
 FRAMES, MOST_FRAMES = 4, 144
@@ -40,7 +40,6 @@ def select_chapter(shown: ShownTrial, sets: RandomSets | None) -> Chapter:
     """The pool and the set, exchange after exchange; the robot shows a pose that comes in."""
     selection, pool = shown.trial.selection, shown.setting.pool_q
     way, figures = sets_on_the_way(selection)
-    came = [new if len(new) else one[:1] for one, new in zip(way, exchanged(way)[1], strict=True)]
     criterion, count = selection.criterion, len(way)
     curves = [Series(criterion, figures, style.BLUE, "the set")]
     if sets is not None:
@@ -51,7 +50,7 @@ def select_chapter(shown: ShownTrial, sets: RandomSets | None) -> Chapter:
         name="select",
         local="exchange",
         color=style.SEARCH_PHASE,
-        motion=_motion(pool[[one[0] for one in came]]),
+        motion=_motion(shown_stops(shown)),
         text=(
             f"#### 1 Select: {shown.trial.method}, {criterion}",
             f"- gray: {len(pool)} candidates; blue: the set of {len(selection.indices)} poses",
@@ -67,6 +66,13 @@ def select_chapter(shown: ShownTrial, sets: RandomSets | None) -> Chapter:
         lines=numbered("set", count, says),
         charts=(Chart("select", f"{criterion} of the set, by exchange", curves),),
     )
+
+
+def shown_stops(shown: ShownTrial) -> Array:
+    """Joints (w, n) at which the robot shows what comes in, exchange after exchange [rad, m]."""
+    way, _ = sets_on_the_way(shown.trial.selection)
+    came = [new if len(new) else one[:1] for one, new in zip(way, exchanged(way)[1], strict=True)]
+    return np.asarray(shown.setting.pool_q[[one[0] for one in came]])
 
 
 def _motion(stops: Array) -> Motion:
@@ -85,11 +91,12 @@ def draw_exchanges(shown: ShownTrial, pen: Pen, phase: Phase) -> None:
     way, _ = sets_on_the_way(shown.trial.selection)
     left, _ = exchanged(way)
     chosen = rr.Points3D.columns(positions=places[way.ravel()])
-    pen.rows(CHOSEN, phase, chosen.partition(np.full(len(way), way.shape[1])))
-    pen.static(CHOSEN, rr.Points3D.from_fields(radii=0.009, colors=style.CHOSEN_COLOR))
-    pen.clear(pen.timeline.phase("identify").stop, CHOSEN)
+    set_path, left_path = f"{WORLD}/{CHOSEN}", f"{WORLD}/{LEAVES}"
+    pen.rows(set_path, phase, chosen.partition(np.full(len(way), way.shape[1])))
+    pen.static(set_path, rr.Points3D.from_fields(radii=0.009, colors=style.CHOSEN_COLOR))
+    pen.clear(pen.timeline.phase("identify").stop, set_path)
     if len(way) > 1:
         gone = rr.Points3D.columns(positions=places[np.concatenate(left)])
-        pen.rows(LEAVES, phase, gone.partition([len(one) for one in left]))
-        pen.static(LEAVES, rr.Points3D.from_fields(radii=0.016, colors=style.VERMILION))
-        pen.clear(phase.stop, LEAVES)
+        pen.rows(left_path, phase, gone.partition([len(one) for one in left]))
+        pen.static(left_path, rr.Points3D.from_fields(radii=0.016, colors=style.VERMILION))
+        pen.clear(phase.stop, left_path)

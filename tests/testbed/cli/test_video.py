@@ -9,7 +9,7 @@ import pytest
 from PIL import Image
 from typer.testing import CliRunner
 
-from calib.errors import MachineError
+from calib.errors import InputError, MachineError
 from testbed.cli import app, video, viewer
 from testbed.recording import style
 from tests.recorded import record, small_campaign, timeline
@@ -26,7 +26,7 @@ Path(sys.argv[-1]).write_bytes(" ".join(sys.argv[1:-1]).encode() + data)
 
 def shot(color):
     """A picture of a dark window with a patch of a color."""
-    picture = Image.new("RGB", viewer.SIZE, (14, 14, 14))
+    picture = Image.new("RGB", video.SIZE, (14, 14, 14))
     picture.paste(color, (100, 100, 140, 140))
     data = io.BytesIO()
     picture.save(data, "PNG")
@@ -64,12 +64,12 @@ def test_an_animated_picture_keeps_the_colors_and_the_speed(shots, tmp_path):
     out = tmp_path / "a.gif"
     video.film("a.rrd", out)
     with Image.open(out) as film:
-        assert (film.n_frames, film.size) == (3, video.GIF_SIZE)
+        assert (film.n_frames, film.size) == (3, video.SIZE)
         # 8 steps at 24 a second; the format counts hundredths
         assert film.info["duration"] == pytest.approx(1000 * 8 / 24, abs=10)
         for k, color in enumerate((style.VERMILION, style.BLUE, style.GHOST_COLOR[:3])):
             film.seek(k)
-            seen = np.array(film.convert("RGB"))[72, 72].astype(int)  # of 120 in 1600 by 1000
+            seen = np.array(film.convert("RGB"))[120, 120].astype(int)
             assert np.abs(seen - color).max() <= 8
 
 
@@ -114,10 +114,55 @@ def test_a_film_that_cannot_be_written_is_refused_first(tmp_path, name, says):
     assert says in done.stderr
 
 
+@pytest.mark.parametrize("count", [0, 1, 2, 7])
+def test_pictures_are_worked_on_in_their_order_while_the_next_is_taken(count):
+    taken, seen = [], []
+
+    def pictures():
+        for k in range(count):
+            taken.append(k)
+            yield bytes([k])
+
+    for k, done in enumerate(video.ahead(lambda picture: picture[0], pictures())):
+        seen.append(done)
+        assert len(taken) == min(k + 2, count)
+    assert seen == list(range(count))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("ending", [".gif", ".mp4"])
+def test_a_whole_recording_becomes_a_film_as_long_as_it_is_played(tmp_path, ending):
+    """The recording of a campaign in all its frames; .mp4 where an encoder is installed."""
+    out = tmp_path / f"film{ending}"
+    if ending == ".mp4":
+        try:
+            video.require_encoder(out)
+        except InputError:
+            pytest.skip("no encoder on this machine")
+    path = record(tmp_path / "campaign.rrd")
+    steps = timeline(small_campaign()).n_steps
+    try:
+        video.film(path, out)
+    except MachineError as error:
+        pytest.skip(f"no headless viewer on this machine: {error}")
+    assert out.stat().st_size > 1e5
+    if ending == ".gif":
+        every = -(-steps // video.MOST_FRAMES)
+        with Image.open(out) as film:
+            # frames that are alike become one that lasts longer
+            lasts = 0.0
+            for k in range(film.n_frames):
+                film.seek(k)
+                lasts += film.info["duration"] / 1e3
+            assert film.size == video.SIZE
+            # as long as the viewer plays it, in hundredths of a second for each frame
+            assert lasts == pytest.approx((steps / every + 1) * every / 24, rel=0.1)
+
+
 @pytest.mark.slow
 def test_frames_go_from_the_first_step_to_the_last(tmp_path, monkeypatch):
     monkeypatch.setattr(viewer, "NOTES_FADE", 0.5)
-    monkeypatch.setattr(viewer, "SIZE", (800, 500))
+    monkeypatch.setattr(video, "SIZE", (800, 500))
     path = record(tmp_path / "campaign.rrd")
     steps = timeline(small_campaign()).n_steps
     try:

@@ -171,7 +171,7 @@ def test_the_obstacle_stands_where_the_scenario_says(opened):
 
 
 def test_the_summary_promises_what_the_plan_promises(made):
-    assert f"to within {1e6 * made.foresight.R95_over:.1f} µm" in summary(made)
+    assert f"within {1e6 * made.foresight.R95_over:.1f} µm" in summary(made)
     assert "SIMULATED" in summary(made)
 
 

@@ -13,7 +13,7 @@ from testbed.recording.story import numbered, timeline_of
 from testbed.recording.timeline import visit
 from testbed.recording.write import story_bytes
 from testbed.robots.catalog import load_robot, robot_names
-from tests.planes import overlaps
+from tests.planes import LOW, overlaps
 from tests.recorded import column, store
 from tests.toy_story import STOPS, chapter, story
 
@@ -174,3 +174,9 @@ def test_no_robot_has_the_color_of_the_ghost(name):
         if saturation > 0.25 and value > 0.2:  # else it is gray
             away = abs(own - hue)
             assert 360 * min(away, 1 - away) > 40, visual.name
+
+
+def test_in_a_viewer_of_1280_by_720_no_plane_is_scaled_below_its_own_size():
+    """Words are not scaled with it: they would lie on each other."""
+    assert SIZE[0] <= LOW[0]
+    assert SIZE[1] <= LOW[1]

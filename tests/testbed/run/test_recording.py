@@ -275,9 +275,9 @@ class Drawn:
 
 
 def test_of_very_many_parameters_the_first_have_a_row_that_can_be_read():
-    assert parameter_panel(36).title == "Parameter error / stated u"
-    few, many = parameter_panel(36), parameter_panel(426)
-    assert (many.x, many.y, many.title) == (few.x, few.y, "Error / u: first 36 of 426")
+    assert parameter_panel(32).title == "Parameter error / stated u"
+    few, many = parameter_panel(32), parameter_panel(426)
+    assert (many.x, many.y, many.title) == (few.x, few.y, "Error / u: first 32 of 426")
 
 
 def test_an_arrow_ends_inside_its_ellipsoid_exactly_where_the_record_says_so(opened, shown):

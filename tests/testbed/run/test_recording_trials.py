@@ -18,14 +18,16 @@ from testbed.cli import app
 from testbed.recording.layout import cells
 from testbed.recording.timeline import visit
 from testbed.robots.catalog import load_robot
+from testbed.robots.placements import placements
 from testbed.run.derive import led_by
 from testbed.run.play import load_run, play_run, recording_of
 from testbed.scenario.origin import COMMENT
 from testbed.scenario.read import changed
 from testbed.studies import load_scenario
 from testbed.studies.protocol import Records
-from testbed.studies.trial.recording_cell import beam, predicted_places, seen_places
-from testbed.studies.trial.recording_others import other_windows
+from testbed.studies.trial.recording_cell import beam, predicted_places, seen_places, show
+from testbed.studies.trial.recording_others import other_windows, own_timeline
+from tests import campaign as tests_campaign
 from tests import recorded, viewed
 from tests.recorded import column, properties, record, small_campaign, store, structure
 from tests.reference import pool_r
@@ -261,7 +263,7 @@ def test_each_trial_has_a_window_that_hides_what_is_of_the_others(tmp_path):
     campaign = small_campaign()
     first, other = campaign.trials
     shown = recorded.shown(campaign)
-    windows = other_windows(campaign, shown)
+    windows = other_windows(campaign, shown, load_robot(campaign.scenario.robot))
     assert [window.name for window in windows] == [first.name, other.name]
     opened = store(record(tmp_path / "both.rrd"))
     entities = {line.split()[0] for line in opened.summary().splitlines()}
@@ -273,14 +275,17 @@ def test_each_trial_has_a_window_that_hides_what_is_of_the_others(tmp_path):
     own = f"/world/trials/{other.name}"
     assert {one for one in seen[0] if one.startswith("/world/trials")} == set()
     assert any(one.startswith(own) for one in seen[1])
-    for gone in ("/world/chosen", "/world/measured", "/world/beam", f"/{shown.error_path}"):
+    for gone in ("/world/chosen", "/world/measured", "/world/beam", f"/world/{shown.error_name}"):
         assert gone in seen[0], gone
         assert gone not in seen[1], gone
     assert not any(one.startswith((f"/{shown.ghost_path}", "/world/held_out")) for one in seen[1])
-    # what both have: the robot, the tracker, the candidates
-    both = {one for one in entities if one.startswith(("/world/robot", "/world/tracker"))}
-    assert both | {"/world/pool"} <= seen[0] & seen[1]
-    last = np.array(column(opened, f"{own}/measured", "Points3D:positions")[1][0])
+    # what both have: the candidates; robot and tracker stand twice, each on its own way
+    assert "/world/pool" in seen[0] & seen[1]
+    for name in ("robot", "tracker"):
+        parts = {one for one in entities if one.startswith(f"/world/{name}/")}
+        assert parts <= seen[0] - seen[1]
+        assert {one.replace("/world", own, 1) for one in parts} <= seen[1] - seen[0]
+    last = np.array(column(opened, f"{own}/measured", "Points3D:positions")[1][-1])
     assert np.array_equal(last, other.measurements.position.astype(np.float32))
     after = column(opened, f"{own}/held_out/after_x{shown.arrows}", "Arrows3D:vectors")[1][0]
     judged = other.estimates[0].comparison
@@ -292,7 +297,43 @@ def test_each_trial_has_a_window_that_hides_what_is_of_the_others(tmp_path):
 def test_a_trial_alone_has_the_one_window(tmp_path):
     campaign = small_campaign()
     alone = replace(campaign, trials=campaign.trials[:1])
-    assert other_windows(alone, recorded.shown(alone)) == ()
+    assert other_windows(alone, recorded.shown(alone), load_robot("staubli_tx60")) == ()
+
+
+def test_in_its_window_the_robot_goes_through_the_trials_own_poses(tmp_path):
+    """Sets of unequal size: each pose has its turn in the measuring phase of the first trial."""
+    scenario = changed(load_scenario("quick"), {**SMALL, **TWO})
+    campaign = tests_campaign.played(scenario)
+    setting = campaign.setting
+    other, lines = campaign.trials[1].measurements, recorded.timeline(campaign)
+    shown = show(campaign, campaign.trials[1])
+    own = own_timeline(shown, lines)
+    at = own.phase("measure").at
+    assert len(at) == len(other) != len(lines.phase("measure").at)
+    assert (np.diff(at) > 0).all()
+    assert lines.phase("measure").start <= at[0]
+    assert at[-1] < lines.phase("measure").stop
+    # before + (stop - before): a rounding of angles of a few radians
+    np.testing.assert_allclose(own.q[at], other.q, rtol=0, atol=4e-15)
+    for name in ("select", "measure", "identify"):
+        assert not np.array_equal(own.q[lines.phase(name).steps], lines.q[lines.phase(name).steps])
+    after = lines.phase("evaluate").steps
+    np.testing.assert_array_equal(own.q[after], lines.q[after])
+    # what is drawn: the beam ends at its target, at every pose, and the first link is turned so
+    opened = store(record(tmp_path / "two.rrd", campaign))
+    root = "/world/trials/other"
+    steps, strips = column(opened, f"{root}/beam", "LineStrips3D:strips")
+    ends = np.array([strips[list(steps).index(step)][0][1] for step in at])
+    targets = setting.nominal.poses(other.q)[:, :3, 3]
+    np.testing.assert_allclose(ends, targets, rtol=0, atol=SINGLE * 2)
+    turned = column(opened, f"{root}/robot/link1", "Transform3D:quaternion")[1]
+    first = column(opened, "/world/robot/link1", "Transform3D:quaternion")[1]
+    z = np.array([turned[step][0] for step in at])[:, 2:]
+    frames = placements(setting.nominal.chain).frames[0]
+    half = 0.5 * (other.q[:, 0] + np.arctan2(frames[1, 0], frames[0, 0]))
+    # a quaternion and its negative are one turn
+    np.testing.assert_allclose(np.abs(z), np.abs(np.c_[np.sin(half), np.cos(half)]), atol=1e-6)
+    assert not np.allclose([first[step][0] for step in at], [turned[step][0] for step in at])
 
 
 def shows(contents, entity):

@@ -72,7 +72,6 @@ def chapter(campaign: Campaign) -> Chapter | None:
             f"- blue: optimal set, orange: random sets, both drawn {times} times larger than life",
             f"- dots: the first {SHOWN} draws; boxes: ranges so far; ours of {study.trials[0]}",
             *spreads,
-            "- plot: a range grows with the draws, as that of normal numbers (gray)",
         ),
         draw=partial(_draw, clouds),
         lines=[
