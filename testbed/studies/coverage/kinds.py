@@ -61,10 +61,10 @@ class Use:
     """Whether it is judged where a single move ends."""
 
 
-def drawn(laboratory: Laboratory, kind: str, robot: int) -> Use:
-    """Robot number `robot` of one kind in the laboratory."""
+def drawn(laboratory: Laboratory, kind: str, robot: int, truth: TruthSettings | None = None) -> Use:
+    """Robot number `robot` of one kind in the laboratory; the kind's `truth` if at hand."""
     scenario, name = laboratory.scenario, ("coverage", "robot", robot)
-    truth = scenario.table(CoverageSettings).truth_of(scenario, kind)
+    truth = truth or scenario.table(CoverageSettings).truth_of(scenario, kind)
     if kind in SLIGHT:
         rng = stream(scenario.seed, "coverage", "slight", robot)
         terms = MISFITS[robot % len(MISFITS)]

@@ -40,7 +40,9 @@ def measure_robots(
     poses : sequence of (v + t, n) array
         Of each, from `poses_of` [rad, m].
     """
-    uses = [drawn(laboratory, truth, robot) for robot in robots]
+    scenario = laboratory.scenario
+    settings = scenario.table(CoverageSettings).truth_of(scenario, truth)
+    uses = [drawn(laboratory, truth, robot, settings) for robot in robots]
     arms = ManyTrueRobots.of([use.laboratory.truth for use in uses])
     plain = uses[0].laboratory.tracker.steady and not laboratory.rounds and truth not in OTHERWISE
     if arms is None or not plain:
