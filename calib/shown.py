@@ -94,17 +94,21 @@ def concatenated(tables: Iterable[ResultTable]) -> ResultTable:
     return ResultTable(columns, parts[0].precision)
 
 
+def in_a_line(record: object) -> str:
+    """Fields of a dataclass as far as a line holds them: small ones by value, arrays by shape."""
+    names = (field.name for field in fields(cast("Any", record)))
+    parts = [text for name in names if (text := _field(name, getattr(record, name)))]
+    line = f"{type(record).__name__}({', '.join(parts)}"
+    return f"{line})" if len(line) < LINE else f"{line[: LINE - 4].rpartition(',')[0]}, ...)"
+
+
 class Shown:
     """A result: one line, the same with words and a table in a notebook, tables for frames."""
 
     __slots__ = ()
 
     def __repr__(self) -> str:
-        """Its fields as far as a line holds them: small ones by value, arrays by shape."""
-        names = (field.name for field in fields(cast("Any", self)))
-        parts = [text for name in names if (text := _field(name, getattr(self, name)))]
-        line = f"{type(self).__name__}({', '.join(parts)}"
-        return f"{line})" if len(line) < LINE else f"{line[: LINE - 4].rpartition(',')[0]}, ...)"
+        return in_a_line(self)
 
     def tables(self) -> Mapping[str, ResultTable]:
         """Tables by name, the one that a notebook shows first; none by default."""

@@ -15,6 +15,7 @@ from calib.geometry.frames import (
     step_transform,
     transform_step,
 )
+from calib.shown import in_a_line
 
 POINT_AXES = FRAME_AXES[:3]
 
@@ -47,6 +48,9 @@ class Fixtures:
                 require_rigid(T, name, f"{name}[{k}]", k)
         for name, value in zip(self.__slots__, values, strict=True):
             object.__setattr__(self, name, value)
+
+    def __repr__(self) -> str:
+        return in_a_line(self)
 
     @property
     def counts(self) -> tuple[int, int, int, int]:

@@ -8,6 +8,7 @@ import numpy as np
 from pydantic import model_validator
 
 from calib.arrays import Array, Bool, frozen
+from calib.shown import in_a_line
 from calib.uncertainty.statement.conditions import Conditions, Tolerance
 from testbed.bounds import COORDINATE, PAYLOAD, TEMPERATURE
 from testbed.files.columns import NUMBERS
@@ -78,6 +79,9 @@ class SetUp:
     """Names of the stations that were used."""
     job: JobSheet = field(default_factory=JobSheet)
     """Who measured what for whom, with which instrument."""
+
+    def __repr__(self) -> str:
+        return in_a_line(self)
 
 
 def conditions_of(table: DataTable, good: Bool) -> Conditions:

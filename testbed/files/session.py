@@ -9,7 +9,7 @@ import numpy as np
 from calib.arrays import Array, Bool, Index
 from calib.geometry.fixtures import Fixtures
 from calib.measurement.observations import Measurements
-from calib.shown import Shown
+from calib.shown import Shown, in_a_line
 from calib.uncertainty.statement.conditions import Conditions
 from testbed.files.conditions import SetUp
 from testbed.files.refusal import refusal
@@ -78,6 +78,9 @@ class Stated:
     with w first, rotation vectors [rad], matrices by rows."""
     inverted: bool = False
     """Whether the file gives T_tool_tracker."""
+
+    def __repr__(self) -> str:
+        return in_a_line(self)
 
     def rows(self, index: Index) -> "Stated":
         """The same for some rows (indices)."""

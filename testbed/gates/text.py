@@ -44,6 +44,9 @@ class SourceFile:
     path: Path
     sha256: str
 
+    def __repr__(self) -> str:
+        return f"SourceFile({self.path.name!r}, sha256 {self.sha256[:8]})"
+
 
 @dataclass(frozen=True, slots=True)
 class FileText:

@@ -55,6 +55,9 @@ class Visual:
     affine: Affine = IN_PLACE
     """Places in the file to places in the frame of the link; a scale may be part of it."""
 
+    def __repr__(self) -> str:
+        return f"Visual({self.name!r} of body {self.link})"
+
 
 @dataclass(frozen=True, slots=True)
 class Reflector:

@@ -30,6 +30,7 @@ from testbed.scenario.tables import (
 )
 from testbed.scenario.tolerance import ToleranceTable
 from testbed.strict import Fault, KeyPath, PlainText, place
+from testbed.units import counted
 
 if TYPE_CHECKING:
     from testbed.robots.robot import Robot
@@ -109,6 +110,13 @@ class Scenario(Settings):
     trial: Annotated[tuple[TrialSettings, ...], Field(min_length=1, max_length=MAX_TRIALS)]
     _tables: dict[str, StudyTable] = PrivateAttr(default_factory=dict)
     _given: dict[str, Any] = PrivateAttr(default_factory=dict)
+
+    def __repr__(self) -> str:
+        """One line; `document` has every number."""
+        trials = counted(len(self.trial), "trial")
+        return f"Scenario({self.name!r}, seed {self.seed}, {self.robot}, {trials})"
+
+    __str__ = __repr__
 
     def trial_named(self, name: str) -> TrialSettings:
         """The trial with this name."""

@@ -13,6 +13,7 @@ from calib.errors import CalibError
 from testbed.report.page import Figure, Section, Table, Verdict
 from testbed.scenario.scenario import Scenario, StudyTable
 from testbed.store.quantities import Quantity
+from testbed.strict import some
 
 if TYPE_CHECKING:
     from testbed.recording.story import Chapter
@@ -92,6 +93,10 @@ class Records:
     values: Mapping[str, object]
     failed: Mapping[str, str]
     """Why others failed, by key."""
+
+    def __repr__(self) -> str:
+        names, failed = some(list(self.values), 6), len(self.failed)
+        return f"Records({names}{f'; {failed} failed' * bool(failed)})"
 
     def get(self, key: str, kind: type[R]) -> R:
         """The record `key`; CalibError if it failed."""

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from typing import Annotated
 
 from calib.arrays import Array
+from calib.shown import in_a_line
 from calib.uncertainty.statement.belief import Belief
 from testbed.files.session import Session
 from testbed.identify.handback.in_use import ToolInUseStatement, tool_statement_of
@@ -31,6 +32,9 @@ class HandBack:
     """What is believed of the tool in use; None without one, or where nothing is believed."""
     tool_refused: str
     """Why nothing is, where a tool in use is stated; else empty."""
+
+    def __repr__(self) -> str:
+        return in_a_line(self)
 
 
 def hand_back(

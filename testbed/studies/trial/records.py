@@ -196,7 +196,8 @@ class Trial(Shown):
     estimates: tuple[Estimate, ...]
 
     def __repr__(self) -> str:
-        return f"Trial({self.name!r}: {self.selection!r}; {', '.join(map(repr, self.estimates))})"
+        poses, found = len(self.selection.indices), ", ".join(map(repr, self.estimates))
+        return f"Trial({self.name!r}, {poses} poses; {found})"
 
     def tables(self) -> dict[str, ResultTable]:
         """``estimates``: what each leaves, states and holds; their `Estimate.tables`."""

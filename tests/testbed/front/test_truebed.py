@@ -1,5 +1,8 @@
 """The product's front: what it hands out is what the rooms make, in memory and on disk."""
 
+from dataclasses import fields
+from inspect import getmembers
+
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
@@ -9,6 +12,7 @@ from calib.errors import InputError
 from testbed.run.export import export_campaign
 from testbed.scenario.read import changed
 from testbed.studies import load_scenario
+from testbed.studies.protocol import Records
 from tests import planned
 from tests.testbed.front.conftest import SMALL
 from truebed import plots
@@ -37,6 +41,39 @@ def test_a_campaign_runs_in_memory_and_comes_back_from_its_folder(tmp_path, camp
     missed = 1e3 * again.fit.misses.position[again.split.is_test]
     np.testing.assert_allclose(after.get_xdata(), np.sort(missed))
     assert truebed.load(tmp_path / "identified" / "robot").name.startswith("staubli_tx60")
+
+
+def one_level_down(loaded):
+    """What hangs on an object that was loaded, by name; members of tuples one by one."""
+    names = [field.name for field in fields(loaded)]
+    names += [name for name, _ in getmembers(type(loaded), lambda one: isinstance(one, property))]
+    for name in dict.fromkeys(names):
+        value = getattr(loaded, name)
+        parts = value if isinstance(value, tuple) else (value,)
+        yield from ((f"{type(loaded).__name__}.{name}", part) for part in parts)
+
+
+def test_whatever_hangs_on_what_is_loaded_says_what_it_is_in_a_line_or_two(tmp_path, campaign):
+    """An object of ours that a notebook shows: arrays and mappings of names are Python's own."""
+    robot = truebed.robot("staubli_tx60")
+    export_campaign(campaign, robot, tmp_path / "files")
+    truebed.run(changed(load_scenario("quick"), SMALL), tmp_path / "run")
+    truebed.identify(robot, tmp_path / "files" / "session.toml", tmp_path / "found")
+    seen = set()
+    for folder in ("run", "files", "found", "found/robot"):
+        loaded = truebed.load(tmp_path / folder)
+        for name, part in [(folder, loaded), *one_level_down(loaded)]:
+            if not type(part).__module__.startswith(("calib", "testbed")):
+                continue
+            seen.add(type(part).__name__)
+            assert len(repr(part)) < 200, (name, repr(part))
+            assert "\n" not in repr(part), name
+    assert {"Scenario", "Records", "Trial", "SetUp", "Fixtures", "HandBack", "Visual"} <= seen
+    shown = repr(truebed.load(tmp_path / "run").scenario)
+    assert shown == "Scenario('quick', seed 1, staubli_tx60, 2 trials)"
+    assert repr(Records({"setting": 1, "one": 2}, {"other": "no"})) == (
+        "Records(setting, one; 1 failed)"
+    )
 
 
 def test_a_plan_is_made_and_its_numbers_come_back(tmp_path):
