@@ -49,7 +49,7 @@ def repeats_factor(dimension: int, freedom: ArrayLike, probability: float = 0.95
     Examples
     --------
     >>> [round(float(repeats_factor(d, 9.0)), 2) for d in (1, 3)]
-    [2.26, 4.1]
+    [2.26, 4.09]
 
     References
     ----------
