@@ -8,7 +8,7 @@ LETTER, LINE, BLANK, ROW, HEADING, ABOVE = 6.0, 15.2, 15.0, 23.0, 30.4, 20.0
 """Of Markdown in the viewer, measured in pictures: mean width of a letter, heights of a line, of an
 empty one, of a row of a table, of a heading with the gap below it, and of the margins."""
 TEXTS = {"now": (487, 128), "summary": (487, 173)}
-BESIDE_TALL = {"now": (295, 300), "summary": (615, 209)}
+BESIDE_TALL = {"now": (348, 300), "summary": (615, 209)}
 WITHOUT_PLANE = {"now": (487, 300), "summary": (615, 209)}
 """Width and height of the windows of words in the three layouts, in a viewer of 1280 by 720."""
 LOW = (636, 209)

@@ -14,7 +14,7 @@ from testbed.recording.timeline import Timeline
 from testbed.robots.placements import link_poses
 
 FRAMES_PER_SECOND = 24.0
-WIDTHS = (1.5, 1.0), (1.1, 0.9, 1.6)
+WIDTHS = (1.5, 1.0), (1.0, 1.05, 1.55)
 """Of cell and texts, and of both beside a tall plane."""
 ROWS = (5.45, 0.9, 3.65)
 """Heights of cell, bar of phases and charts: in a window of 1280 by 720 all words have room."""
