@@ -11,6 +11,7 @@ from pathlib import Path
 NUMBERS = ("numpy", "scipy", "mujoco")
 """A run goes on only with the same version of these (and of truebed)."""
 OTHERS = ("yourdfpy", "trimesh", "rerun-sdk", "pydantic", "matplotlib")
+NOT_INSTALLED = "not installed"
 
 
 def own_version() -> str:
@@ -26,7 +27,7 @@ def _version(package: str) -> str:
     try:
         return version(package)
     except PackageNotFoundError:
-        return "not installed"
+        return NOT_INSTALLED
 
 
 def number_versions() -> dict[str, str]:
@@ -53,7 +54,13 @@ def sources_hash() -> str:
 
 @cache
 def processor() -> str:
-    """The kind of processor: bits of results are promised for one kind only."""
+    """Kind of processor, and what compiles loops for it: bits are promised for one kind only."""
+    numba = compiler_version()
+    compiler = "" if numba == NOT_INSTALLED else f", numba {numba}"
+    return _processor() + compiler
+
+
+def _processor() -> str:
     with suppress(OSError):
         for line in Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines():
             if line.startswith("model name"):

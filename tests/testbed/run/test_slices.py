@@ -288,6 +288,16 @@ def test_each_piece_says_which_processor_played_it(tmp_path):
     assert manifest["processors"] == {processor(): 7}
 
 
+def test_loops_compiled_and_not_count_as_two_kinds_of_processors(monkeypatch):
+    from testbed import versions
+
+    told = []
+    for numba in ("0.63.1", versions.NOT_INSTALLED):
+        monkeypatch.setattr(versions, "compiler_version", lambda numba=numba: numba)
+        told.append(versions.processor.__wrapped__())
+    assert told[0] == f"{told[1]}, numba 0.63.1"
+
+
 def test_folders_that_disagree_are_refused_and_nothing_is_written(tmp_path):
     part(tmp_path / "a", 1, 2)
     part(tmp_path / "b", 2, 2)
