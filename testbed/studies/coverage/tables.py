@@ -146,7 +146,7 @@ def advice_table(studies: tuple[CoverageStudy, ...]) -> Table:
 def attained_share(mean: Mean) -> str:
     """A share with its band, in percent, to the first digit of the band."""
     half = 100 * mean.half_width
-    places = min(max(1, -math.floor(math.log10(half))), 3) if half > 0 else 1
+    places = min(max(1, -math.floor(math.log10(half))), 4) if half > 0 else 1
     return f"{fixed(100 * mean.value, places)} ± {fixed(half, places)}{NARROW}%"
 
 
