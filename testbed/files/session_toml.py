@@ -120,11 +120,9 @@ class UncertaintyTable(Strict):
         constant, slope = self.mpe_um or (None, None)
         stated |= {"rotation_mdeg": self.rotation_mdeg, "mpe_um": max(constant or 0, slope or 0)}
         least = shown(TRACKER_SD, "um")
-        below = {
-            key: value
-            for key, value in stated.items()
-            if key.endswith("_um") and value and value < least
-        }
+        # interferometers tell distances better
+        positions = {key: stated[key] for key in ("position_um", "mpe_um")}
+        below = {key: value for key, value in positions.items() if value and value < least}
         stated = {key: value for key, value in stated.items() if key not in below}
         shared = {} if self.systematic is None else self.systematic.sizes
         return *(

@@ -26,7 +26,7 @@ def odd_settings(scenario: Scenario) -> tuple[str, ...]:
     if isinstance(tracker, PaperTracker):
         key, noise = "position_um is", tracker.position_um
     else:
-        key = "range_um, transverse_um and centering_um are at most"
+        key = "at one meter the largest of range_um, transverse_um and centering_um is"
         noise = max(sum(tracker.range_um), sum(tracker.transverse_um), tracker.centering_um)
     least = shown(TRACKER_SD, "um")
     if noise >= least:

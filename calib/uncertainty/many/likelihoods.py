@@ -13,9 +13,11 @@ from calib.uncertainty.statement.likelihood_systems import SMALL, OfNumbers, Poo
 PARTS = ((2.4, 16), (3.0, 18))
 """Length in s = ln(1 + c t^2) and terms of the first polynomial and of all others: see below. The
 first is all that most robots need of whom the model misses little."""
-ALIKE, UNLIKELY = 3.0, 10.0
-"""Rows whose shares of misfit differ by less than this, in logarithms, deny larger sizes alike: a
-fall by so much is as good as one by `HOPELESS`."""
+ALIKE, LIKE_NOISE, UNLIKELY = 3.0, 2.0, 10.0
+"""Rows whose shares of misfit differ by less than a factor exp(3), and whose mean square without
+any misfit is below twice that of noise, deny larger sizes alike: a fall by ten of the
+log-likelihood is then as good as one by `HOPELESS`. Where some rows lie far off, a few of small
+shares may ask for a size that all others deny: a second peak behind the fall."""
 POOLS = 16
 """Most sums over rows that are made instead of one for each size."""
 
@@ -59,6 +61,8 @@ def likelihood_between(
         logarithm, square = found @ between
         values = grid.values((logarithm, square), n, p)
         of_both[at] = values - (logarithms @ between)[:, None] / 2 - grid.known
+        if not start:  # its first size is none
+            alike = alike and square[len(nodes) // 2, 0] < LIKE_NOISE * (len(A) - p)
         value = of_both[at].max(axis=1)
         if value[-1] < max(best, value.max()) - (UNLIKELY if alike else HOPELESS):
             break  # larger ones are less likely still

@@ -58,3 +58,15 @@ def test_few_sums_over_rows_serve_all_sizes(spread):
         weighed = own.A.T @ (own.A / (1 + t**2 * own.lam)[:, None])
         np.testing.assert_allclose(H, weighed, rtol=0, atol=1e-11 * np.abs(weighed).max())
     assert pooled(*(getattr(rows(90, 6, 1.0, 9.0)[0], name) for name in ("A", "lam"))) is None
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_second_peak_is_not_missed_behind_rows_that_deny_it(seed):
+    """Two rows of small shares lie 20 standard deviations off; sixty of large ones are noise."""
+    rng = np.random.default_rng(seed)
+    lam, off = np.r_[np.full(60, 19.0), np.ones(2)], rng.choice([-1.0, 1.0], 2)
+    y = np.r_[rng.normal(size=60), 20.5 * off]
+    own = PositionRows(1e-3 * rng.normal(size=(62, 2)), y, lam, 62.0)
+    found, every = likelihood_between(own, 1.0), likelihood(own, 1.0, None)
+    assert found.limit(DROP) == pytest.approx(every.limit(DROP), rel=1e-9)
+    assert every.limit(DROP) > 1.0  # the first peak ends at a tenth of that

@@ -187,15 +187,19 @@ def test_of_the_panels_of_a_kind_that_of_the_last_chapter_lies_on_top():
 
 
 def test_recordings_leave_no_thread_and_no_memory_behind():
-    """Rerun kept four threads and 20 MB of each (V28); what a process needs once, it needs once."""
+    """Rerun kept four threads and 20 MB of each (V28); what a process needs once, it needs once.
+
+    Ten that leak hold 200 MB more; what an allocator keeps in pieces was 2 to 6 MB.
+    """
     one = story(chapter("first", visit(STOPS)))
-    story_bytes(one)
+    for _ in range(3):
+        story_bytes(one)
     before = held()
     for _ in range(10):
         assert len(story_bytes(one)) > 1e5
     after = held()
     assert after["Threads"] <= before["Threads"]
-    assert after["VmRSS"] - before["VmRSS"] < 5e3  # kB
+    assert after["VmRSS"] - before["VmRSS"] < 20e3  # kB
 
 
 def test_what_failed_is_let_go_of_with_the_next_recording(capfd):

@@ -46,7 +46,8 @@ def test_sources_of_a_tracker_count_together():
     assert odd_settings(changed(scenario, small, where="test")) == ()
     small |= {"tracker.transverse_um": (0.2, 0.1)}
     (said,) = odd_settings(changed(scenario, small, where="test"))
-    assert "range_um, transverse_um and centering_um are at most 0.5: no laser tracker" in said
+    largest = "at one meter the largest of range_um, transverse_um and centering_um is 0.5"
+    assert f"{largest}: no laser tracker" in said
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ from scipy import stats
 from testbed.report.page import SIMULATED, Table, rejections, render
 from testbed.run.derive import page_of
 from testbed.studies.trial import report_accuracy, report_design, report_parameters, verdict
-from testbed.studies.trial.report_accuracy import too_narrow, truth_table
+from testbed.studies.trial.report_accuracy import CLEARLY, too_narrow, truth_table
 from testbed.studies.wen2022 import report_paper
 from testbed.studies.wen2022.records import paper_budget_of
 from tests.campaign import with_records, without
@@ -290,7 +290,7 @@ def test_a_refuted_statement_beside_a_smaller_error_is_explained_where_the_verdi
             for other in trial.estimates
             if verdict.judge(trial, one).contradicted
             and verdict.judge(trial, other).believable
-            and one.comparison.after.mean() < other.comparison.after.mean()
+            and CLEARLY * one.comparison.after.mean() < other.comparison.after.mean()
         ]
         said = page(make).verdict
         assert ('A "no" judges' in said) == bool(pairs)
