@@ -7,7 +7,7 @@ import numpy as np
 
 from calib.arrays import Array, Bool, Index
 from calib.geometry.chain import Chain
-from calib.geometry.frames import log_so3
+from calib.geometry.frames import exp_so3, log_so3, skew
 from calib.geometry.model import RobotModel
 from calib.identification.start.closed_forms import (
     fitted_frame,
@@ -24,6 +24,11 @@ LEVER = 0.3
 """A radian counts like so many meters where position and rotation are judged together."""
 ROUNDS = 3
 """Alternations after the linear lift of a position-only fit."""
+STEPS, SETTLED = 25, 1e-3
+"""Steps of base and tool together at most; they end where one gains less than this part."""
+DAMPING, FREE = 1e-6, 1e-12
+"""Of the first of these steps and of the one that tells whether more is to be gained, for each row
+[m^2]; directions that are measured weaker wait."""
 TIMES, LEAST = 10.0, 0.010
 """A row is mismatched if its error is above so many medians and above so many meters."""
 FEWEST = 10
@@ -110,8 +115,14 @@ def fit_frames(F: Array, position: Array, rotation: Array | None) -> Frames:
     """Base and tool from flange poses F (m, 4, 4) and what was measured.
 
     Points: the linear lift, then Procrustes and the arm in turn. Full poses: besides that, hand-eye
-    by the Kronecker product, which needs tools that turn; the better of both.
+    by the Kronecker product, which needs tools that turn; the better of both. Along a line in
+    joint space these end far from the least misfit, so that steps of all together follow.
     """
+    return _least_misfit(_closed_fit(F, position, rotation), F, position, rotation)
+
+
+def _closed_fit(F: Array, position: Array, rotation: Array | None) -> Frames:
+    """Base and tool by linear algebra alone: near the least misfit where poses are many-sided."""
     one = np.zeros(len(F), dtype=np.int64)
     free, about = np.zeros(1, dtype=np.bool_), np.zeros((1, 3))
     X = lifted_rotation(F, position, one, about, free)
@@ -130,6 +141,64 @@ def fit_frames(F: Array, position: Array, rotation: Array | None) -> Frames:
     t, arm = shift_and_arms(X, F, position, one, about, free)
     by_rotation = Frames(X, t, arm[0], tool_rotation(X, F, rotation))
     return min(by_rotation, by_position, key=lambda fit: fit.misfit(F, position, rotation).score)
+
+
+def _least_misfit(frames: Frames, F: Array, position: Array, rotation: Array | None) -> Frames:
+    """Frames of the least score nearby, by damped steps of base and tool together.
+
+    References
+    ----------
+    Levenberg 1944; Marquardt 1963. The shift is eliminated: it is the mean of what is left.
+    """
+    left = _residuals(frames, F, position, rotation)
+    cost, damping = float(left @ left), DAMPING * len(F)
+    for _ in range(STEPS):
+        J = _derivatives(frames, F, rotation is not None)
+        strength, V = np.linalg.eigh(J.T @ J)
+        along, strength = V.T @ (J.T @ left), np.maximum(strength, 0.0)
+        if float(along @ (along / (strength + FREE * len(F)))) < SETTLED * cost:
+            break
+        while damping < len(F):
+            other = _moved(frames, V @ (along / (strength + damping)), F, position)
+            changed = _residuals(other, F, position, rotation)
+            if changed @ changed < cost:
+                break
+            damping *= 10
+        else:
+            break
+        frames, left, cost, damping = other, changed, float(changed @ changed), damping / 30
+    return frames
+
+
+def _residuals(frames: Frames, F: Array, position: Array, rotation: Array | None) -> Array:
+    """What frames leave of positions, and of rotations in meters: their squares are the score's."""
+    left = position - (F[:, :3, 3] + F[:, :3, :3] @ frames.arm) @ frames.R.T - frames.t
+    if frames.Y is None or rotation is None:
+        return left.ravel()
+    turns = log_so3(rotation @ np.swapaxes(frames.R @ F[:, :3, :3] @ frames.Y, 1, 2))
+    return np.concatenate([left.ravel(), LEVER * turns.ravel()])
+
+
+def _derivatives(frames: Frames, F: Array, turned: bool) -> Array:
+    """Of what the residuals lose: columns of a turn of the base, of the arm, and of the tool."""
+    m, R = len(F), frames.R @ F[:, :3, :3]
+    J = np.zeros((m, 3, 6))
+    J[:, :, :3] = -skew(F[:, :3, 3] @ frames.R.T + R @ frames.arm)
+    J[:, :, 3:] = R
+    J = (J - J.mean(0)).reshape(3 * m, 6)
+    if frames.Y is None or not turned:
+        return np.asarray(J)
+    K = np.zeros((m, 3, 9))
+    # of small turns: their logarithm adds
+    K[:, :, :3], K[:, :, 6:] = np.eye(3), R @ frames.Y
+    return np.vstack([np.pad(J, ((0, 0), (0, 3))), LEVER * K.reshape(3 * m, 9)])
+
+
+def _moved(frames: Frames, step: Array, F: Array, position: Array) -> Frames:
+    """Frames after a step, and the shift that suits them."""
+    R, arm = exp_so3(step[:3]) @ frames.R, frames.arm + step[3:6]
+    t = (position - (F[:, :3, 3] + F[:, :3, :3] @ arm) @ R.T).mean(0)
+    return Frames(R, t, arm, None if frames.Y is None else frames.Y @ exp_so3(step[6:]))
 
 
 def mismatched_rows(
