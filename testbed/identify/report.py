@@ -298,9 +298,10 @@ def _cells(number: HandedNumber) -> tuple[str, ...]:
 
 
 def _short(value: float, places: int) -> str:
-    """A number as it was stated: without zeros at its end."""
+    """A number stated with fewer decimals as it was stated; a fitted one with all of them."""
     text = fixed(value, places)
-    return text.rstrip("0").rstrip(".") if "." in text else text
+    stated = abs(value - round(value, places)) <= NO_DELTA
+    return text.rstrip("0").rstrip(".") if stated and "." in text else text
 
 
 def _row(name: str, value: float, u: float, length: bool) -> tuple[str, ...]:

@@ -6,13 +6,13 @@ import numpy as np
 
 from calib.identification.identify import Identification
 from calib.measurement.observations import Measurements
-from calib.uncertainty.statement.instrument import SharedErrors, shared_errors
+from calib.uncertainty.statement.instrument import HIDDEN, NOTHING, SharedErrors, shared_errors
 from testbed.files.session import Session
 from testbed.identify.records import Calibration
 from testbed.report.page import Block, Section, Table, Text
 from testbed.scenario.instrument import beam_of, errors_of
 from testbed.store.quantities import METRE, Quantity, below
-from testbed.units import UM, fixed
+from testbed.units import UM, fixed, percent
 
 UNSTATED = (
     "The session states no systematic part of its instrument. What all its readings share (a "
@@ -55,20 +55,22 @@ def shared_section(calibration: Calibration) -> Section:
         rows = [
             (name, fixed(at_tool * UM, 2), fixed(seen * UM, 2), words)
             for name, at_tool, seen, words in zip(
-                found.names, found.at_tool, found.seen, found.sentences, strict=True
+                found.names, found.at_tool, found.seen, found.shown, strict=True
             )
         ]
         whole = ("all together", fixed(found.combined * UM, 2), "", "")
         table = Table(
             caption="Standard uncertainty that all readings share, 3-D, root mean square over "
             + ("the held-out poses" if held else "the poses identified from"),
-            head=("source", "at the tool µm", "seen µm", ""),
+            head=("source", "at the tool µm", "seen µm", "enough to see it"),
             rows=(*rows, whole),
             align="lrrl",
             note="One instrument is taken to have made all readings. "
             "At the tool: what the estimate takes over, and what the predicted tool point is "
             "wrong by; a believed region contains it, and more poses do not make it smaller. Seen: "
-            "what of it the residuals show. The level of a station counts for positions against "
+            "what of it the residuals show; no: less than "
+            f"{HIDDEN:g} of what is left at the tool; negligible: less than {percent(NOTHING)} of "
+            "the whole is left there. The level of a station counts for positions against "
             "gravity alone.",
         )
         blocks = [table]

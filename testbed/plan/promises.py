@@ -4,6 +4,7 @@ from math import floor
 
 import numpy as np
 
+from calib.arrays import Bool
 from calib.held_out_counts import fewest_poses
 from calib.uncertainty.statement.applicability import REFUSED, WARNED, Applicability
 from calib.uncertainty.statement.distance import least_content
@@ -14,8 +15,6 @@ OVER = {"V": "RMS over the goal", "G": "worst of the goal"}
 """What a figure of each criterion of the goal is."""
 CERTAIN = 1e-9
 """Of an efficiency: no difference."""
-BEYOND_COUNTS = 0.05
-"""Share of the goal's postures from which a joint outside its proven range is named."""
 
 
 def promise(plan: Plan) -> str:
@@ -24,11 +23,19 @@ def promise(plan: Plan) -> str:
     seen = plan.foresight
     far = "noise and the tracker's systematic errors" if has_shared(plan) else "noise alone"
     return (
-        f"{poses} in about {minutes(plan.tour.duration)} will locate the mean tool point within "
-        f"{micrometres(seen.R95_over)} µm with 95{NARROW}% probability (3-D radius, over the goal; "
-        f"{micrometres(seen.R95_worst)} µm at its worst), counting {far}. Errors outside the model "
-        f"cannot be predicted: {misfit_words(plan)}."
+        f"{poses} will locate the mean tool point within {micrometres(seen.R95_over)} µm with "
+        f"95{NARROW}% probability (3-D radius, over the goal; {micrometres(seen.R95_worst)} µm at "
+        f"its worst), counting {far}; {_time_words(plan)}. Errors outside the model cannot be "
+        f"predicted: {misfit_words(plan)}."
     )
+
+
+def _time_words(plan: Plan) -> str:
+    """How long it takes to measure all poses, the held-out ones among them."""
+    time, held = minutes(plan.tour.duration), plan.tour.roles.count("test")
+    if not held:
+        return f"measuring takes about {time}"
+    return f"all {len(plan.tour)} poses, {held} of them held out, take about {time} to measure"
 
 
 def misfit_words(plan: Plan) -> str:
@@ -158,29 +165,45 @@ def reach_words(plan: Plan) -> tuple[str, ...]:
 
 
 def _where(seen: Applicability) -> str:
-    """At which part of the goal the statement will hold, grow, or not be made."""
-    outside, edge = (float((seen.place == word).mean()) for word in ("outside", "edge"))
-    if not outside and not edge:
+    """At how many postures of the goal the statement will hold, grow, or not be made, and why."""
+    whole = counted(len(seen.place), "posture")
+    inside, edge, outside = (seen.place == word for word in ("inside", "edge", "outside"))
+    if inside.all():
         return "Every posture of the goal lies inside what will be proven"
-    parts = []
-    if outside:
-        parts.append(f"{percent(outside)} outside, where no region will be stated")
-    grown = float((np.maximum(seen.transfer, seen.leverage) > WARNED).mean()) - outside
-    if grown > 0:
-        parts.append(
-            f"{percent(grown)} at the edge, where unmodelled errors or noise have more than "
-            f"{WARNED:g} times the variance that they have at the held-out poses, and the region "
-            "grows"
+    lie = "lies" if inside.sum() == 1 else "lie"
+    parts = [f"{_count(inside)} of the goal's {whole} {lie} inside what will be proven"]
+    if edge.any():
+        parts.append(f"{_count(edge)} at the edge: {_edge_reasons(seen, edge)}")
+    if outside.any():
+        parts.append(f"{_count(outside)} outside, where no region will be stated")
+    return "; ".join(parts)
+
+
+def _count(these: Bool) -> str:
+    """How many of the goal's postures, and their share."""
+    return f"{int(these.sum())} ({percent(float(these.mean()))})"
+
+
+def _edge_reasons(seen: Applicability, edge: Bool) -> str:
+    """Why postures lie at the edge, and at how many both reasons hold."""
+    said = []
+    grown = edge & (np.maximum(seen.transfer, seen.leverage) > WARNED)
+    if grown.any():
+        said.append(
+            f"{int(grown.sum())} because unmodelled errors or noise have more than {WARNED:g} "
+            "times the variance that they have at the held-out poses, so that the region grows"
         )
-    shares = seen.beyond.mean(axis=0)
-    far = [
-        f"joint {j + 1} at {percent(float(shares[j]))}"
-        for j in np.argsort(-shares, kind="stable")
-        if shares[j] >= BEYOND_COUNTS
-    ]
-    if far:
-        parts.append(
-            f"a joint is more than 10 deg beyond its range over the held-out poses: {listed(far)}"
+    beyond = seen.beyond & edge[:, None]
+    far = beyond.any(axis=1)
+    if far.any():
+        counts = beyond.sum(axis=0)
+        joints = [
+            f"joint {j + 1} at {counts[j]}" for j in np.argsort(-counts, kind="stable") if counts[j]
+        ]
+        said.append(
+            f"{int(far.sum())} because a joint is more than 10 deg beyond its range over the "
+            f"held-out poses ({listed(joints)})"
         )
-    inside = percent(1 - outside - edge)
-    return f"{inside} of the goal's postures lie inside what will be proven; {'; '.join(parts)}"
+    if (grown & far).any():
+        said.append(f"{int((grown & far).sum())} of these for both reasons")
+    return ", ".join(said)

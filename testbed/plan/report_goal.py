@@ -4,6 +4,7 @@ import numpy as np
 
 from calib.arrays import Array
 from calib.uncertainty.statement.applicability import REFUSED, WARNED
+from calib.uncertainty.statement.instrument import HIDDEN, NOTHING
 from testbed.plan import plots
 from testbed.plan.promises import (
     OVER,
@@ -104,14 +105,16 @@ def source_blocks(plan: Plan) -> tuple[Block, ...]:
     seen = plan.foresight.sources
     if seen is None:
         return ()
-    rows = zip(seen.names, seen.at_tool, seen.seen, seen.sentences, strict=True)
+    rows = zip(seen.names, seen.at_tool, seen.seen, seen.shown, strict=True)
     table = Table(
         caption="The tracker's systematic errors",
-        head=("source", "at the tool µm", "held-out poses will show µm", ""),
+        head=("source", "at the tool µm", "held-out poses will show µm", "enough to see it"),
         rows=tuple((name, hundredths(u), hundredths(v), words) for name, u, v, words in rows),
         align="lrrl",
         note="Standard uncertainties, 3-D, k = 1, RMS over the held-out poses. At the tool: the "
-        "part that the calibrated robot takes over. More poses hardly reduce it.",
+        "part that the calibrated robot takes over. More poses hardly reduce it. no: held-out "
+        f"poses of this instrument show less than {HIDDEN:g} of what is left at the tool; "
+        f"negligible: less than {percent(NOTHING)} of the whole is left there.",
     )
     return (table,)
 

@@ -36,6 +36,9 @@ NOTHING = 0.01
 """A source that leaves less than this share of the whole at the tool does not count."""
 UNSEEN = "held-out poses of this instrument show too little of it"
 SEEN = "held-out poses show it"
+LITTLE = "it hardly reaches the tool"
+SHOWN = {SEEN: "yes", UNSEEN: "no", LITTLE: "negligible"}
+"""Each sentence in the word of a table."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -153,9 +156,14 @@ class SharedErrors(Shown):
         counts = self.at_tool > NOTHING * self.combined
         seen = self.seen >= HIDDEN * self.at_tool
         return tuple(
-            SEEN if it_shows else UNSEEN if it_counts else "it hardly reaches the tool"
+            SEEN if it_shows else UNSEEN if it_counts else LITTLE
             for it_counts, it_shows in zip(counts, seen & counts, strict=True)
         )
+
+    @property
+    def shown(self) -> tuple[str, ...]:
+        """(s,) the same in a word: yes, no, or negligible."""
+        return tuple(SHOWN[words] for words in self.sentences)
 
 
 def shared_rows(

@@ -57,8 +57,9 @@ class StatedPoint:
 
 
 def _in_um(length: float) -> str:
-    """Three digits, and all of those before the point."""
-    return f"{1e6 * length:.3g}" if 1e6 * length < 1000 else f"{1e6 * length:.0f}"
+    """Three digits, zeros at the end among them, and all of those before the point."""
+    size = 1e6 * length
+    return f"{size:#.3g}".rstrip(".") if size < 999.5 else f"{size:.0f}"
 
 
 def stated_point(

@@ -14,9 +14,9 @@ from calib.uncertainty.tool_point import tool_statement
 from calib.uncertainty.trust import Trust
 from testbed.identify import plots
 from testbed.identify.handback.delivered import Delivered
-from testbed.identify.handback.states import handed_numbers
+from testbed.identify.handback.states import HandedNumber, handed_numbers
 from testbed.identify.headline import deg
-from testbed.identify.report import page_of
+from testbed.identify.report import _cells, page_of
 from testbed.identify.report_errors import residual_section
 from testbed.identify.statements import statements_of
 from testbed.identify.words import (
@@ -35,7 +35,8 @@ from testbed.identify.words import (
 )
 from testbed.report.page import SIMULATED, render
 from testbed.report.text import verdict_lines
-from testbed.units import plain
+from testbed.robots.write.dh_table import DhRow
+from testbed.units import micrometres, plain
 from tests.calibrated import real, sound
 from tests.reported import VERSIONS, read, said_twice
 from tests.testbed.identify.test_shared import calibrated as shared_session
@@ -75,7 +76,7 @@ def test_what_is_believed_is_said_before_anything_else():
     radius = f"R95 (3-D radius, 95 %) = {point.radius_mean * 1e6:.0f} um"
     assert f"For the mean tool point {radius} can be believed" in plain(shown.verdict)
     assert plain(shown.reasons[0]).startswith(
-        f"The mean tool point lies within {point.radius_mean * 1e6:.3g} um"
+        f"The mean tool point lies within {micrometres(point.radius_mean)} um"
     )
     # five times the stated noise, less what 56 numbers learn from 360 equations
     assert any(re.match(r"The residuals are [45]\.\d times", text) for text in shown.reasons)
@@ -227,6 +228,25 @@ def test_rows_left_out_while_reading_are_said_on_the_first_screen():
     masked = replace(found, source=replace(found.source, masked=("poses.csv:7: left out",)))
     assert not any("left out while reading" in text for text in reasons(found))
     assert any("left out while reading" in text for text in reasons(masked))
+
+
+@pytest.mark.parametrize(
+    ("old", "said"),
+    [
+        (0.32602, "0.3260"),  # fitted: the zero is known
+        (290.0, "290"),  # stated so
+        (1 / 3, "0.3333"),
+        (np.degrees(np.radians(-90.5)), "−90.5"),  # stated, and back from radians
+        (0.0, "0"),
+    ],
+)
+def test_an_old_value_that_was_fitted_has_the_digits_of_the_new_one(old, said):
+    new = old - 0.02392
+    for expanded in (0.0024, None):
+        row = DhRow("tool.x", "mm", old, new, new - old, expanded)
+        cells = _cells(HandedNumber(row, None, ""))
+        assert cells[2] == said
+        assert len(cells[3].partition(".")[2]) == len(cells[4].partition(".")[2]) == 4
 
 
 def lines_of(monkeypatch, draw, found):

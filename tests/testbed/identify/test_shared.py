@@ -106,11 +106,12 @@ def test_the_report_and_the_results_have_both_columns_and_the_words():
         at_tool, seen, words = rows[name]
         assert float(at_tool) == pytest.approx(found.shared.at_tool[k] / UM, abs=0.006)
         assert float(seen) == pytest.approx(found.shared.seen[k] / UM, abs=0.006)
-        assert (words == UNSEEN) == (name in found.shared.hidden)
+        assert (words == "no") == (name in found.shared.hidden)
         one = numbers["sources"][name]
         assert one["at_tool_u_3d_mm"] == pytest.approx(found.shared.at_tool[k] * 1e3)
         assert one["seen_u_3d_mm"] == pytest.approx(found.shared.seen[k] * 1e3)
-        assert one["sentence"] == words
+        assert one["sentence"] == found.shared.sentences[k]
+        assert (one["sentence"] == UNSEEN) == (words == "no")
     json.dumps(numbers, allow_nan=False)
 
 

@@ -16,6 +16,7 @@ from calib.uncertainty.statement.applicability import WARNED
 from testbed.cli import app
 from testbed.plan import folder as plan_files
 from testbed.plan.folder import play_plan, programs
+from testbed.plan.promises import minutes
 from testbed.plan.results import goal_csv, plan_numbers, stops_of
 from testbed.plan.words import next_step, promise, reasons, terminal_text
 from testbed.scenario.read import dump_scenario
@@ -232,7 +233,13 @@ def test_with_a_blocked_move_there_is_no_program_and_that_is_said(monkeypatch, t
 
 def test_the_words_name_poses_uncertainty_time_and_station():
     made = small_plan()
-    assert promise(made).startswith(f"{len(made.places)} poses in about 1 min")
+    assert promise(made).startswith(f"{len(made.places)} poses will locate the mean tool point")
+    # the time is that of the whole tour, which the held-out poses are part of
+    assert made.tour.roles.count("test") == 6
+    assert (
+        f"; all {len(made.places) + 6} poses, 6 of them held out, take about "
+        f"{minutes(made.tour.duration)} to measure. "
+    ) in promise(made)
     over, worst = (f"{1e6 * r:.1f} µm" for r in (made.foresight.R95_over, made.foresight.R95_worst))
     assert (
         f"tool point within {over} with 95\u202f% probability (3-D radius, over the goal; {worst} "
@@ -242,7 +249,7 @@ def test_the_words_name_poses_uncertainty_time_and_station():
         f"a misfit of {1e6 * made.foresight.misfit_seen:.2g} µm per axis or more would show"
     ) in promise(made)
     reach, guard, proof, count, route, order, clearance, station = reasons(made)
-    assert "of the goal's postures lie inside what will be proven" in reach
+    assert "of the goal's 60 postures lie inside what will be proven" in reach
     assert guard == "6 held-out poses cannot guard the factor of the statement; 19 are needed."
     assert "drift of the station cannot be distinguished from misfit of the model" in order
     assert f"tested moves is {1e3 * made.tour.clearance:.1f} mm" in clearance

@@ -1,6 +1,9 @@
 """What a plan counts beside noise, what it says of its reach, and in which order it measures."""
 
+import csv
+import io
 import json
+import re
 from dataclasses import replace
 from functools import cache
 
@@ -9,14 +12,17 @@ import pytest
 
 from calib.identification.identify import identify
 from calib.uncertainty.statement import believe, distance_radius, proven_at
+from calib.uncertainty.statement.applicability import Applicability
 from testbed.laboratory.bench import open_bench
 from testbed.laboratory.tracker.of_scenario import bias_size
 from testbed.plan.foresight import planned_rows
 from testbed.plan.plan import plan
 from testbed.plan.promises import factor_words, order_words, promise, reach_words
 from testbed.plan.report import plan_report_html
-from testbed.plan.results import plan_numbers
+from testbed.plan.report_goal import source_blocks
+from testbed.plan.results import goal_csv, plan_numbers
 from testbed.plan.words import terminal_text
+from testbed.report.page import Table
 from tests.planned import QUICK, ROBOT, legs, quick_plan, scenario
 from tests.reported import VERSIONS, read
 
@@ -112,7 +118,7 @@ def test_parts_and_whole_are_everywhere():
     page = " ".join(read(plan_report_html(made, ROBOT, versions=VERSIONS)).text)
     for said in (" ".join(terminal_text(made).split()), page):
         assert parts in said
-        assert "as far as noise and the tracker's systematic errors go" in said
+        assert "counting noise and the tracker's systematic errors" in said
     assert "of systematic errors" in page
     document = json.loads(json.dumps(plan_numbers(made, ROBOT), allow_nan=False))
     predicted, budget = document["predicted"], document["budget"]
@@ -125,7 +131,15 @@ def test_parts_and_whole_are_everywhere():
         dict(zip(made.foresight.sources.names, 1e6 * made.foresight.sources.at_tool, strict=True))
     )
     assert "target's place" in made.foresight.sources.hidden
-    assert "No held-out pose of this tracker can show what it gets wrong by" in page
+    assert "Held-out poses measured by the same tracker cannot reveal some of its errors" in page
+    (table,) = [block for block in source_blocks(made) if isinstance(block, Table)]
+    assert all(table.head)
+    words = dict(zip(made.foresight.sources.names, [row[-1] for row in table.rows], strict=True))
+    assert {name for name, word in words.items() if word == "no"} == set(
+        made.foresight.sources.hidden
+    )
+    assert set(words.values()) <= {"yes", "no", "negligible"}
+    assert page.count("held-out poses of this instrument show") == 1
     at = budget["poses"].index(len(made.places))
     assert budget["U_systematic_um"][at] == pytest.approx(2 * shared, rel=1e-9)
     assert predicted["U_is"] == factor_words(2.0) == "k = 2, 3-D, at least 95\u202f%"
@@ -159,9 +173,55 @@ def test_a_goal_that_the_statement_will_not_reach_is_warned_of():
     page = " ".join(read(plan_report_html(made, ROBOT, versions=VERSIONS)).text)
     document = plan_numbers(made, ROBOT)["applies"]
     for said in (" ".join(terminal_text(made).split()), page, *document["sentences"][:1]):
-        assert "Warning: the statement will not reach there" in said
+        assert "Warning: the statement will not reach the goal" in said
     assert document["reaches"] is False
     assert document["share_outside"] > 0.25
+
+
+def _placed(transfer, beyond):
+    """A reach made by hand: transfer g of each posture, and the joints that leave their range."""
+    g = np.array(transfer)
+    return Applicability(g, np.ones(len(g)), np.array(beyond, bool))
+
+
+PLACED = _placed(
+    [1.0, 5.0, 5.0, 2.0, 2.0, 12.0, 1.0, 1.0],
+    [[0, 0], [0, 0], [0, 1], [0, 1], [1, 1], [1, 0], [0, 0], [0, 0]],
+)
+"""Three postures inside; at the edge one by g, one by g and joint 2, two by joints; one outside."""
+
+
+@pytest.mark.parametrize("hand_made", [False, True])
+def test_the_places_of_the_goal_are_a_partition_and_those_of_the_table(hand_made):
+    made = quick_plan()
+    if hand_made:
+        goal = replace(made.goal, q=made.goal.q[:8], weights=np.full(8, 1 / 8))
+        seen = replace(
+            made.foresight, applies=PLACED, why=("",) * 8, noise=made.foresight.noise[:8],
+            shared=made.foresight.shared[:8],
+        )  # fmt: skip
+        made = replace(made, goal=goal, foresight=seen)
+    table = [row["place"] for row in csv.DictReader(io.StringIO(goal_csv(made)))]
+    counts = {word: table.count(word) for word in ("inside", "edge", "outside")}
+    document = plan_numbers(made, ROBOT)["applies"]
+    shares = [document[f"share_{word}"] for word in counts]
+    assert shares == pytest.approx([count / len(table) for count in counts.values()], rel=1e-12)
+    assert sum(shares) == pytest.approx(1.0, abs=1e-12)
+    # the words have the same numbers, and no posture is missing from them or counted twice
+    words = reach_words(made)[0].replace("\u202f", " ")
+    said = {
+        "inside": rf"^(\d+) \([^)]*%\) of the goal's {len(table)} postures lies? inside",
+        "edge": r"; (\d+) \([^)]*%\) at the edge: ",
+        "outside": r"; (\d+) \([^)]*%\) outside, where",
+    }
+    found = {word: re.search(pattern, words) for word, pattern in said.items()}
+    assert {word: int(hit[1]) if hit else 0 for word, hit in found.items()} == counts
+    if hand_made:
+        assert counts == {"inside": 3, "edge": 4, "outside": 1}
+        assert "3 (38 %) of the goal's 8 postures lie inside" in words
+        assert "; 4 (50 %) at the edge: 2 because unmodelled errors or noise have" in words
+        assert ", 3 because a joint is more than 10 deg beyond" in words
+        assert "(joint 2 at 3 and joint 1 at 1), 1 of these for both reasons; 1 (12 %)" in words
 
 
 def test_without_held_out_poses_that_is_said():

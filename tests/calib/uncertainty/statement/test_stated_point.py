@@ -10,7 +10,12 @@ from calib.measurement.prediction import predict
 from calib.uncertainty.regions import coverage_factor
 from calib.uncertainty.statement.belief import believe
 from calib.uncertainty.statement.distance import distance_radius
-from calib.uncertainty.statement.stated_point import common_radius, stated_point, widened
+from calib.uncertainty.statement.stated_point import (
+    StatedPoint,
+    common_radius,
+    stated_point,
+    widened,
+)
 from calib.uncertainty.tool_point import ToolStatement
 from tests.calib.uncertainty.statement.test_belief import campaign
 
@@ -65,6 +70,19 @@ def test_words_and_figures_of_a_robot():
     assert move.u_mean == point.u_mean
     assert move.u_move > np.sqrt(point.u_mean**2 + (20e-6) ** 2)
     assert "repeats" in move.move_sentence
+
+
+@pytest.mark.parametrize(
+    ("radius", "said"),
+    [
+        (2.5e-5, "25.0"), (2.503e-5, "25.0"), (5e-7, "0.500"), (9.996e-6, "10.0"),
+        (9.996e-5, "100"), (1.234e-4, "123"), (9.997e-4, "1000"), (2.3456e-3, "2346"),
+    ],
+)  # fmt: skip
+def test_a_radius_has_three_digits_whether_or_not_the_last_is_a_zero(radius, said):
+    point = StatedPoint(radius / 2, radius, radius / 2, radius, 0.95, 20, True, "repeats")
+    assert f"lies within {said} um of" in point.sentence
+    assert f"ends within {said} um of" in point.move_sentence
 
 
 def test_held_out_poses_beyond_the_radius_too_often_for_chance_widen_it():
