@@ -2,14 +2,11 @@
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.special import chdtri, fdtri, stdtrit
+from scipy.special import chdtri, stdtrit
 
 from calib.arrays import Array, Bool, require_probability
 from calib.errors import InputError, refuse
 
-MANY = 1e8
-"""With so many degrees of freedom a standard uncertainty is known: Student's t is the normal factor
-to 1e-8."""
 FLAT = 1e-12
 """A direction whose variance is below this part of the largest has none: rounding of J C J'."""
 
@@ -38,29 +35,6 @@ def student_factor(degrees_of_freedom: ArrayLike, probability: float = 0.95) -> 
     JCGM 100:2008, G.3.
     """
     return np.asarray(stdtrit(degrees_of_freedom, (1 + require_probability(probability)) / 2))
-
-
-def repeats_factor(dimension: int, freedom: ArrayLike, probability: float = 0.95) -> Array:
-    """Factor k of the ellipsoid of a d-vector whose covariance came from few repeats.
-
-    In one dimension it is Student's t. With fewer degrees of freedom than dimensions no finite
-    ellipsoid keeps what it promises: infinite.
-
-    Examples
-    --------
-    >>> [round(float(repeats_factor(d, 9.0)), 2) for d in (1, 3)]
-    [2.26, 4.09]
-
-    References
-    ----------
-    Hotelling's T^2: k^2 = d nu / (nu - d + 1) F(d, nu - d + 1).
-    """
-    freedom, normal = np.asarray(freedom, dtype=np.float64), coverage_factor(dimension, probability)
-    left = freedom - dimension + 1
-    few = (left > 0) & (freedom < MANY)
-    quantile = fdtri(dimension, np.where(few, left, 1.0), require_probability(probability))
-    square = dimension * freedom / np.where(few, left, 1.0) * quantile
-    return np.asarray(np.where(few, np.sqrt(square), np.where(left > 0, normal, np.inf)))
 
 
 def expanded(standard: Array, *, dimension: int = 1, probability: float = 0.95) -> Array:
@@ -126,13 +100,7 @@ def mahalanobis_squared(error: Array, covariance: Array) -> Array:
     return np.asarray((white**2).sum(axis=-1))
 
 
-def inside(
-    error: Array,
-    covariance: Array,
-    *,
-    probability: float = 0.95,
-    freedom: ArrayLike = np.inf,
-) -> Bool:
+def inside(error: Array, covariance: Array, *, probability: float = 0.95) -> Bool:
     """Whether the coverage region holds the truth (...,).
 
     A direction without variance (few numbers estimated, or a posture that some of them do not move)
@@ -147,18 +115,16 @@ def inside(
         Of the stated value, positive semidefinite.
     probability : float
         Content of the region.
-    freedom : (...,) array_like
-        Degrees of freedom of the covariance where it came from few repeats.
     """
     values, vectors = np.linalg.eigh(covariance)
     along = (np.swapaxes(vectors, -1, -2) @ error[..., None])[..., 0]
     flat = values <= FLAT * values[..., -1:]
     square = np.where(flat, 0.0, along**2 / np.where(flat, 1.0, values)).sum(axis=-1)
     off_plane = (flat & (along**2 > FLAT * values[..., -1:])).any(axis=-1)
-    dimensions, factor = (~flat).sum(axis=-1), np.zeros(())
-    for k in range(1, flat.shape[-1] + 1):
-        factor = np.where(dimensions == k, repeats_factor(k, freedom, probability), factor)
-    return np.asarray((square <= factor**2) & ~off_plane)
+    factors = np.array(
+        [0.0, *(coverage_factor(k, probability) for k in range(1, flat.shape[-1] + 1))]
+    )
+    return np.asarray((square <= factors[(~flat).sum(axis=-1)] ** 2) & ~off_plane)
 
 
 def _not_definite(what: str, numbers: str) -> InputError:

@@ -70,33 +70,6 @@ def root_sum_square(*components: ArrayLike) -> Array:
     return frozen(np.sqrt(np.square(squares).sum(axis=0)))
 
 
-def effective_freedom(columns: Array, standard: Array, freedom: ArrayLike) -> Array:
-    """Effective degrees of freedom (...,) of covariances J diag(u^2) J' of independent numbers.
-
-    For scalars (d = 1) the formula of Welch and Satterthwaite; for vectors the same with matrices,
-    in which a part that moves many directions counts in all of them.
-
-    Parameters
-    ----------
-    columns : (..., d, f) array
-        J: how each number moves the d-vector.
-    standard : (f,) array
-        u of each number.
-    freedom : (f,) array_like or float
-        Degrees of freedom of each u; infinite where it is known.
-
-    References
-    ----------
-    JCGM 100:2008, eq. (G.2b); Nel and van der Merwe 1986, Communications in Statistics - Theory and
-    Methods 15(12).
-    """
-    J = columns * standard
-    S, lengths = J @ np.swapaxes(J, -1, -2), (J**2).sum(axis=-2)
-    whole = np.square(S).sum(axis=(-1, -2)) + np.trace(S, axis1=-2, axis2=-1) ** 2
-    unsure = (2 * lengths**2 / freedom).sum(axis=-1)
-    return np.asarray(np.divide(whole, unsure, out=np.full(whole.shape, np.inf), where=unsure > 0))
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class ParameterBudget(Shown):
     """Standard uncertainties of the f identified numbers, by contributor [m or rad]."""

@@ -231,8 +231,9 @@ def compare(
 def held_by_repeats(estimate: Estimate) -> tuple[Bool, float]:
     """Whether each number (f,) keeps its 95 % interval of type A, t s, and Student's factor t.
 
-    s is the scatter of v repeated calibrations, with v - 1 degrees of freedom. The interval holds
-    the truth of a calibration that is none of them in 95 % of cases, of one among them more often.
+    s is the scatter of v repeated calibrations, with v - 1 degrees of freedom. Where the model
+    lacks nothing, the interval of a calibration that is none of them holds the truth in 95 % of
+    cases, of one among them more often.
     """
     seen, found = estimate.comparison, estimate.identification
     factor = float(student_factor(len(estimate.repeated) - 1))

@@ -132,10 +132,11 @@ def parameters_alone(played: Replications) -> tuple[tuple[bool, str], ...]:
     """What replications say of intervals from the covariance of the fit, and whether it is good."""
     low, high = played.nees_band
     nees = float(played.nees.mean())
+    shown = significant(float(f"{nees:.3g}"))  # thousands are rounded too
     first = (
         bool(low <= nees <= high),
-        f"mean NEES of {played.count} replications is {nees:.2f}; an honest statement gives "
-        f"{low:.2f} to {high:.2f}",
+        f"mean NEES of {played.count} replications is {shown}; an honest statement "
+        f"gives {significant(low)} to {significant(high)}",
     )
     low, high = played.coverage_band
     covered = played.parameter_coverage

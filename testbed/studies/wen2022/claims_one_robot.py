@@ -197,7 +197,7 @@ def coverage(campaign: Campaign) -> Finding:
     designed = designed_trials(campaign.scenario)[:1]
     trial = played(next((t for t in campaign.trials if t.name in designed), None))
     seen = played(judged_statements(campaign, trial))
-    distance, point, _ = seen.type_a
+    distance, point = seen.type_a
     verdict = claim_16(point)
     runs = f" in {seen.replications} replications" if seen.replications else ""
     return Finding(

@@ -16,7 +16,6 @@ from calib.identification.identify import Identification
 from calib.measurement.accuracy import point_distances
 from calib.measurement.observations import Measurements
 from calib.measurement.prediction import predicted_positions
-from calib.uncertainty.regions import student_factor
 from calib.uncertainty.type_a import root_sum_square, type_a
 from testbed.laboratory.truth.laboratory import Laboratory, open_laboratory
 from testbed.laboratory.truth.setting import Setting
@@ -32,7 +31,7 @@ from testbed.studies.wen2022.records import (
     TrialSets,
     environment,
 )
-from testbed.studies.wen2022.stated import freedom_of, held_by_covariance, held_by_type_a
+from testbed.studies.wen2022.stated import held_by_covariance, held_by_type_a
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -154,26 +153,26 @@ def play(visit: Visit, trial: TrialSets, pool: int) -> dict[str, Any]:
     u = type_a(visit.steps([chosen] * repeats, trial.trial)).standard
     off = np.abs(fits[0].step - true_step(visit.laboratory.setting, fits[1], seen))
     combined = root_sum_square(u, environment(visit.laboratory.scenario.budget, fits[0].names))
-    freedom = freedom_of(u, combined, repeats)
-    held_numbers = off <= student_factor(freedom) * combined
-    figures |= {"u_best": u, "numbers_inside": float(held_numbers.mean())}
-    return figures | held(visit, fits, combined, freedom)
+    shares, factor = held(visit, fits, combined, repeats)
+    numbers_inside = float((off <= factor * combined).mean())
+    return figures | {"u_best": u, "numbers_inside": numbers_inside} | shares
 
 
 def held(
-    visit: Visit, fits: tuple[Identification, ...], u: Array, freedom: Array
-) -> dict[str, Any]:
-    """Share of held-out points inside each of `STATEMENTS` (5,), and the mean stated u of |P|.
+    visit: Visit, fits: tuple[Identification, ...], u: Array, count: int
+) -> tuple[dict[str, Any], float]:
+    """Share of held-out points inside each of `STATEMENTS` (4,), the mean stated u of |P|; and t.
 
-    The first three are of type A, from standard uncertainties u (f,) of independent numbers,
-    with their degrees of freedom (f,).
+    The first two are of type A, from standard uncertainties u (f,) of `count` repeats, the numbers
+    taken as independent.
     """
     setting, true = visit.laboratory.setting, visit.true
     origin = setting.nominal.chain.T_world_base[:3, 3]
-    by_type_a, u_distance, _ = held_by_type_a(fits[0], u, freedom, setting.test_q, true, origin)
-    shares = (*by_type_a, *(held_by_covariance(fit, setting.test_q, true) for fit in fits))
+    q = setting.test_q
+    by_type_a, u_distance, t = held_by_type_a(fits[0], u, count, q, true, origin)
+    shares = (*by_type_a, *(held_by_covariance(fit, q, true) for fit in fits))
     inside_each = tuple(float(np.mean(share)) for share in shares)
-    return {"inside": inside_each, "distance_u": float(u_distance.mean())}
+    return {"inside": inside_each, "distance_u": float(u_distance.mean())}, t
 
 
 def random_parts(visit: Visit, repeats: int) -> tuple[Array, Array, Array]:

@@ -34,7 +34,6 @@ PARTS = (("repeats u_r", DARK), ("number of poses u_p", LIGHT), ("place of poses
 TITLES = {
     "distance": "type A: |P|\nwithin t u",
     "point": "type A: point\nwithin t u",
-    "region": "type A: point\nin region of u best",
     "unweighted": "point in region of\nthe unweighted fit",
     "covariance": "point in region of\nthe weighted fit",
 }

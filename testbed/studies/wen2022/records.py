@@ -24,11 +24,11 @@ OURS_BEST, OURS_RANDOM = "ours best", "ours random"
 ESTIMATORS: tuple["Mode", ...] = ("paper", "whitened")
 """Order of the estimators: the paper's unweighted rows, and rows whitened by their covariance.
 Both move the paper's 24 numbers."""
-TYPE_A = ("distance", "point", "region")
+TYPE_A = ("distance", "point")
 STATEMENTS = (*TYPE_A, "unweighted", "covariance")
-"""What is said at 95 %. Of type A, as the paper's uncertainty is: |P| within t u of |P|; the
-point itself within that; the ellipsoid of independent numbers with u_best. Beside the paper, the
-ellipsoid of the full covariance that a fit claims of itself: unweighted, and whitened."""
+"""What is said at 95 %. Of type A, as the paper's uncertainty is: |P| within t u of |P|, with
+Student's t of the repeats; the point itself within that. Beside the paper, the ellipsoid of the
+full covariance that a fit claims of itself: unweighted, and whitened."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -97,8 +97,8 @@ class Reexamined(Shown):
     """(R, f) scatter over random sets of 30, 50, ..., 150 poses."""
     u_w: Annotated[Array, "R", "f"]
     """(R, f) scatter over the four regions of the pool."""
-    inside: Annotated[Array, "d", 5, "R"]
-    """(d, 5, R) share of held-out points inside each of `STATEMENTS`."""
+    inside: Annotated[Array, "d", 4, "R"]
+    """(d, 4, R) share of held-out points inside each of `STATEMENTS`."""
     numbers_inside: Annotated[Array, "d", "R"]
     """(d, R) share of the 24 numbers within t u_best of the truth."""
     distance_u: Annotated[Array, "d", "R"]

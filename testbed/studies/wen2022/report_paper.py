@@ -117,7 +117,6 @@ def statement_table(found: Sequence[Judged]) -> Table:
         "type A: t": [fixed(one.factor, 2) for one in found],
         "type A: |P| in t u": [percent(one.type_a[0]) for one in found],
         "type A: point in t u": [percent(one.type_a[1]) for one in found],
-        "type A: point in region": [percent(one.type_a[2]) for one in found],
         "unweighted fit: point in region": [percent(one.unweighted) for one in found],
     }
     runs = found[0].replications
@@ -128,7 +127,7 @@ def statement_table(found: Sequence[Judged]) -> Table:
         columns,
         size="small",
         note="type A, the scatter of repeats, is what the paper states (t: Student's factor of "
-        "its degrees of freedom); the covariance of its fit, "
+        "the repeats); the covariance of its fit, "
         f"s² inv(J'WJ) with s² = RSS / (12 m − f), is not in the paper and judged beside, {over}. "
         "Neither can see what the model lacks.",
     )

@@ -13,26 +13,27 @@ from calib.arrays import Array, Bool
 from calib.identification.identify import Identification
 from calib.information.propagation import distance_uncertainty, tool_covariance
 from calib.uncertainty.regions import inside, student_factor
-from calib.uncertainty.type_a import effective_freedom, root_sum_square
+from calib.uncertainty.type_a import root_sum_square
 from testbed.studies.trial.records import Campaign, Trial
 from testbed.studies.wen2022.records import environment
 
-TINY = 1e-12
-"""Of u_best: a smaller part by repeats is none."""
-
 
 def held_by_type_a(
-    found: Identification, u: Array, freedom: Array, q: Array, true: Array, origin: Array
-) -> tuple[Bool, Array, Array]:
-    """Whether each of the statements "distance", "point" and "region" holds, and u of |P|.
+    found: Identification, u: Array, count: int, q: Array, true: Array, origin: Array
+) -> tuple[Bool, Array, float]:
+    """Whether each of the statements "distance" and "point" holds, u of |P|, and its factor t.
+
+    Student's t has the degrees of freedom of the repeats, from which all u come. The effective ones
+    of JCGM 100:2008, G.4.1, would be more, but ask for independent estimates of u.
 
     Parameters
     ----------
     found : Identification
         By the paper's estimator.
-    u, freedom : (f,) arrays
-        u_best: scatter of repeats with u_c, taken as independent, as in the paper [m or rad]; and
-        its degrees of freedom (`freedom_of`), which make Student's factors.
+    u : (f,) array
+        u_best: scatter of repeats with u_c, taken as independent, as in the paper [m or rad].
+    count : int
+        Repeats.
     q, true : (t, n), (t, 3) arrays
         Held-out poses, and the secret: the noise-free tool points there [rad, m; m].
     origin : (3,) array
@@ -40,35 +41,17 @@ def held_by_type_a(
 
     Returns
     -------
-    (3, t) bool, (t,) standard uncertainty of the distance [m], and (t,) its Student's factor.
-    Propagation is linear, which claim 17 shows to be enough.
+    (2, t) bool, (t,) standard uncertainty of the distance [m], and Student's factor. Propagation is
+    linear, which claim 17 shows to be enough.
     """
     T, J = found.model.poses_and_jacobian(q)
     point, columns = T[:, :3, 3], J[:, :3, found.parameters.free]
     sigma = (columns * u**2) @ np.swapaxes(columns, 1, 2)
     u_distance, error = distance_uncertainty(sigma, point - origin), true - point
-    out = (point - origin) / np.linalg.norm(point - origin, axis=1)[:, None]
-    along = effective_freedom(out[:, None, :] @ columns, u, freedom)
-    factor = student_factor(along)
-    reach = factor * u_distance
+    factor = float(student_factor(count - 1))
     radial = np.linalg.norm(true - origin, axis=1) - np.linalg.norm(point - origin, axis=1)
-    shares = (
-        np.abs(radial) <= reach,
-        np.linalg.norm(error, axis=1) <= reach,
-        inside(error, sigma, freedom=effective_freedom(columns, u, freedom)),
-    )
-    return np.array(shares), u_distance, factor
-
-
-def freedom_of(repeats: Array, u: Array, count: int) -> Array:
-    """Degrees of freedom (f,) of u_best, whose part u_c is known [of `repeats` (f,) and u alike].
-
-    References
-    ----------
-    JCGM 100:2008, eq. (G.2b).
-    """
-    part = np.divide(repeats, u, out=np.ones(len(u)), where=u > 0)
-    return np.asarray((count - 1) / np.maximum(part, TINY) ** 4)
+    off = np.array([np.abs(radial), np.linalg.norm(error, axis=1)])
+    return off <= factor * u_distance, u_distance, factor
 
 
 def held_by_covariance(found: Identification, q: Array, true: Array) -> Bool:
@@ -85,9 +68,9 @@ class Judged:
     distance_u: float
     """Mean stated u of |P|, type A [m]."""
     factor: float
-    """Mean of Student's factors t of |P|."""
+    """Student's t of the repeats."""
     type_a: tuple[float, ...]
-    """|P| in t u, the point in t u, the point in the region of u_best (`TYPE_A`)."""
+    """|P| in t u, the point in t u (`TYPE_A`)."""
     numbers: float
     """Share of the numbers within t u_best of the truth, type A."""
     unweighted: float
@@ -111,9 +94,9 @@ def judged_statements(campaign: Campaign, trial: Trial) -> Judged | None:
     found, seen, runs = estimate.identification, estimate.comparison, estimate.replications
     setting = campaign.setting
     u = root_sum_square(estimate.type_a, environment(campaign.scenario.budget, found.names))
-    freedom = freedom_of(estimate.type_a, u, len(estimate.repeated))
     origin, true = setting.nominal.chain.T_world_base[:3, 3], setting.test_true[:, :3, 3]
-    held, u_distance, factor = held_by_type_a(found, u, freedom, setting.test_q, true, origin)
+    count, q = len(estimate.repeated), setting.test_q
+    held, u_distance, factor = held_by_type_a(found, u, count, q, true, origin)
     off = np.abs(found.step - seen.true_step)
     # one calibration's poses share its error; replications say what a region holds on average
     points, numbers = (
@@ -124,9 +107,9 @@ def judged_statements(campaign: Campaign, trial: Trial) -> Judged | None:
     return Judged(
         trial=trial.name,
         distance_u=float(u_distance.mean()),
-        factor=float(factor.mean()),
+        factor=factor,
         type_a=tuple(map(float, held.mean(axis=1))),
-        numbers=float((off <= student_factor(freedom) * u).mean()),
+        numbers=float((off <= factor * u).mean()),
         unweighted=float(np.mean(points)),
         unweighted_numbers=float(np.mean(numbers)),
         replications=0 if runs is None else runs.count,

@@ -74,7 +74,7 @@ class Held:
     truth: str
     trial: str
     shares: tuple[Mean, ...]
-    """(5,) of held-out points, per statement."""
+    """(4,) of held-out points, per statement."""
     numbers: Mean
     """Of the 24 numbers within t u_best."""
     u: Annotated[Mean, METRE]

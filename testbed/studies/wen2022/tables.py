@@ -107,10 +107,9 @@ def held_table(found: tuple[Held, ...]) -> Table:
         "mean error mm": [within(one.error) for one in found],
         "type A: |P| in t u": [share(one.shares[0]) for one in found],
         "type A: point in t u": [share(one.shares[1]) for one in found],
-        "type A: point in region": [share(one.shares[2]) for one in found],
         "type A: numbers in t u": [share(one.numbers) for one in found],
-        "unweighted fit: point in region": [share(one.shares[3]) for one in found],
-        "weighted fit: point in region": [share(one.shares[4]) for one in found],
+        "unweighted fit: point in region": [share(one.shares[2]) for one in found],
+        "weighted fit: point in region": [share(one.shares[3]) for one in found],
     }
     return of_columns(
         "What 95 % statements hold of the truth at the held-out poses",
@@ -119,9 +118,8 @@ def held_table(found: tuple[Held, ...]) -> Table:
         size="small",
         note="type A: what the paper states, the scatter of repeated calibrations with independent "
         "numbers: of the distance of the tool point to the base; the same figure read as an "
-        "uncertainty of the point; the 95 % ellipsoid; the numbers themselves. t, and "
-        "the ellipsoid's factor: Student's and Hotelling's, from the degrees of freedom of the "
-        "repeats. fit: what the paper "
+        "uncertainty of the point; the numbers themselves. t: Student's factor, of as many "
+        "degrees of freedom as repeats less one. fit: what the paper "
         "does not state and we judge beside it, the 95 % ellipsoid from the full covariance that a "
         "fit claims of itself: unweighted rows with s² = RSS / (12 m − 24), and rows weighted by "
         "their noise; the same 24 numbers. ± half of the 95 % interval over pools and robots.",

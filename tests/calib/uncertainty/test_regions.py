@@ -11,7 +11,6 @@ from calib.uncertainty.regions import (
     expanded,
     inside,
     mahalanobis_squared,
-    repeats_factor,
     student_factor,
 )
 
@@ -35,33 +34,6 @@ def test_the_factors_are_the_tabled_ones():
 def test_few_repeats_need_students_factor_and_many_the_normal_one():
     np.testing.assert_allclose(student_factor([9.0, 49.0]), stats.t.ppf(0.975, [9, 49]), rtol=1e-12)
     assert student_factor(np.inf) == pytest.approx(coverage_factor(1), rel=1e-12)
-
-
-def test_a_region_from_few_repeats_needs_hotellings_factor():
-    freedom = np.array([3.0, 9.0, 40.0])
-    for d in (1, 2, 3):
-        square = d * freedom / (freedom - d + 1) * stats.f.ppf(0.95, d, freedom - d + 1)
-        np.testing.assert_allclose(repeats_factor(d, freedom), np.sqrt(square), rtol=1e-10)
-        assert repeats_factor(d, np.inf) == coverage_factor(d)
-        # the limit of many: they differ by about d / nu
-        assert repeats_factor(d, 1e7) == pytest.approx(coverage_factor(d), rel=1e-6)
-    np.testing.assert_allclose(repeats_factor(1, freedom), student_factor(freedom), rtol=1e-10)
-    # two numbers cannot span a region in space
-    assert np.isinf(repeats_factor(3, [1.0, 2.0])).all()
-
-
-def test_a_region_from_a_scattered_covariance_holds_what_it_promises():
-    """Covariances of six draws: Hotelling's region holds 95 %, the one that believes them 72 %."""
-    rng = np.random.default_rng(5)
-    L = np.linalg.cholesky(random_covariances(1, 3)[0])
-    draws = rng.normal(size=(20_000, 6, 3)) @ L.T
-    centered = draws - draws.mean(axis=1, keepdims=True)
-    S = np.swapaxes(centered, 1, 2) @ centered / 5
-    error = rng.normal(size=(20_000, 3)) @ L.T
-    # 20,000 shares scatter by 0.0015
-    assert inside(error, S, freedom=5.0).mean() == pytest.approx(0.95, abs=0.006)
-    assert inside(error, S).mean() < 0.8
-    np.testing.assert_array_equal(inside(error, S, freedom=np.inf), inside(error, S))
 
 
 def test_expanded_uncertainty_is_k_times_u():

@@ -1,5 +1,6 @@
 """The verdict: what makes a statement believable, and how often chance alone would break it."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -51,7 +52,11 @@ def test_a_covariance_ten_times_too_small_is_caught_by_each_test_alone(honest):
     played = estimate.replications
     assert judge(honest, estimate).believable
     small = replace(played, nees=played.nees * 100)
-    assert not judge(honest, replace(estimate, replications=small)).believable
+    caught = judge(honest, replace(estimate, replications=small))
+    assert not caught.believable
+    # three digits say enough of it, thousands included
+    mean = re.search(r"mean NEES of 40 replications is (\d+);", " ".join(caught.reasons))[1]
+    assert int(mean) == float(f"{small.nees.mean():.3g}") > 1000
     short = replace(played, parameter_coverage=played.parameter_coverage * 0.2)
     assert not judge(honest, replace(estimate, replications=short)).believable
     outside = replace(played, tool_coverage=played.tool_coverage * 0.2)
