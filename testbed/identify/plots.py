@@ -20,7 +20,7 @@ from testbed.report.plots import (
     view_of,
 )
 from testbed.report.svg import DARK, INK, LIGHT, MIDDLE, SOFT, drawing, svg_of
-from testbed.units import DEG, MM, UM
+from testbed.units import DEG, MM, micrometres
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -65,7 +65,7 @@ def histogram(calibration: Calibration) -> str:
                            linewidth=1.0, linestyle="--")  # fmt: skip
             point = calibration.proof.point
             if name == "position" and point is not None and point.radius_mean * scale < top:
-                text = f"R95 {point.radius_mean * UM:.3g} µm"
+                text = f"R95 {micrometres(point.radius_mean)} µm"
                 marked_line(ax, point.radius_mean * scale, text, 4, color=INK, linewidth=0.9)
             ax.set_xlabel(f"{name} error [{unit}]")
             ax.set_ylabel("rows")

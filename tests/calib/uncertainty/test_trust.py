@@ -32,7 +32,7 @@ def test_a_sound_fit_says_what_is_believed_and_that_no_test_proves_it():
     _, fit, train, test = campaign(3)
     made = judge(fit, test, train=train)
     assert (made.trust.believe, made.trust.refuted) == ("region", False)
-    radius = f"{1e6 * made.point.radius_mean:.3g} um of the predicted one with 95 % probability"
+    radius = f"{1e6 * made.point.radius_mean:#.3g} um of the predicted one with 95 % probability"
     first, *rest = made.trust.sentences
     assert first.startswith(f"The mean tool point lies within {radius} (3-D radius")
     assert first.endswith("per axis is in it")

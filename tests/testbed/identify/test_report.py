@@ -267,6 +267,16 @@ def test_errors_over_time_have_an_axis_that_can_be_read(monkeypatch, make):
     assert high > errors.max()
 
 
+def test_a_figure_writes_the_radius_as_the_sentence_does(monkeypatch):
+    found = sound()
+    whole = replace(found.proof.point, radius_mean=2.5e-5)
+    found = replace(found, proof=replace(found.proof, point=whole))
+    axes = lines_of(monkeypatch, plots.histogram, found)
+    said = [text.get_text() for ax in axes for text in ax.texts]
+    assert "R95 25.0 µm" in said
+    assert "within 25.0 um of" in whole.sentence
+
+
 def test_running_medians_are_named_where_they_are_drawn_and_nowhere_else(monkeypatch):
     def captions(found):
         return " ".join(block.caption for block in residual_section(found).blocks)
