@@ -3,6 +3,7 @@
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
+from os.path import commonpath
 from pathlib import Path
 from typing import Literal
 
@@ -84,7 +85,7 @@ def look_at(paths: Sequence[Path], root: Path) -> tuple[Found, ...]:
             raise refusal(
                 where, "DATA", "does not lie in the folder of the session", code="R6",
                 allowed=f"session.toml reads files in {root} or below",
-                fix="copy it there, or choose another --out",
+                fix=f"copy it there, or give --out in {_folder_above(paths)}",
             )  # fmt: skip
         sheets = sheet_names(path, where) if is_workbook(path) else (None,)
         alone = len(sheets) == 1
@@ -94,6 +95,15 @@ def look_at(paths: Sequence[Path], root: Path) -> tuple[Found, ...]:
                 name = at.relative_to(root.resolve()).as_posix() if at.exists() else path.name
                 found.append(_looked(path, name, None if alone else sheet, text))
     return tuple(found)
+
+
+def _folder_above(paths: Sequence[Path]) -> str:
+    """The lowest folder with all files below it, told as they are."""
+    folders = [path.parent for path in paths]
+    alike = len({folder.is_absolute() for folder in folders}) == 1
+    if not alike or any(".." in folder.parts for folder in folders):
+        folders = [folder.resolve() for folder in folders]
+    return commonpath(folders) or "."
 
 
 def _looked(path: Path, name: str, sheet: str | None, text: FileText) -> Found:

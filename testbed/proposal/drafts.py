@@ -4,6 +4,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import product
 
+from testbed.files.columns import covariance_names
 from testbed.files.refusal import refusal
 from testbed.proposal.data import Found
 from testbed.proposal.parts import Document, Part, joint_parts, seen_parts
@@ -99,6 +100,8 @@ def _matched(
 
 def _uncertainty(look: Found, section: str) -> tuple[Document, tuple[str, ...]]:
     """[uncertainty] where no columns have it."""
+    if section != "ranges" and set(covariance_names()) <= set(look.head):
+        return {}, ()
     missing: dict[str, tuple[str, ...]] = {"position_um": ("x", "y", "z")}
     if section == "frames":
         missing["rotation_mdeg"] = ("rx", "ry", "rz")

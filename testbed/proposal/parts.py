@@ -8,7 +8,7 @@ import numpy as np
 
 from calib.arrays import Array
 from testbed.files.alternatives import BY_AXIS
-from testbed.files.columns import PLAIN
+from testbed.files.columns import MATRIX_COLUMNS, PLAIN, QUATERNION_COLUMNS
 from testbed.files.refusal import refusal
 from testbed.files.table import number_of
 from testbed.proposal.data import Found
@@ -95,7 +95,7 @@ def seen_parts(look: Found, n: int) -> Iterator[Part]:
             turns = next(
                 (
                     tuple(stems[s].theirs for s in form)
-                    for form in (("qw", "qx", "qy", "qz"), ("rx", "ry", "rz"), VECTOR)
+                    for form in (QUATERNION_COLUMNS, MATRIX_COLUMNS, ("rx", "ry", "rz"), VECTOR)
                     if look.has(*form)
                 ),
                 (),
@@ -205,18 +205,18 @@ def _turnings(
     known = all(name in means and means[name].known for name in turns)
     directions: tuple[Document, ...] = ({}, {"gives": "T_tool_tracker"})
     if len(turns) == 4:
-        named = turns[0] in means  # a name such as qw says which number it is
-        for order, gives in product(("wxyz",) if named else ("wxyz", "xyzw"), directions):
+        told = turns[0] in means  # a name such as qw says which number it is
+        for order, gives in product(("wxyz",) if told else ("wxyz", "xyzw"), directions):
             columns = {} if known else {f"q{a}": name for a, name in zip(order, turns, strict=True)}
             said = (
                 f"rotations: no name says the order of the quaternions; taken as {' '.join(order)}"
             )
-            yield columns, gives, (_direction(gives), *(() if named else (said,)))
+            yield columns, gives, (_direction(gives), *(() if told else (said,)))
         return
     if len(turns) == 9:
-        names = [f"r{i}{j}" for i in "123" for j in "123"]
+        named = {} if known else dict(zip(MATRIX_COLUMNS, turns, strict=True))
         for gives in directions:
-            yield dict(zip(names, turns, strict=True)), gives, (_direction(gives),)
+            yield named, gives, (_direction(gives),)
         return
     if turns == tuple(look.stems[stem].theirs for stem in VECTOR if look.has(stem)):
         for gives in directions:

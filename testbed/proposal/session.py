@@ -4,6 +4,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from testbed.files.refusal import no_rows, refusal
+from testbed.proposal.beside import with_origin
 from testbed.proposal.data import Found
 from testbed.proposal.drafts import drafts_of
 from testbed.proposal.names import is_wished
@@ -31,7 +32,7 @@ class Proposed:
     fits: bool
     """Whether the robot has been where the file says."""
     unused: tuple[str, ...] = ()
-    """Files, or sheets, that are not read."""
+    """Files, sheets or columns that are not read."""
     to_mend: tuple[str, ...] = ()
     """What `identify` will refuse, in its words."""
     odd: tuple[str, ...] = ()
@@ -60,6 +61,7 @@ def propose_session(looks: tuple[Found, ...], robot: Robot | None, root: Path) -
         if not one.rows:
             raise no_rows(str(one.path))
     proposed = _of_visits(_proposed(looks, robot, root), looks)
+    proposed = replace(proposed, document=with_origin(proposed.document, looks))
     read = {
         (name, each.get("sheet"))
         for table in proposed.document.values()
@@ -68,8 +70,8 @@ def propose_session(looks: tuple[Found, ...], robot: Robot | None, root: Path) -
         for name in (each.get("file"), *each.get("files", ()))
     }
     unused = tuple(one.called for one in looks if (one.name, one.sheet) not in read)
-    to_mend, odd = verdict_on(proposed.document, looks, robot, root, fits=proposed.fits)
-    return replace(proposed, unused=unused, to_mend=to_mend, odd=odd)
+    said = verdict_on(proposed.document, looks, robot, root, fits=proposed.fits)
+    return replace(proposed, unused=(*unused, *said.unread), to_mend=said.refused, odd=said.odd)
 
 
 def _of_visits(proposed: Proposed, looks: tuple[Found, ...]) -> Proposed:

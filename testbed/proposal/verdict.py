@@ -1,6 +1,7 @@
 """What `identify` will say of a proposed session: read whole, and probed, as it does."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 from calib.errors import InputError
@@ -23,12 +24,25 @@ CELLS = ("M25", "V9")
 """Codes of rows that can be left out to see what else there is."""
 SHOWN = 6
 """Sentences on rows that are left out, or odd."""
+UNREAD = ": not used: "
+"""In a note on the columns of a file that nothing reads."""
+
+
+@dataclass(frozen=True, slots=True)
+class Foretold:
+    """What becomes of a session, in the words of `identify`."""
+
+    refused: tuple[str, ...] = ()
+    odd: tuple[str, ...] = ()
+    """What it will leave out or warn of."""
+    unread: tuple[str, ...] = ()
+    """Columns, of which file."""
 
 
 def verdict_on(
     document: Document, looks: Sequence[Found], robot: Robot | None, root: Path, *, fits: bool
-) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """What `identify` will refuse, and what it will leave out or warn of, in its words.
+) -> Foretold:
+    """What `identify` will refuse, what it will leave out or warn of, and what it does not read.
 
     Parameters
     ----------
@@ -47,14 +61,14 @@ def verdict_on(
     if "joints.csv" in (table := document.get("joints", {})).get("file", "") and not any(
         look.name == table["file"] for look in looks
     ):
-        return (), ()  # a name to fill in
+        return Foretold()  # a name to fill in
 
     def sources() -> Sources:
         texts = {(root / one.name, one.sheet): one.text for one in looks}
         return Sources(root, None, MAX_MB, texts)
 
     if robot is None:
-        return _cells(settings, sources()), ()
+        return Foretold(_cells(settings, sources()))
     refused: list[str] = []
     session: Session | None = None
     for drop in (False, True):
@@ -67,7 +81,7 @@ def verdict_on(
             if error.code not in CELLS:
                 break
     if session is None:
-        return tuple(refused), ()
+        return Foretold(tuple(refused))
     odd = list(session.masked)
     if not refused:  # else they only say again what was left out
         odd += session.warnings
@@ -78,7 +92,10 @@ def verdict_on(
             refused.append(str(error))
     if len(odd) > SHOWN:
         odd = [*odd[:SHOWN], f"and {len(odd) - SHOWN} more"]
-    return tuple(refused), tuple(odd)
+    # each file by its own name: which folder it is in is said by the session
+    left = [Path(where).name + ": columns " + names for note in session.notes
+            for where, mark, names in [note.partition(UNREAD)] if mark]  # fmt: skip
+    return Foretold(tuple(refused), tuple(odd), tuple(left))
 
 
 def _cells(settings: SessionFile, sources: Sources) -> tuple[str, ...]:

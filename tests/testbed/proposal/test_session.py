@@ -254,6 +254,7 @@ def test_nothing_is_written_over_another_or_where_nothing_is_understood(tmp_path
     assert 'there is no robot "tx60"' in refused(tmp_path, file, "--robot", "tx60")
     done = call("new", "session", file, "--out", folder / "session.toml")
     assert (done.exit_code, "lie in the folder of the session" in done.stderr) == (2, True)
+    assert f"copy it there, or give --out in {tmp_path}. [R6]" in done.stderr
     done = call("new", "session", file, "--out", folder / "none" / "session.toml")
     assert (done.exit_code, "/none does not exist" in done.stderr) == (2, True)
     (tmp_path / "session.toml").write_text("mine")

@@ -1,0 +1,54 @@
+"""What a session beside the files says of where their numbers are from."""
+
+from collections.abc import Sequence
+from typing import Any
+
+from calib.errors import InputError
+from testbed.gates.toml import read_toml_bytes, toml_document
+from testbed.proposal.data import Found
+from testbed.proposal.parts import Document
+
+MOST = 50
+"""Sessions of a folder that are looked at."""
+SECTIONS = ("joints", "frames", "points", "ranges")
+
+
+def with_origin(document: Document, looks: Sequence[Found]) -> Document:
+    """A session with `simulated`, and what its covariances hold, as a session beside its files has.
+
+    Only of the same file: what a virtual robot measured is never told as measured in earnest.
+    """
+    for look in looks:
+        if not any(look.name in _files(document.get(name)) for name in SECTIONS):
+            continue
+        for other in _beside(look):
+            if other.get("simulated") is not True:
+                continue
+            document = {"simulated": True, **document}
+            stated, own = other.get("uncertainty"), document.get("uncertainty")
+            if own == {} and isinstance(stated, dict) and "joint_repeatability" in stated:
+                kept = {"joint_repeatability": stated["joint_repeatability"]}
+                document = document | {"uncertainty": kept}
+            return document
+    return document
+
+
+def _beside(look: Found) -> list[dict[str, Any]]:
+    """The sessions in the folder of a file that name it."""
+    found = []
+    for path in sorted(look.path.parent.glob("*.toml"))[:MOST]:
+        try:
+            other = toml_document(read_toml_bytes(path, str(path)), str(path))
+        except InputError:
+            continue  # it is not what was asked about
+        if any(look.path.name in _files(other.get(name)) for name in SECTIONS):
+            found.append(other)
+    return found
+
+
+def _files(table: object) -> tuple[object, ...]:
+    """Names of the files of a table."""
+    if not isinstance(table, dict):
+        return ()
+    files = table.get("files")
+    return (table.get("file"), *(files if isinstance(files, list) else ()))
