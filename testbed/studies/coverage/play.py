@@ -36,8 +36,7 @@ OF_NUMBERS = ("normal_error", "nees")
 OF_A_ROBOT = ("extended", "log_evidence", "before", *OF_NUMBERS)
 AT_ONCE = BLOCK
 """Robots of a kind: what their fits need has room, and arrays of more are no quicker. As many as a
-piece of a small study has: a robot is the same in a large one, to the last bit where no loop of
-its climb is compiled."""
+piece of a small study has: a robot is the same in a large one, to rounding."""
 AXES = dict.fromkeys((*OF_A_MODEL, *OF_A_ROBOT), -1)
 
 
