@@ -1,7 +1,7 @@
 """Which draft of a session fits: each is read, and the nominal robot's base and tool fitted."""
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -22,6 +22,30 @@ from testbed.units import counted
 TRIED, FITTED = 300, 60
 """Lines of one file that readings are tried with, and rows of them that frames are fitted to."""
 BY_SIZE = "units and conventions are by size and by custom"
+
+
+@dataclass(frozen=True, slots=True)
+class _Fit:
+    """What base and tool leave of a draft, and how many equations tell how many numbers."""
+
+    score: float
+    """[m]; infinite where nothing could be fitted."""
+    equations: int
+    numbers: int
+
+    @property
+    def is_one(self) -> bool:
+        """Whether anything was fitted."""
+        return bool(np.isfinite(self.score))
+
+    @property
+    def noise(self) -> float:
+        """The score by degrees of freedom [m]: infinite where no equation is left over."""
+        left = self.equations - self.numbers
+        return self.score * float(np.sqrt(self.equations / left)) if left > 0 else np.inf
+
+
+NONE = _Fit(np.inf, 0, 0)
 
 
 def tried_with(
@@ -62,13 +86,13 @@ def tried_with(
     sessions = [readable(draft) for draft in drafts]
     # where a shot was missed, a part of the rows still shows the reading
     for parts in PARTS:
-        scores = [_misfit(robot, session, parts) for session in sessions]
-        order = np.argsort(scores, kind="stable")
-        least = scores[int(order[0])]
-        if least <= FAR:
-            others = [scores[int(k)] for k in order[1:] if np.isfinite(scores[int(k)])]
-            tried = _fitting(robot, least, others, len(drafts) - 1, parts)
-            return drafts[int(order[0])], tried, True
+        fits = [_fit(robot, session, parts) for session in sessions]
+        best = _best(drafts, sessions, fits)
+        if fits[best].score <= FAR:
+            same = [k for k, one in enumerate(drafts) if _seen(one) == _seen(drafts[best])]
+            others = sorted(fits[k].score for k in same if k != best and fits[k].is_one)
+            tried = _fitting(robot, fits[best].score, others, len(same) - 1, parts)
+            return drafts[best], tried, True
     likely = next((k for k, one in enumerate(sessions) if one is not None), None)
     if likely is None:
         read(drafts[0], drop=False)  # which says why
@@ -105,16 +129,42 @@ def _fitting(robot: Robot, least: float, others: Sequence[float], count: int, pa
     return tried
 
 
-def _misfit(robot: Robot, session: Session | None, parts: int) -> float:
-    """What base and tool leave in the best of some parts of the rows of one target [m]."""
+def _best(drafts: Sequence[Draft], sessions: Sequence[Session | None], fits: Sequence[_Fit]) -> int:
+    """The draft of least estimated noise; of those of other readings that fit, the one with most.
+
+    A few rows are always fitted well, so that they would win over a file with many.
+    """
+    noise = [one.noise for one in fits]
+    first = int(np.argmin(noise))
+    of_each: dict[str, int] = {}
+    for k in np.argsort(noise, kind="stable"):
+        of_each.setdefault(_seen(drafts[int(k)]), int(k))
+    near = max(TIMES * noise[first], FAR / TIMES)
+    # a draft of a finite misfit was read
+    rows = {k: len(one.measurements) for k in of_each.values()
+            if noise[k] <= near and (one := sessions[k]) is not None}  # fmt: skip
+    return max(rows, key=lambda k: (rows[k], -noise[k]), default=first)
+
+
+def _seen(draft: Draft) -> str:
+    """The files that the readings of a draft come from, and their sheet."""
+    tables = (draft.document.get(name, {}) for name in ("frames", "points", "ranges"))
+    return repr([(each.get("file"), each.get("files"), each.get("sheet")) for each in tables])
+
+
+def _fit(robot: Robot, session: Session | None, parts: int) -> _Fit:
+    """What base and tool leave in the best of some parts of the rows of one target."""
     if session is None:
-        return np.inf
+        return NONE
     table, groups = session.measurements, target_groups(session.measurements)
     if not groups and parts == 1:
         stated = probe(robot, session).stated
-        return stated.score if stated is not None else np.inf
+        # the tool and the places; with all of these free the base is the world
+        free = len(session.free_anchors)
+        numbers = 3 + 3 * free + (6 if free < len(session.anchor_names) else 0)
+        return _Fit(stated.score, min(len(table), FITTED), numbers) if stated is not None else NONE
     if not groups or len(groups[0]) < FEWEST * parts:
-        return np.inf
+        return NONE
     left = []
     for stretch in np.array_split(groups[0], parts):
         spread = np.linspace(0, len(stretch) - 1, min(len(stretch), FITTED))
@@ -122,8 +172,10 @@ def _misfit(robot: Robot, session: Session | None, parts: int) -> float:
         F = flange_poses(robot.model, table.q[rows])
         turned = table.rotation[rows] if table.is_pose[rows[0]] else None
         frames = fit_frames(F, table.position[rows], turned)
-        left.append(frames.misfit(F, table.position[rows], turned).score)
-    return min(left)
+        score = frames.misfit(F, table.position[rows], turned).score
+        size, numbers = (3, 9) if turned is None else (6, 12)
+        left.append(_Fit(score, size * len(rows), numbers))
+    return min(left, key=lambda one: one.score)
 
 
 def _shown(score: float) -> str:

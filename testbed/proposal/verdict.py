@@ -5,6 +5,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from calib.errors import InputError
+from calib.geometry.model import RobotModel
+from calib.geometry.parameters import parameters_of
+from calib.identification.start.start import start_frames
+from calib.identification.sufficiency import independent_equations, require_equations
 from testbed.files.cleaned import readings_of, sheet_of, table_in
 from testbed.files.columns import is_known
 from testbed.files.read import whole_session
@@ -90,12 +94,37 @@ def verdict_on(
     except InputError as error:
         if fits or error.field != "ROBOT":
             refused.append(str(error))
+    try:
+        _require_enough(robot, session)
+    except InputError as error:
+        refused.append(str(error.located(session.where)))
     if len(odd) > SHOWN:
         odd = [*odd[:SHOWN], f"and {len(odd) - SHOWN} more"]
     # each file by its own name: which folder it is in is said by the session
     left = [Path(where).name + ": columns " + names for note in session.notes
             for where, mark, names in [note.partition(UNREAD)] if mark]  # fmt: skip
     return Foretold(tuple(refused), tuple(odd), tuple(left))
+
+
+def _require_enough(robot: Robot, session: Session) -> None:
+    """Refuse one visit whose rows are too few for links, base, tool and fixtures.
+
+    Raises
+    ------
+    InputError
+        M27: there are fewer equations than numbers, or no more than these.
+    """
+    if session.visits:
+        return  # they share links: identify counts them together
+    model = RobotModel(robot.model.chain, robot.model.joint_errors, session.fixtures)
+    numbers = parameters_of(model)
+    free = numbers.freeing(set(numbers.names) - set(session.fixed))
+    table = session.measurements
+    if independent_equations(table, free)[1] > free.n_free:
+        return
+    # as they stand to each other: an anchor in the middle of the base shows less than elsewhere
+    model = start_frames(model, table, free_anchors=session.free_anchors).model
+    require_equations(model, table, free)
 
 
 def _cells(settings: SessionFile, sources: Sources) -> tuple[str, ...]:

@@ -355,3 +355,22 @@ def test_drives_payload_warmth_and_order_are_proposed(apart, drive, tmp_path):
     assert found.temperature[-1] == 25.0
     assert np.abs(found.approach[1:]).min() == 1.0
     assert not any("not used" in note for note in session.notes)
+
+
+@pytest.mark.parametrize("backwards", [False, True])
+def test_a_few_distances_do_not_win_over_many_points(backwards, tmp_path):
+    """With a free anchor twenty distances fit better, and identify would refuse them."""
+    named = {"pose_id": np.arange(M)} | joints(*JOINTS)
+    far = {"distance_mm": np.linalg.norm(points() - [1e3, 2e3, 0], axis=1), "anchor": ["A"] * M}
+    few = {name: np.asarray(column)[:20] for name, column in (named | far).items()}
+    files = write(tmp_path, a__csv=csv(named | places("x_mm", "y_mm", "z_mm")), b__csv=csv(few))
+    said, text = proposed(tmp_path, files[:: -1 if backwards else 1], "--robot", "staubli_tx60")
+    assert tomllib.loads(text)["points"]["file"] == "a.csv"
+    assert "unused   b.csv" in said
+    assert "to mend" not in said
+    (tmp_path / "session.toml").unlink()
+    said, text = proposed(tmp_path, [tmp_path / "b.csv"], "--robot", "staubli_tx60")
+    sentence = "b.csv: 20 different poses give 20 equations for 24 parameters"
+    assert f"to mend  {tmp_path}/{sentence}" in said
+    done = call("identify", "staubli_tx60", tmp_path / "session.toml", "--out", tmp_path / "out")
+    assert sentence in done.stderr
