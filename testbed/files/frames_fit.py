@@ -26,6 +26,8 @@ ROUNDS = 3
 """Alternations after the linear lift of a position-only fit."""
 STEPS, SETTLED = 25, 1e-3
 """Steps of base and tool together at most; they end where one gains less than this part."""
+HOPELESS = 0.3
+"""Score above which no step follows: such a fit would trade positions for rotations [m]."""
 DAMPING, FREE = 1e-6, 1e-12
 """Of the first of these steps and of the one that tells whether more is to be gained, for each row
 [m^2]; directions that are measured weaker wait."""
@@ -152,6 +154,8 @@ def _least_misfit(frames: Frames, F: Array, position: Array, rotation: Array | N
     """
     left = _residuals(frames, F, position, rotation)
     cost, damping = float(left @ left), DAMPING * len(F)
+    if cost > HOPELESS**2 * len(F):
+        return frames
     for _ in range(STEPS):
         J = _derivatives(frames, F, rotation is not None)
         strength, V = np.linalg.eigh(J.T @ J)
