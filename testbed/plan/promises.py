@@ -1,5 +1,6 @@
 """What a plan promises, in words: how near, with which probability, and what it cannot promise."""
 
+from collections.abc import Sequence
 from math import floor
 
 import numpy as np
@@ -8,6 +9,7 @@ from calib.arrays import Bool
 from calib.held_out_counts import fewest_poses
 from calib.uncertainty.statement.applicability import REFUSED, WARNED, Applicability
 from calib.uncertainty.statement.distance import least_content
+from calib.uncertainty.statement.places import room_words
 from testbed.plan.records import Plan
 from testbed.units import NARROW, UM, counted, listed, micrometres, percent, significant
 
@@ -155,7 +157,7 @@ def reach_words(plan: Plan) -> tuple[str, ...]:
             "No pose is held out: where the statement will hold is unknown, and nothing guards it; "
             f"write held_out = {least + 1}",
         )
-    said = [_where(seen)] if seen.reaches else []
+    said = [_where(seen, plan.nominal.chain.kinds)] if seen.reaches else []
     if count < least:
         said.append(
             f"{counted(count, 'held-out pose')} cannot guard the factor of the statement; "
@@ -164,7 +166,7 @@ def reach_words(plan: Plan) -> tuple[str, ...]:
     return tuple(said)
 
 
-def _where(seen: Applicability) -> str:
+def _where(seen: Applicability, kinds: Sequence[str]) -> str:
     """At how many postures of the goal the statement will hold, grow, or not be made, and why."""
     whole = counted(len(seen.place), "posture")
     inside, edge, outside = (seen.place == word for word in ("inside", "edge", "outside"))
@@ -173,7 +175,7 @@ def _where(seen: Applicability) -> str:
     lie = "lies" if inside.sum() == 1 else "lie"
     parts = [f"{_count(inside)} of the goal's {whole} {lie} inside what will be proven"]
     if edge.any():
-        parts.append(f"{_count(edge)} at the edge: {_edge_reasons(seen, edge)}")
+        parts.append(f"{_count(edge)} at the edge: {_edge_reasons(seen, edge, kinds)}")
     if outside.any():
         parts.append(f"{_count(outside)} outside, where no region will be stated")
     return "; ".join(parts)
@@ -184,7 +186,7 @@ def _count(these: Bool) -> str:
     return f"{int(these.sum())} ({percent(float(these.mean()))})"
 
 
-def _edge_reasons(seen: Applicability, edge: Bool) -> str:
+def _edge_reasons(seen: Applicability, edge: Bool, kinds: Sequence[str]) -> str:
     """Why postures lie at the edge, and at how many both reasons hold."""
     said = []
     grown = edge & (np.maximum(seen.transfer, seen.leverage) > WARNED)
@@ -200,8 +202,9 @@ def _edge_reasons(seen: Applicability, edge: Bool) -> str:
         joints = [
             f"joint {j + 1} at {counts[j]}" for j in np.argsort(-counts, kind="stable") if counts[j]
         ]
+        room = room_words([kinds[j] for j in np.flatnonzero(counts).tolist()])
         said.append(
-            f"{int(far.sum())} because a joint is more than 10 deg beyond its range over the "
+            f"{int(far.sum())} because a joint is more than {room} beyond its range over the "
             f"held-out poses ({listed(joints)})"
         )
     if (grown & far).any():

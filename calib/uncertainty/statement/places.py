@@ -6,7 +6,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.arrays import Array
-from calib.uncertainty.statement.applicability import REFUSED, WARNED, Applicability, Proven
+from calib.uncertainty.statement.applicability import (
+    BEYOND,
+    BEYOND_SLIDE,
+    REFUSED,
+    WARNED,
+    Applicability,
+    Proven,
+)
 
 PLACES = ("inside", "edge", "outside")
 MEASURE = "measure 20 poses there, and hold them out"
@@ -75,6 +82,23 @@ def place_words(
         where = dict(zip(PLACES, ("inside", "at the edge of", "outside"), strict=True))
         return f"the one {noun} lies {where[str(place[0])]} what was proven"
     return f"of {len(place)} {plural} {', '.join(parts)}"
+
+
+def room_words(kinds: Sequence[str]) -> str:
+    """How far joints of these kinds may leave their ranges over the held-out poses.
+
+    Examples
+    --------
+    >>> room_words(["revolute"] * 6), room_words(["prismatic"])
+    ('10 deg', '50 mm')
+    >>> room_words(["prismatic", "revolute"])
+    '10 deg (turning) or 50 mm (sliding)'
+    """
+    slides = {kind == "prismatic" for kind in kinds}
+    turn, way = f"{np.degrees(BEYOND):g} deg", f"{1e3 * BEYOND_SLIDE:g} mm"
+    if len(slides) > 1:
+        return f"{turn} (turning) or {way} (sliding)"
+    return way if True in slides else turn
 
 
 def _named(names: Sequence[str], most: int = 10) -> str:

@@ -4,6 +4,7 @@ import numpy as np
 
 from calib.arrays import Array
 from calib.uncertainty.statement.applicability import REFUSED, WARNED
+from calib.uncertainty.statement.places import room_words
 from testbed.identify.applies.rows import held_out_words
 from testbed.identify.applies.targets import named, target_words
 from testbed.identify.handback.delivered import Delivered, TargetStatement
@@ -24,12 +25,13 @@ def reach_section(calibration: Calibration, delivered: Delivered) -> Section:
         blocks.append(Text("No statement is believed, so none applies anywhere."))
     else:
         here = belief.proven.applies(calibration.stated_q)
+        room = room_words(calibration.nominal.chain.kinds)
         blocks.append(
             Text(
                 f"Over the {len(calibration.stated_q)} poses behind the radius, transfer g "
                 f"lies between {_ends(here.transfer)}, leverage h between {_ends(here.leverage)}, "
                 f"each with mean one. A target is inside what was proven where both are at most "
-                f"{WARNED:g} and every joint is within 10 deg or 50 mm of its proven range; up to "
+                f"{WARNED:g} and every joint is within {room} of its proven range; up to "
                 f"{REFUSED:g} it is at the edge, its region grown with g; beyond that it is "
                 "outside, and no region is stated. Neither g nor h accounts for a payload, another "
                 "tool or another temperature."

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.arrays import Array, Index
-from calib.uncertainty.statement.applicability import BEYOND
+from calib.uncertainty.statement.applicability import BEYOND, BEYOND_SLIDE
 from calib.uncertainty.statement.distance import distance_radius
 from calib.uncertainty.statement.places import PLACES, place_words, reasons
 from calib.uncertainty.statement.stated_point import widened
@@ -88,7 +88,7 @@ def beyond_training(calibration: Calibration) -> tuple[str, ...]:
     train, test = table.q[calibration.is_used], table.q[is_test]
     kinds, far = calibration.nominal.chain.kinds, []
     for j, kind in enumerate(kinds):
-        room, scale, unit = (BEYOND, DEG, "deg") if kind == "revolute" else (0.05, MM, "mm")
+        room, scale, unit = (BEYOND, DEG, "deg") if kind == "revolute" else (BEYOND_SLIDE, MM, "mm")
         for side, end, share in (
             ("below", train[:, j].min(), (test[:, j] < train[:, j].min() - room).mean()),
             ("above", train[:, j].max(), (test[:, j] > train[:, j].max() + room).mean()),

@@ -224,6 +224,21 @@ def test_the_places_of_the_goal_are_a_partition_and_those_of_the_table(hand_made
         assert "(joint 2 at 3 and joint 1 at 1), 1 of these for both reasons; 1 (12 %)" in words
 
 
+@pytest.mark.parametrize(
+    ("slides", "said"),
+    [((), "10 deg"), ((0, 1), "50 mm"), ((1,), "10 deg (turning) or 50 mm (sliding)")],
+)
+def test_a_joint_beyond_its_range_is_told_in_the_unit_of_its_kind(slides, said):
+    """Joints 1 and 2 are beyond; the others say nothing of what their limit is."""
+    made = quick_plan()
+    links = made.nominal.chain.links
+    kinds = tuple("prismatic" if j in slides else "revolute" for j in range(len(links)))
+    model = replace(made.nominal, chain=replace(made.nominal.chain, kinds=kinds))
+    seen = replace(made.foresight, applies=PLACED)
+    (words, *_) = reach_words(replace(made, nominal=model, foresight=seen))
+    assert f"because a joint is more than {said} beyond its range over" in words
+
+
 def test_without_held_out_poses_that_is_said():
     made = quick_plan()
     alone = replace(made, foresight=replace(made.foresight, applies=None))
