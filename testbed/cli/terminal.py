@@ -111,7 +111,7 @@ def _bar(course: TimeLeft) -> Iterator[Progress]:
             super().__init__(Column(no_wrap=True, **column))
             self._draw = draw
 
-        def render(self, task: Task) -> Text | ProgressBar:  # noqa: ARG002
+        def render(self, _task: Task) -> Text | ProgressBar:
             drawn = self._draw()
             return Text(drawn) if isinstance(drawn, str) else drawn
 

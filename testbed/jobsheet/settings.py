@@ -60,7 +60,7 @@ class InstrumentTable(Strict):
 class AmbientTable(Strict):
     """[job.ambient]: the air in which was measured."""
 
-    temperature_degC: tuple[Temperature, Temperature] | None = None  # noqa: N815
+    temperature_degC: tuple[Temperature, Temperature] | None = None  # noqa: N815 - the unit
     """Lowest and highest."""
     pressure_hpa: Annotated[float, PRESSURE.size("hPa")] | None = None
     """Pressure of the air."""

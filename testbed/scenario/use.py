@@ -20,7 +20,7 @@ class UseSettings(Strict):
     """Mass at the flange beyond the arm's own."""
     tool: Annotated[PlainText, Field(min_length=1, max_length=200)] | None = None
     """Name of what is mounted there."""
-    temperature_degC: Annotated[float, TEMPERATURE.signed("degC")] | None = None  # noqa: N815
+    temperature_degC: Annotated[float, TEMPERATURE.signed("degC")] | None = None  # noqa: N815 - the unit
     """Temperature of the robot's links."""
 
     def rows(self, m: int) -> "Conditions":

@@ -254,4 +254,4 @@ if __name__ == "__main__":
     name, content, around = made(kind, seed, number)
     with tempfile.TemporaryDirectory() as place:
         print(json.dumps({"file": name, "size": len(content)}))  # noqa: T201 - a script
-        print(surprise_of(TARGETS[kind], Path(place), around, name, content))  # noqa: T201
+        print(surprise_of(TARGETS[kind], Path(place), around, name, content))  # noqa: T201 - likewise

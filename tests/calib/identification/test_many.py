@@ -29,11 +29,12 @@ from tests.reference import DEG, READABLE30, WEN24, pool_r, rigid_truth, tx60
 from tests.truth.measuring import measured
 
 POOL = pool_r()
+TX60 = tx60()
 ROUNDING = 1e-12
 """Of whitened rows: metres in double precision over a noise of micrometres, times a few."""
 
 
-def robots(count, rng, wide=tx60()):  # noqa: B008
+def robots(count, rng, wide=TX60):
     """True robots, with joint errors where the model has terms."""
     found = [rigid_truth(rng) for _ in range(count)]
     K = len(wide.joint_errors.terms)
@@ -43,7 +44,7 @@ def robots(count, rng, wide=tx60()):  # noqa: B008
     )
 
 
-def visits(count, poses=14, *, own=False, scatter=0.0, seed=3, wide=tx60()):  # noqa: B008
+def visits(count, poses=14, *, own=False, scatter=0.0, seed=3, wide=TX60):
     """One table of each robot, of the same poses or of poses of its own."""
     rng = np.random.default_rng(seed)
     true, q, found = robots(count, rng, wide), POOL[:poses], []
@@ -51,7 +52,7 @@ def visits(count, poses=14, *, own=False, scatter=0.0, seed=3, wide=tx60()):  # 
         at = POOL[rng.choice(len(POOL), poses)] if own else q
         table = measured(robot, at, rng)
         if scatter:
-            stated = with_joint_noise(tx60(), at, table.covariance, np.full(6, scatter))
+            stated = with_joint_noise(TX60, at, table.covariance, np.full(6, scatter))
             table = type(table)(
                 **{name: getattr(table, name) for name in table.__slots__ if name != "covariance"},
                 covariance=stated,
@@ -113,7 +114,7 @@ def test_points_and_their_derivatives_are_those_of_each_model(arm):
 @pytest.mark.parametrize(("own", "scatter"), [(False, 0.0), (True, 0.0), (True, 1e-4)])
 def test_rows_are_those_of_each_table(own, scatter):
     """Also with full covariances, and with terms of joints whose own column is held."""
-    wide, _, _ = with_joint_terms(tx60(), parameters_of(tx60()))
+    wide, _, _ = with_joint_terms(TX60, parameters_of(TX60))
     tables = visits(3, own=own, scatter=scatter)
     alone, many, _ = moved(wide, 3)
     free = np.array([3, 7, 16, *range(44, wide.n_numbers)])
@@ -131,9 +132,9 @@ def test_rows_are_those_of_each_table(own, scatter):
 
 def test_rows_of_the_paper_have_its_normal_equations_and_sum_of_squares():
     tables = ManyTables.of(visits(2, own=True))
-    alone, many, _ = moved(tx60(), 2)
-    free = parameters_of(tx60(), WEN24).free_index
-    r, A = ManyRows.of(tx60(), tables, free, "paper").at(many)
+    alone, many, _ = moved(TX60, 2)
+    free = parameters_of(TX60, WEN24).free_index
+    r, A = ManyRows.of(TX60, tables, free, "paper").at(many)
     square = twelve_rows(many, tables)
     for k, (one, table) in enumerate(zip(alone, visits(2, own=True), strict=True)):
         stack = paper_stack(one, table)
@@ -172,22 +173,22 @@ def held_to_identify(nominal, tables, parameters, mode="whitened", prior=None, s
 @pytest.mark.parametrize("mode", ["whitened", "paper"])
 def test_each_fit_is_the_one_that_identify_finds(mode, own):
     names = READABLE30 if mode == "whitened" else WEN24
-    held_to_identify(tx60(), visits(3, own=own), parameters_of(tx60(), names), mode)
+    held_to_identify(TX60, visits(3, own=own), parameters_of(TX60, names), mode)
 
 
 def test_a_start_and_joint_scatter_change_no_answer():
-    tables, parameters = visits(3, scatter=1e-5), parameters_of(tx60(), READABLE30)
-    start = identify(tx60(), tables[0], parameters).model
-    held_to_identify(tx60(), tables, parameters, start=start)
+    tables, parameters = visits(3, scatter=1e-5), parameters_of(TX60, READABLE30)
+    start = identify(TX60, tables[0], parameters).model
+    held_to_identify(TX60, tables, parameters, start=start)
 
 
 @pytest.mark.parametrize("believed", [False, True])
 @pytest.mark.parametrize("own", [False, True])
 def test_no_bit_of_a_fit_hangs_on_the_others(own, believed):
-    tables, parameters = visits(5, own=own), parameters_of(tx60(), READABLE30)
+    tables, parameters = visits(5, own=own), parameters_of(TX60, READABLE30)
     prior = weak_prior(parameters) if believed else None
     together, *parts = (
-        fit_many(tx60(), ManyTables.of(some), parameters, prior=prior, shared=not own)
+        fit_many(TX60, ManyTables.of(some), parameters, prior=prior, shared=not own)
         for some in (tables, tables[:1], tables[1:])
     )
     for name in ("steps", "covariance", "chi_square", "certificate"):
@@ -196,10 +197,10 @@ def test_no_bit_of_a_fit_hangs_on_the_others(own, believed):
 
 
 def test_geometry_and_joint_terms_under_a_prior_are_those_of_identify():
-    free = parameters_of(tx60())
-    held_to_identify(tx60(), visits(2), free, prior=weak_prior(free))
-    wide, table, _ = with_joint_terms(tx60(), free)
-    belief = weak_prior(extended_parameters(tx60(), wide, free), wide)
+    free = parameters_of(TX60)
+    held_to_identify(TX60, visits(2), free, prior=weak_prior(free))
+    wide, table, _ = with_joint_terms(TX60, free)
+    belief = weak_prior(extended_parameters(TX60, wide, free), wide)
     mean = np.random.default_rng(4).normal(size=len(belief.sd)) * belief.sd
     rotated = Prior(mean[::-1], belief.sd[::-1], belief.names[::-1])
     held_to_identify(wide, visits(2, wide=wide), table, prior=rotated)
@@ -212,7 +213,7 @@ def test_a_robot_that_no_table_can_tell_is_left_to_identify():
            for n in tables[1].__slots__}
     )  # fmt: skip
     seen = [tables[0], still, tables[2]]
-    found = fit_many(tx60(), ManyTables.of(seen), parameters_of(tx60(), READABLE30))
+    found = fit_many(TX60, ManyTables.of(seen), parameters_of(TX60, READABLE30))
     assert found.converged.tolist() == [True, False, True]
 
 
@@ -222,39 +223,39 @@ def test_noise_free_tables_give_the_truth():
     tables = ManyTables.of(visits(2))
     T = np.array([one.poses(POOL[:14]) for one in true])
     exact = ManyTables.read(tables.q, T[:, :, :3, 3], T[:, :, :3, :3], tables.covariance)
-    found = fit_many(tx60(), exact, parameters_of(tx60(), WEN24))
+    found = fit_many(TX60, exact, parameters_of(TX60, WEN24))
     assert found.converged.all()
     for k, one in enumerate(true):
-        step = tx60().step_to(one)[parameters_of(tx60(), WEN24).free_index]
+        step = TX60.step_to(one)[parameters_of(TX60, WEN24).free_index]
         assert found.steps[k] == pytest.approx(step, abs=1e-12)
 
 
 def test_what_many_fits_do_not_know_is_refused_in_a_sentence():
     from calib.geometry.joint_errors import JointTerm
 
-    grown = RobotModel(tx60().chain, JointErrors((JointTerm("lengths", -1, "lengths", (0,) * 6),)))
+    grown = RobotModel(TX60.chain, JointErrors((JointTerm("lengths", -1, "lengths", (0,) * 6),)))
     assert not known_to_many(grown)
-    assert known_to_many(tx60())
+    assert known_to_many(TX60)
     tables = ManyTables.of(visits(2))
     with pytest.raises(InputError, match="chains and joint terms alone"):
         fit_many(grown, tables, parameters_of(grown))
     few = ManyTables.of(visits(2, poses=4))
     with pytest.raises(InputError, match="24 rows for 24 unknowns"):
-        fit_many(tx60(), few, parameters_of(tx60(), WEN24))
+        fit_many(TX60, few, parameters_of(TX60, WEN24))
 
 
 @pytest.mark.parametrize("believed", [False, True])
 def test_identifications_made_together_say_what_each_says_alone(believed):
     """Also of a table that no model explains, whose chi-square is told in the notes."""
-    free, tables = parameters_of(tx60()), visits(3)
+    free, tables = parameters_of(TX60), visits(3)
     tables[2] = replace(
         tables[2], position=tables[2].position + np.eye(3)[POOL[:14, 0].argsort() % 3] * 1e-4
     )
     prior = weak_prior(free) if believed else None
-    found = identify_many(tx60(), tables, free, prior=prior)
+    found = identify_many(TX60, tables, free, prior=prior)
     assert any("chi-square is" in note for note in found[2].notes)
     for one, table in zip(found, tables, strict=True):
-        alone = identify(tx60(), table, free, prior=prior)
+        alone = identify(TX60, table, free, prior=prior)
         assert one.names == alone.names
         assert one.notes == alone.notes
         assert (one.dof, one.rank, one.status) == (alone.dof, alone.rank, alone.status)
@@ -265,6 +266,6 @@ def test_identifications_made_together_say_what_each_says_alone(believed):
         assert one.reduction.kept == alone.reduction.kept
         assert one.lack_of_fit is None
         assert (one.step - alone.step) / alone.standard_uncertainty == pytest.approx(0, abs=1e-9)
-    own = identify_many(tx60(), visits(2, own=True), free, prior=prior)
+    own = identify_many(TX60, visits(2, own=True), free, prior=prior)
     for one, table in zip(own, visits(2, own=True), strict=True):
-        assert np.array_equal(one.step, identify(tx60(), table, free, prior=prior).step)
+        assert np.array_equal(one.step, identify(TX60, table, free, prior=prior).step)

@@ -68,4 +68,4 @@ def test_what_cannot_be_a_table_is_refused(call, message):
 
 def test_a_name_that_is_not_at_the_door_is_missed():
     with pytest.raises(AttributeError, match="no attribute 'calibrat'"):
-        calib.calibrat  # noqa: B018
+        calib.calibrat  # noqa: B018 - it raises
