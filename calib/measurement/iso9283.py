@@ -1,4 +1,4 @@
-"""Pose accuracy and repeatability of a robot after ISO 9283, each with uncertainty and noise floor.
+"""Position accuracy and repeatability after ISO 9283, each with uncertainty and noise floor.
 
 A pose is visited in n cycles and read each time. All figures take stacks of visits (..., n, 3) and
 give arrays (...,). Beside each figure stand
@@ -12,23 +12,20 @@ give arrays (...,). Beside each figure stand
 Formulas follow the textbook use of the standard; its own text has not been compared.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from calib.arrays import Array, Index, frozen, wrong_shape
-from calib.geometry.frames import exp_so3, log_so3
 from calib.measurement.cycles import (
-    MOST_GROUPS,
     covariances_of,
     cycles_of,
+    jackknife,
     mean_norm,
     mean_widest,
     per_pose,
     repeatability_floor,
-    rotations_of,
     sd_bias,
     widest,
 )
@@ -111,7 +108,7 @@ def repeatability(position: ArrayLike, *, noise: ArrayLike | None = None) -> Iso
         floor = np.broadcast_to(
             repeatability_floor(covariances_of(noise, "noise"), x.shape[-2]), floor.shape
         )
-    return IsoFigure(frozen(_radius(x)), frozen(_jackknife(_radius, x)), frozen(floor))
+    return IsoFigure(frozen(_radius(x)), frozen(jackknife(_radius, x)), frozen(floor))
 
 
 def approaches(position: ArrayLike) -> IsoFigure:
@@ -192,73 +189,7 @@ def distance_repeatability(
             np.einsum("...i,...ij,...j->...", along, covariances_of(noise, "noise"), along)
         )
         floor = 3 * sd_bias(n) * sd
-    return IsoFigure(frozen(spread(D)), frozen(_jackknife(spread, D)), frozen(floor))
-
-
-def rotation_accuracy(
-    R: ArrayLike, command: ArrayLike, *, common: ArrayLike | None = None
-) -> IsoFigure:
-    """AP of orientation: angle from the commanded to the mean attained rotation.
-
-    Parameters
-    ----------
-    R : (..., n, 3, 3) array_like
-        Attained rotations R_world_tool.
-    command : (..., 3, 3) array_like
-        Commanded rotation.
-    common : (..., 3, 3) array_like, optional
-        Covariance of the rotation error that all readings of a pose share, world axes [rad^2].
-
-    Notes
-    -----
-    Rotation vectors about the mean rotation, in world axes: no Euler angles, so nothing depends on
-    how the tool stands.
-    """
-    R = rotations_of(R)
-    turn = rotation_vectors(R, np.asarray(command, dtype=np.float64))
-    return accuracy(turn, np.zeros(3), common=common)
-
-
-def rotation_repeatability(R: ArrayLike, *, noise: ArrayLike | None = None) -> IsoFigure:
-    """RP of orientation: three standard deviations of the rotation about each world axis (..., 3).
-
-    Parameters
-    ----------
-    R : (..., n, 3, 3) array_like
-        Attained rotations R_world_tool.
-    noise : (..., 3, 3) array_like, optional
-        Covariance of the rotation of one reading, world axes [rad^2]; the floor needs it.
-    """
-    R = rotations_of(R)
-    turn = rotation_vectors(R, mean_rotation(R))
-    n = turn.shape[-2]
-
-    def spread(x: Array) -> Array:
-        """Three standard deviations, per axis."""
-        return np.asarray(3 * x.std(axis=-2, ddof=1))
-
-    value = spread(turn)
-    floor = np.full(value.shape, np.nan)
-    if noise is not None:
-        variance = np.diagonal(covariances_of(noise, "noise"), axis1=-2, axis2=-1)
-        floor = np.broadcast_to(3 * sd_bias(n) * np.sqrt(variance), value.shape)
-    return IsoFigure(frozen(value), frozen(_jackknife(spread, turn)), frozen(floor))
-
-
-def mean_rotation(R: Array) -> Array:
-    """Rotation (..., 3, 3) about which the rotation vectors of R (..., n, 3, 3) have mean zero."""
-    mean = R[..., 0, :, :]
-    for _ in range(20):
-        step = rotation_vectors(R, mean).mean(axis=-2)
-        mean = exp_so3(step) @ mean
-        if np.abs(step).max(initial=0.0) < 1e-15:
-            break
-    return np.asarray(mean)
-
-
-def rotation_vectors(R: Array, about: Array) -> Array:
-    """Rotation vectors (..., n, 3) from one rotation (..., 3, 3) to each of R, world axes [rad]."""
-    return log_so3(R @ np.swapaxes(about, -1, -2)[..., None, :, :])
+    return IsoFigure(frozen(spread(D)), frozen(jackknife(spread, D)), frozen(floor))
 
 
 def _radius(x: Array) -> Array:
@@ -281,17 +212,6 @@ def _distances(first: ArrayLike, second: ArrayLike) -> Array:
         allowed = f"expected {one.shape}: the same cycles at both poses"
         raise wrong_shape("second", other.shape, allowed)
     return np.asarray(np.linalg.norm(other - one, axis=-1))
-
-
-def _jackknife(figure: Callable[[Array], Array], x: Array) -> Array:
-    """Standard uncertainty of a figure of cycles (..., n, k), leaving each one out, or each group.
-
-    Efron & Stein 1981: u^2 = (n - 1)/n sum (f_j - mean f)^2; groups: Shao & Wu 1989.
-    """
-    n = min(x.shape[-2], MOST_GROUPS)
-    groups = np.array_split(np.arange(x.shape[-2]), n)
-    without = np.stack([figure(np.delete(x, group, axis=-2)) for group in groups])
-    return np.asarray(np.sqrt((n - 1) / n * ((without - without.mean(axis=0)) ** 2).sum(axis=0)))
 
 
 def _covariance(x: Array) -> Array:

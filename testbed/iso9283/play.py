@@ -16,8 +16,6 @@ from calib.measurement.iso9283 import (
     distance_accuracy,
     distance_repeatability,
     repeatability,
-    rotation_accuracy,
-    rotation_repeatability,
 )
 from calib.measurement.iso_drift import BLOCK, DriftFigures, drift
 from calib.measurement.iso_limits import (
@@ -27,6 +25,7 @@ from calib.measurement.iso_limits import (
     spread_limits,
 )
 from calib.measurement.iso_paths import path_figures, resampled
+from calib.measurement.iso_rotations import rotation_accuracy, rotation_repeatability
 from testbed.files.refusal import refusal
 from testbed.iso9283.frames import in_command_frame
 from testbed.iso9283.records import (

@@ -25,8 +25,8 @@ from calib.measurement.iso9283 import (
     distance_accuracy,
     distance_repeatability,
     repeatability,
-    rotation_accuracy,
 )
+from calib.measurement.iso_rotations import rotation_accuracy
 from calib.measurement.observations import Measurements
 from calib.uncertainty.statement.applicability import proven_at
 from testbed.laboratory.tracker.of_scenario import bias_size

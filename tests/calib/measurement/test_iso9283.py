@@ -12,11 +12,9 @@ from calib.measurement.iso9283 import (
     approaches,
     distance_accuracy,
     distance_repeatability,
-    mean_rotation,
     repeatability,
-    rotation_accuracy,
-    rotation_repeatability,
 )
+from calib.measurement.iso_rotations import mean_rotation, rotation_accuracy, rotation_repeatability
 
 FIXTURE = np.array([[0, 0, 0], [2, 0, 0], [1, 1, 0], [1, -1, 0], [1, 0, 0.0]])
 """Distances to the barycenter 1, 1, 1, 1, 0: mean 0.8, standard deviation sqrt(0.2)."""
