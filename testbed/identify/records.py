@@ -15,7 +15,7 @@ from calib.measurement.observations import Measurements
 from calib.shown import ResultTable, Shown
 from calib.uncertainty.judgement import Judgement
 from calib.uncertainty.statement.conditions import Conditions
-from calib.uncertainty.statement.instrument import SharedErrors
+from calib.uncertainty.statement.shared import SharedErrors
 from testbed.files.conditions import SetUp
 from testbed.files.visits.visit import RobotVisit
 from testbed.identify.handback.handed import HandBack

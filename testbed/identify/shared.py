@@ -6,7 +6,7 @@ import numpy as np
 
 from calib.identification.identify import Identification
 from calib.measurement.observations import Measurements
-from calib.uncertainty.statement.instrument import HIDDEN, NOTHING, SharedErrors, shared_errors
+from calib.uncertainty.statement.shared import HIDDEN, NOTHING, SharedErrors, shared_errors
 from testbed.files.session import Session
 from testbed.identify.records import Calibration
 from testbed.report.page import Block, Section, Table, Text

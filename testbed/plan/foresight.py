@@ -9,9 +9,9 @@ from calib.measurement.observations import Measurements
 from calib.uncertainty.statement.applicability import Proven, proven_by
 from calib.uncertainty.statement.distance import distance_radius, radius_over
 from calib.uncertainty.statement.gain import beside_held, least_squares_gain
-from calib.uncertainty.statement.instrument import SharedErrors, planned_errors
 from calib.uncertainty.statement.misfit import detectable_size, evidence_rows
 from calib.uncertainty.statement.places import reasons
+from calib.uncertainty.statement.shared import SharedErrors, planned_errors
 from testbed.laboratory.bench import Bench
 from testbed.laboratory.goal import Goal
 from testbed.laboratory.tracker.of_scenario import bias_size

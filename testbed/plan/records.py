@@ -11,7 +11,7 @@ from calib.geometry.parameters import Parameters
 from calib.shown import ResultTable, Shown
 from calib.uncertainty.statement.applicability import Applicability
 from calib.uncertainty.statement.conditions import Conditions
-from calib.uncertainty.statement.instrument import SharedErrors
+from calib.uncertainty.statement.shared import SharedErrors
 from testbed.laboratory.cell import Obstacle
 from testbed.laboratory.goal import Goal
 from testbed.laboratory.pool import PosePool

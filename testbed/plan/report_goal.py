@@ -4,7 +4,7 @@ import numpy as np
 
 from calib.arrays import Array
 from calib.uncertainty.statement.applicability import REFUSED, WARNED
-from calib.uncertainty.statement.instrument import HIDDEN, NOTHING
+from calib.uncertainty.statement.shared import HIDDEN, NOTHING
 from testbed.plan import plots
 from testbed.plan.promises import (
     OVER,

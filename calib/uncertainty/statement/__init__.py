@@ -10,8 +10,8 @@ from calib.uncertainty.statement.conformity import conformity as conformity
 from calib.uncertainty.statement.distance import distance_radius as distance_radius
 from calib.uncertainty.statement.distance import probability_within as probability_within
 from calib.uncertainty.statement.instrument import InstrumentErrors as InstrumentErrors
-from calib.uncertainty.statement.instrument import shared_errors as shared_errors
 from calib.uncertainty.statement.memory import drift as drift
 from calib.uncertainty.statement.memory import memory_p as memory_p
 from calib.uncertainty.statement.misfit import misfit as misfit
 from calib.uncertainty.statement.other_frame import other_frame as other_frame
+from calib.uncertainty.statement.shared import shared_errors as shared_errors

@@ -11,7 +11,7 @@ import pytest
 from calib.errors import InputError
 from calib.measurement.prediction import predict
 from calib.uncertainty.statement.gain import estimator_gain
-from calib.uncertainty.statement.instrument import UNSEEN
+from calib.uncertainty.statement.shared import UNSEEN
 from testbed.files.read import read_session
 from testbed.identify.calibrate import Options, calibrate
 from testbed.identify.handback.delivered import Delivered

@@ -12,7 +12,8 @@ from calib.measurement.noise import with_joint_noise
 from calib.measurement.observations import Measurements
 from calib.uncertainty.budget import RowNoise, budget
 from calib.uncertainty.refit import Frozen, freeze
-from calib.uncertainty.statement.instrument import SOURCES, shared_errors, shared_rows
+from calib.uncertainty.statement.instrument import SOURCES, shared_rows
+from calib.uncertainty.statement.shared import shared_errors
 from calib.uncertainty.tool_point import tool_statement
 from calib.uncertainty.type_b import CommonInput, common_inputs, type_b_covariance
 from testbed.laboratory.tracker.of_scenario import bias_size

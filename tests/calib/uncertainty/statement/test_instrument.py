@@ -23,10 +23,9 @@ from calib.uncertainty.statement.instrument import (
     SOURCES,
     TURN,
     InstrumentErrors,
-    SharedErrors,
-    shared_errors,
     shared_rows,
 )
+from calib.uncertainty.statement.shared import SharedErrors, shared_errors
 from tests.calib import kinds
 from tests.reference import DEG, TX60_LINKS, UM, pool_r
 
