@@ -1,0 +1,127 @@
+"""What is believed of an identification by held-out rows, repeats and the order in time.
+
+Rows that stand in another frame are no evidence; what a drift leaves is added.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from calib.arrays import Array, check
+from calib.identification.identify import Identification
+from calib.measurement.observations import Measurements
+from calib.uncertainty.circumstances import Circumstances, MeasuredNoise
+from calib.uncertainty.statement.belief import Belief, adding, believe
+from calib.uncertainty.statement.drifting import Drifting, drifting
+from calib.uncertainty.statement.other_frame import (
+    FEWEST,
+    OtherFrame,
+    after_the_motion,
+    other_frame,
+)
+from calib.uncertainty.statement.stated_point import StatedPoint, common_radius, stated_point
+
+
+def proven_belief(
+    fit: Identification, train: Measurements, test: Measurements, known: Circumstances,
+    numbers: Array | None, probability: float, quiet: MeasuredNoise,
+) -> tuple[Belief | None, OtherFrame | None, Drifting | None]:  # fmt: skip
+    """The belief, None where the rows bound no misfit; whether there is another frame, and a drift.
+
+    Parameters
+    ----------
+    fit : Identification
+        From `train`.
+    train, test : Measurements
+        What identified, and what is held out: no evidence and no guard where in another frame.
+    known : Circumstances
+        What else is known of the campaign.
+    numbers : (P, P) array, optional
+        Covariance of all numbers, where it is not that of the fit [m^2, m rad, rad^2].
+    probability : float
+        Content of every statement.
+    quiet : MeasuredNoise
+        Of both tables; see `measured_noise`.
+    """
+
+    def believed(held_out: Measurements | None) -> Belief:
+        less = (quiet.train, None if held_out is None else quiet.test)
+        return believe(
+            fit, train, held_out, covariance=numbers, shared=known.shared, repeats=quiet.repeats,
+            probability=probability, target=known.target, drawn=known.drawn,
+            quiet=None if quiet.train is train else less,
+        )  # fmt: skip
+
+    use: Measurements | None = test if len(test) else None
+    belief = believed(use)
+    points = test.rows(~test.is_distance)
+    sure = belief if np.isfinite(belief.misfit.upper) else believed(None)
+    frame = _likeliest_frame(sure, points, fit, train, visits=known.stations_are_visits)
+    if frame is not None and frame.found:
+        alone = believed(None)
+        frame = replace(frame, within=_half_radius(alone, points, known))
+        ruler = alone if np.isfinite(alone.misfit.upper) else sure
+        frame = after_the_motion(frame, ruler, points, fit, train)
+        use, belief = (None, alone) if frame.found else (use, belief)
+    slow = None
+    if known.order is not None:
+        nobody = np.zeros(0, dtype=np.int64)
+        slow = drifting(
+            fit, train, known.order[0], test if use is not None else test.rows(nobody),
+            known.order[1] if use is not None else known.order[1][nobody],
+            hidden=belief.misfit, whatever=bool(known.unmodelled),
+        )  # fmt: skip
+        if slow is not None and slow.drift is not None:
+            belief = adding(belief, slow.drift.covariance, None if use is None else quiet.test)
+    return (belief if np.isfinite(belief.misfit.upper) else None), frame, slow
+
+
+def _likeliest_frame(
+    belief: Belief, points: Measurements, fit: Identification, train: Measurements, *, visits: bool
+) -> OtherFrame | None:
+    """Whether rows stand in another frame; of several visits the likeliest, after Bonferroni."""
+    if not np.isfinite(belief.misfit.upper):
+        return None
+    each = [points.rows(points.station == s) for s in np.unique(points.station)]
+    if len(each) > 1 and not visits:
+        return None
+    asked = [some for some in each if some.n_poses >= FEWEST]
+    found = [other_frame(belief, some, fit, train) for some in asked]
+    count = len(found)
+    return min(
+        (
+            replace(one, p_base=min(1.0, count * one.p_base), p_tool=min(1.0, count * one.p_tool))
+            for one in found
+        ),
+        key=lambda one: min(one.p_base, one.p_tool), default=None,
+    )  # fmt: skip
+
+
+def _half_radius(alone: Belief, points: Measurements, known: Circumstances) -> float:
+    """Half of R95 at the held-out poses, by what is believed without their readings [m]."""
+    if not np.isfinite(alone.misfit.upper):
+        return 0.0
+    there = alone.regions(points.q, target=known.target, at=points.conditions)
+    return common_radius(there) / 2
+
+
+def stated_radius(
+    belief: Belief, train: Measurements, test: Measurements, frame: OtherFrame | None,
+    known: Circumstances, quiet: MeasuredNoise,
+) -> StatedPoint:  # fmt: skip
+    """The believed radius at poses like the held-out ones, or else those identified from."""
+    held = len(test) > 0 and (frame is None or not frame.found)
+    where = test if held else train
+    sd = known.repeatability
+    if sd is not None:
+        (sd,) = check(f"{belief.model.chain.n_joints}", repeatability=sd)
+    first = np.unique(where.pose_id, return_index=True)[1]
+    return stated_point(
+        belief, where.q[first], at=where.conditions.rows(first),
+        target=np.asarray(known.target, float), held_out=held, repeatability=sd,
+        told_by=known.told_by,
+        measured=quiet.test.rows(~quiet.test.is_distance)
+        if held and belief.n_guards
+        else None,
+        visits=known.stations_are_visits,
+    )  # fmt: skip
