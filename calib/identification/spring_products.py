@@ -177,6 +177,11 @@ def lowest(
     What gives and what weighs can stand for each other: along that valley the second derivative of
     their products counts, far from its floor it misleads. Of the steps with and without it the one
     is taken that leads lower, halved until it does.
+
+    There are other minima. Six to twelve further starts, drawn from the prior, found a lower one
+    in one fit of nine for a measured UR10 (nine sets of 100 poses) and of twenty for virtual arms
+    (22 of three kinds), most of levels that the evidence leaves behind. One choice of 31 changed by
+    it, for one that missed held-out poses by a hundredth more.
     """
     x, share, loss = np.zeros(count), 1.0, 0.0
     if not count:

@@ -22,20 +22,13 @@ class Loops(NamedTuple):
     noisy_poses: Callable[..., None]
 
 
-class SpringLoops(NamedTuple):
-    """Two loops that fit springs of one model; see `calib.kernels.springs`."""
-
-    of_products: Callable[..., None]
-    of_rows: Callable[..., None]
-
-
-def spring_loops_for(robots: int) -> SpringLoops | None:
-    """The loops for so many robots; None where numpy's serve."""
+def spring_loop_for(robots: int) -> Callable[..., None] | None:
+    """What fits springs of one model for so many robots; None where numpy serves."""
     if robots < MANY_SPRUNG or not NUMBA:
         return None
-    from calib.kernels.springs import springs_of_products, springs_of_rows
+    from calib.kernels.springs import springs_of_rows
 
-    return SpringLoops(springs_of_products, springs_of_rows)
+    return springs_of_rows
 
 
 def loops_for(replicates: int) -> Loops:

@@ -37,8 +37,8 @@ SURE = 1e-6
 """Evidence, or part of a standard error of misses, within which rounding may decide: such a robot
 climbs alone."""
 FEW_PRODUCTS = 128
-"""Products of springs up to which their normal equations are made, and solved for many robots at
-once; with more of them rows are fewer."""
+"""Products of springs up to which numpy makes their normal equations, and solves them for many
+robots at once; with more of them rows are fewer. The compiled loop takes rows of any."""
 
 
 def climb_many(
@@ -166,23 +166,23 @@ def _answer(robot: Climber, question: Question) -> Answer:
 
 
 def fit_all(tasks: Iterable[Task]) -> None:
-    """Fit springs of many models, those of few products and one kind together."""
+    """Fit springs of many models; numpy those of few products and one kind together."""
     few: dict[Level, list[Task]] = defaultdict(list)
     for task in tasks:
         robot, ground, levels, k = task
         sprung = apart(robot.plan, levels)[1]
         assert sprung is not None
         springs = robot.plan.springs[sprung][0]
-        if len(springs.columns) <= FEW_PRODUCTS:
+        if robot.plan.loop is None and len(springs.columns) <= FEW_PRODUCTS:
             few[sprung].append(task)
             continue
         rows = robot.sprung(sprung)
-        one = rows.settled(ground.rows, loops=robot.plan.loops)
+        one = rows.settled(ground.rows, loop=robot.plan.loop)
         robot.fits[levels, k] = Fitted(one.numbers, one.loss, one.spread)
     for sprung, alike in few.items():
         springs = alike[0][0].plan.springs[sprung][0]
         systems = [robot.normal(sprung, levels, ground) for robot, ground, levels, _ in alike]
         normal, pull = (np.array(part) for part in zip(*systems, strict=True))
-        found = settled_many(springs, normal, pull, alike[0][0].plan.loops)
+        found = settled_many(springs, normal, pull)
         for (robot, _, levels, k), x, loss, spread in zip(alike, *found, strict=True):
             robot.fits[levels, k] = Fitted(x, float(loss), float(spread))

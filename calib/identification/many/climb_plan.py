@@ -1,6 +1,6 @@
 """What robots at the same poses share in a climb: columns of terms, loads of springs, the prior."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
@@ -12,7 +12,7 @@ from calib.identification.folds import parts_of
 from calib.identification.levels import Ladder, Level
 from calib.identification.prior import Prior
 from calib.identification.spring_products import ModelSprings, Products, products_of
-from calib.kernels.loops import SpringLoops, spring_loops_for
+from calib.kernels.loops import spring_loop_for
 from calib.measurement.observations import Measurements
 
 MOST_ROWS = 400
@@ -42,8 +42,8 @@ class ClimbPlan(NamedTuple):
     """Poses of each part that is left out."""
     pose: Index
     """(m,) pose of each row."""
-    loops: SpringLoops | None
-    """What fits springs, where there are enough robots for compiled loops."""
+    loop: Callable[..., None] | None
+    """What fits springs, where there are enough robots for a compiled loop."""
     apart: dict[tuple[Level, ...], Apart]
     """What `apart` found so far."""
 
@@ -97,7 +97,7 @@ def plan_of(
         float(np.linalg.slogdet(precision)[1]),
         [] if part is None else [np.flatnonzero(part == k) for k in np.unique(part)],
         np.unique(table.together, return_inverse=True)[1].ravel(),
-        spring_loops_for(robots) if sprung else None,
+        spring_loop_for(robots) if sprung else None,
         {},
     )
 

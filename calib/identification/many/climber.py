@@ -180,7 +180,7 @@ class Climber:
         if sprung is not None:
             rows = self.sprung(sprung)
             enough = FAR_BELOW * least if self.scale == 1.0 else 0.0
-            bent = rows.settled(under, enough, self.plan.loops)
+            bent = rows.settled(under, enough, self.plan.loop)
             left = left - under.times(rows.bent(bent.numbers))
         if self.scale * float(np.sqrt(left @ left / least)) <= 1.0:  # whatever is learned
             return 1.0

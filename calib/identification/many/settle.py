@@ -1,5 +1,6 @@
 """Springs of many models at once: the same steps as one after the other, to the same numbers."""
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -14,7 +15,6 @@ from calib.identification.spring_products import (
     lowest,
     newton_steps,
 )
-from calib.kernels.loops import SpringLoops
 
 AWAKE = 0.75
 """Part of the problems that still move below which the others are left behind."""
@@ -34,15 +34,10 @@ class ManyBent(NamedTuple):
     """(Q,) log determinants of half the second derivatives without the bend of the products."""
 
 
-def settled_many(
-    springs: ModelSprings, normal: Array, pull: Array, loops: SpringLoops | None = None
-) -> ManyBent:
+def settled_many(springs: ModelSprings, normal: Array, pull: Array) -> ManyBent:
     """As `spring_products.settled`, of N (Q, k, k) and pulls (Q, k) of one kind of springs."""
     count, s = len(pull), len(springs.sd)
     found = ManyBent(np.zeros((count, s)), np.zeros(count), np.zeros(count))
-    if loops is not None:
-        loops.of_products(normal, pull, *_units(springs), np.array([STEPS, GAIN]), *found)
-        return found
     here = _Problems(springs, np.arange(count), normal, pull)
     x, share, loss = np.zeros((count, s)), np.ones(count), np.zeros(count)
     awake = np.ones(count, dtype=bool)
@@ -82,12 +77,6 @@ def settled_many(
     found.numbers[here.which], found.loss[here.which] = x, loss
     found.spread[here.which] = np.linalg.slogdet(H)[1]
     return found
-
-
-def _units(springs: ModelSprings) -> tuple[Array, Array]:
-    """What each spring gives (p,), and what each moment weighs (f,), where its number is one."""
-    p = len(springs.load)
-    return springs.sd[:p] / springs.load, springs.sd[p:]
 
 
 class _Problems(NamedTuple):
@@ -172,7 +161,7 @@ class SprungRows(NamedTuple):
         return found.reshape(-1, len(sd))
 
     def settled(
-        self, rows: RowsLeft, most: float = 0.0, loops: SpringLoops | None = None
+        self, rows: RowsLeft, most: float = 0.0, loop: Callable[..., None] | None = None
     ) -> Lowest:
         """As `spring_products.settled`, of the rows of a `Ground`.
 
@@ -180,12 +169,12 @@ class SprungRows(NamedTuple):
         next step promises less than `LITTLE`.
         """
         springs, p, v = self.springs, len(self.springs.load), rows.v
-        gives, weighs = _units(springs)
-        if loops is not None:
+        gives, weighs = springs.sd[:p] / springs.load, springs.sd[p:]
+        if loop is not None:
             x, found = np.zeros(len(springs.sd)), np.zeros(2)
             H, limits = np.eye(len(x)), np.array([STEPS, GAIN, most, LITTLE])
             loads = self.loads.reshape(-1, self.loads.shape[2])
-            loops.of_rows(self.columns, loads, rows.spent, v, gives, weighs, limits, x, H, found)
+            loop(self.columns, loads, rows.spent, v, gives, weighs, limits, x, H, found)
             return Lowest(x, H, *found.tolist())
 
         def loss_at(x: Array) -> float:
