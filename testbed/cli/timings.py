@@ -82,11 +82,11 @@ def in_words(seconds: float) -> str:
 
     Examples
     --------
-    >>> in_words(0.2), in_words(95.2), in_words(170), in_words(1234), in_words(9000)
-    ('1 s', '95 s', '2.8 min', '21 min', '2.5 h')
+    >>> in_words(1.74), in_words(95.2), in_words(170), in_words(1234), in_words(9000)
+    ('1.7 s', '95 s', '2.8 min', '21 min', '2.5 h')
     """
     if seconds < 99.5:
-        return f"{max(round(seconds), 1)} s"
+        return f"{max(seconds, 0.1):.{int(seconds < 9.95)}f} s"
     if seconds < 99.5 * 60:
         return f"{seconds / 60:.{int(seconds < 570)}f} min"
     return f"{seconds / 3600:.{int(seconds < 34200)}f} h"

@@ -191,7 +191,7 @@ def test_a_bar_says_place_and_time_left_on_every_terminal(columns, monkeypatch):
     _, lines = told(columns, monkeypatch)
     last = [line for line in lines if "/12" in line][-1]
     assert "report.html" in last
-    assert re.search(r"3/12 about \d+ s left", last)
+    assert re.search(r"3/12 about \d\.\d s left", last)
     assert ("━" in last) == (columns == 100)
     assert max(map(len, lines)) <= columns
 
