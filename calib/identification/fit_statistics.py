@@ -12,7 +12,7 @@ from calib.geometry.parameters import Parameters
 from calib.identification.joint_models import against_gravity
 from calib.identification.lack_of_fit import LackOfFit, lack_of_fit
 from calib.identification.least_squares import Solution, Status
-from calib.identification.outliers import Outliers, outliers
+from calib.identification.outliers.scores import Outliers, outliers
 from calib.identification.prior import Prior, PriorRows
 from calib.identification.result import Identification, Mode
 from calib.identification.robust import Loss, loss_weights, sandwich_factor, sizes

@@ -5,12 +5,11 @@ in turn. Held-out poses have no say in it: they would no longer be a test.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 
-from calib.arrays import frozen
 from calib.geometry.chain import Chain
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import Parameters, parameters_of
@@ -20,8 +19,8 @@ from calib.identification.folds import FEWEST_TO_CONFIRM, FOLDS, parts_of, some_
 from calib.identification.identify import identify
 from calib.identification.joint_models import extended_parameters, with_joint_terms
 from calib.identification.ladders import ladders_of
+from calib.identification.larger_noise import HONEST, noise_factor, under_noise
 from calib.identification.levels import Ladder, Level, joined, prior_of, with_errors
-from calib.identification.outlier_search import HONEST, noise_factor
 from calib.identification.prior import Prior, weak_prior
 from calib.identification.result import Identification
 from calib.identification.robust import Loss
@@ -199,44 +198,6 @@ def extended_by(
         wide, measurements, table, belief, factor, loss=loss, report=report, start=start
     )
     return wide, found
-
-
-def under_noise(
-    nominal: RobotModel,
-    measurements: Measurements,
-    parameters: Parameters,
-    prior: Prior,
-    factor: float,
-    *,
-    loss: Loss = "squared",
-    report: Callable[[int, float], None] | None = None,
-    start: RobotModel | None = None,
-) -> Identification:
-    """Identify where there is `factor` times the stated noise, under a prior as it is believed.
-
-    The fit weighs the prior against that noise; its covariance, of the stated noise, leaves to the
-    prior the width that it has.
-
-    References
-    ----------
-    inv(H)(A'A + factor^4 Lambda0)inv(H), H = A'A + factor^2 Lambda0.
-    """
-    tighter = prior.weighed(factor**2)
-    found = identify(
-        nominal, measurements, parameters, prior=tighter, loss=loss, report=report, start=start
-    )
-    return as_believed(found, factor)
-
-
-def as_believed(found: Identification, factor: float) -> Identification:
-    """A fit under a prior `factor` times too tight, with a covariance by the prior as it is."""
-    tighter = found.prior
-    if tighter is None or factor == 1.0:
-        return found
-    at = [found.names.index(name) for name in tighter.names]
-    spread = tighter.halved(found.covariance[:, at])
-    wider = (factor**2 - 1) * (spread @ spread.T)
-    return replace(found, covariance=frozen(found.covariance + wider))
 
 
 def sentence_of(found: Climb, nominal: RobotModel) -> str:

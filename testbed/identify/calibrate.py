@@ -6,7 +6,7 @@ import numpy as np
 
 from calib.arrays import frozen
 from calib.errors import InputError, refuse
-from calib.identification.outlier_search import noise_factor
+from calib.identification.larger_noise import noise_factor
 from calib.identification.robust import LOSSES, Loss
 from testbed.files.probe import Probe
 from testbed.files.rows.terms import row_terms

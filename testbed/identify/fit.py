@@ -11,13 +11,9 @@ from calib.geometry.model import RobotModel
 from calib.geometry.parameters import Parameters
 from calib.identification.identify import Identification, identify
 from calib.identification.joint_models import extended_model, extended_parameters
+from calib.identification.larger_noise import HONEST, noise_factor, under_noise
 from calib.identification.levels import Ladder
-from calib.identification.model_choice import (
-    choose,
-    identify_extended,
-    under_noise,
-)
-from calib.identification.outlier_search import HONEST, noise_factor
+from calib.identification.model_choice import choose, identify_extended
 from calib.identification.prior import Prior, own_prior, prior_rows, weak_prior
 from calib.identification.robust import Loss
 from calib.identification.row_ladders import NOTHING_KNOWN, RowTerms, row_ladders

@@ -7,11 +7,11 @@ import numpy as np
 from calib.arrays import Array, Bool, Index, frozen
 from calib.geometry.chain import Chain
 from calib.geometry.model import RobotModel
-from calib.identification.bad_shots import CHANCE, BadShots, bad_shots, excess_of
 from calib.identification.identify import Identification
 from calib.identification.ladders import ladders_of
 from calib.identification.levels import Ladder
-from calib.identification.outlier_search import search_outliers
+from calib.identification.outliers.bad_shots import CHANCE, BadShots, bad_shots, excess_of
+from calib.identification.outliers.search import search_outliers
 from calib.identification.row_ladders import RowTerms, row_ladders
 from calib.measurement.observations import Measurements
 from calib.measurement.prediction import missed, predict, tool_poses

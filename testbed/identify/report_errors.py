@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from calib.identification.outlier_search import HONEST
+from calib.identification.larger_noise import HONEST
 from testbed.identify import plots
 from testbed.identify.headline import mm
 from testbed.identify.records import Calibration

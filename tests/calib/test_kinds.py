@@ -14,7 +14,7 @@ from calib.geometry.model import RobotModel
 from calib.geometry.parameters import parameters_of
 from calib.identification.identify import Identification, Status, identify
 from calib.identification.lack_of_fit import lack_of_fit
-from calib.identification.outliers import inspect
+from calib.identification.outliers.scores import inspect
 from calib.identification.prior import Prior
 from calib.information.reduction import Reduction, reduce
 from calib.information.sizes import weak_prior_sd

@@ -12,7 +12,7 @@ from calib.geometry.model import RobotModel
 from calib.geometry.parameters import parameters_of
 from calib.identification.identify import Status, identify
 from calib.identification.model_choice import ModelChoice, choose
-from calib.identification.outliers import inspect
+from calib.identification.outliers.scores import inspect
 from calib.measurement.observations import Measurements
 from testbed.laboratory.truth.robot import draw_truth
 from testbed.robots.catalog import load_robot

@@ -8,9 +8,10 @@ from calib.geometry.model import RobotModel
 from calib.geometry.parameters import Parameters
 from calib.identification.identify import Identification
 from calib.identification.joint_models import extended_parameters
+from calib.identification.larger_noise import as_believed
 from calib.identification.levels import Level, joined, prior_of, with_errors
 from calib.identification.many.single import together
-from calib.identification.model_choice import as_believed, extended_by
+from calib.identification.model_choice import extended_by
 from calib.identification.prior import Prior
 from calib.measurement.observations import Measurements
 

@@ -11,11 +11,11 @@ from scipy.stats import ncx2
 from calib.geometry.joint_errors import JointErrors, harmonic_terms
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import parameters_of
-from calib.identification.bad_shots import bad_shots, foretold, left_out_misses
 from calib.identification.identify import identify
 from calib.identification.ladders import NOTHING, Ladder, Level, ladders_of
 from calib.identification.levels import joined, prior_of, with_errors
-from calib.identification.outlier_search import search_outliers
+from calib.identification.outliers.bad_shots import bad_shots, foretold, left_out_misses
+from calib.identification.outliers.search import search_outliers
 from calib.identification.prior import weak_prior
 from calib.measurement.prediction import predict
 from tests.calib import kinds

@@ -15,7 +15,7 @@ from calib.geometry.joint_errors import JointErrors, gravity_terms
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import parameters_of
 from calib.identification.identify import Identification, Status, identify
-from calib.identification.outliers import outliers
+from calib.identification.outliers.scores import outliers
 from calib.identification.sufficiency import independent_equations, require_equations
 from calib.measurement.observations import POINT, POSE, Measurements, count_distinct
 from calib.measurement.residual import linearize, paper_stack

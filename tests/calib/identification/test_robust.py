@@ -11,7 +11,7 @@ from calib.errors import InputError
 from calib.geometry.frames import exp_so3
 from calib.geometry.parameters import parameters_of
 from calib.identification.identify import Status, identify
-from calib.identification.outliers import inspect, outliers
+from calib.identification.outliers.scores import inspect, outliers
 from calib.identification.prior import prior_rows, weak_prior
 from calib.identification.robust import flattened, loss_weights, mean_loss, sandwich_factor, sizes
 from calib.measurement.observations import POINT, POSE, Measurements

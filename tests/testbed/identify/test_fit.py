@@ -12,8 +12,8 @@ from calib.geometry.parameters import parameters_of
 from calib.identification.climbing import ASKED
 from calib.identification.identify import identify
 from calib.identification.joint_models import extended_model, extended_parameters
+from calib.identification.larger_noise import noise_factor
 from calib.identification.model_choice import identify_extended
-from calib.identification.outlier_search import noise_factor
 from calib.identification.prior import weak_prior
 from testbed.identify.calibrate import Options, calibrate
 from testbed.identify.fit import figures_of, fit

@@ -6,8 +6,8 @@ from functools import cache
 import numpy as np
 import pytest
 
-from calib.identification.bad_shots import BadShots
-from calib.identification.outlier_search import noise_factor
+from calib.identification.larger_noise import noise_factor
+from calib.identification.outliers.bad_shots import BadShots
 from testbed.identify.calibrate import Options, calibrate
 from testbed.identify.outliers import LookedAt, bad_words, held_out_outliers, model_words
 from tests.calibrated import robot, session_of, sound, sound_session, table_of, true_model

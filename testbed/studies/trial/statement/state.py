@@ -14,7 +14,7 @@ from calib.arrays import Array, Bool, Index
 from calib.held_out_counts import FEWEST
 from calib.identification.fit_statistics import MOST_OUTLIERS
 from calib.identification.identify import Identification
-from calib.identification.outlier_search import search_outliers
+from calib.identification.outliers.search import search_outliers
 from calib.measurement.observations import Measurements, joined
 from calib.measurement.prediction import predict
 from calib.uncertainty.bootstrap import Bootstrap

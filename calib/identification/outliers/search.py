@@ -1,26 +1,22 @@
 """The search for gross errors: a fit that these cannot pull names what does not fit the others."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import chdtri
 
 from calib.arrays import Index, frozen
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import Parameters
 from calib.identification.fit_statistics import MOST_OUTLIERS
 from calib.identification.identify import identify
-from calib.identification.outliers import Outliers, inspect
+from calib.identification.larger_noise import HONEST, noise_factor, with_noise
+from calib.identification.outliers.scores import Outliers, inspect
 from calib.identification.result import Identification
-from calib.identification.robust import sizes
 from calib.measurement.observations import Measurements
-from calib.measurement.residual import linearize
 from calib.shown import Shown
 
-HONEST = 1.5
-"""Typical residual, in stated noises, up to which the stated noise is taken at its word."""
 FAR = 4.0
-"""Beyond that, scores that count: so many times the limit, twice as far in millimetres. What a
+"""Beyond `HONEST`, scores that count: so many times the limit, twice as far in millimetres. What a
 model leaves out has longer tails than noise has."""
 CALMER = 0.8
 """Part of its typical residual to which a plain fit must calm down for a second look."""
@@ -104,21 +100,6 @@ def search_outliers(
     suspects = suspects[np.argsort(-excess[suspects], kind="stable")]
     too_many = len(suspects) > most * len(measurements)
     return OutlierSearch(factor, judge, outliers, suspects, too_many)
-
-
-def noise_factor(model: RobotModel, measurements: Measurements) -> float:
-    """Typical size of the residuals in units of the stated noise: about 1 if both are right."""
-    stack = linearize(model, measurements)
-    rows = np.bincount(stack.row_of)
-    expected = np.sqrt(chdtri(rows, 0.5) / rows)
-    return float(np.median(sizes(stack.r, stack.row_of) / expected))
-
-
-def with_noise(measurements: Measurements, factor: float) -> Measurements:
-    """The table with the noise that there is: `factor` times the stated one, if that is larger."""
-    if factor <= HONEST:
-        return measurements
-    return replace(measurements, covariance=measurements.covariance * factor**2)
 
 
 def _robust(

@@ -17,10 +17,11 @@ from calib.geometry.parameters import Parameters
 from calib.identification.climb import climb
 from calib.identification.folds import parts_of, some_poses
 from calib.identification.ladders import ladders_of
+from calib.identification.larger_noise import with_noise
 from calib.identification.levels import Ladder
 from calib.identification.model_choice import extended_by
-from calib.identification.outlier_search import FAR, with_noise
-from calib.identification.outliers import inspect
+from calib.identification.outliers.scores import inspect
+from calib.identification.outliers.search import FAR
 from calib.identification.prior import Prior, prior_rows, weak_prior
 from calib.identification.result import Identification
 from calib.identification.tangent import covariance_factor

@@ -1,0 +1,73 @@
+"""Noise larger than stated: how much larger the residuals show it, and fits that allow for it."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+from scipy.special import chdtri
+
+from calib.arrays import frozen
+from calib.geometry.model import RobotModel
+from calib.geometry.parameters import Parameters
+from calib.identification.identify import identify
+from calib.identification.prior import Prior
+from calib.identification.result import Identification
+from calib.identification.robust import Loss, sizes
+from calib.measurement.observations import Measurements
+from calib.measurement.residual import linearize
+
+HONEST = 1.5
+"""Typical residual, in stated noises, up to which the stated noise is taken at its word."""
+
+
+def noise_factor(model: RobotModel, measurements: Measurements) -> float:
+    """Typical size of the residuals in units of the stated noise: about 1 if both are right."""
+    stack = linearize(model, measurements)
+    rows = np.bincount(stack.row_of)
+    expected = np.sqrt(chdtri(rows, 0.5) / rows)
+    return float(np.median(sizes(stack.r, stack.row_of) / expected))
+
+
+def with_noise(measurements: Measurements, factor: float) -> Measurements:
+    """The table with the noise that there is: `factor` times the stated one, if that is larger."""
+    if factor <= HONEST:
+        return measurements
+    return replace(measurements, covariance=measurements.covariance * factor**2)
+
+
+def under_noise(
+    nominal: RobotModel,
+    measurements: Measurements,
+    parameters: Parameters,
+    prior: Prior,
+    factor: float,
+    *,
+    loss: Loss = "squared",
+    report: Callable[[int, float], None] | None = None,
+    start: RobotModel | None = None,
+) -> Identification:
+    """Identify where there is `factor` times the stated noise, under a prior as it is believed.
+
+    The fit weighs the prior against that noise; its covariance, of the stated noise, leaves to the
+    prior the width that it has.
+
+    References
+    ----------
+    inv(H)(A'A + factor^4 Lambda0)inv(H), H = A'A + factor^2 Lambda0.
+    """
+    tighter = prior.weighed(factor**2)
+    found = identify(
+        nominal, measurements, parameters, prior=tighter, loss=loss, report=report, start=start
+    )
+    return as_believed(found, factor)
+
+
+def as_believed(found: Identification, factor: float) -> Identification:
+    """A fit under a prior `factor` times too tight, with a covariance by the prior as it is."""
+    tighter = found.prior
+    if tighter is None or factor == 1.0:
+        return found
+    at = [found.names.index(name) for name in tighter.names]
+    spread = tighter.halved(found.covariance[:, at])
+    wider = (factor**2 - 1) * (spread @ spread.T)
+    return replace(found, covariance=frozen(found.covariance + wider))

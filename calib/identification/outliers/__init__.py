@@ -1,0 +1,1 @@
+"""Which observations do not fit the others, and which of them no model explains."""
