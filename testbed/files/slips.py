@@ -16,7 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calib.arrays import Array, Bool, Index
+from calib.arrays import Array, Index
 from calib.geometry.frames import log_so3
 from calib.geometry.model import RobotModel
 from calib.measurement.observations import Measurements
@@ -31,6 +31,7 @@ from testbed.files.frames_fit import (
     flange_poses,
     stretches,
 )
+from testbed.files.gap_alignment import ALONE, aligned, without_swaps
 from testbed.files.joints import Joints
 from testbed.files.readings import Readings
 from testbed.files.refusal import refusal
@@ -43,9 +44,6 @@ MOST_FITTED = 60
 """Rows that frames are fitted to."""
 STARTS, ROUNDS = 3, 5
 """Stretches whose frames are aligned with, and alignments with frames of all rows that fit."""
-ALONE = 50.0
-"""What a reading or a pose left alone costs, in squares of usual errors; a row that fits nowhere
-costs as much as both, less a little, so that it stays where it is."""
 TIMES = 7.0
 """A row fits its joints if its error is below so many usual ones."""
 ALIKE = 10.0
@@ -203,7 +201,7 @@ def _settled(
     for _ in range(ROUNDS):
         usual = max(float(np.median(errors.min(axis=1))), 1e-4)
         cost = np.minimum((errors / usual) ** 2, 2 * ALONE - 1)
-        total, way = _aligned(cost, shifts, len(F))
+        total, way = aligned(cost, shifts, len(F))
         own = np.take_along_axis(errors, np.clip(way, 0, None)[:, None], axis=1)[:, 0]
         fits = (way >= 0) & (own <= TIMES * usual)
         frames = _fitted(F, np.arange(m) + shifts[way], position, rotation, np.flatnonzero(fits))
@@ -213,56 +211,10 @@ def _settled(
             break
         errors, before = _errors(frames, F, position, rotation, shifts), way
     assert frames is not None  # one of the last round
-    good = _not_swapped(np.flatnonzero(fits), way, errors <= TIMES * usual, shifts)
+    good = without_swaps(np.flatnonzero(fits), way, errors <= TIMES * usual, shifts)
     turned = None if rotation is None else rotation[good]
     left = frames.misfit(F[good + shifts[way[good]]], position[good], turned)
     return (total, _slip(cost, way, good, shifts, left)) if left.score <= FAR else None
-
-
-def _aligned(cost: Array, shifts: Index, n: int) -> tuple[float, Index]:
-    """What the cheapest way through m readings and n poses costs, and each reading's shift in it.
-
-    The shift (m,) is a place among `shifts`, (s,) whole numbers one after the other; -1 where the
-    reading is left alone. `cost` (m, s) is of each reading at each shift.
-    """
-    m, price, places = len(cost), ALONE * shifts, np.arange(len(shifts))
-    total = np.where(shifts >= 0, price, np.inf)
-    matched, source = np.zeros(cost.shape, dtype=bool), np.zeros(cost.shape, dtype=np.int64)
-    for i in range(m):
-        joints = i + shifts
-        stay = np.where((joints >= 0) & (joints < n), total + cost[i], np.inf)
-        extra = np.append(total[1:] + ALONE, np.inf)
-        matched[i] = stay <= extra
-        # a pose left alone moves on by one shift: the cheapest of all before
-        ahead = np.where(joints + 1 <= n, np.minimum(stay, extra), np.inf) - price
-        least = np.minimum.accumulate(ahead)
-        source[i] = np.maximum.accumulate(np.where(ahead == least, places, 0))
-        total = np.where((joints + 1 >= 0) & (joints + 1 <= n), least + price, np.inf)
-    place = int(np.searchsorted(shifts, n - m))
-    best, way = float(total[place]), np.full(m, -1)
-    for i in range(m - 1, -1, -1):
-        place = int(source[i, place])
-        if matched[i, place]:
-            way[i] = place
-        else:
-            place += 1
-    return best, way
-
-
-def _not_swapped(good: Index, way: Index, near: Bool, shifts: Index) -> Index:
-    """The rows that fit without one of each two in each other's place: they are no missed shot."""
-    kept, here = [], shifts[way]
-    for k, row in enumerate(good):
-        around = {int(here[other]) for other in (*good[max(k - 1, 0) : k], *good[k + 1 : k + 2])}
-        if len(around) == 1 and int(here[row]) not in around:
-            usual = around.pop()
-            other, back = int(row + here[row] - usual), int(2 * usual - here[row])
-            place = back - int(shifts[0])
-            inside = 0 <= other < len(way) and 0 <= place < len(shifts)
-            if inside and other not in good and near[other, place]:
-                continue
-        kept.append(row)
-    return np.array(kept, dtype=np.int64)
 
 
 def _slip(cost: Array, way: Index, good: Index, shifts: Index, left: Misfit) -> Slip | None:

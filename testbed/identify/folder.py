@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from testbed.disk import atomic_write
-from testbed.files.program import read_program
+from testbed.files.programs.read import read_program
 from testbed.files.session import Session
 from testbed.gates.paths import real
 from testbed.identify.calibrate import STEPS, Options, calibrate

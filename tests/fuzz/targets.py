@@ -10,7 +10,7 @@ import numpy as np
 
 from calib.errors import visible
 from testbed.cli.terminal import headline
-from testbed.files.program import correct_program
+from testbed.files.programs.correct import correct_program
 from testbed.files.read import read_session
 from testbed.files.visits.tables import CampaignFile
 from testbed.gates.mistakes import validated

@@ -6,7 +6,7 @@ import io
 import pytest
 
 from calib.errors import one_line, refuse, visible
-from testbed.files.program import correct_program
+from testbed.files.programs.correct import correct_program
 from testbed.files.read import read_session
 from testbed.files.text import read_sheet
 from testbed.gates.text import read_text

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from testbed.files.program import correct_program
+from testbed.files.programs.correct import correct_program
 from testbed.robots.catalog import load_robot
 from tests.reference import TX60_LINKS
 from tests.truth import foreign, foreign_tracker, wen2022_arm

@@ -10,7 +10,7 @@ from calib.uncertainty.statement.distance import distance_radius
 from calib.uncertainty.statement.places import MEASURE, place_words, reasons
 from calib.uncertainty.statement.stated_point import widened
 from calib.uncertainty.tool_point import ToolStatement
-from testbed.files.program import ProgramResult
+from testbed.files.programs.correct import ProgramResult
 from testbed.files.rows.targets import called
 from testbed.identify.applies.unsaid import seen_by, unsaid_spread, widened_by
 from testbed.identify.decisions import UNDECIDED, outcomes

@@ -6,7 +6,7 @@ from pathlib import Path
 from types import MappingProxyType
 
 from calib.geometry.model import RobotModel
-from testbed.files.program import correct_program
+from testbed.files.programs.correct import correct_program
 from testbed.gates.paths import short_stem
 from testbed.identify.applies.beyond import map_words
 from testbed.identify.applies.targets import statement_at, statement_csv, target_words

@@ -6,7 +6,7 @@ import pytest
 from calib.errors import InputError
 from calib.uncertainty.statement.conditions import NOT_STATED, Conditions
 from testbed.files.conditions import SetUp, first_stated, joined
-from testbed.files.program import correct_program
+from testbed.files.programs.correct import correct_program
 from testbed.files.read import ReadOptions, read_session
 from testbed.identify.session import with_test
 from tests.testbed.files.made import ROBOT, N, columns, csv, made, with_spread

@@ -23,7 +23,7 @@ from calib.identification.row_ladders import row_ladders
 from calib.identification.start.start import start_frames
 from testbed.files.columns import covariance_names
 from testbed.files.probe import probe
-from testbed.files.program import read_program
+from testbed.files.programs.read import read_program
 from testbed.files.read import ReadOptions, read_held_out, read_session
 from testbed.files.rows.terms import row_terms
 from tests.testbed.files.made import ROBOT, Made, N, columns, csv, made, with_spread

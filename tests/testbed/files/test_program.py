@@ -11,7 +11,8 @@ from calib.geometry.frames import exp_so3, log_so3
 from calib.geometry.inverse import inverse_kinematics
 from calib.geometry.joint_errors import JointErrors, gravity_terms
 from calib.geometry.model import RobotModel
-from testbed.files.program import ADDED, correct_program
+from testbed.files.programs.correct import correct_program
+from testbed.files.programs.read import ADDED
 from testbed.files.rotations import EULER, in_form, rotations
 from testbed.identify.handback.deliver import corrected_name
 from testbed.robots.catalog import load_robot

@@ -9,9 +9,10 @@ from typer.testing import CliRunner
 from calib.errors import InputError
 from testbed.cli import app
 from testbed.files.frames_fit import flange_poses
+from testbed.files.gap_alignment import ALONE, aligned
 from testbed.files.probe import probe
 from testbed.files.read import read_session
-from testbed.files.slips import ALONE, _aligned, find_slip
+from testbed.files.slips import find_slip
 from tests.testbed.files.made import ROBOT, columns, csv, made, with_spread
 
 ARM = np.array([0.05, 0.03, 0.08])
@@ -252,7 +253,7 @@ def test_the_cheapest_way_is_that_of_all_ways():
                 ways.append(best(i + 1, j + 1) + cost[i, j - i + 3])
             return min(ways)
 
-        total, way = _aligned(cost, shifts, 6)
+        total, way = aligned(cost, shifts, 6)
         assert total == pytest.approx(best(0, 0), rel=1e-12)
         used = np.flatnonzero(way >= 0)
         poses = used + shifts[way[used]]

@@ -5,7 +5,7 @@ import pytest
 
 from calib.errors import InputError
 from testbed.files.columns import bound_of, covariance_names, unit_of
-from testbed.files.program import correct_program
+from testbed.files.programs.correct import correct_program
 from testbed.files.read import ReadOptions, read_session
 from tests.testbed.files.made import ROBOT, N, columns, csv, made, with_spread
 

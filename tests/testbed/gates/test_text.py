@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from calib.errors import InputError
-from testbed.files.program import correct_program
+from testbed.files.programs.correct import correct_program
 from testbed.files.read import ReadOptions, read_session
 from testbed.gates.text import MAX_LINE, split
 from testbed.laboratory.joint_lists import read_joints

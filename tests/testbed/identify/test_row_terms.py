@@ -9,7 +9,7 @@ import pytest
 from calib.geometry.chain import forward
 from calib.geometry.operating import OperatingConditions, approaches
 from calib.uncertainty.statement.conditions import Conditions
-from testbed.files.program import correct_program
+from testbed.files.programs.correct import correct_program
 from testbed.identify.applies.targets import statement_at
 from testbed.identify.applies.unsaid import unsaid_words
 from testbed.identify.calibrate import Options, calibrate

@@ -24,7 +24,7 @@ from calib.uncertainty.bootstrap import bootstrap
 from calib.uncertainty.conformal import conformal
 from calib.uncertainty.discrepancy import discrepancy
 from calib.uncertainty.held_out import HeldOut, held_out
-from testbed.files.program import correct_program
+from testbed.files.programs.correct import correct_program
 from testbed.laboratory.joint_lists import read_joints
 from testbed.laboratory.simulator import Simulator
 from testbed.laboratory.truth.robot import draw_truth

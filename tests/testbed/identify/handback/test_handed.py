@@ -12,7 +12,7 @@ from calib.identification.ladders import ladders_of
 from calib.identification.levels import with_errors
 from calib.identification.prior import Prior
 from calib.measurement.prediction import predict
-from testbed.files.program import correct_program
+from testbed.files.programs.correct import correct_program
 from testbed.identify.applies.targets import statement_at
 from testbed.identify.calibrate import Options, calibrate
 from testbed.identify.conditions import measured

@@ -14,37 +14,35 @@ import numpy as np
 from calib.arrays import Array, Bool
 from calib.compensation import compensate, corrected_poses, status_sentences
 from calib.geometry.frames import inverse as inverse_transform
-from calib.geometry.frames import transform
-from calib.geometry.inverse import InverseStatus, inverse_kinematics, spread
+from calib.geometry.inverse import InverseStatus
 from calib.geometry.model import RobotModel
 from calib.geometry.operating import AS_USUAL, OperatingConditions
 from calib.measurement.accuracy import rotation_errors
 from calib.uncertainty.statement.conditions import Conditions, departure
 from testbed.disk import atomic_write
-from testbed.files.columns import TEXTS
 from testbed.files.conditions import SetUp, first_stated, target_conditions
-from testbed.files.joints import joint_columns, read_joints
+from testbed.files.joints import read_joints
+from testbed.files.programs.read import (
+    ADDED,
+    configurations,
+    is_cartesian,
+    poses_of,
+    read_program,
+)
 from testbed.files.refusal import refusal
-from testbed.files.rotations import VECTOR, axes_of, checked_rotations, in_form, stated_in
-from testbed.files.rows.targets import NAMES, called, of_targets, target_names
-from testbed.files.session import Stated
-from testbed.files.table import Columns, DataTable, require_short, table_of, together
-from testbed.files.text import read_sheet, rewritten
-from testbed.files.valid import valid_rows
-from testbed.gates.text import FileText, read_text
+from testbed.files.rotations import VECTOR, axes_of, in_form
+from testbed.files.rows.targets import called, of_targets, target_names
+from testbed.files.table import Columns, DataTable
+from testbed.files.text import rewritten
 from testbed.robots.catalog import Robot
 from testbed.units import DEG, significant
 
-ADDED = ("status", "before_mm", "left_mm", "left_deg", "conditions")
-"""Columns that are added: outcome, errors before and after by the identified model, and whether the
-target lies under the conditions of the measurements."""
 WORDS: dict[InverseStatus, str] = {
     "singular": "left as written: the posture is nearly singular, and its correction would move a "
     "joint far; move the target",
     "limits": "left as written: the corrected posture is outside the joint limits",
     "out of reach": "left as written: the robot does not reach it from a posture near this one",
 }
-STARTS = 64
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -144,7 +142,7 @@ def correct_program(
         fix = "choose another file"
         raise refusal("", "out", f"{out.name} {what}", code="C40", value=str(out), fix=fix)
     text, table = read_program(path, robot)
-    correct = _correct_poses if _is_cartesian(table) else _correct_joints
+    correct = _correct_poses if is_cartesian(table) else _correct_joints
     m, set_up = len(table), set_up or SetUp()
     own = first_stated(target_conditions(table), set_up.use.rows(np.zeros(m, dtype=np.int64)))
     result, targets = correct(table, robot, identified, own)
@@ -181,42 +179,6 @@ def correct_program(
     )
 
 
-def read_program(path: Path, robot: Robot) -> tuple[FileText, DataTable]:
-    """The lines and the targets of a program file, each target's columns looked at.
-
-    Raises
-    ------
-    InputError
-        M20, M22-M25, M35: the program is not understood.
-    """
-    text = read_text(path, path.name)
-    sheet = read_sheet(text)
-    for name in ADDED:
-        if name in sheet.head:
-            message = f'has a column "{name}" already, as a corrected program has'
-            fix = "correct the program as it was, not a corrected one"
-            raise refusal(path.name, name, message, fix=fix)
-    numeric = [
-        name for name in sheet.head if name not in TEXTS and ("_" in name or name[:1] in "qr")
-    ]
-    table = table_of(sheet, {}, numeric=numeric)
-    if not len(table):
-        raise refusal(path.name, "file", "has no targets", fix="write one target a line")
-    for name in NAMES:
-        require_short(table, name)
-    target_conditions(table)
-    if _is_cartesian(table):
-        _poses(table)
-    if joint_columns(table, robot) or not _is_cartesian(table):
-        read_joints(table, robot, "commanded", drop=None)
-    return text, table
-
-
-def _is_cartesian(table: DataTable) -> bool:
-    """Whether the targets are poses of the tool."""
-    return table.find("length", "x") is not None
-
-
 def _correct_joints(
     table: DataTable, robot: Robot, identified: RobotModel, own: Conditions
 ) -> tuple[ProgramResult, _Targets]:
@@ -244,10 +206,10 @@ def _correct_poses(
 ) -> tuple[ProgramResult, _Targets]:
     """Cartesian targets corrected, for a controller that keeps its nominal model."""
     nominal = robot.model
-    columns, stated, T_base, odd = _poses(table)
+    columns, stated, T_base, odd = poses_of(table)
     base = nominal.chain.T_world_base
     T = base @ T_base
-    seeds, assumed = _configurations(table, robot, T)
+    seeds, assumed = configurations(table, robot, T)
     at, more = of_targets(identified, own, seeds)
     correction = corrected_poses(nominal, identified, T, seeds, robot.limits, at)
     q = np.where(correction.corrected[:, None], correction.q, correction.q_before)
@@ -268,43 +230,3 @@ def _correct_poses(
         at=at,
     )
     return result, _Targets(columns, np.hstack([poses[:, :3, 3], new]))
-
-
-def _poses(table: DataTable) -> tuple[Columns, Stated, Array, Sequence[str]]:
-    """Columns, stated rotations and poses (m, 4, 4) of Cartesian targets [m], and what is odd."""
-    place = table.find("length", "x", "y", "z")
-    found = stated_in(table, None)
-    if place is None or found is None:
-        raise refusal(
-            table.where, "frames", "has positions without rotations", code="M24",
-            allowed="qw qx qy qz, r11 ... r33, rvx_deg ..., or rx_deg ry_deg rz_deg with euler",
-            fix="a target needs its orientation: add the columns",
-        )  # fmt: skip
-    stated, turned = found
-    columns = together(place, turned)
-    good, _ = valid_rows(table, columns, drop=None)
-    R, odd = checked_rotations(stated, table, good)
-    return columns, stated, transform(R, table.values(place)), odd
-
-
-def _configurations(table: DataTable, robot: Robot, T: Array) -> tuple[Array, tuple[str, ...]]:
-    """Joints (m, n) near which the controller reaches its targets, and where they come from."""
-    nominal = robot.model
-    if joint_columns(table, robot):
-        return read_joints(table, robot, "commanded", drop=None).q, ()
-    seeds = np.empty((len(T), nominal.chain.n_joints))
-    everywhere = spread(robot.limits, STARTS)
-    before = robot.limits.mean(axis=1)
-    for k in range(len(T)):
-        near = inverse_kinematics(nominal, T[k : k + 1], before[None], robot.limits) if k else None
-        if near is None or near.status != ("reached",):
-            starts = np.concatenate([before[None], everywhere])[None]
-            near = inverse_kinematics(nominal, T[k : k + 1], starts, robot.limits)
-        seeds[k] = near.q[0]
-        before = near.q[0] if near.reached[0] else before
-    sentence = (
-        "the program does not say in which configuration the arm stands: the first target is taken "
-        "with the joints nearest to the middle of their ranges, each other one nearest to the one "
-        "before; add the columns q1_deg ... if the controller does otherwise"
-    )
-    return seeds, (sentence,)

@@ -1,0 +1,107 @@
+"""The targets of a robot program in CSV: joints, or poses of the tool and how the arm stands."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from calib.arrays import Array
+from calib.geometry.frames import transform
+from calib.geometry.inverse import inverse_kinematics, spread
+from testbed.files.columns import TEXTS
+from testbed.files.conditions import target_conditions
+from testbed.files.joints import joint_columns, read_joints
+from testbed.files.refusal import refusal
+from testbed.files.rotations import checked_rotations, stated_in
+from testbed.files.rows.targets import NAMES
+from testbed.files.session import Stated
+from testbed.files.table import Columns, DataTable, require_short, table_of, together
+from testbed.files.text import read_sheet
+from testbed.files.valid import valid_rows
+from testbed.gates.text import FileText, read_text
+from testbed.robots.catalog import Robot
+
+ADDED = ("status", "before_mm", "left_mm", "left_deg", "conditions")
+"""Columns that are added: outcome, errors before and after by the identified model, and whether the
+target lies under the conditions of the measurements."""
+STARTS = 64
+"""Postures over the joint ranges from which a target is sought that is not near the one before."""
+
+
+def read_program(path: Path, robot: Robot) -> tuple[FileText, DataTable]:
+    """The lines and the targets of a program file, each target's columns looked at.
+
+    Raises
+    ------
+    InputError
+        M20, M22-M25, M35: the program is not understood.
+    """
+    text = read_text(path, path.name)
+    sheet = read_sheet(text)
+    for name in ADDED:
+        if name in sheet.head:
+            message = f'has a column "{name}" already, as a corrected program has'
+            fix = "correct the program as it was, not a corrected one"
+            raise refusal(path.name, name, message, fix=fix)
+    numeric = [
+        name for name in sheet.head if name not in TEXTS and ("_" in name or name[:1] in "qr")
+    ]
+    table = table_of(sheet, {}, numeric=numeric)
+    if not len(table):
+        raise refusal(path.name, "file", "has no targets", fix="write one target a line")
+    for name in NAMES:
+        require_short(table, name)
+    target_conditions(table)
+    if is_cartesian(table):
+        poses_of(table)
+    if joint_columns(table, robot) or not is_cartesian(table):
+        read_joints(table, robot, "commanded", drop=None)
+    return text, table
+
+
+def is_cartesian(table: DataTable) -> bool:
+    """Whether the targets are poses of the tool."""
+    return table.find("length", "x") is not None
+
+
+def poses_of(table: DataTable) -> tuple[Columns, Stated, Array, Sequence[str]]:
+    """Columns, stated rotations and poses (m, 4, 4) of Cartesian targets [m], and what is odd."""
+    place = table.find("length", "x", "y", "z")
+    found = stated_in(table, None)
+    if place is None or found is None:
+        raise refusal(
+            table.where, "frames", "has positions without rotations", code="M24",
+            allowed="qw qx qy qz, r11 ... r33, rvx_deg ..., or rx_deg ry_deg rz_deg with euler",
+            fix="a target needs its orientation: add the columns",
+        )  # fmt: skip
+    stated, turned = found
+    columns = together(place, turned)
+    good, _ = valid_rows(table, columns, drop=None)
+    R, odd = checked_rotations(stated, table, good)
+    return columns, stated, transform(R, table.values(place)), odd
+
+
+def configurations(table: DataTable, robot: Robot, T: Array) -> tuple[Array, tuple[str, ...]]:
+    """Joints (m, n) near which the controller reaches its targets [rad, m]; in words if assumed.
+
+    `T` (m, 4, 4) are poses of the tool in the world [m].
+    """
+    nominal = robot.model
+    if joint_columns(table, robot):
+        return read_joints(table, robot, "commanded", drop=None).q, ()
+    seeds = np.empty((len(T), nominal.chain.n_joints))
+    everywhere = spread(robot.limits, STARTS)
+    before = robot.limits.mean(axis=1)
+    for k in range(len(T)):
+        near = inverse_kinematics(nominal, T[k : k + 1], before[None], robot.limits) if k else None
+        if near is None or near.status != ("reached",):
+            starts = np.concatenate([before[None], everywhere])[None]
+            near = inverse_kinematics(nominal, T[k : k + 1], starts, robot.limits)
+        seeds[k] = near.q[0]
+        before = near.q[0] if near.reached[0] else before
+    sentence = (
+        "the program does not say in which configuration the arm stands: the first target is taken "
+        "with the joints nearest to the middle of their ranges, each other one nearest to the one "
+        "before; add the columns q1_deg ... if the controller does otherwise"
+    )
+    return seeds, (sentence,)
