@@ -46,16 +46,6 @@ def all_pieces(
     return pieces_of(planned[next(iter(records))][0], records, robot)
 
 
-def step_of(record: Record) -> str:
-    """What progress calls the work on a record: its cut, or itself."""
-    return record.cut.name if record.cut else record.key
-
-
-def steps_of(records: Iterable[Record]) -> dict[str, int]:
-    """Pieces of each step of the work on some records, by what progress calls it."""
-    return {step_of(record): record.cut.count if record.cut else 1 for record in records}
-
-
 class Pieces:
     """The pieces of work of one scenario, in its folder or in memory."""
 

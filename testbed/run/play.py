@@ -13,9 +13,9 @@ from calib.errors import InputError, refuse
 from testbed.engines.engine import Engine
 from testbed.gates.paths import is_there
 from testbed.progress import Progress
-from testbed.run.cut import steps_of
 from testbed.run.derive import Derive, derived_file, led_by, require_trial
 from testbed.run.result import read_result
+from testbed.run.steps import steps_of
 from testbed.run.work import Work
 from testbed.scenario.checks import check_robot
 from testbed.scenario.hashes import growing_hash, scenario_hash

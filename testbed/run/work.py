@@ -10,16 +10,9 @@ from testbed.engines.engine import Alone, Engine
 from testbed.engines.kit import Kit
 from testbed.engines.piece import Piece
 from testbed.progress import Clock, Progress
-from testbed.run.cut import (
-    Pieces,
-    all_pieces,
-    cut_names,
-    cut_together,
-    sliced_cuts,
-    step_of,
-    steps_of,
-)
+from testbed.run.cut import Pieces, all_pieces, cut_names, cut_together, sliced_cuts
 from testbed.run.derive import Derive, Played
+from testbed.run.steps import Steps
 from testbed.scenario.hashes import record_hash
 from testbed.scenario.scenario import Scenario
 from testbed.store import layout, npz
@@ -68,7 +61,7 @@ class Work:
             for study in self.studies
             for record in study.records(scenario)
         }
-        self._steps = steps_of(record for _, record in self.planned.values())
+        self._steps = Steps(record for _, record in self.planned.values())
         self.failed: dict[str, str] = {}
         self.kept: list[str] = []
         self._derive = derive
@@ -76,10 +69,7 @@ class Work:
         self._values: dict[str, object] = {}
         self._making: list[str] = []
         self._pieces = Pieces(engine or Alone())
-        self._played: dict[str, int] = {}
-        """How many pieces of each cut there are."""
         self._clock = Clock()
-        self._derived, self._files = 0, len(layout.DERIVED)
 
     def make(self, order: Iterable[str] | None = None) -> Records:
         """Make every record, in any order; one that fails is counted with its reason."""
@@ -183,7 +173,7 @@ class Work:
             return study.play(self.scenario, Task(study.name, (record.key,)), kit.needed)
         cut = record.cut.name
         pieces = all_pieces(self.planned, cut, self.robot)
-        if self._played.get(cut) != len(pieces):  # no other record of the cut was made before
+        if self._steps.played.get(cut) != len(pieces):  # no other record of the cut was made before
             self._play(cut, kit, pieces)
         return self._pieces.joined(self.folder, kit, record, pieces)
 
@@ -199,7 +189,7 @@ class Work:
         """Have some pieces of a cut, and say how far that is."""
         with self._clock.step(cut):
             for done in self._pieces.have(self.folder, kit, pieces):
-                self._played[cut] = done
+                self._steps.played[cut] = done
                 if done < len(pieces):
                     self._report(cut)
 
@@ -215,10 +205,8 @@ class Work:
             mine[cut] = pieces[(number - 1 - before) % count :: count]
             before += len(pieces)
         firsts = {cut: next(iter(cut_together(self.planned, cut))) for cut in mine}
-        needed = {key: self.planned[key][1] for key in self._below(firsts.values())}
-        self._steps = {step: self._steps[step] for step in map(step_of, needed.values())}
-        self._steps |= {cut: len(pieces) for cut, pieces in mine.items()}
-        self._files = 0
+        needed = [self.planned[key][1] for key in self._below(firsts.values())]
+        self._steps.keep_slice(needed, {cut: len(pieces) for cut, pieces in mine.items()})
         failures: dict[str, str] = {}
         for cut, pieces in mine.items():
             study, record = self.planned[firsts[cut]]
@@ -245,7 +233,7 @@ class Work:
             self._report(name)
             with self._clock.step(name):
                 self._write(name, played, self.folder)
-            self._derived += 1
+            self._steps.wrote()
             self.event("wrote", file=name, seconds=round(self._clock.seconds[name], 3))
         self._progress("", self.steps, self.steps)
         if not self.only_stored:
@@ -264,16 +252,12 @@ class Work:
     @property
     def steps(self) -> int:
         """Records, pieces of those that are cut, and derived files in all."""
-        return sum(self._steps.values()) + (self._files if self.folder else 0)
+        return self._steps.total(files=self.folder is not None)
 
     def _report(self, name: str) -> None:
         """Report what begins now."""
-        had = {step_of(self.planned[key][1]) for key in (*self._values, *self.failed)}
-        done = sum(
-            count if step in had else self._played.get(step, 0)
-            for step, count in self._steps.items()
-        )
-        self._progress(name, done + self._derived, self.steps)
+        finished = (self.planned[key][1] for key in (*self._values, *self.failed))
+        self._progress(name, self._steps.done(finished), self.steps)
 
     def processors(self, folder: RunFolder) -> dict[str, int]:
         """How many of all pieces each kind of processor has played."""
