@@ -7,7 +7,7 @@ as fast as MuJoCo's batches are on one thread, and ten times faster on the thirt
 import logging
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -17,12 +17,10 @@ from calib.geometry.chain import Chain, joint_vectors
 from calib.geometry.frames import slide, transform
 from testbed import assets
 from testbed.laboratory.cell import Obstacle
+from testbed.laboratory.collisions import ROBOT_BIT, add_floor, add_obstacle
 from testbed.robots.catalog import Robot
 from testbed.robots.meshes.files import check_meshes
-from testbed.robots.placements import quaternion_wxyz
 
-ROBOT_BIT, FLOOR_BIT, OBSTACLE_BIT = 1, 2, 4
-"""Collision bits: parts of the robot meet each other, the floor and the obstacles of the cell."""
 TOUCH = 1e-3
 """A ray that ends within this share of the target's distance has reached the target."""
 
@@ -76,9 +74,9 @@ class Simulator:
         spec = build_spec(chain, robot)
         if robot is not None:
             T_world_floor = chain.T_world_base @ slide(0.0, 0.0, robot.base_offset)
-            _lay_floor(spec, T_world_floor, clearance)
+            add_floor(spec, T_world_floor, clearance)
         for obstacle in obstacles:
-            _stand(spec, obstacle, clearance)
+            add_obstacle(spec, obstacle, clearance)
         self._chain = chain
         self.obstacles = tuple(obstacles)
         self._model = compile_spec(spec, robot)
@@ -249,53 +247,6 @@ class Simulator:
 def grown(chain: Chain, share: float) -> Chain:
     """The chain with the lengths d and a of its links larger by a share."""
     return replace(chain, links=chain.links * [1.0, 1.0 + share, 1.0 + share, 1.0, 1.0])
-
-
-def _lay_floor(spec: Any, T_world_floor: Array, margin: float) -> None:
-    """Add the floor plane to a MuJoCo spec; every colliding part may meet it."""
-    import mujoco
-
-    for geom in spec.geoms:
-        if geom.contype:
-            geom.contype, geom.conaffinity = ROBOT_BIT, ROBOT_BIT | FLOOR_BIT
-    spec.worldbody.add_geom(
-        name="floor",
-        type=mujoco.mjtGeom.mjGEOM_PLANE,
-        size=[10.0, 10.0, 0.1],
-        pos=T_world_floor[:3, 3],
-        quat=quaternion_wxyz(T_world_floor[:3, :3]),
-        contype=FLOOR_BIT,
-        conaffinity=0,
-        margin=margin,
-    )
-
-
-def _stand(spec: Any, obstacle: Obstacle, margin: float) -> None:
-    """Add an obstacle to a MuJoCo spec, in the world, so that it meets the moving parts."""
-    import mujoco
-
-    for geom in spec.geoms:
-        if geom.contype & ROBOT_BIT:
-            geom.conaffinity |= OBSTACLE_BIT
-    place = {
-        "name": obstacle.name,
-        "pos": obstacle.T_world_obstacle[:3, 3],
-        "quat": quaternion_wxyz(obstacle.T_world_obstacle[:3, :3]),
-        "contype": OBSTACLE_BIT,
-        "conaffinity": 0,
-        "mass": 0.0,
-        "margin": margin,
-    }
-    if obstacle.mesh is None:
-        size = obstacle.size / 2
-        spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, size=size, **place)
-        return
-    spec.add_mesh(
-        name=obstacle.name,
-        uservert=obstacle.mesh.vertices.ravel(),
-        userface=obstacle.mesh.faces.ravel().astype(np.int32),
-    )
-    spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname=obstacle.name, **place)
 
 
 def log_warning(message: str) -> None:
