@@ -1,6 +1,6 @@
 """A cluster of dask under faults: the same bytes, nothing lost, nothing hung."""
 
-import importlib
+import importlib.util
 import os
 import signal
 import subprocess
@@ -32,6 +32,12 @@ for piece, data in engine.play(ToyKit(Path(sys.argv[2])), toys(6)):
 """
 
 
+ELSEWHERE = """
+def play(kit, piece):
+    return b"played"
+"""
+
+
 class Dask:
     """A scheduler of this machine and its workers, each a process."""
 
@@ -40,16 +46,18 @@ class Dask:
         self.path, self.workers = path, []
         self.scheduler = self.start("scheduler", "--port", "0", "--scheduler-file", self.file)
 
-    def start(self, what, *words):
+    def start(self, what, *words, more=()):
+        path = os.pathsep.join(map(str, (self.path, *more)))
         return subprocess.Popen(
             [sys.executable, "-m", f"distributed.cli.dask_{what}", *HERE, *map(str, words)],
-            env={**os.environ, "PYTHONPATH": str(self.path)}, cwd=self.folder,
+            env={**os.environ, "PYTHONPATH": path}, cwd=self.folder,
             stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
         )  # fmt: skip
 
-    def worker(self, *words):
-        more = ("--scheduler-file", self.file, "--nthreads", 1, "--death-timeout", 60)
-        self.workers.append(self.start("worker", *more, *(words or ("--no-nanny",))))
+    def worker(self, *words, more=()):
+        """With further folders of modules that the scheduler does not have."""
+        own = ("--scheduler-file", self.file, "--nthreads", 1, "--death-timeout", 60)
+        self.workers.append(self.start("worker", *own, *(words or ("--no-nanny",)), more=more))
 
     def ready(self):
         while not self.file.exists():
@@ -71,8 +79,11 @@ class Dask:
 @pytest.fixture(scope="module")
 def dask(tmp_path_factory):
     found = Dask(tmp_path_factory.mktemp("dask"))
-    found.worker()
-    found.worker()
+    modules = found.folder / "modules"
+    modules.mkdir()
+    (modules / "not_at_the_scheduler.py").write_text(ELSEWHERE)
+    for _ in range(2):
+        found.worker(more=[modules])
     yield found.ready()
     found.stop()
 
@@ -81,8 +92,43 @@ def of(dask, call=play):
     return closing(Cluster(f"file:{dask.file}", call))
 
 
+def has(module):
+    """Whether this process could load a module."""
+    return importlib.util.find_spec(module) is not None
+
+
 def play_all(engine, kit, count):
     return {piece.name: data for piece, data in engine.play(kit, toys(count))}
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_a_scheduler_without_the_program_is_named_though_its_workers_have_it(dask, monkeypatch):
+    name, kit = "not_at_the_scheduler", ToyKit(dask.folder)
+    monkeypatch.syspath_prepend(str(dask.folder / "modules"))
+    with of(dask, importlib.import_module(name).play) as engine:
+        assert list(engine._client.run(has, name).values()) == [True, True]
+        assert not engine._client.run_on_scheduler(has, name)
+        with pytest.raises(InputError, match="in this version, with the scheduler and all workers"):
+            play_all(engine, kit, 2)
+    with of(dask) as engine:
+        assert play_all(engine, kit, 2) == expected(kit, toys(2))
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_two_clients_at_once_do_not_hinder_each_other(dask, tmp_path):
+    """The same pieces by the same names, of one kit and of another."""
+    kits = [ToyKit(tmp_path / name) for name in "aab"]
+    for kit in kits:
+        kit.folder.mkdir(exist_ok=True)
+    clients = [Cluster(f"file:{dask.file}", play) for _ in kits]
+    try:
+        found = [one.play(kit, toys(6)) for one, kit in zip(clients, kits, strict=True)]
+        rounds = list(zip(*found, strict=True))  # a piece of each in turn
+        for k, kit in enumerate(kits):
+            assert {each[k][0].name: each[k][1] for each in rounds} == expected(kit, toys(6))
+    finally:
+        for one in clients:
+            one.close()
 
 
 @pytest.mark.filterwarnings("ignore")
