@@ -53,10 +53,12 @@ def say_found(text: str, *, good: bool | None = None) -> None:
 
     The color only says once more what the words say; None: the verdict is neither good nor bad.
     """
-    from testbed.report.text import VERDICT, folded
+    from testbed.report.text import HANGING, VERDICT, folded
 
+    is_verdict = False
     for line in folded(text).split("\n"):
-        is_verdict = line.startswith(VERDICT) and good is not None
+        goes_on = is_verdict and line.startswith(" " * HANGING)
+        is_verdict = good is not None and (line.startswith(VERDICT) or goes_on)
         say(line, color=(GOOD if good else CARE) if is_verdict else "")
 
 

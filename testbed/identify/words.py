@@ -65,7 +65,7 @@ def verdict(calibration: Calibration) -> str:
         text = f"With frames fitted alone the {kind(calibration)} {where} is "
         text += f"{mm(after.position.mean)} mm"
         if after.rotation is not None:
-            text += f", the orientation error {deg(after.rotation.mean)} deg"
+            text += f"; the orientation error is {deg(after.rotation.mean)} deg"
         return f"{text}. {believed_words(calibration)}"
     goes = "falls" if after.position.mean < before.position.mean else "RISES"
     text = (
@@ -73,8 +73,9 @@ def verdict(calibration: Calibration) -> str:
         f"{mm(after.position.mean)} mm"
     )
     if before.rotation is not None and after.rotation is not None:
+        turns = "falls" if after.rotation.mean < before.rotation.mean else "RISES"
         text += (
-            f", the orientation error from {deg(before.rotation.mean)} to "
+            f"; the orientation error {turns} from {deg(before.rotation.mean)} to "
             f"{deg(after.rotation.mean)} deg"
         )
     return f"{text}. {believed_words(calibration)}"

@@ -56,6 +56,6 @@ def terminal_text(result: CycleResult) -> str:
     shown = headline_table(result)
     rows = [[plain(cell).replace("–", "-") for cell in row] for row in shown.rows]
     parts = [notice(result), table(shown.caption, shown.head, rows), ""]
-    parts += verdict_lines(f"{plain(mark(result))[2:]}: {plain(verdict(result))}")
+    parts += verdict_lines(f"{plain(mark(result))[2:]}. {plain(verdict(result))}")
     parts += [f"  {plain(reason)}" for reason in reasons(result)]
     return "\n".join(parts)

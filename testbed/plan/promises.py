@@ -25,10 +25,10 @@ def promise(plan: Plan) -> str:
     seen = plan.foresight
     far = "noise and the tracker's systematic errors" if has_shared(plan) else "noise alone"
     return (
-        f"{poses} will locate the mean tool point within {micrometres(seen.R95_over)} µm with "
-        f"95{NARROW}% probability (3-D radius, over the goal; {micrometres(seen.R95_worst)} µm at "
-        f"its worst), counting {far}; {_time_words(plan)}. Errors outside the model cannot be "
-        f"predicted: {misfit_words(plan)}."
+        f"{poses} will locate the mean tool point within {micrometres(seen.R95_over)} µm (3-D "
+        f"radius, 95{NARROW}%). This is over the goal, counting {far}; at the goal's worst posture "
+        f"the radius is {micrometres(seen.R95_worst)} µm. {_time_words(plan)}. Errors outside the "
+        f"model cannot be predicted: {misfit_words(plan)}."
     )
 
 
@@ -36,8 +36,8 @@ def _time_words(plan: Plan) -> str:
     """How long it takes to measure all poses, the held-out ones among them."""
     time, held = minutes(plan.tour.duration), plan.tour.roles.count("test")
     if not held:
-        return f"measuring takes about {time}"
-    return f"all {len(plan.tour)} poses, {held} of them held out, take about {time} to measure"
+        return f"Measuring takes about {time}"
+    return f"All {len(plan.tour)} poses, {held} of them held out, take about {time} to measure"
 
 
 def misfit_words(plan: Plan) -> str:

@@ -18,16 +18,16 @@ NARROWEST = 60
 """Columns of a terminal below which broken texts stand in lines of their own, not in a table."""
 MOST_TABLES = 3
 """Into which a table is folded; if it took more, each row stands by itself."""
+WITH_UNIT = re.compile(r"(?<=\d) (?=(?:%|um|mm|m|mdeg|deg|s|min|h|K|kg|Nm)(?!\w))")
+"""The space between a number and its unit, where no line is broken."""
 NO_BREAK = "\u00a0"
 """A space that no line ends with; it is shown as any other."""
 SPACE = 2
 """Between two columns."""
-VERDICT, ONE_LINE = "Verdict", 100
-"""How the line of a verdict begins, and its characters at most."""
-CLAUSE_ENDS = (
-    r"\.(?= )", r"[;:](?= )", r",(?= )", r"(?= \()", r"(?= (?:with|and|or|as|where|which|that) )"
-)  # fmt: skip
-"""Where a verdict may be cut, the best places first: sentences, clauses, parts, before brackets."""
+HANGING = 4
+"""Spaces before the further lines of a broken one, at least: two stand before one of its own."""
+VERDICT = "Verdict"
+"""How the line of a verdict begins."""
 NUMBER = r"(\d[\d.,]*|[.,]\d+)(e[+-]?\d+)?"
 RUN = re.compile(rf"[\t\r]|\s*[=@]|\s*[+-](?!({NUMBER})?$)", re.IGNORECASE)
 """How a cell begins that a spreadsheet would run as a formula; a number with a sign is none."""
@@ -143,9 +143,9 @@ def folded(text: str) -> str:
         for line in text.split("\n")
         for part in (
             wrap_lines(
-                line,
+                WITH_UNIT.sub(NO_BREAK, line),
                 edge,
-                subsequent_indent=" " * (len(line) - len(line.lstrip()) + 2),
+                subsequent_indent=" " * max(len(line) - len(line.lstrip()) + 2, HANGING),
                 break_long_words=False,
                 break_on_hyphens=False,
             )
@@ -156,30 +156,29 @@ def folded(text: str) -> str:
 
 
 def verdict_lines(sentence: str) -> list[str]:
-    """A verdict in one line of at most `ONE_LINE` characters, and below it what it says further.
+    """A verdict with a line for each of its thoughts, so that each line stands by itself.
 
-    Cut is where a sentence or a clause ends, never within parentheses.
+    A thought ends with its sentence or, outside of parentheses, at a semicolon; what a colon
+    counts out stays together.
 
     Examples
     --------
-    >>> verdict_lines("It falls from 3 to 1 mm, and that can be believed.")
-    ['Verdict: It falls from 3 to 1 mm, and that can be believed.']
-    >>> verdict_lines(f"It falls; it falls {'very, ' * 20}far.")[0]
-    'Verdict: It falls.'
+    >>> verdict_lines("It falls from 3 to 1 mm (a; b); that can be believed.")
+    ['Verdict: It falls from 3 to 1 mm (a; b).', '  That can be believed.']
+    >>> verdict_lines("Three hold: a; b; c.")
+    ['Verdict: Three hold: a; b; c.']
     """
-    first = f"{VERDICT}: "
-    if len(first + sentence) <= ONE_LINE:
-        return [first + sentence]
-    for mark in CLAUSE_ENDS:
-        places = [
-            found.start()
-            for found in re.finditer(mark, sentence[: ONE_LINE - len(first)])
-            if sentence.count("(", 0, found.start()) == sentence.count(")", 0, found.start())
-        ]
-        if places:
-            rest = sentence[places[-1] :].lstrip(".;:, ")
-            return [f"{first}{sentence[: places[-1]]}.", f"  {rest[:1].upper()}{rest[1:]}"]
-    return [first.rstrip(), f"  {sentence}"]
+    thoughts, begin, counts_out = list[str](), 0, False
+    for mark in re.finditer(r"[.:;](?= )", sentence):
+        so_far = sentence[begin : mark.start()]
+        if so_far.count("(") != so_far.count(")"):
+            continue
+        if mark[0] == "." or (mark[0] == ";" and not counts_out):
+            thoughts.append(f"{so_far}.")
+            begin = mark.end() + 1
+        counts_out = mark[0] == ":" or (counts_out and mark[0] == ";")
+    first, *rest = [*thoughts, sentence[begin:]]
+    return [f"{VERDICT}: {first}", *(f"  {text[:1].upper()}{text[1:]}" for text in rest)]
 
 
 def _grid(

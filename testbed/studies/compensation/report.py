@@ -72,9 +72,9 @@ def sentences(rows: tuple[Outcome, ...]) -> tuple[str, ...]:
     before, plain, chosen = rows
     said = [
         f"On {before.truth} robots the corrected program brings AP from {um(before.ap.value)} to "
-        f"{um(chosen.ap.value)} (mean of five poses, median of {counted(before.robots, 'robot')}); "
-        f"the noise floor of the figure is {um(chosen.ap.floor)}, and without noise it would read "
-        f"{um(chosen.true)}. {level(chosen)}"
+        f"{um(chosen.ap.value)}. AP is the mean of five poses and the median of "
+        f"{counted(before.robots, 'robot')}; its noise floor is {um(chosen.ap.floor)}, and without "
+        f"noise it would read {um(chosen.true)}. {level(chosen)}"
     ]
     if chosen.extended and chosen.ap.value < plain.ap.value:
         said.append(

@@ -75,8 +75,8 @@ def believable_sentence(found: tuple[Cell, ...]) -> str:
     if refused:
         other = phrases[0].replace("every robot", "every other robot")
         phrases[0] = f"{other} (nothing is stated on {listed(list(dict.fromkeys(refused)))} robots)"
-    text = "; ".join(phrases)
-    return f"At {percent(found[0].level)}, these keep their promise: {text}."
+    first = phrases[0].replace(" on ", " keeps its promise on ", 1)
+    return f"At {percent(found[0].level)} {first}. Of the others: {'; '.join(phrases[1:])}."
 
 
 def on(kept: list[str], truths: list[str]) -> str:

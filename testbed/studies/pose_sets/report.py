@@ -54,7 +54,7 @@ def in_short(contest: Contest) -> tuple[str, ...]:
     rivals = [entry for entry in contest.entries if entry.ratio is not None]
     number = {o: sum(entry.outcome == o for entry in rivals) for o in get_args(Outcome)}
     said = [
-        f"Of {counted(len(rivals), 'chosen set')} {number['better']} are better than random sets "
+        f"Of {counted(len(rivals), 'chosen set')} {number['better']} are better than random ones "
         f"of their size, {number['worse']} are worse and {number['undecided']} undecided."
     ]
     said += [sentence(entry, contest) for entry in rivals if entry.trial.rows == "paper"]

@@ -67,10 +67,10 @@ def _of_covariance(
     if estimate.identification.status is not Status.CONVERGED:
         against = [_end(estimate.identification), *against]
     if against:
-        words = f"{size}, but {claimed} must not be believed: {against[0]}."
+        words = f"{size}; {claimed} must not be believed: {against[0]}."
         return Verdict(False, True, words, reasons, BAD)
     if estimate.replications is not None:
-        return Verdict(True, False, f"{size}, and {claimed} can be believed.", reasons, GOOD)
+        return Verdict(True, False, f"{size}; {claimed} can be believed.", reasons, GOOD)
     words = (
         f"{size}; {claimed} was not tested against the truth: play the scenario with [uncertainty] "
         "replications = 200."

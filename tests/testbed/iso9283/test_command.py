@@ -44,9 +44,7 @@ def test_the_command_writes_a_folder_and_says_what_came_out(done):
     assert names == {"report.html", "result.json", "iso9283.csv", "job_sheet.csv"}
     lines = result.stdout.splitlines()
     assert lines[0] == "MEASURED - a test report, not a certificate of traceability"
-    assert any(
-        line.startswith("Verdict: PASS at the stated limits: AP is up to 80.0 um") for line in lines
-    )
+    assert any(line.startswith("Verdict: PASS at the stated limits.") for line in lines)
     assert lines[-1] == f"Report     {out / 'report.html'}"
     document = json.loads((out / "result.json").read_text())
     assert document["verdict"]["decision"] == "PASS"

@@ -9,7 +9,6 @@ from hypothesis import strategies as st
 
 from testbed.cli.output import say_found
 from testbed.report.text import (
-    ONE_LINE,
     facts,
     folded,
     folded_columns,
@@ -145,41 +144,67 @@ def test_sentences_break_at_words_and_hang(terminal):
     assert lines[-1] == "short"
 
 
-SAID = [
+SAID = {
     "designed-29 brings the mean tool error on held-out posés from 0.666 to 0.012 mm; the mean "
     "tool point lies within 31.4 um of the predicted one with 95 % probability (3-D radius, poses "
-    "like the 50 held out), and this can be believed.",
-    "Of 24 chosen sets 0 are better than random sets of the same size, 2 are worse, and 22 cannot "
-    "be told apart from them.",
-    "On rigid robots the corrected program brings AP from 0.60 mm to 3.8 um (mean of five poses, "
-    "median of 3 robots); the noise floor of the figure is 2.5 um.",
-    "3 of 17 claims hold, 8 in part, 4 do not, 2 misprints. The central one, that optimal poses "
-    "cut the parameter uncertainties to a ninth, holds in part.",
-    "18 poses will locate the mean tool point within 26.7 um with 95 % probability (3-D radius, "
-    "over the goal; 29.4 um at its worst), counting noise alone; all 38 poses, 20 of them held "
-    "out, take about 2 min 54 s to measure.",
-    "w" * 300,
-    "Short.",
-]
+    "like the 50 held out), and this can be believed.": 2,
+    "Of 24 chosen sets 0 are better than random ones of their size, 2 are worse and 22 "
+    "undecided.": 1,
+    "On rigid robots the corrected program brings AP from 0.60 mm to 3.8 um. AP is the mean of "
+    "five poses and the median of 3 robots; its noise floor is 2.5 um.": 3,
+    "At 95 % the believed region keeps its promise on every robot. Of the others: the conformal "
+    "ball on every robot; the parameters alone on no robot.": 2,
+    "18 poses will locate the mean tool point within 26.7 um (3-D radius, 95 %). This is over the "
+    "goal, counting noise alone; at its worst posture the radius is 29.4 um.": 3,
+    "PASS at the stated limits. AP is up to 80.0 um (P1; 95 % limits 60 to 90); RP is up to 10 um "
+    "(P2; 7 to 15). Measured: 30 cycles of 5 poses.": 4,
+    "w" * 300: 1,
+    "Short.": 1,
+}
+"""Verdicts, and the thoughts of each."""
 
 
-@pytest.mark.parametrize("sentence", SAID)
-def test_a_verdict_is_one_line_and_nothing_of_it_is_lost(sentence):
+@pytest.mark.parametrize(("sentence", "thoughts"), SAID.items())
+def test_each_line_of_a_verdict_is_a_thought_and_nothing_of_it_is_lost(sentence, thoughts):
     line, *rest = verdict_lines(sentence)
-    assert len(line) <= ONE_LINE
-    assert line.startswith("Verdict:")
-    assert line.count("(") == line.count(")")
+    assert line.startswith("Verdict: ")
+    assert len(rest) == thoughts - 1
+    for told in (line, *rest):
+        assert told.count("(") == told.count(")")
+        assert told.endswith((".", "w"))
+    assert all(told[:2] == "  " and (told[2].isupper() or told[2].isdigit()) for told in rest)
     letters = "".join(c for c in sentence.lower() if c.isalnum())
     told = "".join([line.removeprefix("Verdict:"), *rest]).lower()
     assert "".join(c for c in told if c.isalnum()) == letters
 
 
-def test_a_verdict_ends_where_its_clause_does():
-    firsts = [verdict_lines(sentence)[0].removeprefix("Verdict: ") for sentence in SAID[:5]]
-    assert firsts == [
-        "designed-29 brings the mean tool error on held-out posés from 0.666 to 0.012 mm.",
-        "Of 24 chosen sets 0 are better than random sets of the same size, 2 are worse.",
-        "On rigid robots the corrected program brings AP from 0.60 mm to 3.8 um.",
-        "3 of 17 claims hold, 8 in part, 4 do not, 2 misprints.",
-        "18 poses will locate the mean tool point within 26.7 um with 95 % probability.",
-    ]
+@pytest.mark.parametrize("columns", [100, 80, 40])
+@pytest.mark.parametrize("sentence", SAID)
+def test_no_line_begins_within_a_thought_but_where_it_was_broken(columns, sentence, terminal):
+    """And such a line hangs deeper than those that begin one."""
+    terminal(columns)
+    thoughts = verdict_lines(sentence)
+    lines = folded("\n".join(thoughts)).split("\n")
+    assert max(map(len, lines)) <= max(columns, len(max(sentence.split(), key=len)) + 4)
+    begins = [line for line in lines if not line.startswith("    ")]
+    assert len(begins) == len(thoughts)
+    assert all(each.startswith(line) for each, line in zip(thoughts, begins, strict=True))
+
+
+def test_a_number_and_its_unit_stay_in_one_line(terminal):
+    terminal(24)
+    lines = folded("  " + "Of all 136 (68 %) lie 9.3 um and 3 mm away in 2 min 54 s. " * 3).split(
+        "\n"
+    )
+    assert max(map(len, lines)) <= 24
+    assert not any(line.split()[0].strip("().") in ("%", "um", "mm", "min", "s") for line in lines)
+
+
+def test_a_broken_verdict_keeps_its_color_and_nothing_else_has_it(terminal):
+    out = terminal(40, TERM="xterm")
+    say_found(f"Errors\nVerdict: {'it can be believed ' * 4}.\n  For {'many ' * 20}", good=True)
+    lines = out.getvalue().rstrip("\n").split("\n")
+    marked = [line.startswith("\x1b[") for line in lines]
+    assert marked == [False, True, True, True, *[False] * (len(lines) - 4)]
+    assert "believed" in lines[3]
+    assert len(lines) > 6

@@ -243,7 +243,7 @@ def test_what_is_stated_of_no_robot_is_refused_and_of_some_is_judged_on_these():
     assert found[0].share.value == pytest.approx(0.25)
     assert followed(nowhere)[1] == 50
     said = believable_sentence(found)
-    assert "the believed region on no robot with either model (nothing is stated on rigid" in said
+    assert "the believed region keeps its promise on no robot with either model (nothing is" in said
     some = synthetic(shares, believed=np.where(np.arange(50) < 10, 0.5, 0.0) * np.ones((2, 1)))
     assert cells((some,))[0].share.value == pytest.approx(shares[0, 0, :10].mean())
     assert cells((some,))[0].outcome == "short"
