@@ -8,6 +8,7 @@ from html.parser import HTMLParser
 
 import numpy as np
 
+from testbed.cli import handout
 from testbed.report.page import render
 from testbed.run.derive import page_of
 from testbed.scenario.read import changed
@@ -120,6 +121,15 @@ def read(html):
 def words(html):
     """How many words a page shows, folded sections and notes included, figures not."""
     return sum(len(text.split()) for text in read(html).said)
+
+
+def printed_pages(html, folder):
+    """How many sheets of A4 a browser makes of a page; 0 where none is there to print."""
+    by, file = handout.browser(), folder / "report.html"
+    if by is None:
+        return 0
+    file.write_text(html, encoding="utf-8")
+    return handout.pages(handout.print_pdf(file, by).read_bytes())
 
 
 def said_twice(html):

@@ -9,13 +9,19 @@ from typing import Any, ClassVar, Literal, get_args
 
 from calib.arrays import Index
 from calib.errors import visible
-from testbed.units import listed, plain, typeset
+from testbed.units import counted, listed, plain, typeset
 
 SIMULATED = "SIMULATED - not a calibration certificate"
 """On everything that was made from a virtual robot."""
 SENTENCE_ENDS = re.compile(r"(?<=[.!?]) (?=[A-Z])")
 SHORTEST = 3
 """Spaces in what counts as a sentence, at least."""
+HALF = 74
+"""Letters across half a printed page, in the type of small tables."""
+LONG, PRINTED = 20, 10
+"""Rows from which a table of one row per trial is long, and those of it that print shows."""
+BETWEEN, LARGER = 1.7, 1.2
+"""Letters between two columns, and what a letter of other tables takes."""
 TEMPLATES = Path(__file__).parent / "templates"
 
 
@@ -50,11 +56,33 @@ class Table:
     """normal, or small for tables of many columns."""
     strong: tuple[int, ...] = ()
     """Rows printed bold."""
+    on_paper: int | None = None
+    """Rows that print shows, the first ones; 0: a figure beside it says the same; None: all."""
+
+    @property
+    def is_narrow(self) -> bool:
+        """Whether two such tables have room beside each other on paper: texts do not break."""
+        widest = (
+            max(max(map(len, head.split()), default=0), *(len(row[k]) for row in self.rows))
+            for k, head in enumerate(self.head)
+        )
+        scale = 1.0 if self.size == "small" else LARGER
+        return scale * sum(letters + BETWEEN for letters in widest) <= HALF
+
+    @property
+    def left_out(self) -> int:
+        """Rows that print leaves to the file."""
+        return 0 if self.on_paper is None else max(len(self.rows) - self.on_paper, 0)
 
     @property
     def letters(self) -> str:
         """One letter per column."""
         return self.align or "l" + "r" * (len(self.head) - 1)
+
+
+def printed(count: int) -> int | None:
+    """Rows that print shows of a table with so many that are alike, each of its own trial."""
+    return PRINTED if count > LONG else None
 
 
 def heads(text: str) -> tuple[str, ...]:
@@ -74,6 +102,10 @@ class Figure:
     kind: ClassVar[str] = "figure"
     caption: str
     svg: str
+    size: Literal["full", "half"] = "full"
+    """Half: of a drawing for half the width; on paper two of them stand beside each other."""
+    on_paper: bool = True
+    """Whether print shows it; not where a table beside it says the same."""
 
 
 Block = Text | Points | Table | Figure
@@ -90,6 +122,8 @@ class Section:
     title: str
     blocks: tuple[Block, ...]
     part: Part = "campaign"
+    on_paper: bool = True
+    """Whether print shows it; what is not asked may be left to the file."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,6 +145,21 @@ class Page:
     """Name of the file beside the page that plays what happened; empty if there is none."""
     picture: Figure | None = None
     """Beside the verdict on the first screen; without one the first figure of the sections."""
+
+    @property
+    def unprinted(self) -> str:
+        """What print leaves to the file, in words; empty if nothing."""
+        left = [section.title for section in self.sections if not section.on_paper]
+        found = [b for section in self.sections if section.on_paper for b in section.blocks]
+        tables = [block for block in found if isinstance(block, Table)]
+        for count, noun in (
+            (sum(isinstance(block, Figure) and not block.on_paper for block in found), "figure"),
+            (sum(table.on_paper == 0 for table in tables), "table"),
+            (sum(bool(table.left_out and table.on_paper) for table in tables), "end"),
+        ):
+            if count:
+                left.append(counted(count, noun) + " of long tables" * (noun == "end"))
+        return listed(left) if left else ""
 
     def opened(self) -> "Page":
         """The page with a picture on its first screen, taken from the sections if need be."""

@@ -194,9 +194,11 @@ def error_axis(ax: "Axes", values: Array, typical: float) -> None:
     log_ticks(ax.yaxis, 0.7 * low, 1.4 * top)
 
 
-def log_ticks(axis: "Axis", low: float, high: float) -> None:
-    """Ticks 1, 2, 5, 10 ... between two values of a logarithmic axis."""
+def log_ticks(axis: "Axis", low: float, high: float, most: int = 9) -> None:
+    """Ticks 1, 2, 5, 10 ... between two values of a logarithmic axis; 1, 10 ... if too many."""
     ticks = [tick for tick in TICKS if low < tick < high]
+    if len(ticks) > most:
+        ticks = [tick for tick in ticks if f"{tick:e}".startswith("1.0")]
     axis.set_ticks(ticks, [f"{tick:g}" for tick in ticks])
     axis.set_ticks([], minor=True)
 

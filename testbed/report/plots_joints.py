@@ -4,7 +4,7 @@ import numpy as np
 
 from calib.arrays import Array, Index
 from testbed.report.plots import Look, legend_above
-from testbed.report.svg import DARK, MIDDLE, drawing, svg_of
+from testbed.report.svg import DARK, HALF_WIDTH, MIDDLE, drawing, svg_of
 from testbed.units import MDEG
 
 BAND = "#d9c7bb"
@@ -29,8 +29,9 @@ def joint_maps(
     """
     lines = -(-len(joints) // COLUMNS)
     degrees = np.degrees(angle)
-    height = 1.7 * lines + 0.3 * (truth is not None)
-    with drawing(lines, COLUMNS, height=height, sharey=True, sharex=True) as (figure, axes):
+    height = 0.2 + 1.3 * lines + 0.3 * (truth is not None)
+    share = {"sharex": True, "sharey": True}
+    with drawing(lines, COLUMNS, height=height, width=HALF_WIDTH, **share) as (figure, axes):
         for ax in axes[len(joints) :]:
             ax.set_visible(False)
         for k, joint in enumerate(joints):
@@ -41,7 +42,7 @@ def joint_maps(
                 look: Look = {"color": MIDDLE, "linewidth": 0.9, "linestyle": (0, (3, 1.2))}
                 ax.plot(degrees, MDEG * truth[:, k], label="truth", **look)
             ax.set_title(f"joint {joint + 1}")
-            ax.set_xticks([-180, -90, 0, 90, 180])
+            ax.set_xticks([-180, 0, 180])
             if k % COLUMNS == 0:
                 ax.set_ylabel("beside [mdeg]")
             if k + COLUMNS >= len(joints):

@@ -49,8 +49,9 @@ STYLE: Any = {
     "lines.markersize": 4.0,
     "axes.unicode_minus": True,
 }
-WIDTH = 7.1
-"""Width of a full figure [in]: the text width of an A4 page."""
+WIDTH, HALF_WIDTH = 7.1, 4.6
+"""Width of a full figure [in], the text width of an A4 page; and of those of half its width, which
+are scaled less."""
 
 
 @contextmanager

@@ -29,8 +29,7 @@ def pose_sets_section(campaign: Campaign) -> Section:
             forest(contest),
         ),
     ]
-    for poses in contest.sizes:
-        blocks += [size_table(contest, poses), Text(outcomes(contest, poses))]
+    blocks += [size_table(contest, poses) for poses in contest.sizes]
     return Section("pose-sets", "Which pose set is best?", tuple(blocks), part="answer")
 
 
@@ -126,22 +125,6 @@ def sentence(entry: Entry, contest: Contest) -> str:
         f"{who} is {fixed(middle, 1)} % {entry.outcome} than {rivals} (joint 95 % CI "
         f"{fixed(low, 1)} to {fixed(high, 1)} %; {tail})."
     )
-
-
-def outcomes(contest: Contest, poses: int) -> str:
-    """Which sets of one size are better, worse, or cannot be told apart, best first."""
-    heads: dict[Outcome, str] = {
-        "better": "Better than random",
-        "worse": "Worse than random",
-        "undecided": "Cannot be told apart from random",
-    }
-    found = contest.of_size(poses)
-    said = []
-    for outcome, head in heads.items():
-        names = [e.trial.name for e in found if e.ratio is not None and e.outcome == outcome]
-        if names:
-            said.append(f"{head}: {', '.join(names)}.")
-    return " ".join(said)
 
 
 def set_name(trial: Trial) -> str:

@@ -56,9 +56,9 @@ def error_distributions(trials: Sequence[Trial]) -> str:
 
     Upright lines stand where the believed region of the default estimator ends (R95).
     """
-    columns = min(2, len(trials))
+    columns = len(trials) if len(trials) < 4 else 2 if len(trials) == 4 else 3
     rows = ceil(len(trials) / columns)
-    with drawing(rows, columns, height=0.6 + 1.6 * rows, sharex=True, sharey=True) as (
+    with drawing(rows, columns, height=0.6 + 1.55 * rows, sharex=True, sharey=True) as (
         figure,
         axes,
     ):
@@ -82,10 +82,10 @@ def error_distributions(trials: Sequence[Trial]) -> str:
             if k % columns == 0:
                 ax.set_ylabel("poses [%]")
             if k >= len(trials) - columns:
-                ax.set_xlabel("error of the tool point [mm]")
+                ax.set_xlabel("error of the tool [mm]")
                 ax.tick_params(labelbottom=True)  # also above an empty place
         low, high = axes[0].get_xlim()
-        log_ticks(axes[0].xaxis, low, high)
+        log_ticks(axes[0].xaxis, low, high, most=9 if columns < 3 else 5)
         axes[0].set(ylim=(0, 102), yticks=[0, 25, 50, 75, 100])
         for ax in axes[len(trials) :]:
             ax.set_visible(False)
@@ -113,7 +113,7 @@ def pose_space(campaign: Campaign) -> str:
     else:
         rows, panels = 2, [(trial, view) for view in (above, side) for trial in trials]
     columns = len(panels) // rows
-    with drawing(rows, columns, height=0.4 + 1.75 * rows) as (figure, axes):
+    with drawing(rows, columns, height=0.4 + 1.6 * rows) as (figure, axes):
         for k, (ax, (trial, (i, j, view))) in enumerate(zip(axes, panels, strict=True)):
             chosen = pool[trial.selection.indices]
             dots(ax, pool[:, [i, j]])
@@ -142,7 +142,7 @@ def unit_factor(unit: str, criterion: str) -> tuple[float, str]:
 
 def pose_count(study: PoseCountStudy) -> str:
     """Mean index of random sets against their size, with the rule's choice."""
-    with drawing(2, 2, height=4.3) as (figure, axes):
+    with drawing(2, 2, height=3.7) as (figure, axes):
         for ax, name, chosen in zip(axes, ("O1", "O2"), study.chosen, strict=False):
             i = study.names.index(name)
             low, high = study.mean[i] - study.spread[i], study.mean[i] + study.spread[i]
@@ -173,7 +173,7 @@ def pose_count(study: PoseCountStudy) -> str:
 def random_sets(sets: Sequence[RandomSets]) -> str:
     """The figure of each designed set beside those of random sets of the same size."""
     sets = sets[:MOST_VIEWS]
-    with drawing(1, len(sets), height=2.1) as (figure, axes):
+    with drawing(1, len(sets), height=1.9) as (figure, axes):
         for ax, one in zip(axes, sets, strict=True):
             scale, name = unit_factor(one.unit, one.criterion)
             ax.hist(one.values * scale, bins=14, **BARS)

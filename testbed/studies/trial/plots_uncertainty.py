@@ -9,7 +9,7 @@ import numpy as np
 from calib.arrays import Array, Index
 from calib.uncertainty.tool_map import tool_map
 from testbed.report.plots import label, legend_above
-from testbed.report.svg import DARK, INK, MIDDLE, SOFT, drawing, svg_of
+from testbed.report.svg import DARK, HALF_WIDTH, INK, MIDDLE, SOFT, drawing, svg_of
 from testbed.studies.trial.compare import INTERVAL
 from testbed.studies.trial.plots import LOOKS, NAMES
 from testbed.studies.trial.records import Campaign, Trial
@@ -25,7 +25,7 @@ def parameter_errors(trial: Trial) -> str:
     names = tuple(dict.fromkeys(n for e in trial.estimates for n in e.identification.names))
     played = [e for e in trial.estimates if e.replications is not None]
     rows = 2 if played else 1
-    with drawing(rows, 1, height=1.0 + 1.65 * rows, sharex=True) as (figure, axes):
+    with drawing(rows, 1, height=1.0 + 1.4 * rows, sharex=True) as (figure, axes):
         ax = axes[0]
         ax.axhspan(-INTERVAL, INTERVAL, color="#e3ecf4", linewidth=0)
         ax.axhline(0.0, color=SOFT, linewidth=0.6)
@@ -164,7 +164,7 @@ def tool_maps(views: ToolViews) -> str:
     middle = (low + high) / 2
     # few enough colors that the bar beside the map is drawn, not embedded as a picture
     colors = colormaps["cividis"].resampled(24)
-    with drawing(1, 2, height=2.3) as (figure, axes):
+    with drawing(1, 2, height=2.0, width=HALF_WIDTH) as (figure, axes):
         shown = ((x, y, views.above, "above", "y"), (x, z, views.side, "side", "z"))
         for ax, (across, up, u, title, letter) in zip(axes, shown, strict=True):
             mesh = ax.pcolormesh(

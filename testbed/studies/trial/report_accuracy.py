@@ -1,11 +1,12 @@
 """The headline table, and the sections on accuracy and on intervals."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from calib.measurement.accuracy import Accuracy
-from testbed.report.page import Figure, Section, Table, heads
+from testbed.report.page import Block, Figure, Section, Table, heads, printed
 from testbed.studies.trial import plots
 from testbed.studies.trial.records import Campaign, Estimate, Replications, Trial
 from testbed.studies.trial.statement.report import statement_blocks
@@ -69,6 +70,7 @@ def headline_table(campaign: Campaign) -> Table:
         rows=tuple(rows),
         align="ll" + "r" * (len(rows[0]) - 3) + "l",
         strong=(1,),
+        on_paper=printed(len(rows)),
         note="fitted: mean at the poses fitted to, noise included. u: of the mean tool point (3-D, "
         "k = 1), as believed. inside: share of true points in the 95 % region. χ²/dof: residuals "
         "against the stated noise. default: weighted rows, all distinguishable numbers. paper: 24 "
@@ -117,11 +119,11 @@ def set_in_words(trial: Trial) -> str:
 def accuracy_section(campaign: Campaign, every_trial: Table | None = None) -> Section | None:
     """Held-out errors before and after, and `every_trial` if not said before."""
     others = campaign.trials[1 if every_trial is None else 0 :]
-    blocks = (
-        *((every_trial,) if every_trial else ()),
-        *((distributions(others),) if others else ()),
-    )
-    return Section("accuracy", "Errors before and after", blocks) if blocks else None
+    blocks: list[Block] = [] if every_trial is None else [every_trial]
+    if others:
+        # print leaves the figure out where a table has the means, p95 and largest of all
+        blocks.append(replace(distributions(others), on_paper=every_trial is None))
+    return Section("accuracy", "Errors before and after", tuple(blocks)) if blocks else None
 
 
 def distributions(trials: Sequence[Trial]) -> Figure:
@@ -157,6 +159,7 @@ def truth_table(campaign: Campaign) -> Table:
         rows=tuple(rows),
         align="llrrrrrl"[: len(rows[0])],
         size="small",
+        on_paper=printed(len(rows)),
         note="From the covariance of the fit alone, except believed. NEES / rank: 1 is expected. "
         "too narrow: numbers whose intervals held the truth less often than in 999 of 1000 honest "
         "studies, the worst named.",

@@ -6,7 +6,7 @@ import numpy as np
 
 from calib.information.observability import CRITERIA
 from testbed.report.apart import left_nominal
-from testbed.report.page import Block, Figure, Points, Section, Table, heads, rejections
+from testbed.report.page import Block, Figure, Points, Section, Table, heads, printed, rejections
 from testbed.studies.trial import plots
 from testbed.studies.trial.records import Campaign
 from testbed.studies.trial.report_accuracy import set_in_words
@@ -44,6 +44,7 @@ def index_table(campaign: Campaign) -> Table:
         rows=tuple(rows),
         align="llrrrrr",
         size="small",
+        on_paper=printed(len(rows)),
         note=f"{' '.join(text for kind, text in ROWS.items() if any(kind in row for row in rows))} "
         "O3 to O5 are divided by the root of the number of poses; O5 is the reciprocal of the "
         "printed sum.",
@@ -120,6 +121,7 @@ def beaten_table(sets: Sequence[RandomSets]) -> Table:
         head=heads("trial, criterion, this set, random: mean, best, beaten, ahead by sd"),
         rows=tuple(rows),
         align="llrrrrr",
+        on_paper=printed(len(rows)),
         note="D (O1), E (O3), O2, O4, O5: an index, larger is better. A, V, G: a standard "
         "uncertainty, smaller is better. ahead by sd: distance from the mean of the random sets in "
         "their standard deviations, positive if this set is better.",

@@ -118,6 +118,9 @@ class TrialStudy:
         from testbed.studies.trial.report_secret import secret_section
 
         campaign = campaign_of(scenario, records)
+        bends = bending_section(campaign)
+        if bends is not None and not first:  # the question is about many robots, not about this one
+            bends = replace(bends, on_paper=False)
         found = (
             report_accuracy.accuracy_section(
                 campaign, None if first else report_accuracy.headline_table(campaign)
@@ -126,7 +129,7 @@ class TrialStudy:
             decision_section(campaign),
             report_design.design_section(campaign),
             secret_section(campaign),
-            bending_section(campaign),
+            bends,
             report_parameters.parameter_section(campaign) if first else None,
             glossary_section(),
         )

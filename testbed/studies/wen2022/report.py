@@ -108,6 +108,7 @@ def reexamined_section(again: Reexamination, examined: Examined) -> Section:
             "as the paper's u best is; the others are what the covariance of a fit claims, which "
             "the paper does not state.",
             plots.what_u_best_holds(again.statements),
+            on_paper=False,  # the table has these shares, and what is stated
         ),
         tables.held_table(again.statements),
         *tables.set_tables(again),

@@ -104,8 +104,11 @@ def paper_section(campaign: Campaign, examined: Examined | None) -> Section | No
     if stated:
         blocks.append(statement_table(stated))
     blocks.append(Text(misprints()))
-    title = "on this campaign's robot" if examined.robots else "claim by claim"
-    return Section("paper", f"Wen et al. 2022, {title}", tuple(blocks), part="detail")
+    many = bool(examined.robots)
+    title = "on this campaign's robot" if many else "claim by claim"
+    return Section(
+        "paper", f"Wen et al. 2022, {title}", tuple(blocks), part="detail", on_paper=not many
+    )
 
 
 def statement_table(found: Sequence[Judged]) -> Table:

@@ -1,6 +1,7 @@
 """The report on the tool point: the paper's |P| beside three dimensions, and its clouds."""
 
 from collections.abc import Mapping
+from typing import Literal
 
 import numpy as np
 
@@ -12,6 +13,7 @@ from testbed.studies.wen2022 import paper
 from testbed.studies.wen2022.cloud.draws import Cloud, clouds_of, ranges_of
 from testbed.studies.wen2022.cloud.plots import zero_pose_clouds
 from testbed.studies.wen2022.records import OURS_BEST, ToolPointStudy, tool_point_of
+from testbed.studies.wen2022.summary import reexamination_of
 from testbed.units import MM, fixed, percent
 
 
@@ -89,8 +91,12 @@ def tool_section(campaign: Campaign) -> Section | None:
             "The paper's Figure 7 again: tool point at the zero pose, from nominal, by independent "
             f"draws (dots) and their range (boxes){ours}. {ranges(clouds)}"
         )
-        blocks.append(Figure(caption, zero_pose_clouds(clouds)))
-    return Section("tool", "Uncertainty of the tool point", tuple(blocks), part="detail")
+        size: Literal["full", "half"] = "half" if len(clouds) == 1 else "full"
+        blocks.append(Figure(caption, zero_pose_clouds(clouds), size))
+    many = reexamination_of(campaign) is not None
+    return Section(
+        "tool", "Uncertainty of the tool point", tuple(blocks), part="detail", on_paper=not many
+    )
 
 
 def ranges(clouds: Mapping[str, tuple[Cloud, Cloud]]) -> str:

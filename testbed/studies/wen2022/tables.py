@@ -68,6 +68,7 @@ def predicted_table(found: tuple[Predicted, ...]) -> Table:
     return of_columns(
         "Like for like, predicted: standard uncertainty of a designed set over that of random sets",
         columns,
+        on_paper=0,
         note="From measurement noise alone, by linear propagation at the nominal robot, so it is "
         "the same for every kind of robot. ± half of the 95 % interval over pools. paper: the "
         "paper's unweighted rows; noise weighed: rows whitened by their covariance. Rows with "
@@ -92,6 +93,7 @@ def error_table(found: tuple[Errors, ...]) -> Table:
         columns,
         align="llrlrrrl",
         size="small",
+        on_paper=0,
         note="± half of the 95 % interval, over pools and robots; the ratio is the geometric mean "
         f"over pairs on the same robot. with all others: by intervals that hold for all "
         f"{len(found)} comparisons at once.",
@@ -152,11 +154,13 @@ def set_tables(again: Reexamination) -> tuple[Table, ...]:
             "Table 1: mean position error on the calibration poses, before to after [mm], paper's "
             "estimator",
             own,
+            size="small",
         ),
         of_columns(
             "Table 2: mean position error on the held-out poses after calibration [mm], paper's "
             "estimator",
             after,
+            size="small",
             note="Our errors are against the noise-free truth, those printed against what was "
             "measured. The optimal sets of the kinds of robots are the same.",
         ),

@@ -1,7 +1,24 @@
 """A page says each sentence once, where it is read first, and shows no empty section."""
 
-from testbed.report.page import Figure, Page, Points, Section, Table, Text, render, said_once
-from tests.reported import read, said_twice
+from dataclasses import replace
+
+import pytest
+
+from testbed.cli import handout
+from testbed.report.page import (
+    LONG,
+    PRINTED,
+    Figure,
+    Page,
+    Points,
+    Section,
+    Table,
+    Text,
+    printed,
+    render,
+    said_once,
+)
+from tests.reported import printed_pages, read, said_twice
 
 FIRST, SECOND = "The region holds 5 um at 95 %.", "It rests on what was measured."
 
@@ -44,3 +61,66 @@ def test_a_section_that_gives_its_only_figure_to_the_first_screen_is_gone():
     kept = render(page(Section("one", "Kept", (figure, Text(FIRST + " And more.")))))
     assert "Kept" in kept
     assert "And more." in kept
+
+
+def long_table(rows, **look):
+    return Table(
+        "Rows", ("name", "value"), tuple((f"row {k}", str(k)) for k in range(rows)), **look
+    )
+
+
+def test_print_says_what_it_leaves_to_the_file_and_says_nothing_where_it_leaves_nothing():
+    figure = Figure("A curve.", "<svg></svg>")
+    sections = (
+        Section("one", "Kept", (figure, long_table(30, on_paper=10), long_table(3, on_paper=0))),
+        Section("two", "Bends", (Text("It bends."),), on_paper=False),
+        Section("three", "Drawn", (Text("Both."), replace(figure, on_paper=False))),
+    )
+    html = render(page(*sections))
+    text = " ".join(read(html).text)
+    left = "Not printed, but in report.html: Bends, 1 figure, 1 table and 1 end of long tables."
+    assert left in text
+    assert "and 20 more" in text
+    assert html.count('class="more"') == 20
+    for name in ("row 29", "row 2", "It bends."):  # the file has all of it
+        assert name in text
+    whole = (Section("one", "Kept", (figure, long_table(30))), Section("two", "B", (Text("It."),)))
+    assert "Not printed" not in render(page(*whole))
+
+
+def test_of_long_tables_print_shows_the_first_rows():
+    assert [printed(count) for count in (1, PRINTED, LONG)] == [None] * 3
+    assert printed(LONG + 1) == PRINTED
+
+
+@pytest.mark.skipif(handout.browser() is None, reason="no browser prints pages")
+def test_rows_and_sections_that_are_left_to_the_file_take_no_paper(tmp_path):
+    def pages(*sections):
+        return printed_pages(render(page(*sections)), tmp_path)
+
+    assert pages(Section("one", "One", (long_table(300),))) > 3
+    assert pages(Section("one", "One", (long_table(300, on_paper=10),))) == 1
+    assert pages(Section("one", "One", (long_table(300, on_paper=0),))) == 1
+    assert pages(Section("one", "One", (long_table(300),), on_paper=False)) == 1
+
+
+@pytest.mark.skipif(handout.browser() is None, reason="no browser prints pages")
+def test_two_narrow_tables_and_two_half_figures_stand_beside_each_other_on_paper(tmp_path):
+    """Twenty pairs take half the paper of what has to stand alone."""
+    narrow = long_table(12)
+    assert narrow.is_narrow
+    words = tuple((f"a long text of its own number {k}" * 2, str(k)) for k in range(12))
+    wide = replace(narrow, rows=words)
+    assert not wide.is_narrow
+    svg = '<svg viewBox="0 0 400 200"><path d="M0 0L400 200"/></svg>'
+    half = [Figure(f"Curve {k}.", svg, "half") for k in range(40)]
+    apart = [block for figure in half for block in (figure, Text("Between."))]
+
+    def pages(blocks):
+        first = Figure("On the first screen.", svg)
+        return printed_pages(
+            render(page(Section("one", "One", tuple(blocks)), picture=first)), tmp_path
+        )
+
+    assert pages([narrow] * 20) < 0.7 * pages([wide] * 20)
+    assert pages(half) < 0.7 * pages(apart)

@@ -15,7 +15,7 @@ from testbed.report.plots import (
     marked_line,
     plain_log,
 )
-from testbed.report.svg import DARK, LIGHT, MIDDLE, SOFT, drawing, svg_of
+from testbed.report.svg import DARK, HALF_WIDTH, LIGHT, MIDDLE, SOFT, drawing, svg_of
 from testbed.studies.trial.bending.records import Ways
 from testbed.studies.trial.bending.sag import Sag
 from testbed.units import DEG, MM, UM, micrometres, significant
@@ -27,15 +27,16 @@ COLUMNS = 4
 def sag_maps(sag: Sag) -> str:
     """Sag and what the model leaves, in one scale of shades, over the plane of the arm."""
     steps = shade_steps(max(float(sag.size.max()), float(sag.left.max())) * UM)
-    panels = (("how far gravity moves the tool", sag.size), ("what the model leaves", sag.left))
-    with drawing(1, 2, height=3.3, sharex=True, sharey=True) as (figure, axes):
+    panels = (("gravity moves the tool", sag.size), ("what the model leaves", sag.left))
+    share = {"sharex": True, "sharey": True}
+    with drawing(1, 2, height=3.1, width=HALF_WIDTH, **share) as (figure, axes):
         for ax, (title, size) in zip(axes, panels, strict=True):
             shade = np.searchsorted(steps, size * UM)
             for k, color in enumerate(SHADES):
                 if (shade == k).any():
                     dots(ax, MM * sag.place[shade == k], color, 3.4)
             ax.plot(0, 0, "s", color=SOFT, markersize=4)
-            ax.set(title=title, xlabel="from the upright through the base [mm]")
+            ax.set(title=title, xlabel="from the base [mm]")
             ax.set_aspect("equal")
         axes[0].set_ylabel("height above the base [mm]")
         low, high = [*steps, np.inf], [0.0, *steps]
@@ -47,7 +48,7 @@ def sag_maps(sag: Sag) -> str:
             name: {"marker": "o", "color": color} for name, color in zip(names, SHADES, strict=True)
         }
         legend_entries(axes[0], looks)
-        legend_above(figure, axes[0])
+        legend_above(figure, axes[0], 3)
         return svg_of(figure)
 
 

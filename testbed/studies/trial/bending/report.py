@@ -51,7 +51,7 @@ def map_figure(campaign: Campaign, trial: Trial, estimate: Estimate) -> tuple[Bl
         np.column_stack([column(values, one, joint) for joint in joints])
         for one, values in ((model, model.turn), (model, model.u), (true, true.turn))
     )
-    return (Figure(text, joint_maps(np.array(joints), true.angle, *drawn)),)
+    return (Figure(text, joint_maps(np.array(joints), true.angle, *drawn), "half"),)
 
 
 def known_map(model: RobotModel) -> JointMap:
@@ -79,7 +79,7 @@ def sag_figure(campaign: Campaign, trial: Trial, estimate: Estimate) -> tuple[Bl
         f"{trial.name} leaves, {left} µm on average, {worst} µm at most; play, warmth and motion "
         "are in neither."
     )
-    return (Figure(text, plots.sag_maps(sag)),)
+    return (Figure(text, plots.sag_maps(sag), "half"),)
 
 
 def motion_figures(campaign: Campaign) -> tuple[Block, ...]:

@@ -7,7 +7,7 @@ import numpy as np
 
 from calib.uncertainty.statement.belief import Belief
 from testbed.report.choice import choice_tables
-from testbed.report.page import Block, Figure, Points, Table, Text
+from testbed.report.page import Block, Figure, Points, Table, Text, printed
 from testbed.studies.trial import plots, plots_uncertainty
 from testbed.studies.trial.records import Campaign, Trial
 from testbed.studies.trial.statement.records import SUMS, Statement, sums_of
@@ -76,7 +76,7 @@ def statement_blocks(campaign: Campaign) -> list[Block]:
             blocks.append(Text(text))
         else:
             text = f"{mapped} over the postures of the pool, {cells}{ends}."
-            blocks.append(Figure(text, plots_uncertainty.tool_maps(made_map)))
+            blocks.append(Figure(text, plots_uncertainty.tool_maps(made_map), "half"))
     return blocks
 
 
@@ -137,6 +137,7 @@ def statement_table(campaign: Campaign, statements: list[tuple[Trial, Statement]
         head=("trial", *(h for name in names for h in (f"{COLUMNS[name]} µm", "inside"))),
         rows=tuple(rows),
         size="small",
+        on_paper=printed(len(rows)),
         note="believed: mean of many moves, with misfit up to its limit, shared errors and drift. "
         "parameters alone: for a complete model and noise as stated; "
         f"{REFUTED}: contradicted. with discrepancy: if model errors are alike everywhere. "
@@ -234,8 +235,8 @@ def budget_table(statements: list[tuple[Trial, Statement]]) -> Table:
             cells[k] = micrometres(u)
     rows += [(name, *sums[name]) for name in SUMS if name in sums]
     return Table(
-        caption="Uncertainty budget at the tool point",
-        head=("source", *(f"{trial.name} u µm" for trial, _ in statements)),
+        caption="Uncertainty budget at the tool point, u [µm]",
+        head=("source", *(trial.name for trial, _ in statements)),
         rows=tuple(rows),
         size="small" if len(statements) > 2 else "normal",
         strong=tuple(k for k, row in enumerate(rows) if row[0] in ("parameters alone", "believed")),

@@ -7,7 +7,7 @@ import numpy as np
 
 from calib.arrays import Array
 from testbed.report.plots import TICKS, Look, dots, legend_above
-from testbed.report.svg import DARK, LIGHT, MIDDLE, drawing, svg_of
+from testbed.report.svg import DARK, HALF_WIDTH, LIGHT, MIDDLE, WIDTH, drawing, svg_of
 from testbed.studies.wen2022.cloud.draws import Cloud
 from testbed.units import MM
 
@@ -30,7 +30,9 @@ def zero_pose_clouds(clouds: Mapping[str, tuple[Cloud, Cloud]]) -> str:
     widest = np.max([np.abs(one.ends).max(axis=1) for pair in clouds.values() for one in pair], 0)
     x, y, z = ROOM * MM * widest
     tick = max(tick for tick in TICKS if tick < z)
+    alone = len(clouds) == 1
     size: dict[str, Any] = {
+        "width": HALF_WIDTH if alone else WIDTH,
         "height": WIDE * (y + z) / (x + z) + WORDS,
         "width_ratios": [x, z] * len(clouds),
         "height_ratios": [y, z],
