@@ -13,6 +13,7 @@ from testbed.files.rows.terms import row_terms
 from testbed.files.session import Session
 from testbed.files.visits.probing import probed
 from testbed.identify.applies.poses import warnings_of
+from testbed.identify.calibration import Calibration
 from testbed.identify.conditions import held_out_warnings
 from testbed.identify.fit import (
     checked_model,
@@ -43,7 +44,7 @@ from testbed.identify.proof import (
     stated_target,
     target_warnings,
 )
-from testbed.identify.records import Calibration, HeldOutSplit, OutlierRows
+from testbed.identify.records import HeldOutSplit, OutlierRows
 from testbed.identify.session import origin_of, row_names, with_scatter
 from testbed.identify.shared import shared_of
 from testbed.identify.visits.apart import require_shared

@@ -8,7 +8,7 @@ import numpy as np
 from calib.arrays import Bool
 from calib.uncertainty.statement.conditions import UNITS, Conditions, counted, departure
 from testbed.files.conditions import SetUp
-from testbed.identify.records import Calibration
+from testbed.identify.calibration import Calibration
 from testbed.store.quantities import AS_NAMED, Quantity
 from testbed.units import listed
 

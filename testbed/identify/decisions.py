@@ -8,8 +8,8 @@ from calib.arrays import Array
 from calib.uncertainty.statement.conformity import Conformity, conformity
 from calib.uncertainty.statement.deciding import what_decides
 from calib.uncertainty.statement.stated_point import widened
+from testbed.identify.calibration import Calibration
 from testbed.identify.handback.delivered import Delivered
-from testbed.identify.records import Calibration
 from testbed.report.page import Block, Section, Table, Text
 from testbed.units import UM, fixed, listed, percent, significant
 

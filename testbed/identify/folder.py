@@ -10,9 +10,9 @@ from testbed.files.programs.read import read_program
 from testbed.files.session import Session
 from testbed.gates.paths import real
 from testbed.identify.calibrate import STEPS, Options, calibrate
+from testbed.identify.calibration import Calibration
 from testbed.identify.handback.deliver import ROBOT, deliver
 from testbed.identify.handback.delivered import Delivered
-from testbed.identify.records import Calibration
 from testbed.identify.results import arrays, headline, split_csv
 from testbed.identify.words import sheet_rows
 from testbed.jobsheet.report import JOB_SHEET, job_csv
@@ -156,6 +156,6 @@ def _derived(name: str, calibration: Calibration, delivered: Delivered, robot: R
         return npz.pretty_json({**headline(calibration, delivered), "truebed": own_version()})
     if name == layout.ARRAYS:
         return npz.to_bytes({"format": layout.FORMAT}, arrays(calibration))
-    from testbed.identify.report import page_of
+    from testbed.identify.report.page import page_of
 
     return render(page_of(calibration, delivered, all_versions())).encode()

@@ -1,7 +1,8 @@
 """The table of errors of every model, before and after."""
 
 from calib.information.reduction import Reduction
-from testbed.identify.records import Calibration, Figures
+from testbed.identify.calibration import Calibration
+from testbed.identify.records import Figures
 from testbed.units import DEG, MM, decimals, fixed, significant
 
 HEAD = (

@@ -7,9 +7,10 @@ import numpy as np
 from calib.arrays import Array, Index
 from calib.geometry.frames import inverse
 from calib.measurement.prediction import targets, tool_poses
+from testbed.identify.calibration import Calibration
 from testbed.identify.headline import headline_rows, mm
 from testbed.identify.recording_regions import draw_regions, region_words, regions_at
-from testbed.identify.records import Calibration, RowErrors
+from testbed.identify.records import RowErrors
 from testbed.identify.words import mark, notice, r95, verdict
 from testbed.recording import style
 from testbed.recording.cell import draw_beam, draw_station

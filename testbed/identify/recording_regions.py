@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 from calib.arrays import Array, Index
-from testbed.identify.records import Calibration
+from testbed.identify.calibration import Calibration
 from testbed.recording import style
 from testbed.recording.pen import Pen
 from testbed.recording.timeline import Phase

@@ -8,11 +8,12 @@ import numpy as np
 
 from calib.measurement.accuracy import Accuracy
 from testbed.identify.applies.rows import HEAD, held_out_places, place_numbers
+from testbed.identify.calibration import Calibration
 from testbed.identify.conditions import conditions_numbers
 from testbed.identify.handback.delivered import Delivered
 from testbed.identify.handback.results import hand_back_numbers
 from testbed.identify.handback.states import handed_numbers
-from testbed.identify.records import Calibration, Figures, FittedModel, RowErrors
+from testbed.identify.records import Figures, FittedModel, RowErrors
 from testbed.identify.results_statement import decisions, statements, targets
 from testbed.identify.shared import shared_numbers
 from testbed.identify.visits.report import part_of, visit_numbers

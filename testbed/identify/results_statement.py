@@ -5,9 +5,9 @@ import numpy as np
 from calib.uncertainty.statement.belief import Belief
 from calib.uncertainty.statement.stated_point import StatedPoint
 from testbed.identify.applies.targets import named
+from testbed.identify.calibration import Calibration
 from testbed.identify.decisions import decided_at, decision_line, decision_words, would_decide
 from testbed.identify.handback.delivered import Delivered, TargetStatement
-from testbed.identify.records import Calibration
 from testbed.identify.statements import statements_of
 from testbed.store.quantities import METRE, Quantity, below, unitless
 

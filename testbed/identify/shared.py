@@ -8,7 +8,7 @@ from calib.identification.identify import Identification
 from calib.measurement.observations import Measurements
 from calib.uncertainty.statement.shared import HIDDEN, NOTHING, SharedErrors, shared_errors
 from testbed.files.session import Session
-from testbed.identify.records import Calibration
+from testbed.identify.calibration import Calibration
 from testbed.report.page import Block, Section, Table, Text
 from testbed.scenario.instrument import beam_of, errors_of
 from testbed.store.quantities import METRE, Quantity, below

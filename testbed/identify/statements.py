@@ -9,8 +9,8 @@ from calib.identification.identify import Identification
 from calib.uncertainty.statement.gain import of_all_numbers
 from calib.uncertainty.statement.stated_point import common_radius
 from calib.uncertainty.tool_point import ToolStatement, tool_statement
+from testbed.identify.calibration import Calibration
 from testbed.identify.proof import stated_target
-from testbed.identify.records import Calibration
 from testbed.units import UM, counted, probability
 
 BELIEVED, NOT_NEEDED = "believed", "not needed"

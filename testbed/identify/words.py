@@ -6,13 +6,14 @@ from calib.held_out_counts import fewest_poses
 from calib.uncertainty.statement.stated_point import StatedPoint
 from testbed.identify.applies.beyond import beyond_words, gravity_words
 from testbed.identify.applies.unsaid import unsaid_words
+from testbed.identify.calibration import Calibration
 from testbed.identify.conditions import conditions_words
 from testbed.identify.decisions import decision_words
 from testbed.identify.frames import FRAMES_ALONE
 from testbed.identify.handback.delivered import Delivered
 from testbed.identify.handback.states import hand_back_warnings, tool_words
 from testbed.identify.headline import HEAD, condition, deg, headline_rows, mm
-from testbed.identify.records import Calibration, FittedModel
+from testbed.identify.records import FittedModel
 from testbed.identify.visits.report import judges_called, visit_words
 from testbed.jobsheet.report import Row, job_rows
 from testbed.report.page import SIMULATED

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from testbed.files.session import Session
-    from testbed.identify.records import Calibration
+    from testbed.identify.calibration import Calibration
     from testbed.iso9283.records import CycleResult
     from testbed.plan.records import Plan
     from testbed.robots.robot import Robot

@@ -6,7 +6,7 @@ from calib.arrays import Array
 from calib.geometry.model import RobotModel
 from calib.identification.climbing import ASKED
 from calib.uncertainty.statement.conditions import named
-from testbed.identify.records import Calibration
+from testbed.identify.calibration import Calibration
 from testbed.units import DEG, MM, fixed, significant
 
 FARTHER = 2.0

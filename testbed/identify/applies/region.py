@@ -7,8 +7,8 @@ from calib.uncertainty.statement.applicability import REFUSED, WARNED
 from calib.uncertainty.statement.places import room_words
 from testbed.identify.applies.rows import held_out_words
 from testbed.identify.applies.targets import named, target_words
+from testbed.identify.calibration import Calibration
 from testbed.identify.handback.delivered import Delivered, TargetStatement
-from testbed.identify.records import Calibration
 from testbed.report.page import Block, Points, Section, Table, Text, heads
 from testbed.units import DEG, MM, UM, sentences, significant
 

@@ -11,7 +11,7 @@ from calib.uncertainty.statement.applicability import BEYOND, BEYOND_SLIDE
 from calib.uncertainty.statement.distance import distance_radius
 from calib.uncertainty.statement.places import PLACES, place_words, reasons
 from calib.uncertainty.statement.stated_point import widened
-from testbed.identify.records import Calibration
+from testbed.identify.calibration import Calibration
 from testbed.store.quantities import Quantity
 from testbed.units import DEG, MM, UM, listed, percent
 

@@ -13,10 +13,10 @@ from calib.uncertainty.tool_point import ToolStatement
 from testbed.files.programs.correct import ProgramResult
 from testbed.files.rows.targets import called
 from testbed.identify.applies.unsaid import seen_by, unsaid_spread, widened_by
+from testbed.identify.calibration import Calibration
 from testbed.identify.decisions import UNDECIDED, outcomes
 from testbed.identify.handback.delivered import NOT_CORRECTED, TargetStatement
 from testbed.identify.handback.in_use import carried
-from testbed.identify.records import Calibration
 from testbed.report.text import csv_text
 from testbed.units import UM, counted, significant
 

@@ -13,8 +13,8 @@ from calib.geometry.model import RobotModel
 from calib.geometry.operating import AS_USUAL, OperatingConditions
 from calib.uncertainty.statement.stated_point import common_radius
 from calib.uncertainty.tool_point import ToolStatement
+from testbed.identify.calibration import Calibration
 from testbed.identify.proof import stated_target
-from testbed.identify.records import Calibration
 from testbed.units import UM, listed, significant
 
 MOST_ROWS = 64

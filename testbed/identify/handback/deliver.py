@@ -10,13 +10,14 @@ from testbed.files.programs.correct import correct_program
 from testbed.gates.paths import short_stem
 from testbed.identify.applies.beyond import map_words
 from testbed.identify.applies.targets import statement_at, statement_csv, target_words
+from testbed.identify.calibration import Calibration
 from testbed.identify.conditions import measured
 from testbed.identify.handback.delivered import Delivered
 from testbed.identify.handback.least_moved import RULE
 from testbed.identify.handback.results import dh_csv, tool_csv
 from testbed.identify.handback.states import handed_robot
 from testbed.identify.headline import mm
-from testbed.identify.records import Calibration, FittedModel
+from testbed.identify.records import FittedModel
 from testbed.identify.results import joint_map_csv
 from testbed.identify.visits.report import handed_out, own_reflectors
 from testbed.robots.catalog import Robot

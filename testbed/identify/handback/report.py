@@ -2,8 +2,8 @@
 
 import numpy as np
 
+from testbed.identify.calibration import Calibration
 from testbed.identify.handback.states import hand_back_words
-from testbed.identify.records import Calibration
 from testbed.report.page import Block, Points, Section, Table, Text
 from testbed.units import UM, significant
 

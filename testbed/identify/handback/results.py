@@ -2,8 +2,8 @@
 
 from collections.abc import Iterator
 
+from testbed.identify.calibration import Calibration
 from testbed.identify.handback.states import hand_back_words, handed_numbers, tool_words
-from testbed.identify.records import Calibration
 from testbed.report.text import csv_text
 from testbed.store.quantities import AS_NAMED, METRE, Quantity
 from testbed.units import UM

@@ -5,9 +5,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from calib.arrays import Array
+from testbed.identify.calibration import Calibration
 from testbed.identify.handback.least_moved import RULE, LeastMoved, least_moved
 from testbed.identify.handback.links import farthest
-from testbed.identify.records import Calibration, FittedModel
+from testbed.identify.records import FittedModel
 from testbed.robots.write.dh_table import DhRow, dh_rows
 from testbed.units import DEG, MM, UM, counted, listed, sentences, significant
 

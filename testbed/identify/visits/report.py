@@ -7,8 +7,8 @@ import numpy as np
 from calib.arrays import Bool
 from calib.uncertainty.statement.stated_point import common_radius
 from testbed.files.visits.visit import OWN, RobotVisit
+from testbed.identify.calibration import Calibration
 from testbed.identify.proof import stated_target
-from testbed.identify.records import Calibration
 from testbed.report.page import Section, Table, Text
 from testbed.store.quantities import METRE, RADIAN, Quantity, below
 from testbed.units import DEG, MM, UM, counted, fixed, significant

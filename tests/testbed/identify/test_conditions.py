@@ -8,7 +8,7 @@ import pytest
 from calib.uncertainty.statement.conditions import Conditions, Tolerance
 from testbed.files.conditions import SetUp
 from testbed.identify.conditions import conditions_words, held_out_warnings, measured
-from testbed.identify.report import page_of
+from testbed.identify.report.page import page_of
 from testbed.identify.words import next_step, terminal_text
 from testbed.jobsheet.sheet import Instrument, JobSheet
 from testbed.scenario.tolerance import Decision

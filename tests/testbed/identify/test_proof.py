@@ -13,7 +13,7 @@ from calib.measurement.observations import joined
 from testbed.identify.calibrate import Options, calibrate
 from testbed.identify.order import order_words, require_order
 from testbed.identify.proof import repeatability, stated_target, target_warnings
-from testbed.identify.report_belief import questions_table
+from testbed.identify.report.belief import questions_table
 from testbed.identify.session import with_test
 from testbed.identify.words import ELSEWHERE, UNGUARDED, mark, verdict
 from tests.calibrated import robot, session_of, sound, sound_session, table_of, true_model

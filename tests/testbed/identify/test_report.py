@@ -12,12 +12,13 @@ from calib.identification.identify import Status
 from calib.uncertainty.regions import coverage_factor
 from calib.uncertainty.tool_point import tool_statement
 from calib.uncertainty.trust import Trust
-from testbed.identify import plots
 from testbed.identify.handback.delivered import Delivered
 from testbed.identify.handback.states import HandedNumber, handed_numbers
 from testbed.identify.headline import deg
-from testbed.identify.report import _cells, page_of
-from testbed.identify.report_errors import residual_section
+from testbed.identify.report import plots
+from testbed.identify.report.errors import residual_section
+from testbed.identify.report.page import page_of
+from testbed.identify.report.parameters import _cells
 from testbed.identify.statements import statements_of
 from testbed.identify.words import (
     ELSEWHERE,

@@ -13,9 +13,9 @@ from calib.measurement.prediction import predict
 from calib.uncertainty.statement.gain import estimator_gain
 from testbed.files.read import read_session
 from testbed.identify.calibrate import Options, calibrate
+from testbed.identify.calibration import Calibration
 from testbed.identify.frames import FRAMES_ALONE
 from testbed.identify.handback.delivered import Delivered
-from testbed.identify.records import Calibration
 from testbed.identify.results import headline, split_csv
 from testbed.identify.visits.frames import own_frames
 from testbed.identify.visits.report import radius_there, visit_section

@@ -15,6 +15,7 @@ from calib.measurement.prediction import predict
 from testbed.files.programs.correct import correct_program
 from testbed.identify.applies.targets import statement_at
 from testbed.identify.calibrate import Options, calibrate
+from testbed.identify.calibration import Calibration
 from testbed.identify.conditions import measured
 from testbed.identify.handback.deliver import delivered_robot, in_own_frames
 from testbed.identify.handback.delivered import Delivered
@@ -35,7 +36,6 @@ from testbed.identify.handback.states import (
     handed_robot,
     tool_words,
 )
-from testbed.identify.records import Calibration
 from testbed.identify.results import headline
 from testbed.report.page import Table, Text
 from testbed.robots.catalog import load_robot

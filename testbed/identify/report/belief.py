@@ -1,6 +1,6 @@
 """A calibration report's section on what to believe of the tool point."""
 
-from testbed.identify.records import Calibration
+from testbed.identify.calibration import Calibration
 from testbed.identify.statements import statements_of
 from testbed.report.page import Block, Section, Table
 from testbed.units import UM, probability, significant

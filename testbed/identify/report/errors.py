@@ -3,9 +3,9 @@
 import numpy as np
 
 from calib.identification.larger_noise import HONEST
-from testbed.identify import plots
+from testbed.identify.calibration import Calibration
 from testbed.identify.headline import mm
-from testbed.identify.records import Calibration
+from testbed.identify.report import plots
 from testbed.identify.results import map_of
 from testbed.report.choice import choice_tables
 from testbed.report.page import Block, Figure, Points, Section, Text

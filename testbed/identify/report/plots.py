@@ -8,7 +8,7 @@ import numpy as np
 from calib.arrays import Array
 from calib.geometry.frames import inverse
 from calib.measurement.prediction import tool_poses
-from testbed.identify.records import Calibration
+from testbed.identify.calibration import Calibration
 from testbed.report.plots import (
     SHADES,
     VIEWS,
