@@ -21,6 +21,7 @@ from testbed.files.observed import (
 )
 from testbed.files.readings import Readings, copied_rows, lost_readings
 from testbed.files.refusal import no_rows
+from testbed.files.rows.kinds import own_rows, some_rows
 from testbed.files.session import Drift, Sources
 from testbed.files.session_toml import SessionFile
 from testbed.files.table import DataTable, table_of
@@ -88,7 +89,7 @@ def _cleaned(
             raise no_rows(text.where)
         warnings += misspelt_columns(table)
         section = section or section_of(table)
-        readings = read_observed(table, section, settings.uncertainty, drop=drop)
+        readings = _read_own(table, text, section, settings, drop=drop)
     if station and not any(readings.station):
         readings = replace(readings, station=(station,) * len(readings))
     good, masked = lost_readings(readings, settings.drift.nests if settings.drift else ())
@@ -102,10 +103,38 @@ def _cleaned(
     return Cleaned(readings.rows(good), section, text, table, tuple(masked), tuple(warnings), drift)
 
 
+def _read_own(
+    table: DataTable, text: FileText, section: ObservedTable, settings: SessionFile, *, drop: bool
+) -> Readings:
+    """Readings of a table without the rows that hold another section's, where that reads it too."""
+    others = [one for one in settings.observed if one is not section and _same(one, section)]
+    if not others:
+        return read_observed(table, section, settings.uncertainty, drop=drop)
+    read_by = [(one, table_in(text, settings, one, settings.joints)) for one in others]
+    rows = own_rows(table, section, read_by)
+    if not len(rows):
+        return read_observed(table, section, settings.uncertainty, drop=drop)  # which says why
+    found = read_observed(some_rows(table, rows), section, settings.uncertainty, drop=drop)
+    left = len(table) - len(rows)
+    note = f"{table.where}: {left} of {len(table)} rows have nothing for [{section.name}]"
+    notes = (*found.notes, *([note] if left else []))
+    return replace(found, order=rows[found.order], notes=notes)
+
+
+def _same(one: ObservedTable, other: ObservedTable) -> bool:
+    """Whether two sections read one table of one file."""
+    place = [(each.file, each.files, each.sheet) for each in (one, other)]
+    return place[0] == place[1] and getattr(one, "format", "csv") == "csv"
+
+
 def _try_beginning(text: FileText, section: ObservedTable | None, settings: SessionFile) -> None:
     """Refuse a long file by its first lines, if its columns are wrong: all of it takes long."""
     if len(text.lines) <= 2 * BEGINNING:
         return
+    if section is not None and any(
+        _same(one, section) for one in settings.observed if one is not section
+    ):
+        return  # the first lines may be another section's
     try:
         table = table_in(replace(text, lines=text.lines[:BEGINNING]), settings, section)
         read_observed(table, section or section_of(table), settings.uncertainty, drop=True)

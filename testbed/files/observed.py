@@ -1,5 +1,6 @@
 """A table as readings: what each column states, in which unit and which convention."""
 
+from collections.abc import Collection
 from dataclasses import replace
 
 import numpy as np
@@ -100,7 +101,7 @@ def read_observed(
         rotation=rotation,
         distance=np.where(good, distance, 0.0),
         target=table.texts_of("target") or plain.target,
-        anchor=_names(table, "anchor", good if far else None) or plain.anchor,
+        anchor=(_names(table, "anchor", good) if far else None) or plain.anchor,
         station=_names(table, "station", None if far else good) or plain.station,
         offset=np.where(good[:, None], table.values(offset), 0.0) if offset else None,
         columns=columns,
@@ -112,12 +113,15 @@ def read_observed(
     return whole.rows(good)
 
 
-def unused_columns(table: DataTable, *used: Columns) -> list[str]:
-    """A sentence that names every column that was not read; texts under our names are."""
+def unused_columns(table: DataTable, *used: Columns, elsewhere: Collection[str] = ()) -> list[str]:
+    """A sentence that names every column that was not read; texts under our names are.
+
+    `elsewhere` has the file's own names of columns that other sections read.
+    """
     read = {*together(*used).names, *TEXTS}
-    names = [name for name in table.names if name not in read]
-    shown = ", ".join(table.names[name] for name in names)
-    return [f"{table.where}: not used: {shown}"] if names else []
+    left = [theirs for name, theirs in table.names.items() if name not in read]
+    shown = ", ".join(theirs for theirs in left if theirs not in elsewhere)
+    return [f"{table.where}: not used: {shown}"] if shown else []
 
 
 def misspelt_columns(table: DataTable) -> list[str]:

@@ -1,6 +1,6 @@
 """A measuring session from its files: read, cleaned, matched, with every assumption stated."""
 
-from collections.abc import Collection
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from hashlib import sha256
 from pathlib import Path
@@ -30,7 +30,7 @@ from testbed.files.visits.read import read_visits
 from testbed.files.visits.tables import CampaignFile
 from testbed.gates.mistakes import validated
 from testbed.gates.paths import is_there, real
-from testbed.gates.text import MAX_MB, SourceFile
+from testbed.gates.text import MAX_MB, FileText, SourceFile
 from testbed.gates.toml import read_toml_bytes, toml_document
 from testbed.robots.robot import Robot
 from testbed.robots.tolerances import tolerances_of, usual_tolerances
@@ -138,8 +138,8 @@ def session_of(
     cleaned = list(readings_of(sources, settings, drop=drop))
     joined = []
     for one in cleaned:
-        elsewhere = {name for other in cleaned if other is not one for name in other.poses}
-        joined.append(_with_joints(one, sources, settings, robot, elsewhere, drop=drop))
+        others = [other for other in cleaned if other is not one]
+        joined.append(_with_joints(one, sources, settings, robot, others, drop=drop))
     session = assemble([part for part, _ in joined], robot, settings, where=where)
     require_shown(settings.uncertainty, session.measurements, where)
     warnings = [f"{where}: {text}" for text in settings.uncertainty.odd]
@@ -245,11 +245,11 @@ def _with_joints(
     sources: Sources,
     settings: SessionFile,
     robot: Robot,
-    elsewhere: Collection[str],
+    others: Sequence[Cleaned],
     *,
     drop: bool,
 ) -> tuple[TargetPart, Match]:
-    """The joints of one file's readings; other files show the poses of `elsewhere`."""
+    """The joints of one file's readings; `others` show other poses, or other columns of it."""
     how, readings, section = settings.joints, cleaned.readings, cleaned.section
     apart = how.file is not None or sources.data is not None
     text = (
@@ -260,9 +260,11 @@ def _with_joints(
     same = text is cleaned.text
     table = table_in(text, settings, how, section if same else None)
     joints = read_joints(table, robot, how.source, drop=drop)
-    unused = unused_columns(table, joints.used, *([readings.columns] if same else []))
+    own = [readings.columns] if same else []
+    unused = unused_columns(table, joints.used, *own, elsewhere=_read_of(text, others))
     if not same and cleaned.table is not None:
-        unused += unused_columns(cleaned.table, readings.columns)
+        elsewhere = _read_of(cleaned.text, others)
+        unused += unused_columns(cleaned.table, readings.columns, elsewhere=elsewhere)
     readings = replace(readings, notes=(*readings.notes, *unused))
     if same:
         match = by_row(joints, readings)
@@ -271,7 +273,8 @@ def _with_joints(
     elif settings.match == "order":
         match = by_order(joints, readings, robot.model)
     else:
-        match = by_pose(joints, readings, drop=drop, elsewhere=elsewhere)
+        poses = {name for other in others for name in other.poses}
+        match = by_pose(joints, readings, drop=drop, elsewhere=poses)
     part = TargetPart(joints.rows(match.joints), readings.rows(match.readings), section)
     # only now: nests have no pose, and may be the only targets with a name
     require_names("pose_id", part.joints.extras.pose or (), part.joints.place)
@@ -280,3 +283,13 @@ def _with_joints(
     if readings.kind != "pose" and any(part.readings.target):
         require_names("target", part.readings.target, part.readings.place)
     return part, match
+
+
+def _read_of(text: FileText, others: Sequence[Cleaned]) -> set[str]:
+    """Columns of a file that other sections read, as the file calls them."""
+    return {
+        other.table.names[name]
+        for other in others
+        if other.table is not None and other.text is text
+        for name in other.readings.columns.names
+    }

@@ -125,11 +125,13 @@ def _where(look: Found) -> Document:
 
 
 def _ways(one: Found, two: Found) -> tuple[str, ...]:
-    """pose_id where both sides have the same names, else order; an export's names are tried."""
+    """pose_id where the joints have all names of the readings, else order; of an export both."""
     if two.kind in ("points", "frames"):
         return ("pose_id", "order") if one.has("pose_id") else ("order",)
     sides = []
     for look in (one, two):
         found = look.stems.get("pose_id")
         sides.append(set(look.column(found.theirs)) if found else None)
-    return ("pose_id",) if None not in sides and sides[0] == sides[1] else ("order",)
+    named, seen = sides
+    # readings of another kind may be those of the other poses
+    return ("pose_id",) if named is not None and seen is not None and seen <= named else ("order",)

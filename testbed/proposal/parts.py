@@ -103,7 +103,7 @@ def seen_parts(look: Found, n: int) -> Iterator[Part]:
             more = _more(look) | _drives(look, n)
             for keys, notes in _readings(look, place, turns, more):
                 yield look, keys, notes, ""
-        elif look.has("distance"):
+        if look.has("distance") and not polar and (not place or look.has("anchor")):
             yield from _distances(look, n)
 
 

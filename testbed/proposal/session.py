@@ -5,8 +5,9 @@ from pathlib import Path
 
 from testbed.files.refusal import no_rows, refusal
 from testbed.proposal.beside import with_origin
+from testbed.proposal.both import is_ranged, merged
 from testbed.proposal.data import Found
-from testbed.proposal.drafts import drafts_of
+from testbed.proposal.drafts import Draft, drafts_of
 from testbed.proposal.names import is_wished
 from testbed.proposal.parts import Document
 from testbed.proposal.tried import tried_with
@@ -127,7 +128,7 @@ def _proposed(looks: tuple[Found, ...], robot: Robot | None, root: Path) -> Prop
             allowed="columns X Y Z, also with rotations; or points or frames of Spatial Analyzer",
             fix=fix,
         )  # fmt: skip
-    first = drafts[0]
+    first = _untried(drafts)
     if robot is None:
         tried = "no robot was named: units and conventions are by size and by custom"
         return Proposed(first.document, first.notes, tried, False)
@@ -140,6 +141,15 @@ def _proposed(looks: tuple[Found, ...], robot: Robot | None, root: Path) -> Prop
     if not fits and there > n:
         tried += f". There are {there} joints, and {robot.name} has {n}"
     return Proposed(best.document, best.notes, tried, fits)
+
+
+def _untried(drafts: list[Draft]) -> Draft:
+    """The likely draft, with readings of the other kind where there are such."""
+    first = drafts[0]
+    others = [one for one in drafts if is_ranged(one) != is_ranged(first)]
+    pairs = [(one, first) if is_ranged(first) else (first, one) for one in others]
+    both = (joined for pair in pairs if (joined := merged(*pair)) is not None)
+    return next(both, first)
 
 
 def _joints(look: Found) -> set[int]:

@@ -1,6 +1,6 @@
 """Which draft of a session fits: each is read, and the nominal robot's base and tool fitted."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -14,6 +14,7 @@ from testbed.files.session import Session, Sources
 from testbed.files.session_toml import SESSION_FILE, SessionFile
 from testbed.gates.mistakes import validated
 from testbed.gates.text import MAX_MB, FileText
+from testbed.proposal.both import Joined, is_ranged, joined_with, names_of
 from testbed.proposal.data import Found
 from testbed.proposal.drafts import MATCHED, PARTS, Draft
 from testbed.robots.robot import Robot
@@ -21,6 +22,8 @@ from testbed.units import counted
 
 TRIED, FITTED = 300, 60
 """Lines of one file that readings are tried with, and rows of them that frames are fitted to."""
+AXES = 3
+"""Equations of a position, where a distance has one."""
 BY_SIZE = "units and conventions are by size and by custom"
 
 
@@ -92,7 +95,8 @@ def tried_with(
             same = [k for k, one in enumerate(drafts) if _seen(one) == _seen(drafts[best])]
             others = sorted(fits[k].score for k in same if k != best and fits[k].is_one)
             tried = _fitting(robot, fits[best].score, others, len(same) - 1, parts)
-            return drafts[best], tried, True
+            draft, more = _of_both(drafts, sessions, fits, best, robot, read)
+            return draft, tried + more, True
     likely = next((k for k, one in enumerate(sessions) if one is not None), None)
     if likely is None:
         read(drafts[0], drop=False)  # which says why
@@ -115,6 +119,41 @@ def tried_with(
         f"robot that was measured? {BY_SIZE.capitalize()}"
     )
     return drafts[likely], tried, False
+
+
+def _of_both(
+    drafts: Sequence[Draft],
+    sessions: Sequence[Session | None],
+    fits: Sequence[_Fit],
+    best: int,
+    robot: Robot,
+    read: Callable[[Draft], Session],
+) -> tuple[Draft, str]:
+    """The best draft with the readings of the other kind, and how they fit, or why they are not."""
+    ranged = [draft for draft in drafts if is_ranged(draft)]
+    optical = [k for k, draft in enumerate(drafts) if not is_ranged(draft)]
+    if not ranged or not optical:
+        return drafts[best], ""
+    good = [k for k in optical if fits[k].score <= FAR]
+    if not good:
+        files = names_of([drafts[k] for k in optical])
+        return drafts[best], f". No reading of the positions in {files} fits: they are left aside"
+    # of one kind alone the likely readings are ahead
+    first = best if best in good else min(good, key=lambda k: fits[k].noise)
+    found = Joined(None, "")
+    for k in (first, *(k for k in good if k != first)):
+        found = joined_with(drafts[k], ranged, robot, read)
+        if found.draft is not None:
+            return found.draft, f"; {found.sentence}"
+    # a position tells what three distances do
+    rows = [0 if one is None else len(one.measurements) for one in sessions]
+    kept = first if AXES * rows[first] >= rows[best] else best
+    few = [drafts[k] for k in optical]
+    aside, what = (ranged, "distances") if kept == first else (few, "positions")
+    return drafts[kept], (
+        f". The {what} in {names_of(aside)} are left aside: in one session with the others, "
+        f"{found.sentence}"
+    )
 
 
 def _fitting(robot: Robot, least: float, others: Sequence[float], count: int, parts: int) -> str:

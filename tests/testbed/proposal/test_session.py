@@ -365,8 +365,9 @@ def test_a_few_distances_do_not_win_over_many_points(backwards, tmp_path):
     few = {name: np.asarray(column)[:20] for name, column in (named | far).items()}
     files = write(tmp_path, a__csv=csv(named | places("x_mm", "y_mm", "z_mm")), b__csv=csv(few))
     said, text = proposed(tmp_path, files[:: -1 if backwards else 1], "--robot", "staubli_tx60")
-    assert tomllib.loads(text)["points"]["file"] == "a.csv"
-    assert "unused   b.csv" in said
+    told = tomllib.loads(text)
+    assert (told["points"]["file"], told["ranges"]["file"]) == ("a.csv", "b.csv")
+    assert "unused" not in said
     assert "to mend" not in said
     (tmp_path / "session.toml").unlink()
     said, text = proposed(tmp_path, [tmp_path / "b.csv"], "--robot", "staubli_tx60")

@@ -1,0 +1,179 @@
+"""Points and distances of one robot as one session, where its files can be read together."""
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from calib.arrays import Array, Index
+from calib.errors import InputError
+from testbed.files.frames_fit import FAR, Frames, fit_frames, flange_poses, target_groups
+from testbed.files.probe import FEWEST
+from testbed.files.session import Session
+from testbed.proposal.drafts import Draft
+from testbed.proposal.parts import Document
+from testbed.robots.robot import Robot
+
+OPTICAL = ("frames", "points")
+FITTED, STEPS = 300, 10
+"""Rows that frames are fitted to; steps from the closed form of an anchor's place."""
+SAME = 1e-6
+"""Part of a distance below which it is the length of the point beside it."""
+
+
+@dataclass(frozen=True, slots=True)
+class Joined:
+    """A session of both kinds, or why there is none."""
+
+    draft: Draft | None
+    sentence: str
+    """How well the distances fit beside the points, or what is against it."""
+
+
+def is_ranged(draft: Draft) -> bool:
+    """Whether a draft reads distances."""
+    return "ranges" in draft.document
+
+
+def joined_with(
+    optical: Draft, ranged: Iterable[Draft], robot: Robot, read: Callable[[Draft], Session]
+) -> Joined:
+    """One session of the positions of a draft and of the distances of one of some others.
+
+    Parameters
+    ----------
+    optical : Draft
+        Which fits by itself.
+    ranged : iterable of Draft
+        The same distances in each reading that is left open.
+    robot : Robot
+        Nominal.
+    read : callable
+        A draft as a session; an InputError where it cannot be.
+    """
+    drafts = [draft for one in ranged if (draft := merged(optical, one)) is not None]
+    against, best, least = ["the files do not give the joints of both in one way"], None, np.inf
+    # joints beside the readings themselves before those of another file
+    for draft in sorted(drafts, key=lambda one: "match" in one.document):
+        try:
+            session = read(draft)
+        except InputError as error:
+            against.append(str(error))
+            continue
+        few = [name for name, count in _counts(session).items() if count < FEWEST]
+        if few:
+            against.append(f"fewer than {FEWEST} of them would have to find the place of {few[0]}")
+            continue
+        if _same_reading(session):
+            return Joined(None, "they are the lengths of the positions beside them")
+        if (left := _left(robot, session)) < least:
+            best, least = draft, left
+    if best is None:
+        return Joined(None, against[-1])
+    if least > FAR:
+        return Joined(None, f"no reading of them leaves less than {1e3 * FAR:g} mm beside these")
+    return Joined(best, f"the distances beside them leave {1e3 * least:.2g} mm")
+
+
+def merged(optical: Draft, ranged: Draft) -> Draft | None:
+    """A session of the tables of both; None where their joints are given in different ways."""
+    one, two = optical.document, ranged.document
+    name = next(section for section in OPTICAL if section in one)
+    joints = one["joints"]
+    if joints != two["joints"]:
+        own = [_own(each, each[key]) for each, key in ((one, name), (two, "ranges"))]
+        if own[0] is None or own[0] != own[1]:
+            return None
+        joints = own[0]
+    ways = {each["match"] for each in (one, two) if "match" in each}
+    if len(ways) > 1 or one.get("dialect") != two.get("dialect"):
+        return None
+    document: Document = {"match": ways.pop()} if ways else {}
+    document |= {"joints": joints} if joints else {}
+    document |= {name: one[name], "ranges": two["ranges"]}
+    document |= {"dialect": one["dialect"]} if "dialect" in one else {}
+    document |= {"uncertainty": one["uncertainty"] | two["uncertainty"]}
+    notes = tuple(dict.fromkeys((*optical.notes, *ranged.notes)))
+    return Draft(document, notes, optical.jointless)
+
+
+def _own(document: Document, section: Document) -> Document | None:
+    """[joints] without its file, where that is the file of the readings themselves."""
+    joints = document["joints"]
+    if any(joints.get(key) != section.get(key) for key in ("file", "sheet")):
+        return None
+    return {key: value for key, value in joints.items() if key not in ("file", "sheet")}
+
+
+def _counts(session: Session) -> dict[str, int]:
+    """How many distances there are from each fixed point whose place is to be found."""
+    anchors = session.measurements.anchor.tolist()
+    return {session.anchor_names[k]: anchors.count(k) for k in session.free_anchors}
+
+
+def _same_reading(session: Session) -> bool:
+    """Whether each distance is the length of a point that stands in its own line."""
+    table = session.measurements
+    points = {session.place[k]: k for k in np.flatnonzero(~table.is_distance)}
+    rows = [int(k) for k in np.flatnonzero(table.is_distance) if session.place[k] in points]
+    if not rows:
+        return False
+    length = np.linalg.norm(table.position[[points[session.place[k]] for k in rows]], axis=1)
+    return bool((np.abs(table.distance[rows] - length) <= SAME * length).all())
+
+
+def _left(robot: Robot, session: Session) -> float:
+    """Root mean square that distances leave where the positions say the tool is [m]."""
+    table, groups = session.measurements, target_groups(session.measurements)
+    far = np.flatnonzero(table.is_distance)
+    if not groups or not len(far):
+        return np.inf
+    rows = _some(groups[0])
+    F = flange_poses(robot.model, table.q[rows])
+    frames = fit_frames(
+        F, table.position[rows], table.rotation[rows] if table.is_pose[rows[0]] else None
+    )
+    squares, count = 0.0, 0
+    for anchor in np.unique(table.anchor[far]):
+        for target in np.unique(table.reflector[far]):
+            these = far[(table.anchor[far] == anchor) & (table.reflector[far] == target)]
+            if len(these):
+                left = _of_anchor(robot, session, frames, _some(these))
+                squares, count = squares + float(left @ left), count + len(left)
+    return float(np.sqrt(squares / count))
+
+
+def _some(rows: Index) -> Index:
+    """At most so many rows, evenly spread."""
+    return rows[np.linspace(0, len(rows) - 1, min(len(rows), FITTED)).round().astype(np.int64)]
+
+
+def _of_anchor(robot: Robot, session: Session, frames: Frames, rows: Index) -> Array:
+    """What a free place of the fixed point, and of the reflector, leaves of distances (m,) [m].
+
+    The place is the closed form of spheres about the tool, then by steps; the reflector is that of
+    the positions, or near it where it may be another one.
+    """
+    table = session.measurements
+    F, d = flange_poses(robot.model, table.q[rows]), table.distance[rows]
+    tip = F[:, :3, 3] + F[:, :3, :3] @ frames.arm
+    A = np.column_stack([2 * tip, np.ones(len(tip))])
+    place = np.linalg.lstsq(A, (tip**2).sum(1) - d**2, rcond=None)[0][:3]
+    x = np.concatenate([place, frames.arm])
+    free = 6 if len(rows) > 9 else 3
+    for _ in range(STEPS):
+        away = F[:, :3, 3] + F[:, :3, :3] @ x[3:] - x[:3]
+        length = np.maximum(np.linalg.norm(away, axis=1), 1e-9)
+        unit = away / length[:, None]
+        J = np.hstack([-unit, np.einsum("mi,mij->mj", unit, F[:, :3, :3])])[:, :free]
+        x[:free] += np.linalg.lstsq(J, d - length, rcond=None)[0]
+    away = F[:, :3, 3] + F[:, :3, :3] @ x[3:] - x[:3]
+    return np.asarray(d - np.linalg.norm(away, axis=1))
+
+
+def names_of(drafts: Sequence[Draft]) -> str:
+    """The files of the readings of some drafts."""
+    tables = [each.document[key] for each in drafts for key in (*OPTICAL, "ranges")
+              if key in each.document]  # fmt: skip
+    names = [name for each in tables for name in (each.get("file"), *each.get("files", ()))]
+    return ", ".join(dict.fromkeys(filter(None, names)))

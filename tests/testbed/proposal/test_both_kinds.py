@@ -1,0 +1,131 @@
+"""Points for some rows and distances for others: proposed as one session, and read as one."""
+
+import tomllib
+
+import numpy as np
+import pytest
+
+from testbed.files.read import read_session
+from tests.testbed.files.made import ROBOT, csv, made
+from tests.testbed.proposal.test_session import call, proposed
+
+M, FIRST = 60, 35
+ARM, NEST = np.array([0.05, 0.03, 0.08]), np.array([3.0, 2.0, 0.5])
+JOINTS = {f"q{j + 1}_deg": np.degrees(made(3, M).q[:, j]) for j in range(6)}
+POSES = {"pose_id": np.arange(1, M + 1)}
+TIP = made(3, M).T[:, :3, 3] + made(3, M).T[:, :3, :3] @ ARM
+POINTS = dict(zip(("x_mm", "y_mm", "z_mm"), 1e3 * TIP.T, strict=True))
+FAR = 1e3 * np.linalg.norm(TIP - NEST, axis=1)
+RANGES = {"anchor": ["N1"] * M, "distance_mm": FAR}
+
+
+def some(table, rows):
+    return {name: np.asarray(values)[rows] for name, values in table.items()}
+
+
+def blank(table, rows):
+    """Text of each cell, empty but in some rows."""
+    there = set(np.arange(M)[rows].tolist())
+    text = {name: [v if isinstance(v, str) else f"{v:.9f}" for v in table[name]] for name in table}
+    return {name: [v if k in there else "" for k, v in enumerate(text[name])] for name in text}
+
+
+ONE, TWO = slice(0, FIRST), slice(FIRST, M)
+FILES = {
+    "two files with joints of their own": (
+        {"p": some(JOINTS | POINTS, ONE), "r": some(JOINTS | RANGES, TWO)}, M, None,
+    ),
+    "two files of some poses each": (
+        {"j": POSES | JOINTS, "p": some(POSES | POINTS, ONE), "r": some(POSES | RANGES, TWO)},
+        M, "pose_id",
+    ),
+    "two files of all poses": (
+        {"j": POSES | JOINTS, "p": POSES | POINTS, "r": POSES | RANGES}, 2 * M, "pose_id",
+    ),
+    "two files in the order of the joints": ({"j": JOINTS, "p": POINTS, "r": RANGES}, 2 * M,
+                                             "order"),
+    "points beside the joints": (
+        {"p": POSES | JOINTS | POINTS, "r": POSES | RANGES}, 2 * M, "pose_id",
+    ),
+    "one file with both in each row": ({"p": JOINTS | POINTS | RANGES}, 2 * M, None),
+    "one file with one of both in each row": (
+        {"p": blank(JOINTS, slice(None)) | blank(POINTS, ONE) | blank(RANGES, TWO)}, M, None,
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("backwards", [False, True])
+@pytest.mark.parametrize(("tables", "rows", "match"), FILES.values(), ids=FILES)
+def test_points_and_distances_are_proposed_as_one_session(tables, rows, match, backwards, tmp_path):
+    files = [tmp_path / f"{name}.csv" for name in tables]
+    for file, table in zip(files, tables.values(), strict=True):
+        file.write_text(csv(table), encoding="utf-8")
+    said, text = proposed(tmp_path, files[:: -1 if backwards else 1], "--robot", ROBOT.name)
+    told = tomllib.loads(text)
+    assert told["ranges"]["anchors_mm"] == {"N1": "free"}
+    assert told["points"]["file"] == "p.csv"
+    assert told["uncertainty"] == {"position_um": 30, "distance_um": 30}
+    assert told.get("match") == match
+    assert "; the distances beside them leave 0." in said
+    assert "unused" not in said
+    assert "to mend" not in said
+    session = read_session(tmp_path / "session.toml", ROBOT)
+    seen = session.measurements
+    assert len(seen) == rows
+    far = seen.is_distance
+    # each reading is beside its own joints: those of the pose that it was made of
+    order = {q.tobytes(): k for k, q in enumerate(made(3, M).q.round(6))}
+    at = np.array([order[q.tobytes()] for q in seen.q.round(6)])
+    np.testing.assert_allclose(seen.position[~far], TIP[at[~far]], rtol=0, atol=1e-9)
+    np.testing.assert_allclose(1e3 * seen.distance[far], FAR[at[far]], rtol=0, atol=1e-6)
+
+
+def test_identify_takes_such_a_session_and_finds_the_fixed_point(tmp_path):
+    (tmp_path / "p.csv").write_text(csv(FILES["one file with one of both in each row"][0]["p"]))
+    proposed(tmp_path, [tmp_path / "p.csv"], "--robot", ROBOT.name)
+    done = call("identify", ROBOT.name, tmp_path / "session.toml", "--out", tmp_path / "out")
+    assert done.exit_code == 0, done.stderr
+
+
+def test_a_row_without_either_reading_is_refused_as_ever(tmp_path):
+    table = FILES["one file with one of both in each row"][0]["p"]
+    for name in (*POINTS, *RANGES):
+        table = table | {name: ["" if k == 3 else cell for k, cell in enumerate(table[name])]}
+    (tmp_path / "p.csv").write_text(csv(table))
+    said, _ = proposed(tmp_path, [tmp_path / "p.csv"], "--robot", ROBOT.name)
+    assert 'line 5 x_mm ""' in " ".join(said.split())
+    done = call("identify", ROBOT.name, tmp_path / "session.toml", "--out", tmp_path / "out")
+    assert done.exit_code == 2
+    assert "[M25]" in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("far", "count", "why"),
+    [
+        (np.random.default_rng(0).uniform(1e3, 2e3, M), M, "leaves less than 20 mm beside these"),
+        (1e3 * np.linalg.norm(TIP, axis=1), M, "they are the lengths of the positions beside them"),
+        (FAR, 4, "fewer than 6 of them would have to find the place of N1"),
+    ],
+)
+def test_distances_that_do_not_go_with_the_points_are_left_aside_in_words(
+    far, count, why, tmp_path
+):
+    table = JOINTS | POINTS | RANGES | {"distance_mm": far}
+    if count < M:
+        table = blank(JOINTS | POINTS, slice(None)) | blank(RANGES, slice(0, count))
+    (tmp_path / "p.csv").write_text(csv(table))
+    said, text = proposed(tmp_path, [tmp_path / "p.csv"], "--robot", ROBOT.name)
+    assert "ranges" not in tomllib.loads(text)
+    words = " ".join(said.split())
+    assert f"The distances in p.csv are left aside: in one session with the others, {why}" in (
+        words.replace("no reading of them ", "")
+    )
+
+
+def test_without_a_robot_both_kinds_are_proposed_as_well(tmp_path):
+    tables = FILES["two files of some poses each"][0]
+    for name, table in tables.items():
+        (tmp_path / f"{name}.csv").write_text(csv(table))
+    _, text = proposed(tmp_path, [tmp_path / f"{name}.csv" for name in tables])
+    told = tomllib.loads(text)
+    assert (told["points"]["file"], told["ranges"]["file"]) == ("p.csv", "r.csv")
