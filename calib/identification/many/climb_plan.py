@@ -18,8 +18,8 @@ from calib.measurement.observations import Measurements
 MOST_ROWS = 400
 """Rows up to which their covariance is smaller than the normal equations of a joint map."""
 
-
 Apart: TypeAlias = tuple[tuple[Level, ...], Level | None]
+"""Levels of terms, those of most columns first, and the one of springs if there is one."""
 
 
 class ClimbPlan(NamedTuple):
@@ -33,11 +33,11 @@ class ClimbPlan(NamedTuple):
     springs: dict[Level, tuple[ModelSprings, Index, Array]]
     """Of each level of springs these, their places (p,) and loads (m, p, 1 + f)."""
     precision: Array
-    """(f, f) of the geometry's prior."""
+    """(f, f) of the geometry's prior [1/m^2, 1/(m rad), 1/rad^2]."""
     mean: Array
-    """(f,) of the same."""
+    """(f,) step from the nominal geometry that it believes in [m, rad]."""
     constant: float
-    """Its log determinant."""
+    """Log determinant of its precision."""
     part: list[Index]
     """Poses of each part that is left out."""
     pose: Index
@@ -45,7 +45,7 @@ class ClimbPlan(NamedTuple):
     loop: Callable[..., None] | None
     """What fits springs, where there are enough robots for a compiled loop."""
     apart: dict[tuple[Level, ...], Apart]
-    """What `apart` found so far."""
+    """What `apart` found so far, by the levels of a model."""
 
 
 def plan_of(
@@ -103,7 +103,7 @@ def plan_of(
 
 
 def _fewest(joints: Index, values: Array) -> tuple[Index, Array]:
-    """As few columns (m, k) of each joint as give their rows the same covariance."""
+    """As few columns (m, k) of each joint (k,) as give their rows the same covariance."""
     found = []
     for joint in np.unique(joints):
         own = values[:, joints == joint]
@@ -127,7 +127,7 @@ def _sprung(
 
 
 def apart(plan: ClimbPlan, levels: tuple[Level, ...]) -> Apart:
-    """Levels of terms, those of most columns first, and the one of springs if there is one."""
+    """The levels of a model, those of terms apart from that of springs."""
     if levels not in plan.apart:
         terms = [level for level in levels if level in plan.terms]
         terms.sort(key=lambda level: -len(plan.fewest[level][0]))

@@ -17,16 +17,19 @@ from calib.identification.normal_equations import LEAST_FREE
 MANY_TERMS = 64
 """Terms from which their products are worked out joint by joint."""
 FAR_BELOW = 0.7
-"""Part of the least sum of squares that tells of more noise than stated."""
+"""Part of the least sum of squares that could tell of more noise than stated, below which springs
+are followed no further. Not one: a last step may still trade a little of it against the prior."""
 
 
 class Fitted(NamedTuple):
-    """Springs on a ground."""
+    """Springs fitted on a ground, or on what is left of it."""
 
     numbers: Array
     """(s,) in units of their prior sd."""
     loss: float
+    """What they change of the sum of squares of the ground, their prior included."""
     spread: float
+    """Log determinant of half the second derivatives of that, as in `ManyBent`."""
 
 
 Task = tuple["Climber", Ground | Rest, tuple[Level, ...], int]
@@ -35,33 +38,40 @@ Task = tuple["Climber", Ground | Rest, tuple[Level, ...], int]
 
 @dataclass(eq=False)
 class Climber:
-    """One robot of a climb and what is known of its models so far."""
+    """One robot of a climb and what is known of its models so far: n = 6 m rows of m poses."""
 
     plan: ClimbPlan
     geometry: Array
-    """(f, n) columns of the geometry, and of all bends."""
+    """(f, n) columns of the free numbers of the chain, as in `ClimbRows`."""
     bends: Array
+    """(3 j, n) columns of the bends of each joint about x, y and z."""
     r: Array
+    """(n,) whitened, measured minus predicted after the fit of the geometry."""
     offset: Array
+    """(f,) of that fit from what is believed [m, rad]."""
     metres: Array
-    """(m, 3, 3) as in `ClimbRows`."""
+    """(m, 3, 3) what turns the rows of a position back into metres [m]."""
     scale: float = 1.0
+    """Noise in units of the stated one."""
     grounds: dict[tuple[Level, ...], Ground] = field(default_factory=dict)
+    """By levels of terms in the order of `apart`."""
     fits: dict[tuple[tuple[Level, ...], int], Fitted] = field(default_factory=dict)
+    """By levels, and the part that is left out (-1: of all rows)."""
     rows: dict[Level, SprungRows] = field(default_factory=dict)
+    """By level of springs."""
     pushed: dict[bytes, tuple[Array, Array]] = field(default_factory=dict)
-    """Columns A of the products of springs, and A'A, by which columns they are."""
+    """Columns A (n, k) of the products of springs, and A'A, by the bytes of their places."""
     products: dict[tuple[tuple[Level, ...], bytes], tuple[Array, Array, Array, Array]] = field(
         default_factory=dict
     )
-    """These on a ground: A, Y A, A'S A and A'v."""
+    """These on the ground of some terms: A, Y A, A'S A and A'v, with Y, S, v as in `RowsLeft`."""
 
     def at_noise(self, scale: float) -> "Climber":
         """The same with rows in units of a noise so many times the stated one."""
         return replace(self, scale=scale, grounds={}, fits={}, rows={}, pushed={}, products={})
 
     def ground(self, terms: tuple[Level, ...]) -> Ground:
-        """With some levels of terms."""
+        """All rows under geometry and some levels of terms, in the order of `apart`."""
         if terms not in self.grounds:
             if not terms:
                 self.grounds[terms] = self._bare()[0]
@@ -107,7 +117,7 @@ class Climber:
     def normal(
         self, sprung: Level, levels: tuple[Level, ...], ground: Ground | Rest
     ) -> tuple[Array, Array]:
-        """N and pull of the products of some springs, where all linear numbers follow them."""
+        """N (k, k) and pull (k,) of the products of some springs; linear numbers follow them."""
         terms, columns = apart(self.plan, levels)[0], self.plan.springs[sprung][0].columns.tobytes()
         key = terms, columns
         if key not in self.products:
@@ -134,13 +144,14 @@ class Climber:
                 yield self, self._on(ground, k), levels, k
 
     def _on(self, ground: Ground, k: int) -> "Ground | Rest":
+        """A ground without part k of the poses; all of it for -1."""
         if k < 0:
             return ground
         rows = (6 * self.plan.part[k][:, None] + np.arange(6)).ravel()
         return ground.rest(k, rows)
 
     def evidence(self, levels: tuple[Level, ...]) -> float:
-        """As in `NormalEquations.solved`."""
+        """Log evidence of a model, up to a constant of all models; see `NormalEquations.solved`."""
         terms, sprung = apart(self.plan, levels)
         ground = self.ground(terms)
         loss, spread = ground.loss, ground.spread
@@ -150,7 +161,7 @@ class Climber:
         return (self.plan.constant - loss - spread) / 2
 
     def missed(self, levels: tuple[Level, ...]) -> Array:
-        """Mean miss of each pose left out in turn [m]."""
+        """Mean miss of each pose by a fit to the other parts (poses,) [m]."""
         terms, sprung = apart(self.plan, levels)
         pose, away = self.plan.pose, np.full(len(self.plan.pose), np.nan)
         for k, rows in enumerate(self.plan.part):

@@ -47,14 +47,24 @@ class Ground:
     made: Callable[[], RowsLeft]
     """Its rows, worked out when they are asked for."""
     rests: "dict[int, Rest]" = field(default_factory=dict)
+    """By number of the part that is left out."""
 
     @classmethod
     def of_geometry(
         cls, X: Array, r: Array, precision: Array, offset: Array
     ) -> "tuple[Ground, Array]":
-        """Of columns X (f, n), residual r (n,), and a prior (f, f) from which the fit is `offset`.
+        """Geometry alone, and the step (f,) to its least sum of squares [m, rad].
 
-        Also the step (f,) of the geometry.
+        Parameters
+        ----------
+        X : (f, n) array
+            Columns of its numbers, in units of the noise.
+        r : (n,) array
+            Residual, likewise.
+        precision : (f, f) array
+            Of its prior.
+        offset : (f,) array
+            From what is believed to where X and r stand [m, rad].
         """
         seen = X @ X.T + precision
         root = np.sqrt(np.diag(seen))

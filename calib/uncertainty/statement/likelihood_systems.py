@@ -21,7 +21,17 @@ EPSILON = 1e-12
 
 
 def systems_of(X: Array, lam: Array, nodes: Array) -> "OfNumbers | OfRows":
-    """Of rows and a prior, columns [A, y], by numbers or by rows as it costs less."""
+    """The systems of some rows and a prior, by numbers or by rows as it costs less.
+
+    Parameters
+    ----------
+    X : (n + b, p + 1) array
+        Columns [A, y], in units of the noise: n rows, below them b of the prior.
+    lam : (n,) array
+        Variance per t^2 of misfit in each row.
+    nodes : (k,) array
+        Logarithms of the scale of the noise.
+    """
     n, p = len(lam), X.shape[1] - 1
     if n <= ROWS_FOR_NUMBERS * p and len(X) - n >= p:
         return OfRows.of(X[:n], X[n:], lam, nodes)
@@ -43,6 +53,7 @@ class OfNumbers:
     nodes: Array
     """(k,) logarithms of the scale."""
     pools: "Pools | None"
+    """The rows pooled, where they are many; None where each stands for itself."""
 
     def eliminated(self, t: Array) -> tuple[Array, Array]:
         """ln|H| and y'Py (nodes, k) of sizes t (k,)."""
