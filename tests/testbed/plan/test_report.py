@@ -52,7 +52,7 @@ def test_the_first_screen_has_promise_proof_time_and_next_step(text):
     first = text[: text.index(re.search("<h2>(.*?)</h2>", html(small_plan)).group(1))]
     assert first.startswith(SIMULATED)
     for wanted in (
-        f"tool point within {1e6 * made.foresight.R95_over:.1f} µm with 95 % probability",
+        f"tool point within {1e6 * made.foresight.R95_over:.1f} µm (3-D radius, 95 %)",
         "noise alone: the tracker states no systematic errors",
         "V-efficiency at least",
         "it is proven that fewer than",
