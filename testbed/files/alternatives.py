@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import combinations, permutations
+from typing import TypeAlias
 
 import numpy as np
 
@@ -31,6 +32,9 @@ MOST_MIXED = 3
 """Joints that look like radians among degrees, above which each and all of them are tried."""
 BY_AXIS = tuple("".join(triple) for triple in permutations("XYZ"))
 """Sequences with one angle for each axis; those about fixed axes are the same ones backwards."""
+COUPLED = ((1, 2), (4, 5))
+"""Joints of which many arms state the second with the first in it: those of a parallelogram, and of
+a wrist whose drives pass through each other."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,8 +45,11 @@ class Alternative:
     condition: str
     """``if the positions are in mm``: ends a sentence on what it leaves."""
     fix: str
+    """What to do then."""
     code: str
+    """Of the message that refuses the file."""
     field: str
+    """Column or key that the message is about."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -59,9 +66,11 @@ class Interpretation:
     """(m, k) rotations as they stand in the file, as in `Stated.numbers`."""
 
 
-def alternatives_of(
-    rows: Interpretation, stated: Stated, chain: Chain
-) -> Iterator[tuple[Alternative, Interpretation]]:
+OtherReadings: TypeAlias = Iterator[tuple[Alternative, Interpretation]]
+"""Other ways to read some rows, and the rows as read so."""
+
+
+def alternatives_of(rows: Interpretation, stated: Stated, chain: Chain) -> OtherReadings:
     """Other readings of the numbers of some rows.
 
     Parameters
@@ -111,7 +120,7 @@ def shifted(shift: int, which: str = "") -> Alternative:
     return Alternative("rows", f"if row k{shift:+d}{which} belongs to pose k", fix, "M31", "match")
 
 
-def _joints(rows: Interpretation, chain: Chain) -> Iterator[tuple[Alternative, Interpretation]]:
+def _joints(rows: Interpretation, chain: Chain) -> OtherReadings:
     """Units, signs and couplings of the joints."""
     turning = chain.prismatic == 0
     for factor, condition, fix in ANGLES if turning.any() else ():
@@ -131,7 +140,7 @@ def _joints(rows: Interpretation, chain: Chain) -> Iterator[tuple[Alternative, I
         fix = "name them the other way round"
         swap = Alternative("swap", condition, fix, "M20", f"q{a + 1}")
         yield swap, replace(rows, q=_swapped(rows.q, a, b))
-    for a, b in ((1, 2), (4, 5)):
+    for a, b in COUPLED:
         if b >= chain.n_joints or not (turning[a] and turning[b]):
             continue
         for mark, factor in (("+", 1.0), ("-", -1.0)):
@@ -142,10 +151,8 @@ def _joints(rows: Interpretation, chain: Chain) -> Iterator[tuple[Alternative, I
             yield coupling, replace(rows, q=q)
 
 
-def _some_joints(
-    rows: Interpretation, turning: Bool
-) -> Iterator[tuple[Alternative, Interpretation]]:
-    """Some joints in radians, the others in degrees."""
+def _some_joints(rows: Interpretation, turning: Bool) -> OtherReadings:
+    """Some joints in radians, the others in degrees; `turning` (n,) are angles."""
     small = (np.abs(rows.q).max(axis=0) <= SMALL) & turning & rows.q.any(axis=0)
     there = np.flatnonzero(small)
     if not 0 < len(there) < turning.sum():
@@ -167,9 +174,7 @@ def small_rows(q: Array, turning: Bool) -> Bool:
     return small & (not small.all())
 
 
-def some_rows(
-    rows: Interpretation, turning: Bool, first: str
-) -> Iterator[tuple[Alternative, Interpretation]]:
+def some_rows(rows: Interpretation, turning: Bool, first: str) -> OtherReadings:
     """Joints of some rows in radians, those of the others in degrees.
 
     Parameters
@@ -204,8 +209,8 @@ def _flipped(values: Array, column: int) -> Array:
     return values * signs
 
 
-def _directions(rows: Interpretation, R: Array) -> Iterator[tuple[Alternative, Interpretation]]:
-    """Transforms and rotations the other way round."""
+def _directions(rows: Interpretation, R: Array) -> OtherReadings:
+    """Transforms and rotations R (m, 3, 3) the other way round."""
     T = inverse(transform(R, rows.position))
     condition = "if the file gives the inverse transforms"
     fix = 'write gives = "T_tool_tracker" (or take it out) under [frames] in session.toml'
@@ -217,10 +222,8 @@ def _directions(rows: Interpretation, R: Array) -> Iterator[tuple[Alternative, I
     yield other, replace(rows, rotation=np.swapaxes(R, 1, 2))
 
 
-def _rotations(
-    rows: Interpretation, R: Array, stated: Stated
-) -> Iterator[tuple[Alternative, Interpretation]]:
-    """The same three or four numbers in another order or convention."""
+def _rotations(rows: Interpretation, R: Array, stated: Stated) -> OtherReadings:
+    """The three or four numbers of rotations R (m, 3, 3) in another order or convention."""
     if rows.numbers is None or stated.form in (MATRIX, "none"):
         return
     for condition, fix, code, form, numbers in _other_forms(rows.numbers, stated.form):

@@ -18,6 +18,7 @@ from calib.measurement.observations import Measurements
 from testbed.files.alternatives import (
     Alternative,
     Interpretation,
+    OtherReadings,
     alternatives_of,
     distance_alternatives,
     shifted,
@@ -37,6 +38,8 @@ TIMES = 5.0
 """An alternative is named if what it leaves is so many times smaller."""
 UNITS = (0.6, 1.6)
 """Spread of the measured positions over the nominal ones, with the right unit."""
+BEYOND = 5.0
+"""Times outside of that from which on a few poses show a wrong unit: inches for mm are 25."""
 LEAST_SPAN, TOOL = 0.02, 1.0
 """Distances vary by at least this part of what the flange moves, and by that and a tool [m]."""
 MODEL = 1e-6
@@ -102,7 +105,7 @@ class Probe:
         """
         stated, wrong = self.stated, self.wrong
         if stated is None:
-            if np.isfinite(self.spread) and not UNITS[0] / 5 < self.spread < UNITS[1] * 5:
+            if np.isfinite(self.spread) and not UNITS[0] / BEYOND < self.spread < UNITS[1] * BEYOND:
                 raise refusal(
                     self.where, "length",
                     f"the measured points spread {self.spread:.3g} times as far as the robot moves",
@@ -159,13 +162,13 @@ def probe(robot: Robot, session: Session) -> Probe:
     mixed = some_rows(read, turning, session.place[small[0]] if len(small) else "")
     lines = list(_other_lines(robot.model, session, groups, rows))
     others = [*numbers, *mixed, *(lines or _other_rows(session, rows))]
-    tried = [Tried(other, _misfit(robot.model, read)) for other, read in others]
+    tried = [Tried(other, _misfit(robot.model, one)) for other, one in others]
     tried.sort(key=lambda one: one.misfit.score)
     warnings = _warnings(robot, session, some, stated)
     return replace(plain, stated=stated, tried=tuple(tried), warnings=warnings)
 
 
-def _other_rows(session: Session, rows: Index) -> Iterator[tuple[Alternative, Interpretation]]:
+def _other_rows(session: Session, rows: Index) -> OtherReadings:
     """Readings of one row with the joints of another."""
     for shift in (1, 2, 3, 4, 5, -1, -2, -3, -4, -5):
         if len(rows) < FEWEST + abs(shift):
@@ -179,7 +182,7 @@ def _other_rows(session: Session, rows: Index) -> Iterator[tuple[Alternative, In
 
 def _other_lines(
     model: RobotModel, session: Session, groups: Sequence[Index], rows: Index
-) -> Iterator[tuple[Alternative, Interpretation]]:
+) -> OtherReadings:
     """Readings of one line with the joints of another, where that fits each of several targets.
 
     The target belongs to the joints: all cells that were measured have moved.
@@ -289,7 +292,7 @@ def _probe_distances(plain: Probe, robot: Robot, session: Session) -> Probe:
 
 def _other_distances(table: Measurements) -> Iterator[tuple[Alternative, Measurements]]:
     """Distances of one row with the joints of another."""
-    for shift in (1, -1, 2, -2):
+    for shift in (1, -1, 2, -2):  # fewer: each takes a slow start
         low, high = max(0, -shift), len(table) - max(0, shift)
         if high - low >= FEWEST:
             some = _spread_out(high - low) + low

@@ -29,6 +29,7 @@ from calib.measurement.iso_rotations import rotation_accuracy, rotation_repeatab
 from testbed.files.refusal import refusal
 from testbed.iso9283.frames import in_command_frame
 from testbed.iso9283.records import (
+    PROBABILITY,
     CycleResult,
     CycleTest,
     PathRuns,
@@ -41,7 +42,6 @@ from testbed.scenario.instrument import beam_of, errors_of
 
 MOST_PAIRED = 10
 """Poses of which every pair has a distance; of more only those that follow each other."""
-PROBABILITY = 0.95
 
 
 class Shared:

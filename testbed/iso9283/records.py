@@ -14,6 +14,8 @@ STANDARD = "ISO 9283:1998"
 """The edition whose figures these are; its text is not reproduced."""
 POSE_CYCLES, PATH_CYCLES = 30, 10
 """Cycles that the standard asks for: of poses and distances, of paths."""
+PROBABILITY = 0.95
+"""That the limits of a figure hold it."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)

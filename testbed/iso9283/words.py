@@ -5,10 +5,12 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import stdtrit
 
+from calib.measurement.iso_drift import BLOCK
 from testbed.iso9283.figure_words import equal, limit_um, place, show, um, unit
 from testbed.iso9283.records import (
     PATH_CYCLES,
     POSE_CYCLES,
+    PROBABILITY,
     STANDARD,
     CycleResult,
     CycleTest,
@@ -86,15 +88,23 @@ def _decision(result: CycleResult, name: str, limit: float) -> LimitDecision:
 
 
 def would_decide(figure: StatedFigure, limit: float) -> str:
-    """How many cycles would bring the confidence limit to a limit, if the figure stays."""
+    """How many cycles would bring the confidence limit to a limit, if the figure stays.
+
+    References
+    ----------
+    Half width w of n cycles, of which all readings share c = t u_shared: w^2 - c^2 falls as 1/n, so
+    that a gap d is reached with n (w^2 - c^2) / (d^2 - c^2) cycles; t stays that of n.
+    """
     gap = abs(limit - figure.size)
     width = figure.most - figure.size if figure.size < limit else figure.size - figure.least
-    t = float(stdtrit(figure.cycles - 1, 0.975))
+    t = float(stdtrit(figure.cycles - 1, (1 + PROBABILITY) / 2))
     of_all = (t * figure.shared) ** 2
     rest = gap**2 - of_all
     cycles = figure.cycles * (width**2 - of_all) / rest if rest > 0 else np.inf
     if cycles <= MOST_CYCLES:
-        return f"about {int(np.ceil(cycles - 1e-6))} cycles would decide it if it stays where it is"
+        # less what rounding adds to a whole number
+        count = int(np.ceil(cycles - 1e-6))
+        return f"about {count} cycles would decide it if it stays where it is"
     if of_all and rest <= 0:
         return (
             "more cycles would not decide it: the stated systematic errors alone give u = "
@@ -234,7 +244,11 @@ def _drifting(result: CycleResult) -> list[str]:
     if visits is None:
         return []
     if not result.drifts:
-        why = "there are no times" if visits.time is None else "there are fewer than 20 cycles"
+        why = (
+            "there are no times"
+            if visits.time is None
+            else f"there are fewer than {2 * BLOCK} cycles"
+        )
         return [f"Drift was not tested: {why}"]
     if not drifts(result):
         return []

@@ -16,6 +16,9 @@ GOAL_BOX_COLOR = (*style.LEAF, 200)
 MOST_STAGES = 60
 """Rows in which the way of the tool grows."""
 CHOSEN, HELD_OUT = style.BLUE, style.ORANGE
+"""Colors of the poses that identify and of those that judge."""
+DARKEST = 0.6
+"""Times the least u at which the colors of the goal begin: at zero all would look alike."""
 
 
 def draw_cell(plan: Plan, robot: Robot, pen: Pen) -> None:
@@ -115,12 +118,12 @@ def draw_tour(plan: Plan, pen: Pen, phase: Phase) -> None:
 
 
 def draw_goal(plan: Plan, pen: Pen, phase: Phase) -> None:
-    """The goal's tool points by uncertainty, when the goal is looked at."""
+    """The goal's tool points by their u, when the goal is looked at."""
     import rerun as rr
 
     T = plan.nominal.poses(plan.goal.q)
     points = T[:, :3, 3] + T[:, :3, :3] @ plan.goal.point
-    low = 0.6 * float(plan.u.min())
+    low = DARKEST * float(plan.u.min())
     colors = style.viridis(plan.u - low, float(plan.u.max()) - low)
     pen.at(phase.start, "world/goal", rr.Points3D(points, radii=0.009, colors=colors))
 

@@ -26,10 +26,14 @@ SPAN = 8.0
 """Times their median up to which errors are drawn on an axis from zero."""
 TICKS = tuple(m * 10.0**e for e in range(-7, 5) for m in (1, 2, 5))
 """Of logarithmic axes."""
+LETTER = (0.62, 0.85)
+"""Width and height of the room that a letter takes, in units of its size: a digit, nearly."""
+CUT_OFF = 0.02
+"""Part of the errors, the smallest ones, that a logarithmic axis leaves out."""
 
 
 def dots(ax: "Axes", points: Array, color: str = FAINT, size: float = 1.6) -> None:
-    """Many small round dots as one path: a tenth of the bytes of a marker each."""
+    """Dots (m, 2) of some size [pt] as one path: a tenth of the bytes of a marker each."""
     from matplotlib.patches import PathPatch
     from matplotlib.path import Path
 
@@ -52,7 +56,7 @@ def label(
     size: float = 7.5,
     **look: Any,
 ) -> None:
-    """Words beside a point of the data; the offset is in points."""
+    """Words beside a point of the data; offset and size of the letters are in points."""
     ax.annotate(text, at, xytext=offset, textcoords="offset points", fontsize=size, **look)
 
 
@@ -88,7 +92,7 @@ def labels_apart(
     unit = float(max(np.ptp(at, axis=0) / room)) or 1.0  # one point of the page in data units
     points, taken = at / unit, list[tuple[float, float, float, float]]()
     for k, (text, (x, y)) in enumerate(zip(texts, points, strict=True)):
-        wide, high = 0.62 * size * len(text), 0.85 * size
+        wide, high = LETTER[0] * size * len(text), LETTER[1] * size
         others = np.vstack([np.delete(points, k, axis=0), besides / unit])
         for dx, dy in ((3, 2), (-3 - wide, 2), (3, -2 - high), (-3 - wide, -2 - high),
                        (-wide / 2, 4), (-wide / 2, -4 - high)):  # fmt: skip
@@ -188,7 +192,8 @@ def error_axis(ax: "Axes", values: Array, typical: float) -> None:
     if top <= SPAN * typical:
         ax.set_ylim(0, 1.08 * top or 1.0)
         return
-    low = max(float(np.quantile(values, 0.02)), top * 1e-4)
+    # of four decades at most
+    low = max(float(np.quantile(values, CUT_OFF)), top * 1e-4)
     ax.set_yscale("log")
     ax.set_ylim(0.7 * low, 1.4 * top)
     log_ticks(ax.yaxis, 0.7 * low, 1.4 * top)
@@ -210,5 +215,5 @@ def short_ticks(ax: "Axes", axis: str = "y") -> None:
 
 
 def share_ends(share: Mean) -> tuple[float, float]:
-    """The interval of a share, cut to 0 to 100 %."""
+    """Both ends of the interval of a share [%], cut to 0 to 100."""
     return 100 * max(share.low, 0.0), 100 * min(share.high, 1.0)

@@ -30,7 +30,8 @@ SEEN_COLOR, ANCHOR_COLOR = (40, 46, 54), (110, 70, 150)
 REGION_SIZE = 0.07
 """Longest drawn error or semi-axis of a stated region [m]."""
 INSIDE_COLOR, OUTSIDE_COLOR = (*style.BLUE, 110), (*style.VERMILION, 150)
-MOVE_COLOR = (60, 66, 76, 160)
+IN_REGION_COLOR, MOVE_COLOR = (30, 40, 90), (60, 66, 76, 160)
+"""Of the errors that are drawn as large as the regions, and of the regions of one move."""
 WORLD = "world"
 """Root of what is drawn of the trial that is shown first."""
 ROBOT, TRACKER, ANCHORS, BEAM = "robot", "tracker", "anchors", "beam"
@@ -233,7 +234,7 @@ def held_out(shown: ShownTrial, root: str) -> dict[str, tuple[Any, dict[str, Arr
     for path, origin, times, color, radius in (
         (f"{root}/before_x{few}", nominal, few, style.BEFORE_COLOR, 0.0024),
         (f"{root}/after_x{few}", stated, few, style.AFTER_COLOR, 0.004),
-        (f"{root}/after_x{many}", stated, many, (30, 40, 90), 0.002),
+        (f"{root}/after_x{many}", stated, many, IN_REGION_COLOR, 0.002),
     ):
         arrows = {"origins": origin, "vectors": times * (true - origin)}
         found[path] = rr.Arrows3D, arrows, {"radii": radius, "colors": color}
