@@ -8,10 +8,11 @@ LETTER, LINE, BLANK, ROW, HEADING, ABOVE = 6.0, 15.2, 15.0, 23.0, 30.4, 20.0
 """Of Markdown in the viewer, measured in pictures: mean width of a letter, heights of a line, of an
 empty one, of a row of a table, of a heading with the gap below it, and of the margins."""
 TEXTS = {"now": (487, 128), "summary": (487, 173)}
+BELOW_NAMES = {"now": (487, 127), "summary": (487, 150)}
 BESIDE_TALL = {"now": (348, 300), "summary": (615, 209)}
 WITHOUT_PLANE = {"now": (487, 300), "summary": (615, 209)}
-"""Width and height of the windows of words in the three layouts, in a viewer of 1280 by 720."""
-LOW = (636, 209)
+"""Width and height of the windows of words in the four layouts, in a viewer of 1280 by 720."""
+LOW = (633, 194)
 """Width and height of the windows of planes below, in a viewer of 1280 by 720 [points]."""
 
 
@@ -44,9 +45,12 @@ def height(markdown, width):
 def unfitting(story):
     """Texts of a story that are higher than their windows, with both heights [points]."""
     panels = [chapter.panel for chapter in story.chapters if chapter.panel is not None]
-    windows = TEXTS if any(not panel.tall for panel in panels) else WITHOUT_PLANE
+    whole = BELOW_NAMES if story.windows else TEXTS
+    windows = whole if any(not panel.tall for panel in panels) else WITHOUT_PLANE
     windows = BESIDE_TALL if any(panel.tall for panel in panels) else windows
     texts = [("summary", story.summary)]
-    texts += [("now", "\n".join(filter(None, chapter.text))) for chapter in story.chapters]
+    texts += [("summary", window.summary) for window in story.windows if window.summary]
+    chapters = [*story.chapters, *(one for window in story.windows for one in window.chapters)]
+    texts += [("now", "\n".join(filter(None, chapter.text))) for chapter in chapters]
     found = [(text[:60], height(text, windows[name][0]), windows[name][1]) for name, text in texts]
     return [one for one in found if one[1] > one[2]]

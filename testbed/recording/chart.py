@@ -20,7 +20,7 @@ from testbed.recording.plane import LETTER, LINE, Word, grid_lines, words_of
 from testbed.recording.style import Color
 from testbed.recording.timeline import Phase
 
-SIZE = (620.0, 205.0)
+SIZE = (620.0, 193.0)
 """Width and height of the plane: somewhat smaller than its window in one of 1280 by 720."""
 LEFT, RIGHT, TICK, BOTTOM = 62.0, 18.0, 12.0, 35.0
 """Margins of a chart: for its numbers, below its legend, and for the numbers along it."""
@@ -163,7 +163,7 @@ class Axes:
             found.append(Word(x, y + 12, f"{mark:g}"))
         for mark in up:
             x, y = self.place(np.array(self.x[0]), np.array(mark))
-            text = f"{mark:g}"
+            text = f"{mark:g}".replace("e-0", "e-")
             found.append(Word(x - 8 - (LETTER * len(text) + 8) / 2, y - LINE / 2, text))
         return found
 
@@ -231,16 +231,22 @@ def ticks(low: float, high: float, most: int) -> Array:
     return np.asarray(np.round(found, 12)) + 0.0  # no minus before a zero
 
 
-def draw_charts(pen: Pen, phase: Phase, charts: Sequence[Chart]) -> None:
-    """The curves of a phase as scalars, and its charts on the plane while it lasts."""
+def draw_curves(pen: Pen, phase: Phase, charts: Sequence[Chart], words: str = "") -> None:
+    """The curves of a phase as scalars; their names begin with `words`."""
     import rerun as rr
 
     for chart in charts:
         for curve in chart.curves:
-            path = f"{chart.origin}/{curve.key}"
+            path = f"{words}{chart.origin}/{curve.key}"
             pen.rows(path, phase, rr.Scalars.columns(scalars=curve.values), curve.local)
             pen.static(path, rr.SeriesLines(colors=curve.color, names=curve.label, widths=2))
-    root, at = f"{ROOT}/{phase.name}", partial(pen.at, phase.start)
+
+
+def draw_charts(pen: Pen, phase: Phase, charts: Sequence[Chart], words: str = "") -> None:
+    """The charts of a phase on the plane while it lasts; their names begin with `words`."""
+    import rerun as rr
+
+    root, at = f"{words}{ROOT}/{phase.name}", partial(pen.at, phase.start)
     frames = frames_of(charts, len(phase.at))
     if not frames:
         return
@@ -261,8 +267,7 @@ def draw_charts(pen: Pen, phase: Phase, charts: Sequence[Chart]) -> None:
         small, cloud = rr.Radius.ui_points(2.5), np.concatenate(dots)
         points = rr.Points2D(cloud, colors=dyes, radii=small, draw_order=1.0)
         at(f"{root}/points", points)
-    words = [word for frame in frames for word in frame.words]
-    at(f"{root}/words", words_of(words))
+    at(f"{root}/words", words_of([word for frame in frames for word in frame.words]))
     _draw_cursor(pen, phase, root, frames)
     if phase.stop < pen.timeline.n_steps:
         pen.at(phase.stop, root, rr.Clear(recursive=True))

@@ -1,4 +1,4 @@
-"""The layout of the screen: windows on the cell, words, bar of phases, charts and planes."""
+"""The layout of the screens: a cell, words, bar of phases, charts and planes, for each window."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -9,7 +9,7 @@ from calib.arrays import Array
 from calib.geometry.chain import forward
 from calib.geometry.frames import rot_z
 from testbed.recording.chart import ROOT, SIZE
-from testbed.recording.story import Panel, Story, floor_height
+from testbed.recording.story import Chapter, Panel, Story, Window, floor_height
 from testbed.recording.timeline import Timeline
 from testbed.robots.placements import link_poses
 
@@ -18,8 +18,9 @@ WIDTHS = (1.5, 1.0), (1.0, 1.05, 1.55)
 """Of cell and texts, and of both beside a tall plane."""
 ROWS = (5.45, 0.9, 3.65)
 """Heights of cell, bar of phases and charts: in a window of 1280 by 720 all words have room."""
-TEXTS, FEWER_TEXTS = (0.82, 1.97, 2.66), (0.82, 4.63)
-"""Of the line, the words of now and, unless it stands beside the charts, the summary."""
+TEXTS, BELOW_NAMES, FEWER_TEXTS = (0.82, 1.97, 2.66), (0.82, 2.12, 2.51), (0.82, 4.63)
+"""Of the line, the words of now and, unless it stands beside the charts, the summary; the second
+where the names of windows take some height."""
 ASIDE, AT_TRACKER, AT_ROBOT = np.radians(140.0), (0.13, 3.12), (0.0, 2.2)
 """Camera: turned so far from the tracker's direction; where it looks and how far off it is, with a
 tracker in view and without one."""
@@ -35,28 +36,40 @@ def blueprint(story: Story, timeline: Timeline) -> Any:
     """
     import rerun.blueprint as rrb
 
-    panels = [chapter.panel for chapter in reversed(story.chapters) if chapter.panel is not None]
-    tall = [_plane(panel) for panel in panels if panel.tall]
-    low = [_plane(panel) for panel in panels if not panel.tall]
-    line = rrb.TextDocumentView(origin="/line", name="Line", titlebar=False)
-    now = rrb.TextDocumentView(origin="/now", name="Now", titlebar=False)
-    summary = rrb.TextDocumentView(origin="/summary", name="Summary", titlebar=False)
-    few = bool(tall) or not low  # beside a tall plane the words of now need all the room
-    texts, heights = ([line, now], FEWER_TEXTS) if few else ([line, now, summary], TEXTS)
-    low = [summary, *low] if few else low
-    above = [*_stacked(cells(story, timeline)), rrb.Vertical(*texts, row_shares=heights)]
-    charts = [_chart(), *_curves(story, timeline)]
+    screens = [_screen(story, timeline, window) for window in story.screens]
     return rrb.Blueprint(
-        rrb.Vertical(
-            rrb.Horizontal(*above, *_stacked(tall), column_shares=WIDTHS[bool(tall)]),
-            rrb.StateTimelineView(origin="/phase", name="Phase", titlebar=False),
-            rrb.Horizontal(rrb.Tabs(*charts, active_tab=0), *_stacked(low)),
-            row_shares=ROWS,
-        ),
+        screens[0] if len(screens) == 1 else rrb.Tabs(*screens, active_tab=0),
         rrb.BlueprintPanel(state="collapsed"),
         rrb.SelectionPanel(state="collapsed"),
         rrb.TimePanel(state="collapsed", timeline="step", fps=FRAMES_PER_SECOND),
         auto_views=False,
+    )
+
+
+def _screen(story: Story, timeline: Timeline, window: Window) -> Any:
+    """All that one window shows: its cell, words, charts and planes."""
+    import rerun.blueprint as rrb
+
+    chapters, at = story.chapters_in(window), window.words
+    panels = [chapter.panel for chapter in reversed(chapters) if chapter.panel is not None]
+    tall = [_plane(panel) for panel in panels if panel.tall]
+    low = [_plane(panel) for panel in panels if not panel.tall]
+    line, now, summary = (
+        rrb.TextDocumentView(origin=f"/{at}{name}", name=name.capitalize(), titlebar=False)
+        for name in ("line", "now", "summary")
+    )
+    few = bool(tall) or not low  # beside a tall plane the words of now need all the room
+    whole = BELOW_NAMES if story.windows else TEXTS
+    texts, heights = ([line, now], FEWER_TEXTS) if few else ([line, now, summary], whole)
+    low = [summary, *low] if few else low
+    above = [cell(story, timeline, window), rrb.Vertical(*texts, row_shares=heights)]
+    charts = [_chart(at), *_curves(chapters, timeline, window)]
+    return rrb.Vertical(
+        rrb.Horizontal(*above, *_stacked(tall), column_shares=WIDTHS[bool(tall)]),
+        rrb.StateTimelineView(origin="/phase", name="Phase", titlebar=False),
+        rrb.Horizontal(rrb.Tabs(*charts, active_tab=0), *_stacked(low)),
+        row_shares=ROWS,
+        name=window.name,
     )
 
 
@@ -67,30 +80,20 @@ def _stacked(views: Sequence[Any]) -> list[Any]:
     return [rrb.Tabs(*views, active_tab=0)] if len(views) > 1 else list(views)
 
 
-def cells(story: Story, timeline: Timeline) -> list[Any]:
-    """The windows on the cell: what is of one of them only, the others do not show."""
-    if not story.windows:
-        return [_cell(story, timeline, "Cell", "/world/**")]
-    return [
-        _cell(
-            story,
-            timeline,
-            f"Cell: {window.name}",
-            [
-                "+ /world/**",
-                *(f"- /{one.root}/**" for one in story.windows if one.root),
-                *(f"- /{path}" for path in window.hidden),
-                *([f"+ /{window.root}/**"] if window.root else []),
-            ],
-        )
-        for window in story.windows
-    ]
+def cell(story: Story, timeline: Timeline, window: Window) -> Any:
+    """The robot's cell, the robot in front and the tracker in the background.
 
-
-def _cell(story: Story, timeline: Timeline, name: str, contents: str | list[str]) -> Any:
-    """The robot's cell, the robot in front and the tracker in the background."""
+    What is of one window only, the others do not show.
+    """
     import rerun as rr
     import rerun.blueprint as rrb
+
+    contents = [
+        "+ /world/**",
+        *(f"- /{one.root}/**" for one in story.windows if one.root),
+        *(f"- /{path}" for path in window.hidden),
+        *([f"+ /{window.root}/**"] if window.root else []),
+    ]
 
     bodies = link_poses(story.chain, timeline.q)[:, :, :3, 3].reshape(-1, 3)
     tools = forward(story.chain, timeline.q)[:, :3, 3]
@@ -102,7 +105,8 @@ def _cell(story: Story, timeline: Timeline, name: str, contents: str | list[str]
     return rrb.Spatial3DView(
         origin="/world",
         contents=contents,
-        name=name,
+        name="Cell",
+        titlebar=False,
         background=[246, 247, 249],
         line_grid=rrb.LineGrid3D(
             visible=True,
@@ -174,29 +178,30 @@ def _plane(panel: Panel) -> Any:
     )
 
 
-def _chart() -> Any:
+def _chart(words: str) -> Any:
     """The window of the charts of the phase that is played."""
     import rerun.blueprint as rrb
 
     width, height = SIZE
     return rrb.Spatial2DView(
-        origin=f"/{ROOT}",
+        origin=f"/{words}{ROOT}",
         name="Chart",
         visual_bounds=rrb.VisualBounds2D(x_range=(0.0, width), y_range=(0.0, height)),
     )
 
 
-def _curves(story: Story, timeline: Timeline) -> list[Any]:
+def _curves(chapters: Sequence[Chapter], timeline: Timeline, window: Window) -> list[Any]:
     """The same curves over the steps of their phases, one behind the other, to read numbers off."""
     import rerun as rr
     import rerun.blueprint as rrb
 
     bound, views = rr.TimeRangeBoundary.absolute, []
-    for chapter, phase in zip(story.chapters, timeline.phases, strict=True):
+    for chapter, phase in zip(chapters, timeline.phases, strict=True):
+        words = window.words if window.owns(chapter) else ""
         stretch = rr.TimeRange(start=bound(seq=phase.start), end=bound(seq=phase.stop - 1))
         views += [
             rrb.TimeSeriesView(
-                origin=f"/{chart.origin}",
+                origin=f"/{words}{chart.origin}",
                 name=f"{chart.origin.replace('/', ', ')} by step",
                 plot_legend=rrb.PlotLegend(rrb.Corner2D.RightTop, visible=True),
                 axis_x=rrb.TimeAxis(view_range=stretch),

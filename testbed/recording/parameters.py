@@ -11,6 +11,8 @@ from testbed.recording.pen import Pen
 from testbed.recording.plane import LETTER, LINE, Word, draw_grid, draw_words
 from testbed.recording.story import Panel
 
+PARAMETERS = "parameters"
+"""Root of the entities."""
 TICKS, EDGE = (0, 2, 10, 100), 300.0
 LABELLED = (-1, 100), (1, 2), (1, 100)
 """Marks of the plot, those with a number, and where it clips, in stated standard uncertainties."""
@@ -21,13 +23,18 @@ BLOCKS = 4
 """Blocks side by side."""
 ROWS = MOST_ROWS // BLOCKS
 """Most rows of a block."""
-WIDTH, ROW = SIZE[0] / BLOCKS, (SIZE[1] - 1.5 * LINE) / ROWS
+WIDTH, ROW = (SIZE[0] - 6.0) / BLOCKS, (SIZE[1] - 1.5 * LINE) / ROWS
 NAME = 63.0
 """Width of a block that is for the names."""
 
 
 def draw_parameters(
-    pen: Pen, names: Sequence[str], error: Array, covered: Bool, steps: Index
+    pen: Pen,
+    names: Sequence[str],
+    error: Array,
+    covered: Bool,
+    steps: Index,
+    root: str = PARAMETERS,
 ) -> None:
     """Errors of all parameters, each in its row, at some steps of the timeline.
 
@@ -44,6 +51,8 @@ def draw_parameters(
         Whether the stated interval holds the truth.
     steps : (k,) array of int
         Where the rows lie on the timeline.
+    root : str
+        Of the entities.
     """
     import rerun as rr
 
@@ -55,19 +64,19 @@ def draw_parameters(
     inset = float(place(BAND))
     bands = [[[x, low + inset], [x, high - inset]] for x in blocks]
     band = rr.LineStrips2D(bands, colors=style.BAND_COLOR, radii=inset, draw_order=-30.0)
-    pen.static("parameters/band", band)
+    pen.static(f"{root}/band", band)
     ticks = [sign * tick for tick in TICKS for sign in (1, -1) if tick or sign > 0]
     lines = [
         [[x + float(place(t)), low], [x + float(place(t)), high]] for x in blocks for t in ticks
     ]
-    draw_grid(pen, "parameters/grid", lines, -20.0)
-    draw_words(pen, "parameters/words", parameter_words(names))
+    draw_grid(pen, f"{root}/grid", lines, -20.0)
+    draw_words(pen, f"{root}/words", parameter_words(names))
     x = middle + place(np.clip(error, -EDGE, EDGE))
     points = np.stack([x, np.broadcast_to(height, x.shape)], axis=-1).reshape(-1, 2)
     colors = np.where(covered[..., None], style.BLUE, style.VERMILION).astype(np.uint8)
     columns = rr.Points2D.columns(positions=points, colors=colors.reshape(-1, 3))
-    pen.every_step("parameters/error", columns.partition(np.full(len(steps), len(names))), steps)
-    pen.static("parameters/error", rr.Points2D.from_fields(radii=rr.Radius.ui_points(4.5)))
+    pen.every_step(f"{root}/error", columns.partition(np.full(len(steps), len(names))), steps)
+    pen.static(f"{root}/error", rr.Points2D.from_fields(radii=rr.Radius.ui_points(4.5)))
 
 
 def middles(count: int) -> Array:
@@ -96,7 +105,7 @@ def parameter_words(names: Sequence[str]) -> list[Word]:
     ]
     for x in np.unique(middle):
         found += [
-            Word(x + float(place(sign * tick)), ROW * (ROWS + 0.1), f"{sign * tick:d}")
+            Word(x + float(place(sign * tick)), ROW * (ROWS + 0.2), f"{sign * tick:d}")
             for sign, tick in LABELLED
         ]
     return found
@@ -108,9 +117,9 @@ def place(z: Array | float) -> Array:
     return np.asarray(half * np.arcsinh(z) / np.arcsinh(EDGE))
 
 
-def parameter_panel(count: int) -> Panel:
+def parameter_panel(count: int, root: str = PARAMETERS) -> Panel:
     """The window of the parameter plot with so many rows, all of them in view."""
     title = "Parameter error / stated u"
     if count > MOST_ROWS:
         title = f"Error / u: first {MOST_ROWS} of {count}"
-    return Panel("parameters", title, (0.0, SIZE[0]), (0.0, SIZE[1]))
+    return Panel(root, title, (0.0, SIZE[0]), (0.0, SIZE[1]))

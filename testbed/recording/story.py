@@ -54,15 +54,27 @@ class Chapter:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Window:
-    """One of several windows on the cell, to switch between."""
+    """One of several screens to switch between: a cell, words and charts of its own."""
 
     name: str
     root: str = ""
-    """Of the entities that no other window shows; the first one has none."""
+    """Of the entities of the cell that no other window shows; the first one has none."""
     hidden: Sequence[str] = ()
     """Entities of the others that it does not show."""
     draw: Callable[[Pen], None] = lambda _: None
-    """Draws what is its own."""
+    """Draws what is its own at all times."""
+    words: str = ""
+    """What the names of its words, charts and planes begin with; the first one has none."""
+    summary: str = ""
+    """In place of the story's, if it has one of its own."""
+    chapters: Sequence[Chapter] = ()
+    """Its own, each in place of the one of the story with the same name."""
+    timeline: Callable[[Timeline], Timeline] = lambda timeline: timeline
+    """Where its robot and its items are in the phases of the story."""
+
+    def owns(self, chapter: Chapter) -> bool:
+        """Whether a chapter is drawn for this window: its own, or the first window's."""
+        return not self.words or any(chapter is one for one in self.chapters)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -74,7 +86,7 @@ class Story:
     name: str
     """Its name for people."""
     summary: str
-    """Beside the cell at all times; Markdown."""
+    """Beside the cell or below it at all times; Markdown."""
     robot: Robot
     """Whose parts are drawn."""
     chain: Chain
@@ -90,6 +102,16 @@ class Story:
     """On the cell; none: there is but one."""
     has_tracker: bool = True
     """Whether one stands at the station, and has to be in view."""
+
+    @property
+    def screens(self) -> Sequence[Window]:
+        """All windows; the one there is without any."""
+        return self.windows or (Window("Cell"),)
+
+    def chapters_in(self, window: Window) -> Sequence[Chapter]:
+        """The chapters as a window shows them."""
+        own = {chapter.name: chapter for chapter in window.chapters}
+        return [own.get(chapter.name, chapter) for chapter in self.chapters]
 
 
 def numbered(what: str, count: int, says: Iterable[str] = ()) -> list[str]:

@@ -110,7 +110,12 @@ def glide(stops: Array, steps: int) -> Array:
 
 
 def resting(phase: Phase, count: int) -> Phase:
-    """The phase with other items, so many: each where a glide over all of it rests at its stop."""
+    """The phase with other items, so many: each where a glide over all of it rests at its stop.
+
+    A single one is there from the beginning.
+    """
+    if count == 1:
+        return replace(phase, at=np.array([phase.start]))
     steps = phase.stop - phase.start
     last = np.ceil((np.arange(count) + 1) * steps / count).astype(np.int64) - 1
     return replace(phase, at=phase.start + last)

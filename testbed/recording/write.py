@@ -9,10 +9,10 @@ from typing import Any
 
 from testbed.machine import RECORDING, require_room
 from testbed.recording.cell import draw_arm
-from testbed.recording.chart import draw_charts
+from testbed.recording.chart import draw_charts, draw_curves
 from testbed.recording.layout import blueprint
 from testbed.recording.pen import Pen
-from testbed.recording.story import Story, timeline_of
+from testbed.recording.story import Story, Window, timeline_of
 from testbed.recording.timeline import Timeline
 
 APPLICATION = "truebed"
@@ -69,28 +69,41 @@ def _draw(story: Story, pen: Pen) -> None:
     """The rows of a story."""
     import rerun as rr
 
-    timeline, markdown = pen.timeline, rr.MediaType.MARKDOWN
     pen.static("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP)
-    pen.static("summary", rr.TextDocument(story.summary, media_type=markdown))
     names = [chapter.name for chapter in story.chapters]
     colors = [chapter.color for chapter in story.chapters]
     pen.static("phase", rr.StateConfiguration(values=names, colors=colors))
-    draw_arm(pen, "world/robot", story.robot, timeline.q, (story.chain,))
+    for chapter, phase in zip(story.chapters, pen.timeline.phases, strict=True):
+        pen.at(phase.start, "phase", rr.StateChange(state=chapter.name))
+    draw_arm(pen, "world/robot", story.robot, pen.timeline.q, (story.chain,))
     story.draw(pen)
-    for window in story.windows:
-        window.draw(pen)
-    for chapter, phase in zip(story.chapters, timeline.phases, strict=True):
+    for window in story.screens:
+        own = Pen(pen.stream, window.timeline(pen.timeline))
+        window.draw(own)
+        _tell(own, story, window)
+
+
+def _tell(pen: Pen, story: Story, window: Window) -> None:
+    """The words and charts of a window, and what its own chapters draw."""
+    import rerun as rr
+
+    markdown, at = rr.MediaType.MARKDOWN, window.words
+    summary = window.summary or story.summary
+    pen.static(f"{at}summary", rr.TextDocument(summary, media_type=markdown))
+    for chapter, phase in zip(story.chapters_in(window), pen.timeline.phases, strict=True):
         text = "\n".join(line for line in chapter.text if line)
         text = re.sub(r"^#+ (.*)", r"**\1**", text)  # a heading would stand below a gap
-        pen.at(phase.start, "now", rr.TextDocument(text, media_type=markdown))
-        pen.at(phase.start, "phase", rr.StateChange(state=chapter.name))
-        draw_charts(pen, phase, chapter.charts)
-        pen.at(phase.start, "line", rr.TextDocument("", media_type=markdown))
+        pen.at(phase.start, f"{at}now", rr.TextDocument(text, media_type=markdown))
+        if not chapter.lines or phase.at[0] > phase.start:
+            pen.at(phase.start, f"{at}line", rr.TextDocument("", media_type=markdown))
         if chapter.lines:
             words = [f"### {line}" for line in chapter.lines]
             kinds = [markdown] * len(words)
-            pen.rows("line", phase, rr.TextDocument.columns(text=words, media_type=kinds))
-        chapter.draw(pen, phase)
+            pen.rows(f"{at}line", phase, rr.TextDocument.columns(text=words, media_type=kinds))
+        draw_charts(pen, phase, chapter.charts, at)
+        if window.owns(chapter):
+            draw_curves(pen, phase, chapter.charts, at)
+            chapter.draw(pen, phase)
 
 
 @contextmanager

@@ -208,25 +208,30 @@ def campaign_story(
     from testbed.recording.story import Story
     from testbed.studies.trial import recording as trial
     from testbed.studies.trial.recording_cell import show
-    from testbed.studies.trial.recording_others import other_windows
+    from testbed.studies.trial.recording_others import MOST_OTHERS, other_windows
     from testbed.studies.trial.verdict import trial_verdict
 
     scenario, setting = campaign.scenario, campaign.setting
     shown = show(campaign, campaign.trials[0])
     asked, answer = headline_answer(campaign, studies)
-    # where trials are the question, the answer is that of the trial which is shown
-    verdict = trial_verdict(campaign) if asked.name == GROUND.name else answer.verdict
+    summaries = {}
+    for one in campaign.trials[: 1 + MOST_OTHERS]:
+        led = led_by(campaign, one.name)
+        # where trials are the question, the answer is that of the trial which is shown
+        own = asked.name == GROUND.name
+        verdict = trial_verdict(led) if own else answer.verdict
+        summaries[one.name] = trial.summary(led, verdict.sentence, own=own)
     return Story(
         identity=f"{scenario.name}-{scenario.seed}-{shown.trial.name}",
         name=f"{scenario.name}, seed {scenario.seed}, {shown.trial.name}",
-        summary=trial.summary(campaign, verdict.sentence),
+        summary=summaries[shown.trial.name],
         robot=robot,
         chain=setting.nominal.chain,
         reach=setting.pool_nominal[:, :3, 3],
         station=setting.T_world_tracker[:3, 3],
         draw=lambda pen: trial.draw_scene(shown, scenario, robot, pen),
         chapters=chapters_of(campaign, studies),
-        windows=other_windows(campaign, shown, robot),
+        windows=other_windows(campaign, shown, robot, summaries),
     )
 
 

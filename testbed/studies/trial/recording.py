@@ -26,7 +26,7 @@ from testbed.studies.trial.set_records import RandomSets
 
 IDENTIFY_FRAMES = 72
 """Length of the phase in which the robot stays."""
-MOST_TRIALS = 4
+MOST_TRIALS = 3
 """Rows of the summary, which has to fit its window."""
 
 
@@ -118,7 +118,8 @@ def _identify(shown: ShownTrial) -> Chapter:
         covered[-1] = judged.parameter_inside
         alone = shown.estimate.judged
         names = tuple(compress(found.parameters.free_names, alone.tolist()))
-        parameters.draw_parameters(pen, names, (error / u)[:, alone], covered[:, alone], steps)
+        z, root = (error / u)[:, alone], f"{shown.words}{parameters.PARAMETERS}"
+        parameters.draw_parameters(pen, names, z, covered[:, alone], steps, root)
 
     return Chapter(
         name="identify",
@@ -135,7 +136,9 @@ def _identify(shown: ShownTrial) -> Chapter:
         draw=draw,
         lines=numbered("step", len(found.trace)),
         charts=(fit_chart(found.trace, found.dof),),
-        panel=parameters.parameter_panel(found.parameters.n_free),
+        panel=parameters.parameter_panel(
+            found.parameters.n_free, f"{shown.words}{parameters.PARAMETERS}"
+        ),
     )
 
 
@@ -173,16 +176,14 @@ def _evaluate(shown: ShownTrial) -> Chapter:
     )
 
 
-def summary(campaign: Campaign, verdict: str) -> str:
-    """Verdict first, then one row per trial, by its default estimator; the first one is shown."""
+def summary(campaign: Campaign, verdict: str, *, own: bool) -> str:
+    """Verdict first, then a row for each of some trials, by its default estimator.
+
+    The first trial is shown, and has no row where the verdict is its own.
+    """
     scenario, trials = campaign.scenario, campaign.trials
-    lines = [
-        f"**{SIMULATED}**: {scenario.name}, seed {scenario.seed}, trial {trials[0].name}",
-        "",
-        verdict,
-        "",
-    ]
-    for trial in trials[:MOST_TRIALS]:
+    lines = [f"**{SIMULATED}**: {scenario.name}, seed {scenario.seed}. {verdict}", ""]
+    for trial in trials[own : own + MOST_TRIALS]:
         estimate = trial.estimates[0]
         judged = estimate.comparison
         held = f"{int(estimate.inside.sum())}/{len(estimate.inside)}"

@@ -58,6 +58,10 @@ class ShownTrial:
     """The same of where one move ends; None where nothing tells."""
     arm: ElasticArm | None = None
     """The true arm at rest on its springs; None where nothing gives way."""
+    root: str = WORLD
+    """Of its entities in the cell."""
+    words: str = ""
+    """What the names of its planes begin with."""
 
     @property
     def error_name(self) -> str:
@@ -67,7 +71,7 @@ class ShownTrial:
     @property
     def ghost_path(self) -> str:
         """Root of the ghost's entities."""
-        return f"world/true_x{self.ghost}"
+        return f"{self.root}/true_x{self.ghost}"
 
     @property
     def ghost_words(self) -> str:
@@ -119,11 +123,11 @@ def tracked(setting: Setting, q: Array) -> Array:
     return target_points(setting.nominal.poses(q), setting.target)
 
 
-def draw_measured(shown: ShownTrial, pen: Pen, phase: Phase, root: str = WORLD) -> None:
+def draw_measured(shown: ShownTrial, pen: Pen, phase: Phase) -> None:
     """The beam, what the tracker has seen so far, and its distance from the nominal prediction."""
     import rerun as rr
 
-    setting, factor = shown.setting, shown.arrows
+    setting, factor, root = shown.setting, shown.arrows, shown.root
     found = shown.estimate.identification.model.fixtures
     station, table = setting.T_world_tracker[:3, 3], shown.trial.measurements
     start, target = beam(setting.nominal, found, station, table, phase.at, pen.timeline.q)
@@ -167,11 +171,11 @@ def beam(
     return starts[row], _placed(model.poses(q), targets(model.fixtures, table)[row])
 
 
-def draw_instruments(shown: ShownTrial, floor: float, pen: Pen, root: str = WORLD) -> None:
+def draw_instruments(shown: ShownTrial, floor: float, pen: Pen) -> None:
     """The tracker that looks at the target; further stations and anchors, where they were found."""
     import rerun as rr
 
-    fixtures = shown.estimate.identification.model.fixtures
+    fixtures, root = shown.estimate.identification.model.fixtures, shown.root
     target = tracked(shown.setting, pen.timeline.q)
     draw_station(pen, shown.setting.T_world_tracker, target, floor, f"{root}/{TRACKER}")
     for k, station in enumerate(fixtures.stations):
@@ -210,7 +214,7 @@ def _placed(T: Array, points: Array) -> Array:
 
 def draw_held_out(shown: ShownTrial, pen: Pen, phase: Phase) -> None:
     """What there is at held-out poses, as the robot comes to them."""
-    drawn = held_out(shown, f"{WORLD}/{HELD_OUT}")
+    drawn = held_out(shown)
     for path, (archetype, values, look) in drawn.items():
         pen.grow(path, phase, archetype, values, look)
     leaves = pen.timeline.moves_on(phase.stop)
@@ -218,7 +222,7 @@ def draw_held_out(shown: ShownTrial, pen: Pen, phase: Phase) -> None:
         pen.clear(leaves, *drawn)
 
 
-def held_out(shown: ShownTrial, root: str) -> dict[str, tuple[Any, dict[str, Array], Any]]:
+def held_out(shown: ShownTrial) -> dict[str, tuple[Any, dict[str, Array], Any]]:
     """True minus nominal, true minus identified, and the believed 95 % regions, of every pose.
 
     By entity: one of Rerun's archetypes, its rows, and what is alike for all. Before and after
@@ -227,7 +231,7 @@ def held_out(shown: ShownTrial, root: str) -> dict[str, tuple[Any, dict[str, Arr
     """
     import rerun as rr
 
-    setting = shown.setting
+    setting, root = shown.setting, f"{shown.root}/{HELD_OUT}"
     true = target_points(setting.test_true, setting.target)
     nominal, stated = tracked(setting, setting.test_q), shown.stated.position
     few, many, found = shown.arrows, shown.regions, dict[str, tuple[Any, dict[str, Array], Any]]()

@@ -10,7 +10,7 @@ from testbed.recording import style
 from testbed.recording.chart import Chart, Series, level
 from testbed.recording.pen import Pen
 from testbed.recording.story import Chapter, numbered
-from testbed.recording.timeline import Motion, Phase, visit
+from testbed.recording.timeline import Motion, Phase, spread, visit
 from testbed.studies.trial.recording_cell import CHOSEN, LEAVES, WORLD, ShownTrial
 from testbed.studies.trial.set_records import RandomSets
 
@@ -77,8 +77,8 @@ def shown_stops(shown: ShownTrial) -> Array:
 
 def _motion(stops: Array) -> Motion:
     """From pose to pose, as slowly as there is time for."""
-    if len(stops) == 1:
-        return visit(stops, FEWEST_FRAMES)
+    if len(stops) == 1:  # nothing is searched: the set is there at once
+        return spread(1, FEWEST_FRAMES, stops)
     return visit(stops, max(1, min(FRAMES, MOST_FRAMES // len(stops))))
 
 
@@ -87,11 +87,13 @@ def draw_exchanges(shown: ShownTrial, pen: Pen, phase: Phase) -> None:
     import rerun as rr
 
     places = shown.setting.pool_nominal[:, :3, 3]
-    pen.static("world/pool", rr.Points3D(places, radii=0.0028, colors=style.CANDIDATE_COLOR))
+    if shown.root == WORLD:  # the pool is the same for all
+        pool = rr.Points3D(places, radii=0.0028, colors=style.CANDIDATE_COLOR)
+        pen.static(f"{WORLD}/pool", pool)
     way, _ = sets_on_the_way(shown.trial.selection)
     left, _ = exchanged(way)
     chosen = rr.Points3D.columns(positions=places[way.ravel()])
-    set_path, left_path = f"{WORLD}/{CHOSEN}", f"{WORLD}/{LEAVES}"
+    set_path, left_path = f"{shown.root}/{CHOSEN}", f"{shown.root}/{LEAVES}"
     pen.rows(set_path, phase, chosen.partition(np.full(len(way), way.shape[1])))
     pen.static(set_path, rr.Points3D.from_fields(radii=0.009, colors=style.CHOSEN_COLOR))
     pen.clear(pen.timeline.phase("identify").stop, set_path)

@@ -13,10 +13,15 @@ from calib.errors import InputError
 from calib.geometry.fixtures import Fixtures
 from calib.geometry.frames import step_transform
 from calib.measurement import tables
+from calib.measurement.accuracy import position_errors
 from calib.measurement.observations import joined
 from testbed.cli import app
-from testbed.recording.layout import cells
+from testbed.recording.chart import Chart, Series
+from testbed.recording.layout import blueprint, cell
+from testbed.recording.parameters import middles, place
+from testbed.recording.story import Window, timeline_of
 from testbed.recording.timeline import visit
+from testbed.recording.write import story_bytes
 from testbed.robots.catalog import load_robot
 from testbed.robots.placements import placements
 from testbed.run.derive import led_by
@@ -29,7 +34,16 @@ from testbed.studies.trial.recording_cell import beam, predicted_places, seen_pl
 from testbed.studies.trial.recording_others import other_windows, own_timeline
 from tests import campaign as tests_campaign
 from tests import recorded, viewed
-from tests.recorded import column, properties, record, small_campaign, store, structure
+from tests.recorded import (
+    column,
+    properties,
+    record,
+    scalars,
+    small_campaign,
+    store,
+    structure,
+    told,
+)
 from tests.reference import pool_r
 from tests.reported import SMALL, played
 from tests.toy_story import STOPS, story
@@ -154,7 +168,7 @@ def test_another_trial_is_shown_like_the_first(tmp_path):
         {
             re.sub("/trials/[^/ ]+", "/trials/OTHER", line)
             for line in structure(store(path))
-            if line.split()[0] not in index
+            if re.sub("(/world)?/trials/[^/]+", r"\1", line.split()[0]) not in index
         }
         for path in (first, second)
     ]
@@ -263,11 +277,12 @@ def test_each_trial_has_a_window_that_hides_what_is_of_the_others(tmp_path):
     campaign = small_campaign()
     first, other = campaign.trials
     shown = recorded.shown(campaign)
-    windows = other_windows(campaign, shown, load_robot(campaign.scenario.robot))
+    windows = told(campaign).windows
     assert [window.name for window in windows] == [first.name, other.name]
     opened = store(record(tmp_path / "both.rrd"))
     entities = {line.split()[0] for line in opened.summary().splitlines()}
-    views = cells(story_of(windows), recorded.timeline(campaign))
+    lines = recorded.timeline(campaign)
+    views = [cell(story_of(windows), lines, window) for window in windows]
     seen = [
         {one for one in entities if one.startswith("/world") and shows(view.contents, one)}
         for view in views
@@ -279,6 +294,8 @@ def test_each_trial_has_a_window_that_hides_what_is_of_the_others(tmp_path):
         assert gone in seen[0], gone
         assert gone not in seen[1], gone
     assert not any(one.startswith((f"/{shown.ghost_path}", "/world/held_out")) for one in seen[1])
+    ghost = f"{own}/true_x{shown.ghost}"  # as much larger than life as that of the first
+    assert any(one.startswith(ghost) for one in seen[1])
     # what both have: the candidates; robot and tracker stand twice, each on its own way
     assert "/world/pool" in seen[0] & seen[1]
     for name in ("robot", "tracker"):
@@ -287,7 +304,7 @@ def test_each_trial_has_a_window_that_hides_what_is_of_the_others(tmp_path):
         assert {one.replace("/world", own, 1) for one in parts} <= seen[1] - seen[0]
     last = np.array(column(opened, f"{own}/measured", "Points3D:positions")[1][-1])
     assert np.array_equal(last, other.measurements.position.astype(np.float32))
-    after = column(opened, f"{own}/held_out/after_x{shown.arrows}", "Arrows3D:vectors")[1][0]
+    after = column(opened, f"{own}/held_out/after_x{shown.arrows}", "Arrows3D:vectors")[1][-1]
     judged = other.estimates[0].comparison
     np.testing.assert_allclose(
         np.linalg.norm(after, axis=1), shown.arrows * judged.after, rtol=0, atol=1e-5
@@ -297,7 +314,95 @@ def test_each_trial_has_a_window_that_hides_what_is_of_the_others(tmp_path):
 def test_a_trial_alone_has_the_one_window(tmp_path):
     campaign = small_campaign()
     alone = replace(campaign, trials=campaign.trials[:1])
-    assert other_windows(alone, recorded.shown(alone), load_robot("staubli_tx60")) == ()
+    assert other_windows(alone, recorded.shown(alone), load_robot("staubli_tx60"), {}) == ()
+
+
+def test_each_window_has_words_curves_and_parameters_of_its_own(tmp_path):
+    """By the numbers of its trial, on the steps at which its own robot is at its poses."""
+    scenario = changed(load_scenario("quick"), {**SMALL, **TWO})
+    campaign = tests_campaign.played(scenario)
+    one, other = campaign.trials
+    path = record(tmp_path / "two.rrd", campaign)
+    opened, lines = store(path), recorded.timeline(campaign)
+    own = own_timeline(show(campaign, other), lines)
+    assert (len(one.measurements), len(other.measurements)) == (14, 16)
+    for words, trial, phases in (("", one, lines), ("/trials/other", other, own)):
+        judged, found = trial.estimates[0].comparison, trial.estimates[0].identification
+        at, values = scalars(opened, f"{words}/measure/nominal")
+        table = trial.measurements
+        off = position_errors(seen_as_poses(table), campaign.setting.nominal.poses(table.q))
+        assert np.abs(values - 1e3 * off).max() < 1e-12  # a norm of numbers near 1 m, in mm
+        assert np.array_equal(at, phases.phase("measure").at)
+        at, values = scalars(opened, f"{words}/evaluate/after")
+        assert np.array_equal(values, 1e3 * judged.after)
+        assert np.array_equal(at, lines.phase("evaluate").at)
+        steps, texts = column(opened, f"{words}/line", "TextDocument:text")
+        said = dict(zip(steps.tolist(), (text[0] for text in texts), strict=True))
+        at = phases.phase("measure").at
+        assert said[at[-1]] == f"### pose {len(table)} of {len(table)}, {1e3 * off[-1]:.2f} mm off"
+        assert said[phases.phase("select").at[0]].startswith("### set 1 of 1")
+        (summary,) = column_static(opened, f"{words}/summary", "TextDocument:text")
+        assert f"{trial.name} brings" in summary[0]
+        listed = [line for line in summary[0].splitlines() if line.startswith("- ")]
+        assert [line[2:].partition(":")[0] for line in listed] == [
+            t.name for t in campaign.trials if t is not trial
+        ]
+        points = column(opened, f"{words}/parameters/error", "Points2D:positions")[1][-1]
+        z = (judged.true_step - found.step) / found.standard_uncertainty
+        off = np.array(points)[:, 0] - middles(len(points))
+        assert np.sinh(off / place(1.0) * np.arcsinh(1.0)) == pytest.approx(z, rel=1e-4, abs=1e-5)
+    told_now = column(opened, "/trials/other/now", "TextDocument:text")[1]
+    assert [text[0].splitlines()[0] for text in told_now][1] == "**2 Measure: other**"
+    # nothing of the pool, which both share, is in the file twice
+    assert opened.summary().count("/pool ") == 1
+    assert viewed.view_reports(path, steps=(lines.phase("measure").at[3],)) == ()
+
+
+def test_a_chapter_for_all_trials_is_drawn_once_and_told_in_every_window(tmp_path):
+    """Its curves too: each window looks at those of the first."""
+    values = np.array([3.0, 1.0, 2.0])
+    shared = replace(
+        toy_chapter("shared", visit(STOPS)),
+        charts=(Chart("shared", "u by item", (Series("u", values, (9, 9, 9)),)),),
+        lines=("one", "two", "three"),
+    )
+    mine = replace(toy_chapter("first", visit(STOPS)), text=("#### Mine", "- mine"))
+    whole = replace(
+        story(toy_chapter("first", visit(STOPS)), shared),
+        windows=(Window("a"), Window("b", "world/b", words="b/", summary="Own.", chapters=(mine,))),
+    )
+    (tmp_path / "toy.rrd").write_bytes(story_bytes(whole))
+    opened, phases = store(tmp_path / "toy.rrd"), timeline_of(whole.chapters).phases
+    entities = {line.split()[0] for line in opened.summary().splitlines()}
+    assert "/shared/u" in entities
+    assert "/b/shared/u" not in entities
+    assert {"/chart/shared/curves", "/b/chart/shared/curves"} <= entities
+    for words, texts in (("", ["Toy", "Toy"]), ("/b", ["Mine", "Toy"])):
+        steps, said = column(opened, f"{words}/now", "TextDocument:text")
+        assert steps.tolist() == [phase.start for phase in phases]
+        assert [text[0].splitlines()[0].strip("*") for text in said] == texts
+        lines = column(opened, f"{words}/line", "TextDocument:text")[1]
+        assert [text[0] for text in lines][2:] == ["### one", "### two", "### three"]
+    screens = blueprint(whole, timeline_of(whole.chapters)).root_container
+    assert [screen.name for screen in screens.contents] == ["a", "b"]
+    (charts, _) = screens.contents[1].contents[2].contents
+    assert [view.origin for view in charts.contents] == ["/b/chart", "/shared"]
+
+
+def seen_as_poses(table):
+    """Measured points (m, 4, 4), not turned."""
+    T = np.broadcast_to(np.eye(4), (len(table), 4, 4)).copy()
+    T[:, :3, 3] = table.position
+    return T
+
+
+def column_static(opened, entity, component):
+    """Cells of a component that holds at all times."""
+    found = []
+    for chunk in opened.stream().filter(content=entity):
+        batch = chunk.to_record_batch()
+        found += batch[component].to_pylist() if component in batch.schema.names else []
+    return found
 
 
 def test_in_its_window_the_robot_goes_through_the_trials_own_poses(tmp_path):
@@ -312,6 +417,7 @@ def test_in_its_window_the_robot_goes_through_the_trials_own_poses(tmp_path):
     assert len(at) == len(other) != len(lines.phase("measure").at)
     assert (np.diff(at) > 0).all()
     assert lines.phase("measure").start <= at[0]
+    assert own.phase("select").at.tolist() == [0]  # random: the set is there at once
     assert at[-1] < lines.phase("measure").stop
     # before + (stop - before): a rounding of angles of a few radians
     np.testing.assert_allclose(own.q[at], other.q, rtol=0, atol=4e-15)

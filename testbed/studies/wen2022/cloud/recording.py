@@ -26,6 +26,8 @@ class Look:
     """How a cloud and what belongs to it are drawn."""
 
     name: str
+    short: str
+    """In a legend."""
     color: Color
     """Of dots, box and curve."""
     label: Color
@@ -37,8 +39,8 @@ class Look:
 
 
 LOOKS = (
-    Look("optimal set", style.BLUE, (205, 225, 255), 1.7, 1),
-    Look("random sets", style.ORANGE, (255, 225, 185), 1.1, -1),
+    Look("optimal set", "optimal", style.BLUE, (205, 225, 255), 1.7, 1),
+    Look("random sets", "random", style.ORANGE, (255, 225, 185), 1.1, -1),
 )
 FEWEST, STAGES = 10, 24
 """Draws at first, and the steps in which they become all of them."""
@@ -93,7 +95,7 @@ def charts(clouds: Mapping[str, tuple[Cloud, Cloud]]) -> tuple[Chart, ...]:
             counts = stages(len(cloud.points))
             reach = [np.ptp(cloud.points[:count, 0]) / 2 / cloud.u[0] for count in counts]
             key = cloud.source.replace(" ", "_")
-            curves.append(Series(key, np.array(reach), look.color, look.name, local))
+            curves.append(Series(key, np.array(reach), look.color, look.short, local))
         counts = stages(len(pair[0].points))
         expected = mean_half_width(counts.tolist())
         curves.append(Series(f"normal_{k}", expected, style.MUTED_COLOR, "normal", local))
