@@ -70,7 +70,7 @@ def test_an_animated_picture_keeps_the_colors_and_the_speed(shots, tmp_path):
         for k, color in enumerate((style.VERMILION, style.BLUE, style.GHOST_COLOR[:3])):
             film.seek(k)
             seen = np.array(film.convert("RGB"))[120, 120].astype(int)
-            assert np.abs(seen - color).max() <= 8
+            assert np.abs(seen - color).max() <= 8  # of 256: the palette has as many colors
 
 
 def test_an_encoder_gets_every_picture_and_their_rate(shots, ffmpeg, tmp_path):

@@ -91,7 +91,8 @@ def test_the_believed_region_holds_what_is_shared():
     np.testing.assert_allclose(
         believed, whole[np.ix_(index, index)] / np.outer(own, own), atol=1e-12
     )
-    # the ball that is believed is no smaller than what is shared alone: 95 % of a Gaussian
+    # the ball that is believed is no smaller than that of what is shared alone: of a Gaussian R95
+    # is 1.61 times its u or more, least where it is round: sqrt(7.81 / 3), by chi-square of 3
     assert found.proof.point.radius_mean > 1.6 * found.shared.combined
 
 
@@ -104,6 +105,7 @@ def test_the_report_and_the_results_have_both_columns_and_the_words():
     assert numbers["u_3d_mm"] == pytest.approx(found.shared.combined * 1e3)
     for k, name in enumerate(found.shared.names):
         at_tool, seen, words = rows[name]
+        # both are written to two decimals
         assert float(at_tool) == pytest.approx(found.shared.at_tool[k] / UM, abs=0.006)
         assert float(seen) == pytest.approx(found.shared.seen[k] / UM, abs=0.006)
         assert (words == "no") == (name in found.shared.hidden)

@@ -166,7 +166,7 @@ def test_without_a_need_no_prior_is_spoken_of():
     halves = [off[name][0] for name, how in held.items() if how == SHARED]
     # without that word these had the U of the others, which does not hold them
     least = min(U for name, (_, U) in off.items() if U is not None and name[0] in "tb")
-    assert max(halves) > 4 * least
+    assert max(halves) > 4 * least  # eight u: by no chance
 
 
 def test_a_number_beyond_its_tolerance_is_told():
