@@ -63,8 +63,8 @@ def unusable(path: Path, found: str) -> InputError:
             fix = f"open {path / 'plan_report.html'}, or type truebed view {quoted}"
         case "iso9283":
             told = f"is {layout.OWNERS[layout.ISO9283]}"
-            allowed = "it has a report and no recording"
-            fix = f"open {path / layout.REPORT}"
+            allowed = "its report was written with it and is not made again"
+            fix = f"open {path / layout.REPORT}, or type truebed view {quoted}"
         case "session":
             told, allowed = "holds measurements to identify a robot from", ""
             fix = f"truebed identify ROBOT {quoted}"
@@ -101,12 +101,19 @@ def recording_in(path: Path, trial: str | None) -> Path:
 
     if path.suffix == layout.RECORDING_ENDING and not is_there(path, Path.is_dir):
         return recording_of(path, trial)
-    if require(path, (*AGAIN, PLAN)) != PLAN:
+    found = require(path, (*AGAIN, PLAN, ISO9283))
+    if found in AGAIN:
         return recording_of(path, trial)
+    refuse_trial(path, trial, found)
+    return path / (layout.PLAYED_PLAN if found == PLAN else layout.PLAYED_TEST)
+
+
+def refuse_trial(path: Path, trial: str | None, found: str) -> None:
+    """Refuse the name of a trial where there are none; C41."""
     if trial is not None:
-        message = f"--trial is {trial}, and {path} is a plan's folder, which has no trials"
+        owner = layout.OWNERS[layout.PLAN if found == PLAN else layout.ISO9283]
+        message = f"--trial is {trial}, and {path} is {owner}, which has no trials"
         raise refuse("--trial", trial, code="C41", message=message, fix="leave --trial out")
-    return path / "plan.rrd"
 
 
 def by_kind(paths: Sequence[Path]) -> dict[str, list[Path]]:

@@ -153,13 +153,18 @@ def report(
 def record(folder: Run, trial: Trial = None, plain: Plain = False, debug: Debug = False) -> None:
     """Write the recording again from the records, or that of another trial."""
     with exit_codes(debug=debug, plain=plain) as end:
-        from testbed.cli.folders import AGAIN, require
+        from testbed.cli.folders import AGAIN, ISO9283, refuse_trial, require
         from testbed.run.play import record_trial
         from testbed.store.layout import RECORDING
 
-        require(folder, AGAIN)
+        found = require(folder, (*AGAIN, ISO9283))
         end.folder = folder
-        if trial is None:
+        if found == ISO9283:
+            from testbed.iso9283.folder import record_again
+
+            refuse_trial(folder, trial, found)
+            say(str(record_again(folder)))
+        elif trial is None:
             derive_again(folder, (RECORDING,))
             say(str(folder / RECORDING))
         else:

@@ -209,6 +209,7 @@ def iso9283(
             say()
             say(f"Figures    {folder / ISO9283}")
             say(f"Report     {folder / REPORT}")
+            say(f"Next       truebed view {folder}")
 
 
 def folder_of(data: Path, ending: str) -> Path:

@@ -26,6 +26,7 @@ from testbed.iso9283.words import (
 )
 from testbed.jobsheet.report import Row, job_rows, job_section
 from testbed.report.page import Block, Page, Points, Section, Table, Text, record_section
+from testbed.store.layout import PLAYED_TEST
 from testbed.units import sentences
 
 WORST = ("AP", "RP", "AP_angle", "RP_angle_x", "RP_angle_y", "RP_angle_z", "vAP", "AD", "RD",
@@ -67,6 +68,7 @@ def page_of(result: CycleResult, versions: Mapping[str, str]) -> Page:
         headline=headline(result),
         next_step=next_step(result),
         sections=tuple(section for section in sections if section is not None),
+        recording=PLAYED_TEST,
     )
 
 

@@ -11,7 +11,7 @@ from testbed.report.text import csv_text
 from testbed.store.quantities import METRE, RADIAN, Quantity, as_json, below, unitless
 
 FORMAT = 1
-KIND = "iso9283"
+KIND, FILES = "iso9283", "files_sha256"
 
 
 def headline(result: CycleResult) -> dict[str, Any]:
@@ -23,7 +23,7 @@ def headline(result: CycleResult) -> dict[str, Any]:
         "notice": notice(result),
         "standard": STANDARD,
         "test": test.name,
-        "files_sha256": {one.path.name: one.sha256 for one in test.files},
+        FILES: {one.path.name: one.sha256 for one in test.files},
         "verdict/mark": mark(result),
         "verdict/sentence": verdict(result),
         "verdict/reasons": reasons(result),

@@ -217,6 +217,11 @@ def _too_few(result: CycleResult) -> list[str]:
     return texts
 
 
+def drift_words(result: CycleResult) -> str:
+    """Whether the robot drifts, or why that was not tested; empty without poses."""
+    return next(iter([*_drift_told(result), *_drifting(result)]), "")
+
+
 def _drift_told(result: CycleResult) -> list[str]:
     """Drift in one sentence, where it was tested."""
     if not result.drifts:

@@ -19,7 +19,7 @@ from testbed.report.page import SIMULATED
 from testbed.robots.catalog import Robot, load_robot
 from testbed.scenario.read import dump_scenario
 from testbed.scenario.scenario import Scenario
-from testbed.store.layout import PLAN, SCENARIO
+from testbed.store.layout import PLAN, PLAYED_PLAN, SCENARIO
 from testbed.store.npz import pretty_json
 from testbed.store.whole_folder import check_free, whole_folder
 from testbed.units import counted
@@ -29,7 +29,7 @@ ACCELERATION = 1.4
 """Of the joint that turns farthest, URScript [rad/s^2]."""
 JOINTS = 6
 """These programs are for arms with so many turning joints."""
-TABLE, REPORT, RECORDING = "plan.csv", "plan_report.html", "plan.rrd"
+TABLE, REPORT, RECORDING = "plan.csv", "plan_report.html", PLAYED_PLAN
 GOAL = "goal.csv"
 
 

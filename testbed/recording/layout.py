@@ -6,12 +6,10 @@ from typing import Any
 import numpy as np
 
 from calib.arrays import Array
-from calib.geometry.chain import forward
 from calib.geometry.frames import rot_z
 from testbed.recording.chart import ROOT, SIZE
-from testbed.recording.story import Chapter, Panel, Story, Window, floor_height
+from testbed.recording.story import Chapter, Panel, Story, Window
 from testbed.recording.timeline import Timeline
-from testbed.robots.placements import link_poses
 
 FRAMES_PER_SECOND = 24.0
 WIDTHS = (1.5, 1.0), (1.0, 1.05, 1.55)
@@ -95,11 +93,13 @@ def cell(story: Story, timeline: Timeline, window: Window) -> Any:
         *([f"+ /{window.root}/**"] if window.root else []),
     ]
 
-    bodies = link_poses(story.chain, timeline.q)[:, :, :3, 3].reshape(-1, 3)
-    tools = forward(story.chain, timeline.q)[:, :3, 3]
-    drawn = np.vstack([bodies, tools, *([story.station] if story.has_tracker else [])])
+    moving = story.moving(timeline.q)
+    beside = [story.station] if story.has_tracker else []
+    drawn = np.vstack([moving, *beside, *([story.reach] if story.chain is None else [])])
     tall = any(one.panel is not None and one.panel.tall for one in story.chapters)
-    base, aspect = story.chain.T_world_base[:3, 3], TALL_ASPECT if tall else ASPECT
+    middle = story.reach.mean(axis=0)
+    base = middle if story.chain is None else story.chain.T_world_base[:3, 3]
+    aspect = TALL_ASPECT if tall else ASPECT
     look = AT_TRACKER if story.has_tracker else AT_ROBOT
     position, target = camera(story.reach, base, story.station, drawn, aspect, look)
     return rrb.Spatial3DView(
@@ -111,7 +111,7 @@ def cell(story: Story, timeline: Timeline, window: Window) -> Any:
         line_grid=rrb.LineGrid3D(
             visible=True,
             spacing=0.25,
-            plane=rr.components.Plane3D.XY.with_distance(floor_height(story.chain, story.robot)),
+            plane=rr.components.Plane3D.XY.with_distance(story.floor),
             color=[120, 130, 140, 70],
         ),
         eye_controls=rrb.EyeControls3D(

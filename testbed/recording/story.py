@@ -6,12 +6,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from calib.arrays import Array
-from calib.geometry.chain import Chain
+from calib.geometry.chain import Chain, forward
 from calib.geometry.frames import slide
 from testbed.recording.chart import Chart
 from testbed.recording.pen import Pen
 from testbed.recording.style import Color
 from testbed.recording.timeline import Motion, Phase, Timeline
+from testbed.robots.placements import link_poses
 from testbed.robots.robot import Robot
 
 
@@ -87,10 +88,10 @@ class Story:
     """Its name for people."""
     summary: str
     """Beside the cell or below it at all times; Markdown."""
-    robot: Robot
-    """Whose parts are drawn."""
-    chain: Chain
-    """Where they are drawn."""
+    robot: Robot | None
+    """Whose parts are drawn; None where nobody said which robot it is."""
+    chain: Chain | None
+    """Where they are drawn; None: what moves is a point, and a motion is its places [m]."""
     reach: Array
     """(m, 3) tool positions that the camera keeps in view [m]."""
     station: Array
@@ -102,6 +103,20 @@ class Story:
     """On the cell; none: there is but one."""
     has_tracker: bool = True
     """Whether one stands at the station, and has to be in view."""
+
+    @property
+    def floor(self) -> float:
+        """Height of the floor in the world; without a robot that of the lowest point [m]."""
+        if self.robot is None or self.chain is None:
+            return float(self.reach[:, 2].min())
+        return floor_height(self.chain, self.robot)
+
+    def moving(self, q: Array) -> Array:
+        """Places (k, 3) of bodies and tools at joint values (s, n) [m]."""
+        if self.chain is None:
+            return q
+        bodies = link_poses(self.chain, q)[:, :, :3, 3].reshape(-1, 3)
+        return np.vstack([bodies, forward(self.chain, q)[:, :3, 3]])
 
     @property
     def screens(self) -> Sequence[Window]:

@@ -75,7 +75,8 @@ def _draw(story: Story, pen: Pen) -> None:
     pen.static("phase", rr.StateConfiguration(values=names, colors=colors))
     for chapter, phase in zip(story.chapters, pen.timeline.phases, strict=True):
         pen.at(phase.start, "phase", rr.StateChange(state=chapter.name))
-    draw_arm(pen, "world/robot", story.robot, pen.timeline.q, (story.chain,))
+    if story.robot is not None and story.chain is not None:
+        draw_arm(pen, "world/robot", story.robot, pen.timeline.q, (story.chain,))
     story.draw(pen)
     for window in story.screens:
         own = Pen(pen.stream, window.timeline(pen.timeline))

@@ -18,6 +18,8 @@ TIMING, LOG, UNFINISHED = "timing.json", "log.jsonl", "UNFINISHED.txt"
 CRASH = "crash.txt"
 """Traceback of a defect of ours."""
 PLAN, ISO9283 = "plan.json", "iso9283.csv"
+PLAYED_PLAN, PLAYED_TEST, TEST = "plan.rrd", "iso9283.rrd", "test.npz"
+"""Their recordings, and the record from which that of a test is written again."""
 OWNERS = {
     PLAN: "a plan's folder",
     ISO9283: "the folder of a test after ISO 9283",

@@ -41,11 +41,13 @@ def test_the_command_writes_a_folder_and_says_what_came_out(done):
     out, result = done
     assert result.exit_code == 0, result.output
     names = {path.name for path in out.iterdir()}
-    assert names == {"report.html", "result.json", "iso9283.csv", "job_sheet.csv"}
+    assert names == {
+        "report.html", "result.json", "iso9283.csv", "job_sheet.csv", "test.npz", "iso9283.rrd"
+    }  # fmt: skip
     lines = result.stdout.splitlines()
     assert lines[0] == "MEASURED - a test report, not a certificate of traceability"
     assert any(line.startswith("Verdict: PASS at the stated limits.") for line in lines)
-    assert lines[-1] == f"Report     {out / 'report.html'}"
+    assert lines[-2:] == [f"Report     {out / 'report.html'}", f"Next       truebed view {out}"]
     document = json.loads((out / "result.json").read_text())
     assert document["verdict"]["decision"] == "PASS"
     assert document["figures"]["AP"]["P1"]["value_um"] == pytest.approx(80, abs=1e-4)
