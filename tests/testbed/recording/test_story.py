@@ -196,7 +196,7 @@ def test_recordings_leave_no_thread_and_no_memory_behind():
         story_bytes(one)
     before = held()
     for _ in range(10):
-        assert len(story_bytes(one)) > 1e5
+        assert len(story_bytes(one)) > 1e5  # a whole one: the robot's meshes are in it
     after = held()
     assert after["Threads"] <= before["Threads"]
     assert after["VmRSS"] - before["VmRSS"] < 20e3  # kB

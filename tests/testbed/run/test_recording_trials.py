@@ -438,7 +438,7 @@ def test_in_its_window_the_robot_goes_through_the_trials_own_poses(tmp_path):
     frames = placements(setting.nominal.chain).frames[0]
     half = 0.5 * (other.q[:, 0] + np.arctan2(frames[1, 0], frames[0, 0]))
     # a quaternion and its negative are one turn
-    np.testing.assert_allclose(np.abs(z), np.abs(np.c_[np.sin(half), np.cos(half)]), atol=1e-6)
+    np.testing.assert_allclose(np.abs(z), np.abs(np.c_[np.sin(half), np.cos(half)]), atol=SINGLE)
     assert not np.allclose([first[step][0] for step in at], [turned[step][0] for step in at])
 
 
