@@ -63,6 +63,8 @@ def frames(rrd: str | Path, most: int) -> Iterator[tuple[int, Iterator[bytes]]]:
         As `viewer.picture`.
     """
     with viewer.headless(viewer.existing(rrd), SIZE) as client:
+        # a viewer begins to play as it starts: all that it draws until the notes fade is lost
+        client.set_time("step", sequence=0, play_state="paused")
         viewer.paint(client)
         time.sleep(viewer.NOTES_FADE)
         (recording,) = client.get_state().recordings
