@@ -6,7 +6,7 @@ too, exactly as the record has them.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from textwrap import wrap
 
@@ -104,8 +104,12 @@ class Axes:
     width: float
     x: tuple[float, float]
     y: tuple[float, float]
+    names: Sequence[Word]
+    """Its legend."""
     is_log: bool = False
     """Whether the numbers beside it count decades."""
+    shows_names: bool = True
+    """Whether its legend is drawn; not where that of the chart before it stands for both."""
 
     def place(self, across: Array, values: Array) -> Array:
         """Points (k, 2) of the plane."""
@@ -114,7 +118,7 @@ class Axes:
         low, top = self.scaled(np.array(self.y))
         up = (self.scaled(values) - low) / (top - low)
         start = self.left + LEFT
-        top = self._names[-1].y + LINE + TICK
+        top = self.names[-1].y + LINE + TICK
         return np.stack([start + along * (right - start), high - up * (high - top)], axis=-1)
 
     def scaled(self, values: Array) -> Array:
@@ -145,8 +149,9 @@ class Axes:
 
     @property
     def samples(self) -> Array:
-        """Lines (curves, 2, 2) before the names of the legend."""
-        lines = [(word.box[0] - SAMPLE + 2, word.y + LINE / 2) for word in self._names]
+        """Lines (curves, 2, 2) before the names of the legend that is drawn."""
+        shown = self.names if self.shows_names else ()
+        lines = [(word.box[0] - SAMPLE + 2, word.y + LINE / 2) for word in shown]
         return np.array([[[x, y], [x + SAMPLE - 6, y]] for x, y in lines])
 
     @property
@@ -155,9 +160,9 @@ class Axes:
         along, up = self.marks
         found = [
             Word(self.left + LETTER * len(line) / 2 + 12, 2 + k * LINE, line)
-            for k, line in enumerate(self._title)
+            for k, line in enumerate(title_lines(self.chart, self.width))
         ]
-        found += self._names
+        found += self.names if self.shows_names else ()
         for mark in along:
             x, y = self.place(np.array(mark), np.array(self.y[0]))
             found.append(Word(x, y + 12, f"{mark:g}"))
@@ -167,32 +172,40 @@ class Axes:
             found.append(Word(x - 8 - (LETTER * len(text) + 8) / 2, y - LINE / 2, text))
         return found
 
-    @property
-    def _title(self) -> list[str]:
-        """The title, in as many lines as it needs."""
-        return wrap(self.chart.title, int((self.width - 24) / LETTER))
 
-    @property
-    def _names(self) -> list[Word]:
-        """The legend, in as many lines as it needs."""
-        start, y, found = self.left + 12.0, len(self._title) * LINE + 5, list[Word]()
-        at = start
-        for curve in self.chart.curves:
-            width = LETTER * len(curve.label) + 8
-            if found and at + SAMPLE + width > self.left + self.width:
-                at, y = start, y + LINE + 1
-            found.append(Word(at + SAMPLE + width / 2, y, curve.label))
-            at += SAMPLE + width + 10
-        return found
+def title_lines(chart: Chart, width: float) -> list[str]:
+    """The title of a chart so wide, in as many lines as it needs."""
+    return wrap(chart.title, int((width - 24) / LETTER))
+
+
+def legend(chart: Chart, left: float, right: float, y: float) -> list[Word]:
+    """Names of curves between two edges, in as many lines as they need."""
+    at, found = left + 12.0, list[Word]()
+    for curve in chart.curves:
+        width = LETTER * len(curve.label) + 8
+        if found and at + SAMPLE + width > right:
+            at, y = left + 12.0, y + LINE + 1
+        found.append(Word(at + SAMPLE + width / 2, y, curve.label))
+        at += SAMPLE + width + 10
+    return found
 
 
 def frames_of(charts: Sequence[Chart], count: int) -> list[Axes]:
-    """The charts of a phase with so many items, side by side."""
-    width = SIZE[0] / max(len(charts), 1)
-    return [_frame(chart, k * width, width, count) for k, chart in enumerate(charts)]
+    """The charts of a phase with so many items, side by side; one legend if theirs are alike."""
+    width, found = SIZE[0] / max(len(charts), 1), list[Axes]()
+    looks = {tuple((curve.label, curve.color) for curve in chart.curves) for chart in charts}
+    alike = len(charts) > 1 and len(looks) == 1
+    most = max((len(title_lines(chart, width)) for chart in charts), default=0)
+    for k, chart in enumerate(charts):
+        left, right = (0.0, SIZE[0]) if alike else (k * width, (k + 1) * width)
+        lines = most if alike else len(title_lines(chart, width))
+        names = legend(chart, left, right, lines * LINE + 5)
+        frame = _frame(chart, k * width, width, count, names)
+        found.append(replace(frame, shows_names=not alike or k == 0))
+    return found
 
 
-def _frame(chart: Chart, left: float, width: float, count: int) -> Axes:
+def _frame(chart: Chart, left: float, width: float, count: int, names: Sequence[Word]) -> Axes:
     """A chart with all items and finite points in view; from zero where zero is not far."""
     x = chart.across(np.arange(count))
     y = np.concatenate([curve.values for curve in chart.curves])
@@ -203,13 +216,13 @@ def _frame(chart: Chart, left: float, width: float, count: int) -> Axes:
     if len(y) and y.min() > 0:
         typical = [float(np.median(curve.values)) for curve in chart.curves if len(curve.values)]
         if max(typical) > DECADE * min(typical):
-            return Axes(chart, left, width, across, (0.8 * y.min(), 1.25 * y.max()), True)
+            return Axes(chart, left, width, across, (0.8 * y.min(), 1.25 * y.max()), names, True)
     low, high = (float(y.min()), float(y.max())) if len(y) else (0.0, 1.0)
     if 0 <= low < 0.5 * high:
         low = 0.0
     room = 0.06 * (high - low) or 0.1 * abs(high) or 1.0
     below = 0.0 if low == 0.0 else room
-    return Axes(chart, left, width, across, (low - below, high + room))
+    return Axes(chart, left, width, across, (low - below, high + room), names)
 
 
 def decades(low: float, high: float) -> Array:
@@ -255,10 +268,12 @@ def draw_charts(pen: Pen, phase: Phase, charts: Sequence[Chart], words: str = ""
     at(f"{root}/grid", grid_lines(grid, -20.0))
     strips, colors, dots, dyes = list[Array](), list[Color](), list[Array](), list[Color]()
     for frame in frames:
-        for curve, sample in zip(frame.chart.curves, frame.samples, strict=True):
+        strips += list(frame.samples)
+        colors += [curve.color for curve in frame.chart.curves][: len(frame.samples)]
+        for curve in frame.chart.curves:
             points = frame.of(curve)
-            strips += [points, sample]
-            colors += 2 * [curve.color]
+            strips.append(points)
+            colors.append(curve.color)
             if 0 < len(points) < FEW and len({*curve.values.tolist()}) > len(points) // 2:
                 dots.append(points)
                 dyes += len(points) * [curve.color]

@@ -1,5 +1,6 @@
 """Planes of a recording: words that know how much they cover, and thin lines behind them."""
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -11,6 +12,21 @@ from testbed.recording.pen import Pen
 
 LETTER, LINE = 6.8, 21.0
 """Width of a letter and height of a line of words."""
+
+
+MICRO = re.compile(r"(?<=[ \[])um\b")
+"""Micrometers as other rooms write them."""
+
+
+def with_micro(text: str) -> str:
+    """A text with its micrometers as a report has them.
+
+    Examples
+    --------
+    >>> with_micro("AP [um]: 80 um, a number")
+    'AP [µm]: 80 µm, a number'
+    """
+    return MICRO.sub("µm", text)
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,7 +56,8 @@ def words_of(words: Sequence[Word]) -> Any:
     """Words on a plane."""
     import rerun as rr
 
-    places, labels = [[word.x, word.y] for word in words], [word.text for word in words]
+    places = [[word.x, word.y] for word in words]
+    labels = [with_micro(word.text) for word in words]
     color = style.TEXT_COLOR
     return rr.Points2D(places, labels=labels, show_labels=True, radii=0.01, colors=color)
 

@@ -12,6 +12,7 @@ from testbed.recording.cell import draw_arm
 from testbed.recording.chart import draw_charts, draw_curves
 from testbed.recording.layout import blueprint
 from testbed.recording.pen import Pen
+from testbed.recording.plane import with_micro
 from testbed.recording.story import Story, Window, timeline_of
 from testbed.recording.timeline import Timeline
 
@@ -89,16 +90,16 @@ def _tell(pen: Pen, story: Story, window: Window) -> None:
     import rerun as rr
 
     markdown, at = rr.MediaType.MARKDOWN, window.words
-    summary = window.summary or story.summary
+    summary = with_micro(window.summary or story.summary)
     pen.static(f"{at}summary", rr.TextDocument(summary, media_type=markdown))
     for chapter, phase in zip(story.chapters_in(window), pen.timeline.phases, strict=True):
         text = "\n".join(line for line in chapter.text if line)
-        text = re.sub(r"^#+ (.*)", r"**\1**", text)  # a heading would stand below a gap
+        text = re.sub(r"^#+ (.*)", r"**\1**", with_micro(text))  # a heading would stand below a gap
         pen.at(phase.start, f"{at}now", rr.TextDocument(text, media_type=markdown))
         if not chapter.lines or phase.at[0] > phase.start:
             pen.at(phase.start, f"{at}line", rr.TextDocument("", media_type=markdown))
         if chapter.lines:
-            words = [f"### {line}" for line in chapter.lines]
+            words = [f"### {with_micro(line)}" for line in chapter.lines]
             kinds = [markdown] * len(words)
             pen.rows(f"{at}line", phase, rr.TextDocument.columns(text=words, media_type=kinds))
         draw_charts(pen, phase, chapter.charts, at)

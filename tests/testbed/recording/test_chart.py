@@ -7,7 +7,17 @@ import numpy as np
 import pytest
 
 from testbed.recording import style
-from testbed.recording.chart import SIZE, Chart, Series, decades, frames_of, level, ticks
+from testbed.recording.chart import (
+    BOTTOM,
+    SIZE,
+    Chart,
+    Series,
+    decades,
+    frames_of,
+    level,
+    ticks,
+    title_lines,
+)
 from testbed.recording.parameters import MOST_ROWS, parameter_words, place, row_heights
 from testbed.recording.story import numbered, timeline_of
 from testbed.recording.timeline import visit
@@ -66,12 +76,29 @@ def test_no_words_of_a_chart_lie_on_each_other_or_leave_the_plane(charts):
 @pytest.mark.parametrize("charts", CHARTS)
 def test_curves_stay_below_their_legend_and_beside_their_numbers(charts):
     for frame in frames_of(charts, count(charts)):
-        legend = max(word.box[3] for word in frame.words[: 1 + len(frame.chart.curves)])
+        title = len(title_lines(frame.chart, frame.width))
+        words = [*frame.words[:title], *frame.names]
+        legend = max(word.box[3] for word in words)
         for curve in frame.chart.curves:
             points = frame.of(curve)
             assert points[:, 1].min() >= legend
             assert points[:, 0].min() >= frame.left
             assert points[:, 0].max() <= frame.left + frame.width
+
+
+def test_charts_with_the_same_curves_share_one_legend_and_have_room_for_them():
+    """Seven kinds of robots took three lines above each chart, which left a strip of 25 points."""
+    charts = [seven(), seven()]
+    one, other = frames_of(charts, count(charts))
+    labels = [curve.label for curve in charts[0].curves]
+    assert [word.text for word in one.words if word.text in labels] == labels
+    assert not {word.text for word in other.words} & set(labels)
+    assert (len(one.samples), len(other.samples)) == (len(labels), 0)
+    for frame in (one, other):
+        high = frame.place(np.array(1.0), np.array(frame.y[1]))[1]
+        assert SIZE[1] - BOTTOM - high > 70
+    unlike = [seven(), replace(seven(), curves=seven().curves[:3])]
+    assert all(frame.shows_names for frame in frames_of(unlike, count(unlike)))
 
 
 def test_parameter_names_do_not_lie_on_each_other_however_many():
