@@ -42,6 +42,7 @@ def joint_section(calibration: Calibration) -> Section | None:
                 "What each joint turns beside its command; the band holds 2 u. Where a joint was "
                 "not moved, only the prior holds it. joint_map.csv has the numbers.",
                 joint_maps(found.joints, found.angle, found.turn, found.u),
+                "half",
             )
         )
     return Section("joints", "Joint errors", tuple(blocks))
