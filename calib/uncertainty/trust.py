@@ -14,6 +14,7 @@ from calib.uncertainty.held_out import HeldOut
 from calib.uncertainty.statement.belief import Belief
 from calib.uncertainty.statement.drifting import Drifting
 from calib.uncertainty.statement.other_frame import OtherFrame
+from calib.uncertainty.statement.places import steps_words
 from calib.uncertainty.statement.questions import Questions
 from calib.uncertainty.statement.stated_point import StatedPoint
 from calib.uncertainty.validation import LinearCheck
@@ -119,6 +120,8 @@ def _believed(
             f"No held-out pose guards the factor: {fewest_poses(belief.probability)} poses drawn "
             "from where the robot is used would, and a stricter limit of the misfit stands in"
         )
+    if steps := steps_words(belief.proven):
+        words.append(_capital(steps))
     if drifting is not None and (drifting.void or drifting.drift is not None):
         words.append(_capital(drifting.sentence))
     return words

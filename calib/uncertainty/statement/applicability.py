@@ -32,6 +32,12 @@ BEYOND = np.radians(10.0)
 """How far a joint may leave its range over the held-out poses [rad]."""
 BEYOND_SLIDE = 0.05
 """The same for a slide [m]."""
+STEP, STEP_SLIDE = np.radians(2.0), 0.002
+"""Least step of a joint's values that is named: gears make some 30 to 200 waves a turn of a joint,
+screws a wave in some millimeters [rad, m]."""
+ON_STEP = 0.02
+"""Share of a step within which a value stands on it: an error that repeats with the steps then
+changes by an eighth of its amplitude at most."""
 MOST_OUTSIDE = 0.25
 """Share of a set's poses outside above which the statement does not reach the set."""
 
@@ -46,7 +52,8 @@ class Applicability(Shown):
     leverage: Array
     """(N,) h: variance of the target from the noise, over its mean at the held-out poses."""
     beyond: Bool
-    """(N, n) joints further than `BEYOND` outside their range over the held-out poses."""
+    """(N, n) joints further than `BEYOND` outside their range over the held-out poses, or between
+    the steps at which all poses stood."""
 
     def __repr__(self) -> str:
         counts = {word: int((self.place == word).sum()) for word in ("inside", "edge", "outside")}
@@ -94,6 +101,9 @@ class Proven:
     """(n,) least joint values over the held-out poses [rad, m]."""
     high: Annotated[Array, "n"]
     """(n,) largest."""
+    step: Annotated[Array, "n"]
+    """(n,) step, from `low`, that all values of the joint keep; zero where they keep none [rad, m].
+    """
 
     @property
     def room(self) -> Array:
@@ -108,8 +118,13 @@ class Proven:
         return Applicability(
             frozen(np.maximum(of_terms, of_foot)),
             frozen(leverage),
-            frozen((q < self.low - room) | (q > self.high + room), np.bool_),
+            frozen((q < self.low - room) | (q > self.high + room) | self.between(q), np.bool_),
         )
+
+    def between(self, q: Array) -> Bool:
+        """(N, n) joints that stand between the steps that all poses kept."""
+        steps = (q - self.low) / np.where(self.step > 0, self.step, np.inf)
+        return np.asarray(np.abs(steps - np.round(steps)) > ON_STEP)
 
     def left(self, q: Array, at: OperatingConditions = AS_USUAL) -> Array:
         """(3, N) variance of the target left by a unit of every term, by the foot, by the noise."""
@@ -141,7 +156,7 @@ def proven_at(
     q, target, up
         As in `proven_by`.
     """
-    return proven_by(
+    proven = proven_by(
         identification.model,
         identification.parameters,
         estimator_gain(identification, train),
@@ -151,6 +166,33 @@ def proven_at(
         target=target,
         up=up,
     )
+    stood = np.concatenate([train.q, np.asarray(q, dtype=np.float64)])
+    return replace(proven, step=steps_of(stood, proven.wide.chain.prismatic))
+
+
+def steps_of(q: Array, prismatic: Array) -> Array:
+    """Step (n,) that all values of each joint keep over poses q (m, n); zero where none [rad, m].
+
+    An error that repeats with the steps, as that of a gear or a screw may, looks like a shift of
+    the joint at all these poses: no reading shows it.
+    """
+    least = np.where(prismatic > 0, STEP_SLIDE, STEP)
+    return frozen([_step(values, fewest) for values, fewest in zip(q.T, least, strict=True)])
+
+
+def _step(values: Array, least: float) -> float:
+    """Largest step of at least `least` that values (m,) keep; zero if none."""
+    sorted_values = np.sort(values)
+    gaps = np.diff(sorted_values)
+    wide = gaps[gaps > least / 2]
+    if not len(wide):
+        return 0.0
+    for parts in range(1, int(wide.min() / least + ON_STEP) + 1):
+        place = np.concatenate([[0.0], np.cumsum(np.round(gaps * parts / wide.min()))])
+        step, first = np.polynomial.polynomial.polyfit(place, sorted_values, 1)[::-1]
+        if np.abs(sorted_values - first - step * place).max() <= ON_STEP / 2 * step:
+            return float(step)
+    return 0.0
 
 
 def proven_by(
@@ -206,6 +248,7 @@ def proven_by(
     here = Proven(
         wide, frozen(columns, np.int64), frozen(own, np.int64), up, target, frozen(absorbed),
         frozen(covariance), np.ones(3), frozen(q.min(axis=0)), frozen(q.max(axis=0)),
+        frozen(np.zeros(q.shape[1])),
     )  # fmt: skip
     return replace(here, usual=frozen(here.left(q).mean(axis=1)))
 

@@ -101,6 +101,38 @@ def room_words(kinds: Sequence[str]) -> str:
     return way if True in slides else turn
 
 
+def steps_words(proven: Proven) -> str:
+    """Which joints stood at steps only, and what no reading shows of them; empty where none did.
+
+    Joints that kept the same step are named together.
+    """
+    slides, each = proven.wide.chain.prismatic > 0, dict[str, list[str]]()
+    for j in np.flatnonzero(proven.step):
+        text = step_words(float(proven.step[j]), bool(slides[j]))
+        each.setdefault(text, []).append(str(j + 1))
+    if not each:
+        return ""
+    stood = " and ".join(
+        f"joint{'s' * (len(some) > 1)} {', '.join(some)} stood at steps of {text} only"
+        for text, some in each.items()
+    )
+    return (
+        f"{stood}: an error that repeats with the steps, as that of a gear may, is in no reading, "
+        "and the radius is that of targets at these steps; measure at values between them as well"
+    )
+
+
+def step_words(step: float, slide: bool) -> str:
+    """A step of a joint, in its unit [rad, m].
+
+    Examples
+    --------
+    >>> step_words(0.2617994, False), step_words(0.05, True)
+    ('15 deg', '50 mm')
+    """
+    return f"{1e3 * step:.3g} mm" if slide else f"{np.degrees(step):.3g} deg"
+
+
 def _named(names: Sequence[str], most: int = 10) -> str:
     """The first of some names, and how many more."""
     more = [f"{len(names) - most} more"] if len(names) > most else []
@@ -110,6 +142,8 @@ def _named(names: Sequence[str], most: int = 10) -> str:
 def _beyond(proven: Proven, joint: int, q: Array, slides: NDArray[np.bool_]) -> str:
     """Beyond which end of its range over the held-out poses a joint goes."""
     low, high = proven.low[joint], proven.high[joint]
+    if proven.between(q)[joint]:
+        return f"between steps of {step_words(float(proven.step[joint]), bool(slides[joint]))}"
     side, end = ("below", low) if q[joint] < low else ("above", high)
     return f"{side} {1e3 * end:.0f} mm" if slides[joint] else f"{side} {np.degrees(end):.0f} deg"
 

@@ -26,12 +26,13 @@ def reach_section(calibration: Calibration, delivered: Delivered) -> Section:
     else:
         here = belief.proven.applies(calibration.stated_q)
         room = room_words(calibration.nominal.chain.kinds)
+        steps = ", and at the steps at which it stood" if belief.proven.step.any() else ""
         blocks.append(
             Text(
                 f"Over the {len(calibration.stated_q)} poses behind the radius, transfer g "
                 f"lies between {_ends(here.transfer)}, leverage h between {_ends(here.leverage)}, "
                 f"each with mean one. A target is inside what was proven where both are at most "
-                f"{WARNED:g} and every joint is within {room} of its proven range; up to "
+                f"{WARNED:g} and every joint is within {room} of its proven range{steps}; up to "
                 f"{REFUSED:g} it is at the edge, its region grown with g; beyond that it is "
                 "outside, and no region is stated. Neither g nor h accounts for a payload, another "
                 "tool or another temperature."

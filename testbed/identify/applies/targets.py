@@ -148,7 +148,9 @@ def target_words(found: TargetStatement) -> tuple[str, ...]:
         text = f"R95 (3-D radius, 95 %) of the mean is {_span(found.radius_mean[found.stated])} um"
         if len(found.radius_move):
             text += f", of one move {_span(found.radius_move[found.stated])} um,"
-        grown = "; at the edge it is grown" if (found.place[found.stated] == "edge").any() else ""
+        grown = ""
+        if (found.transfer[found.stated] > 1).any():
+            grown = "; it is grown where transfer is above 1"
         said.append(f"{text} at {n} of {counted(m, 'target')}{grown}")
     return tuple(said)
 

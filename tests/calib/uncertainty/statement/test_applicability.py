@@ -13,8 +13,16 @@ from calib.geometry.parameters import parameters_of
 from calib.identification.identify import identify
 from calib.identification.joint_models import extended_model
 from calib.measurement import tables
-from calib.uncertainty.statement.applicability import BEYOND, REFUSED, lacking, proven_at
+from calib.uncertainty.judgement import judge
+from calib.uncertainty.statement.applicability import (
+    BEYOND,
+    REFUSED,
+    lacking,
+    proven_at,
+    steps_of,
+)
 from calib.uncertainty.statement.belief import believe
+from calib.uncertainty.statement.places import reasons, steps_words
 from tests.calib import kinds
 
 TX60 = RobotModel(kinds.ARMS["tx60"])
@@ -180,3 +188,82 @@ def test_no_held_out_pose_proves_no_place():
     q = kinds.joints("tx60", np.random.default_rng(9), 20)
     with pytest.raises(InputError, match="no held-out pose"):
         proven_at(fitted(exact(TX60, q)), exact(TX60, q), np.zeros((0, 6)))
+
+
+STEPS = np.radians(15.0)
+
+
+def on_steps(rng, m):
+    """Joints (m, 6) of a TX60 in whole steps of 15 degrees."""
+    return np.round(kinds.joints("tx60", rng, m) / STEPS) * STEPS
+
+
+@pytest.mark.parametrize("step", [2.0, 5.0, 7.5, 15.0, 360 / 7])
+def test_the_step_that_values_keep_is_found_wherever_they_begin(step):
+    """Read-back joints scatter by a few millidegrees; gaps may all be several steps wide."""
+    rng = np.random.default_rng(10)
+    places = np.concatenate([[0, 2, 5], rng.choice([0, 2, 5, 7, 9, 12], 40)])
+    values = np.radians(13.3 + step * places + rng.normal(scale=0.003, size=len(places)))
+    (found,) = np.degrees(steps_of(values[:, None], np.zeros(1)))
+    # twelve steps, read to 3 mdeg
+    assert found == pytest.approx(step, abs=0.001)
+    (slide,) = steps_of(1e-3 * step * places[:, None], np.ones(1))
+    assert slide == pytest.approx(1e-3 * step, rel=1e-9)
+
+
+def test_values_drawn_at_random_keep_no_step():
+    rng = np.random.default_rng(11)
+    for m in (8, 20, 60, 400):
+        assert not steps_of(rng.uniform(-2, 2, (m, 50)), np.zeros(50)).any()
+    whole = np.radians(np.round(np.degrees(rng.uniform(-2, 2, (60, 50)))))
+    assert not steps_of(whole, np.zeros(50)).any()  # steps of a degree hide no gear
+    assert not steps_of(np.full((20, 1), 0.3), np.zeros(1)).any()
+
+
+def test_between_steps_a_gear_may_do_what_no_reading_shows_and_it_is_said():
+    """A wave of 24 a turn is a shift of its joint at all poses, held out or not."""
+    on, between, words = [], [], []
+    for robot in range(8):
+        rng = np.random.default_rng([robot, 12])
+        phase = rng.uniform(0, 2 * np.pi, 6)
+
+        def true(q, phase=phase):
+            return TX60.poses(q + 100e-6 * np.sin(24 * q + phase))
+
+        def seen(q, rng=rng, true=true):
+            T = true(q)
+            T[:, :3, 3] += kinds.NOISE * rng.normal(size=(len(q), 3))
+            return tables.poses(q, T, sd=(kinds.NOISE, kinds.TURN_NOISE))
+
+        q = np.unique(on_steps(rng, 90), axis=0)
+        rng.shuffle(q)
+        train, test = seen(q[:40]), seen(q[40:60])
+        found = judge(fitted(train), replace(test, pose_id=40 + np.arange(20)), train=train)
+        words.append(found.trust.sentence)
+        assert found.questions.combined > 1e-4
+        off = kinds.joints("tx60", rng, 200)
+        proven = found.belief.proven
+        reach = proven.applies(off)
+        assert not (reach.place == "inside").any()
+        assert "was never proven between steps of 15 deg" in reasons(proven, reach, off)[0]
+        assert not proven.between(q).any()
+        for share, there in ((on, q[60:]), (between, off)):
+            e = true(there)[:, :3, 3] - found.belief.model.poses(there)[:, :3, 3]
+            share.append((np.linalg.norm(e, axis=1) <= found.point.radius_mean).mean())
+    told = "Joints 1, 2, 3, 4, 5, 6 stood at steps of 15 deg only: an error that repeats with the"
+    assert all(told in each for each in words)
+    # the radius is what it promises at steps, and nothing like it between them
+    assert np.mean(on) >= 0.95
+    assert np.mean(between) < 0.9
+
+
+def test_joints_that_keep_a_step_are_named_with_their_own():
+    rng = np.random.default_rng(13)
+    q = kinds.joints("tx60", rng, 40)
+    proven = proven_at(fitted(exact(TX60, q)), exact(TX60, q), q)
+    assert steps_words(proven) == ""
+    q[:, 2] = on_steps(rng, 40)[:, 2]
+    q[:, [1, 5]] = 2 * np.round(q[:, [1, 5]] * 18 / np.pi / 2) * np.pi / 18
+    proven = proven_at(fitted(exact(TX60, q)), exact(TX60, q), q)
+    said = "joints 2, 6 stood at steps of 20 deg only and joint 3 stood at steps of 15 deg only: "
+    assert steps_words(proven).startswith(said)
