@@ -98,6 +98,10 @@ class CycleTest(Shown):
     notes: tuple[str, ...]
 
 
+SCATTERS = ("RP", "RD", "RT")
+"""Figures that the noise of the instrument makes larger."""
+
+
 @dataclass(frozen=True, slots=True)
 class StatedFigure:
     """One figure at one pose, pair of poses or path."""
@@ -126,6 +130,16 @@ class StatedFigure:
     def size(self) -> float:
         """How large it is, whatever its sign."""
         return abs(self.value)
+
+    def own(self, size: float) -> float:
+        """Of a size, what is the robot's own at least: scatter less what the noise alone reads.
+
+        In squares, as variances add; of scatter that is not equal in all directions even more is
+        the robot's own.
+        """
+        if self.name not in SCATTERS or np.isnan(self.floor):
+            return size
+        return float(np.sqrt(max(size**2 - self.floor**2, 0.0)))
 
     @property
     def most(self) -> float:

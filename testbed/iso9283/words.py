@@ -11,6 +11,7 @@ from testbed.iso9283.records import (
     PATH_CYCLES,
     POSE_CYCLES,
     PROBABILITY,
+    SCATTERS,
     STANDARD,
     CycleResult,
     CycleTest,
@@ -57,8 +58,9 @@ def notice(result: CycleResult) -> str:
 def decisions(result: CycleResult) -> tuple[LimitDecision, ...]:
     """Every stated limit against its figures: PASS where all upper limits keep it.
 
-    FAIL where the lower limit of one is beyond it. Between, or without such a figure, nothing is
-    decided: guard bands as wide as the confidence limits (ISO 14253-1, JCGM 106).
+    FAIL where the lower limit of one is beyond it, and the instrument's noise does not explain
+    that. Between, or without such a figure, nothing is decided: guard bands as wide as the
+    confidence limits (ISO 14253-1, JCGM 106).
     """
     return tuple(_decision(result, name, limit) for name, limit in result.test.limits.items())
 
@@ -69,7 +71,7 @@ def _decision(result: CycleResult, name: str, limit: float) -> LimitDecision:
     if not figures:
         text = f"{allowed}: UNDECIDED, nothing that was measured gives {name}"
         return LimitDecision(name, limit, "UNDECIDED", "", text)
-    failing = [figure for figure in figures if figure.least > limit]
+    failing = [figure for figure in figures if figure.own(figure.least) > limit]
     if failing:
         worst = max(failing, key=lambda figure: figure.least)
         text = f"{allowed}: FAIL, {told(worst)}"
@@ -95,8 +97,15 @@ def would_decide(figure: StatedFigure, limit: float) -> str:
     Half width w of n cycles, of which all readings share c = t u_shared: w^2 - c^2 falls as 1/n, so
     that a gap d is reached with n (w^2 - c^2) / (d^2 - c^2) cycles; t stays that of n.
     """
-    gap = abs(limit - figure.size)
-    width = figure.most - figure.size if figure.size < limit else figure.size - figure.least
+    below, size = figure.size < limit, figure.own(figure.size)
+    if not below and size <= limit:
+        return (
+            f"the stated noise of the instrument alone gives {show(figure.floor, figure)} "
+            f"{unit(figure)}, and without it the robot may keep the limit: a quieter instrument "
+            "would decide it"
+        )
+    gap = abs(limit - (figure.size if below else size))
+    width = figure.most - figure.size if below else size - figure.own(figure.least)
     t = float(stdtrit(figure.cycles - 1, (1 + PROBABILITY) / 2))
     of_all = (t * figure.shared) ** 2
     rest = gap**2 - of_all
@@ -175,7 +184,7 @@ def reasons(result: CycleResult) -> tuple[str, ...]:
     texts = [one.sentence for one in decisions(result)]
     texts += _too_few(result)
     texts += _drifting(result)
-    near = [f for f in result.figures if f.name in ("RP", "RD", "RT") and f.size < NEAR * f.floor]
+    near = [f for f in result.figures if f.name in SCATTERS and f.size < NEAR * f.floor]
     if near:
         worst = min(near, key=lambda figure: figure.size / figure.floor)
         texts.append(

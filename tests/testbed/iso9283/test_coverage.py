@@ -1,10 +1,14 @@
 """Do the limits hold the truth as often as they say? With an instrument written once more here."""
 
+from collections import Counter
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from testbed.iso9283.play import play_test
 from testbed.iso9283.records import CycleTest, PathRuns, Visits
+from testbed.iso9283.words import decisions
 from testbed.jobsheet.sheet import JobSheet
 from testbed.scenario.systematic import SystematicTable
 from tests.testbed.iso9283.made import CUBE
@@ -73,6 +77,33 @@ def test_limits_of_poses_and_distances_hold_the_truth(n, systematic):
     assert min(found.values()) > 0.93, found
     # waves of any phase are bounded, and Student's t widens what is no scatter: wider, not narrower
     assert found["AP"] < (0.98 if systematic is None else 1.001), found
+
+
+def decided(sd, share, noise, campaigns=40, n=30):
+    """How often each word is said of RP, limit `share` times what the robot itself repeats to."""
+    rng, words = np.random.default_rng(3), Counter()
+    RP = np.sqrt(8 / np.pi) * sd + 3 * np.sqrt(3 - 8 / np.pi) * sd  # of the Maxwell distribution
+    covariance = np.broadcast_to(noise**2 * np.eye(3), (5, 3, 3))
+    for _ in range(campaigns):
+        x = COMMAND[:, None] + np.hypot(sd, noise) * rng.standard_normal((5, n, 3))
+        visits = Visits(tuple("01234"), ("",) * 5, COMMAND, x, None, None, covariance, None, None)
+        (found,) = decisions(play_test(replace(bare(visits), limits={"RP": share * RP})))
+        words[found.word] += 1
+        said = "the stated noise of the instrument alone gives" in found.sentence
+        assert not said or found.word == "UNDECIDED"
+    return words
+
+
+@pytest.mark.parametrize("sd", [3e-6, 8e-6, 20e-6])
+def test_an_instrument_s_noise_alone_fails_no_robot(sd):
+    """Five poses at 2.5 % each, of 40: 5 on average, 12 with a chance of one in a thousand."""
+    assert decided(sd, 1.01, 8e-6)["FAIL"] <= 12
+    assert decided(sd, 1.5, 8e-6)["FAIL"] == 0
+
+
+def test_a_robot_that_repeats_badly_still_fails():
+    assert decided(20e-6, 0.6, 8e-6)["FAIL"] == 40
+    assert decided(20e-6, 0.6, 0.0)["FAIL"] == 40
 
 
 @pytest.mark.study

@@ -235,13 +235,13 @@ def test_stated_noise_turns_with_the_readings(tmp_path):
 
 def test_limits_are_decided_with_their_confidence(tmp_path):
     toml = (
-        "[iso9283]\nlimits_um = {AP = 100, RP = 30, RD = 33, AT = 5, dAP = 50}\n"
+        "[iso9283]\nlimits_um = {AP = 100, RP = 28, RD = 33, AT = 5, dAP = 50}\n"
         "[uncertainty]\nposition_um = 2\n"
     )
     result = played(tmp_path, pose_rows(n=30, sd=10.0), toml)
     found = {one.name: one for one in decisions(result)}
     words = {name: one.word for name, one in found.items()}
-    # RP is about 35 um, its lower limit 30; AP 80 um plus 3.7
+    # RP is about 35 um, its lower limit 30, of which 2 um of noise make less than 1; AP 80 plus 3.7
     assert words == {
         "AP": "PASS", "RP": "FAIL", "RD": "UNDECIDED", "AT": "UNDECIDED", "dAP": "PASS",
     }  # fmt: skip
