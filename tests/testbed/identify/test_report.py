@@ -39,7 +39,7 @@ from testbed.report.text import verdict_lines
 from testbed.robots.write.dh_table import DhRow
 from testbed.units import micrometres, plain
 from tests.calibrated import real, sound
-from tests.reported import VERSIONS, read, said_twice
+from tests.reported import VERSIONS, printed_pages, read, said_twice
 from tests.testbed.identify.test_shared import calibrated as shared_session
 
 DELIVERED = Delivered(("robot.toml has the robot's poses to 1e-15 m",), ("2 of 2 corrected",), 0)
@@ -68,6 +68,11 @@ def test_the_page_opens_and_ends_with_where_its_numbers_come_from():
 @pytest.mark.parametrize("make", [real, sound])
 def test_no_sentence_is_said_twice(make):
     assert said_twice(html(make)) == []
+
+
+@pytest.mark.parametrize("make", [real, sound])
+def test_a_calibration_prints_on_five_pages(make, tmp_path):
+    assert printed_pages(html(make), tmp_path) <= 5
 
 
 def test_what_is_believed_is_said_before_anything_else():

@@ -14,7 +14,7 @@ from testbed.iso9283.figure_words import show
 from testbed.iso9283.play import play_test
 from testbed.iso9283.read import read_test
 from testbed.iso9283.report import page_of
-from tests.reported import read, said_twice
+from tests.reported import printed_pages, read, said_twice
 from tests.testbed.iso9283.made import SESSION, path_rows, pose_rows, text_of
 
 
@@ -66,6 +66,10 @@ def test_the_page_has_every_section_and_keeps_what_users_wrote_as_text(done):
     assert "the text of the standard is not reproduced" in html
     assert not re.search(r"https?://(?!www\.w3\.org)", html)
     assert "nan" not in re.sub(r"<svg.*?</svg>", "", html, flags=re.DOTALL).replace("finance", "")
+
+
+def test_a_test_prints_on_five_pages(done, tmp_path):
+    assert printed_pages((done[0] / "report.html").read_text(encoding="utf-8"), tmp_path) <= 5
 
 
 def test_the_page_says_micrometres_in_one_way_and_announces_no_empty_list(done):

@@ -16,7 +16,7 @@ from testbed.plan.words import headline_rows, terminal_text
 from testbed.report.page import SIMULATED
 from testbed.scenario.read import changed
 from tests.planned import ROBOT, quick_plan, small_plan, with_blocked_move
-from tests.reported import VERSIONS, read, said_twice
+from tests.reported import VERSIONS, printed_pages, read, said_twice
 
 MAKES = [small_plan, quick_plan, with_blocked_move]
 
@@ -45,6 +45,10 @@ def test_the_page_is_well_formed_and_needs_nothing_from_outside(make):
     assert "nan" not in " ".join(seen.text).lower().replace("pennant", "").split()
     assert len(page.encode()) < 2e6
     assert page == html(make)
+
+
+def test_a_plan_prints_on_five_pages(tmp_path):
+    assert printed_pages(html(small_plan), tmp_path) <= 5
 
 
 def test_the_first_screen_has_promise_proof_time_and_next_step(text):
