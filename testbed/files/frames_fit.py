@@ -1,11 +1,11 @@
-"""Base and tool fitted to readings, and the rows that no such fit brings near their joints."""
+"""Base and tool of a nominal robot fitted to readings, and what the fit leaves."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
-from calib.arrays import Array, Bool, Index
+from calib.arrays import Array, Index
 from calib.geometry.chain import Chain
 from calib.geometry.frames import exp_so3, log_so3, skew
 from calib.geometry.model import RobotModel
@@ -18,8 +18,6 @@ from calib.identification.start.closed_forms import (
 )
 from calib.measurement.observations import Measurements
 
-MOST_FITTED = 300
-"""Rows that frames are fitted to, evenly spread; more show nothing new of gross errors."""
 LEVER = 0.3
 """A radian counts like so many meters where position and rotation are judged together."""
 ROUNDS = 3
@@ -28,23 +26,20 @@ STEPS, SETTLED = 25, 1e-3
 """Steps of base and tool together at most; they end where one gains less than this part."""
 HOPELESS = 0.3
 """Score above which no step follows: such a fit would trade positions for rotations [m]."""
+WEAK = 1e-2
+"""Information per row below which points stand so nearly on a line that a fit may have several
+valleys: 2e-3 at most on lines of 0.8 rad a joint, 0.05 or more of many-sided poses [m^2]."""
+ARMS = 0.2 * np.vstack([np.eye(3), -np.eye(3)])
+"""Places of a reflector in the flange that such a fit begins from as well [m]."""
 DAMPING, FREE = 1e-6, 1e-12
 """Of the first of these steps and of the one that tells whether more is to be gained, for each row
 [m^2]; directions that are measured weaker wait."""
-TIMES, LEAST = 10.0, 0.010
-"""A row is mismatched if its error is above so many medians and above so many meters."""
-FEWEST = 10
-"""Rows of a kind below which none is left out."""
 PARTED = 8
 """Rows of a kind below which it is not asked whether they have slipped."""
 STRETCHES, ENOUGH = (1, 2, 3, 5), 4
 """Into how many parts the rows are cut where one fit brings few of them near; fewest of a part."""
-LARGEST_SHARE = 0.2
-"""Part of the rows above which it is the reading of the file that is wrong, not some rows."""
 FAR = 0.020
 """Error that the right reading of a file of the right robot never leaves [m]."""
-NEAR = 5
-"""Rows before and after, among which the joints of a mismatched one are looked for."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,14 +108,29 @@ def target_groups(table: Measurements) -> list[Index]:
     return sorted(optical, key=len, reverse=True)
 
 
-def fit_frames(F: Array, position: Array, rotation: Array | None) -> Frames:
+def fit_frames(
+    F: Array, position: Array, rotation: Array | None, *, one_valley: bool = False
+) -> Frames:
     """Base and tool from flange poses F (m, 4, 4) and what was measured.
 
     Points: the linear lift, then Procrustes and the arm in turn. Full poses: besides that, hand-eye
     by the Kronecker product, which needs tools that turn; the better of both. Along a line in
-    joint space these end far from the least misfit, so that steps of all together follow.
+    joint space these end far from the least misfit, so that steps of all together follow; of points
+    there, from tools of several places as well, since the misfit has more than one valley, unless
+    `one_valley` is enough.
     """
-    return _least_misfit(_closed_fit(F, position, rotation), F, position, rotation)
+    frames, strength = _least_misfit(_closed_fit(F, position, rotation), F, position, rotation)
+    if one_valley or rotation is not None or strength > WEAK:
+        return frames
+    starts = (_with_arm(arm, F, position) for arm in (np.zeros(3), *ARMS))
+    fits = [frames, *(_least_misfit(start, F, position, None)[0] for start in starts)]
+    return min(fits, key=lambda fit: fit.misfit(F, position, None).score)
+
+
+def _with_arm(arm: Array, F: Array, position: Array) -> Frames:
+    """The base that suits a place of the reflector in the flange."""
+    T = fitted_frame(position, F[:, :3, 3] + F[:, :3, :3] @ arm, np.eye(3))
+    return Frames(T[:3, :3], T[:3, 3], arm, None)
 
 
 def _closed_fit(F: Array, position: Array, rotation: Array | None) -> Frames:
@@ -145,8 +155,12 @@ def _closed_fit(F: Array, position: Array, rotation: Array | None) -> Frames:
     return min(by_rotation, by_position, key=lambda fit: fit.misfit(F, position, rotation).score)
 
 
-def _least_misfit(frames: Frames, F: Array, position: Array, rotation: Array | None) -> Frames:
+def _least_misfit(
+    frames: Frames, F: Array, position: Array, rotation: Array | None
+) -> tuple[Frames, float]:
     """Frames of the least score nearby, by damped steps of base and tool together.
+
+    With the weakest direction's information per row [m^2]; infinite where nothing was tried.
 
     References
     ----------
@@ -154,11 +168,13 @@ def _least_misfit(frames: Frames, F: Array, position: Array, rotation: Array | N
     """
     left = _residuals(frames, F, position, rotation)
     cost, damping = float(left @ left), DAMPING * len(F)
+    weakest = np.inf
     if cost > HOPELESS**2 * len(F):
-        return frames
+        return frames, weakest
     for _ in range(STEPS):
         J = _derivatives(frames, F, rotation is not None)
         strength, V = np.linalg.eigh(J.T @ J)
+        weakest = float(strength[0]) / len(F)
         along, strength = V.T @ (J.T @ left), np.maximum(strength, 0.0)
         if float(along @ (along / (strength + FREE * len(F)))) < SETTLED * cost:
             break
@@ -171,7 +187,7 @@ def _least_misfit(frames: Frames, F: Array, position: Array, rotation: Array | N
         else:
             break
         frames, left, cost, damping = other, changed, float(changed @ changed), damping / 30
-    return frames
+    return frames, weakest
 
 
 def _residuals(frames: Frames, F: Array, position: Array, rotation: Array | None) -> Array:
@@ -205,87 +221,10 @@ def _moved(frames: Frames, step: Array, F: Array, position: Array) -> Frames:
     return Frames(R, t, arm, None if frames.Y is None else frames.Y @ exp_so3(step[6:]))
 
 
-def mismatched_rows(
-    model: RobotModel, table: Measurements
-) -> tuple[Bool, dict[int, str], list[Index]]:
-    """Rows (m,) that no frames bring near their joints, why, and the groups that may have slipped.
-
-    Parameters
-    ----------
-    model : RobotModel
-        Nominal.
-    table : Measurements
-        All rows.
-    """
-    mismatched = np.zeros(len(table), dtype=bool)
-    why: dict[int, str] = {}
-    doubtful = []
-    for rows in target_groups(table):
-        if len(rows) < PARTED:
-            continue
-        F, position = flange_poses(model, table.q[rows]), table.position[rows]
-        rotation = table.rotation[rows] if table.is_pose[rows[0]] else None
-        frames, bad = _trimmed_frames(F, position, rotation)
-        errors = frames.position_errors(F, position)
-        if len(bad) > 1 or np.median(errors) > FAR:
-            doubtful.append(rows)
-        if len(rows) < FEWEST or len(bad) > LARGEST_SHARE * len(rows):
-            continue
-        mismatched[rows[bad]] = True
-        for k in map(int, bad):
-            sentence = f"{errors[k] * 1e3:.0f} mm off"
-            other = _fitting_joints(frames, F, position, k, float(np.median(errors)))
-            if other is not None:
-                sentence += f", fits the joints of row {other - k:+d}"
-            why[int(rows[k])] = sentence
-    return mismatched, why, doubtful
-
-
-def _trimmed_frames(F: Array, position: Array, rotation: Array | None) -> tuple[Frames, Index]:
-    """Frames from the rows that fit, and the rows that do not: gross errors do not count."""
-    some = np.unique(np.linspace(0, len(F) - 1, min(len(F), MOST_FITTED)).round().astype(np.int64))
-    keep, half = _sound_stretch(F, position, rotation, some), max(6, len(some) // 2)
-    for _ in range(10):
-        frames = fit_frames(F[keep], position[keep], None if rotation is None else rotation[keep])
-        errors = frames.position_errors(F[some], position[some])
-        limit = max(TIMES * float(np.median(errors)), LEAST)
-        good = some[errors <= limit]
-        if len(good) < half:
-            # gross errors spoil the first fit: leave out the worst half and look again
-            good = np.sort(some[np.argsort(errors, kind="stable")[:half]])
-        if np.array_equal(good, keep):
-            break
-        keep = good
-    return frames, np.flatnonzero(frames.position_errors(F, position) > limit)
-
-
 def stretches(rows: Index) -> Iterator[Index]:
     """All rows, then parts of them that hang together: gross errors hardly lie in each."""
     for parts in STRETCHES:
         yield from (part for part in np.array_split(rows, parts) if len(part) >= ENOUGH)
-
-
-def _sound_stretch(F: Array, position: Array, rotation: Array | None, rows: Index) -> Index:
-    """The rows if one fit brings most of them near their joints, else the best part of them."""
-    best, least = rows, np.inf
-    for part in stretches(rows):
-        frames = fit_frames(F[part], position[part], None if rotation is None else rotation[part])
-        usual = float(np.median(frames.position_errors(F[rows], position[rows])))
-        if usual < least:
-            best, least = part, usual
-        if least < LEAST:
-            break
-    return best
-
-
-def _fitting_joints(
-    frames: Frames, F: Array, position: Array, k: int, ordinary: float
-) -> int | None:
-    """Row nearby whose joints fit reading `k`, if any."""
-    near = [j for j in range(max(k - NEAR, 0), min(k + NEAR + 1, len(F))) if j != k]
-    errors = frames.position_errors(F[near], position[k])
-    best = int(np.argmin(errors))
-    return near[best] if errors[best] <= max(3 * ordinary, 1e-4) else None
 
 
 def _two(value: float) -> str:

@@ -11,13 +11,13 @@ from calib.arrays import Array, Bool, frozen
 from calib.errors import InputError, refuse
 from testbed.files.assembly import assemble
 from testbed.files.cleaned import Cleaned, readings_of, sheet_of, table_in
-from testbed.files.frames_fit import mismatched_rows
 from testbed.files.joints import read_joints
 from testbed.files.matching import Match, by_cycle, by_order, by_pose, by_row
 from testbed.files.observed import (
     unused_columns,
 )
 from testbed.files.refusal import no_session, refusal, require_names
+from testbed.files.rows.strays import mismatched_rows
 from testbed.files.session import Session, Sources
 from testbed.files.session_toml import (
     SESSION_FILE,

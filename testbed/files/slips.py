@@ -169,7 +169,7 @@ def _fitted(
     spread = np.linspace(0, len(rows) - 1, min(len(rows), MOST_FITTED)).round().astype(np.int64)
     some = rows[spread]
     turned = None if rotation is None else rotation[some]
-    return fit_frames(F[joints[some]], position[some], turned)
+    return fit_frames(F[joints[some]], position[some], turned, one_valley=True)
 
 
 def _errors(

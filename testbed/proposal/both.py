@@ -8,7 +8,7 @@ import numpy as np
 from calib.arrays import Array, Index
 from calib.errors import InputError
 from testbed.files.frames_fit import FAR, Frames, fit_frames, flange_poses, target_groups
-from testbed.files.probe import FEWEST
+from testbed.files.rows.shifts import FEWEST
 from testbed.files.session import Session
 from testbed.proposal.drafts import Draft
 from testbed.proposal.parts import Document

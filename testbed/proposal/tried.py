@@ -8,8 +8,9 @@ import numpy as np
 
 from calib.errors import InputError
 from testbed.files.frames_fit import FAR, fit_frames, flange_poses, target_groups
-from testbed.files.probe import FEWEST, TIMES, probe
+from testbed.files.probe import TIMES, probe
 from testbed.files.read import session_of
+from testbed.files.rows.shifts import FEWEST
 from testbed.files.session import Session, Sources
 from testbed.files.session_toml import SESSION_FILE, SessionFile
 from testbed.gates.mistakes import validated

@@ -7,6 +7,7 @@ from scipy.spatial.transform import Rotation
 
 from calib.errors import InputError
 from calib.geometry.frames import exp_so3
+from calib.geometry.model import RobotModel
 from testbed.files.frames_fit import LEVER, fit_frames, flange_poses
 from testbed.files.probe import probe
 from testbed.files.read import read_session
@@ -102,3 +103,76 @@ def test_many_sided_poses_end_there_as_well(form):
         for shift in 1e-4 * np.vstack([np.zeros(3), np.eye(3), -np.eye(3)])
     ]
     assert all(one.misfit(F, position, rotation).score > own for one in around)
+
+
+def perturbed(robot, rng, size):
+    """A true robot whose points a nominal one with the best base and tool misses by `size` [m]."""
+    model, (low, high) = robot.model, np.clip(robot.limits, -np.pi, np.pi).T
+    moved = np.isin(model.names, robot.free_sets.get("wen2022", model.names))
+    sd = np.where(model.is_length, 0.3e-3, np.radians(0.05))
+    step = moved * sd * rng.standard_normal(model.n_numbers)
+    q = rng.uniform(0.6 * low, 0.6 * high, (60, len(low)))
+    F = flange_poses(model, q)
+    for _ in range(2 if size else 0):
+        T = RobotModel(model.moved(step).chain).poses(q)
+        p = T[:, :3, 3] + T[:, :3, :3] @ ARM
+        step = step * size / fit_frames(F, p, None).misfit(F, p, None).position
+    return RobotModel(model.moved(step if size else 0 * step).chain)
+
+
+def random_line(robot, seed, size, *, shift=0, m=10):
+    """Joints on a random line, and the points of a true robot there, of the joints `shift` on."""
+    rng = np.random.default_rng(seed)
+    truth = perturbed(robot, rng, rng.uniform(0.5, 1.5) * size)
+    low, high = np.clip(robot.limits, -np.pi, np.pi).T
+    along = np.linspace(-1, 1, m + shift)[:, None]
+    q = rng.uniform(0.5 * low, 0.5 * high) + along * rng.uniform(-0.4, 0.4, len(low))
+    T = truth.poses(q)
+    points = T[:, :3, 3] + T[:, :3, :3] @ ARM + NOISE * rng.standard_normal((len(q), 3))
+    return q[:m], points[shift:]
+
+
+def named(folder, robot, line):
+    """What is refused of a file; empty if nothing is."""
+    try:
+        probe(robot, read_line(folder, robot, *line)).raise_if_wrong()
+    except InputError as error:
+        return str(error)
+    return ""
+
+
+ONCE_REFUSED = [
+    ("universal_ur10", 0.0, (30, 69, 257)),
+    ("universal_ur10", 2e-3, (30, 69, 257)),
+    ("staubli_tx60", 2e-3, (156, 264)),
+]
+
+
+@pytest.mark.parametrize(("name", "size", "seeds"), ONCE_REFUSED)
+def test_a_robot_some_millimeters_off_on_a_line_is_not_refused(name, size, seeds, tmp_path):
+    """Neither where the fit has several valleys, nor where fewer rows are fitted better."""
+    robot = load_robot(name)
+    for seed in seeds:
+        assert named(tmp_path, robot, random_line(robot, seed, size)) == ""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("name", "size", "_"), ONCE_REFUSED)
+def test_of_two_hundred_good_lines_none_is_refused(name, size, _, tmp_path):
+    robot = load_robot(name)
+    lines = (random_line(robot, seed, size) for seed in range(200))
+    assert [k for k, one in enumerate(lines) if named(tmp_path, robot, one)] == []
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("size", [0.0, 2e-3])
+@pytest.mark.parametrize("shift", [1, 2])
+def test_of_two_hundred_lines_with_shifted_rows_half_are_named(size, shift, tmp_path):
+    """The others are bent so little that base and tool make up for the shift."""
+    robot = load_robot("universal_ur10")
+    lines = (random_line(robot, seed, size, shift=shift) for seed in range(200))
+    found = [named(tmp_path, robot, one) for one in lines]
+    right = sum(f"if row k-{shift} belongs to pose k" in text for text in found)
+    # 96 to 98 were found; three standard deviations of a binomial of one half are 21
+    assert right >= 75
+    assert sum(bool(text) for text in found) - right <= 4
