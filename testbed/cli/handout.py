@@ -26,7 +26,7 @@ LIMIT = 120.0
 FRAME = (
     '<section id="recording"><details><summary><h2>Recording</h2></summary>'
     '<iframe title="Recording" loading="lazy" style="width:100%;height:75vh;border:0" '
-    'srcdoc="{page}"></iframe></details></section>\n</main>'
+    'srcdoc="{page}"></iframe></details></section>\n<footer'
 )
 
 
@@ -98,7 +98,7 @@ def with_recording(page: Path, recording: Path) -> Path:
         inside = escape(player.read_text(encoding="utf-8"))
     text = page.read_text(encoding="utf-8")
     text = text.replace(f'href="{recording.name}"', 'href="#recording"')
-    head, _, rest = text.rpartition("</main>")
+    head, _, rest = text.rpartition("<footer")
     out = page.with_name(f"{page.stem}_with_recording.html")
     atomic_write(out, (head + FRAME.replace("{page}", inside) + rest).encode())
     return out

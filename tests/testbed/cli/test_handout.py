@@ -9,7 +9,7 @@ import pytest
 from calib.errors import MachineError
 from testbed.cli import handout, viewer
 
-PAGE = '<main><p>one &amp; only</p><a href="campaign.rrd">recording</a></main><footer>x</footer>'
+PAGE = '<main><p>one &amp; only</p><a href="campaign.rrd">recording</a><footer>x</footer></main>'
 
 
 @pytest.fixture
@@ -67,7 +67,7 @@ def test_the_recording_is_inside_the_page_and_its_link_leads_there(page, tmp_pat
     assert text.count("</main>") == 1
     assert '<a href="#recording">' in text
     assert "<script>" not in text  # it lies escaped in an attribute
-    assert text.index("<iframe") < text.index("</main>") < text.index("<footer>")
+    assert text.index("<iframe") < text.index("<footer>") < text.index("</main>")
     assert page.read_text() == PAGE
 
 

@@ -1,5 +1,6 @@
 """A page says each sentence once, where it is read first, and shows no empty section."""
 
+import re
 from dataclasses import replace
 
 import pytest
@@ -124,3 +125,12 @@ def test_two_narrow_tables_and_two_half_figures_stand_beside_each_other_on_paper
 
     assert pages([narrow] * 20) < 0.7 * pages([wide] * 20)
     assert pages(half) < 0.7 * pages(apart)
+
+
+def test_the_banner_at_the_end_follows_how_it_was_made_and_never_stands_alone_on_a_sheet():
+    """A browser keeps what may not be parted together only where it has the same parent."""
+    made = page(Section("record", "How it was made", (Text("Seed 1."),)))
+    html = render(made)
+    assert html.split("<body>")[1].rstrip().endswith("</footer>\n</main>\n</body>\n</html>")
+    assert "</section>\n<footer" in html
+    assert re.search(r"footer\.banner \{[^}]*break-before: avoid", html)
