@@ -22,9 +22,12 @@ ROS = {
 }  # fmt: skip
 """Joints of the Universal Robots descriptions."""
 JOINT = re.compile(r"(?:.*[\s_])?(?:j|a|q|joint|axis|achse|theta|ax)[\s_]*a?([1-9])")
-READ = {"read", "actual", "act", "feedback", "measured", "current"}
+PLACE = re.compile(r"(?:p|pos|tcp|pt)([xyz])")
+"""A coordinate that is written in one word: Px, TCPx."""
+READ = {"read", "actual", "act", "feedback", "measured", "current", "ist", "istwert"}
 """Words of a joint that was read back."""
-TARGETS = {"goal", "target", "nominal", "nom", "cmd", "command", "commanded", "ref", "set", "t"}
+TARGETS = {"goal", "target", "nominal", "nom", "cmd", "command", "commanded", "ref", "set", "t",
+           "soll", "sollwert"}  # fmt: skip
 DIFFERENCES = {"dif", "diff", "difference", "delta", "err", "error", "dev", "deviation"}
 WISHED = TARGETS | DIFFERENCES
 """Words of a place that was not measured."""
@@ -160,6 +163,8 @@ def _coordinate(name: str, text: str, unit: str) -> Meaning | None:
     for word in (words[-1], words[0]) if words else ():
         if word in ("x", "y", "z"):
             return Meaning(name, word, unit)
+        if place := PLACE.fullmatch(word):
+            return Meaning(name, place[1], unit)
         if word in TURNS:
             return Meaning(name, TURNS[word], unit)
     return None

@@ -1,0 +1,94 @@
+"""Files as an engineer with a rented tracker has them: odd ones are read, wrong ones are named."""
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from testbed.files.read import read_session
+from testbed.robots.catalog import load_robot
+from tests.testbed.files.made import csv, made
+from tests.testbed.proposal.test_session import call, proposed
+
+UR10 = load_robot("universal_ur10")
+M = 40
+DATA = made(5, M, robot=UR10)
+DEG, MM = np.degrees(DATA.q), 1e3 * DATA.T[:, :3, 3]
+X, Y, Z, W = Rotation.from_matrix(DATA.T[:, :3, :3]).as_quat().T
+
+
+def joints(form, values=DEG):
+    return {form.format(j + 1): values[:, j] for j in range(6)}
+
+
+def places(form, values=MM, axes="XYZ"):
+    return {form.format(axis): values[:, k] for k, axis in enumerate(axes)}
+
+
+PLAIN = joints("J{}") | places("{}")
+GERMAN = {"separator": ";", "decimal": ","}
+COMMENTS = "# Export of a tracker\n# units: mm, deg\n"
+ODD = {
+    "semicolons and decimal commas": csv(joints("J{}") | places("{} [mm]"), **GERMAN),
+    "meters and radians": csv(joints("q{}", DATA.q) | places("{}", MM / 1e3, "xyz")),
+    "heads in another order": csv(
+        places("{} (mm)") | {"Comment": ["ok"] * M, "Temp": np.full(M, 21.5)}
+        | joints("Axis {} [deg]")
+    ),
+    "German heads": csv(
+        {"Nr": np.arange(M)} | joints("Achse{} [°]") | places("{}_Ist [mm]")
+        | places("{}_Soll [mm]", MM + 0.5) | {"Bemerkung": ["-"] * M}, **GERMAN
+    ),
+    "coordinates of one word": csv(joints("Theta{}") | places("P{}", axes="xyz")),
+    "coordinates of a tool": csv(joints("Joint_{}") | places("TCP{}", axes="xyz")),
+    "quaternions, scalar first": csv(
+        joints("J{}_deg") | places("{}_mm") | {"qw": W, "qx": X, "qy": Y, "qz": Z}
+    ),
+    "quaternions, scalar last": csv(
+        joints("J{}_deg") | places("{}_mm") | {"qx": X, "qy": Y, "qz": Z, "qw": W}
+    ),
+    "a mark of the encoding": "\ufeff" + csv(PLAIN, eol="\r\n", **GERMAN),
+    "comments above": COMMENTS + csv(PLAIN),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("text", ODD.values(), ids=ODD)
+def test_an_odd_file_is_proposed_as_it_was_meant(text, tmp_path):
+    (tmp_path / "m.csv").write_bytes(text.encode())
+    said, _ = proposed(tmp_path, [tmp_path / "m.csv"], "--robot", UR10.name)
+    assert "to mend" not in said
+    table = read_session(tmp_path / "session.toml", UR10).measurements
+    # fifteen digits are written
+    np.testing.assert_allclose(table.q, DATA.q, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(table.position, DATA.T[:, :3, 3], rtol=0, atol=1e-12)
+
+
+def grouped(value):
+    return f"{value:,.3f}".translate(str.maketrans(",.", ".,"))
+
+
+WRONG = {
+    "a mirrored frame": (PLAIN | {"X": -MM[:, 0]}, "if one of x, y, z has the other sign"),
+    "thousands marks": (
+        joints("J{}") | {a: [grouped(v) for v in MM[:, k]] for k, a in enumerate("XYZ")},
+        "which has thousands marks",
+    ),
+    "a joint that is missing": (
+        {name: column for name, column in PLAIN.items() if name != "J4"}, "and none for q4",
+    ),
+    "two joints swapped": (
+        PLAIN | {"J2": DEG[:, 2], "J3": DEG[:, 1]}, "if the columns q2 and q3 are swapped",
+    ),
+    "shifted rows": (PLAIN | places("{}", np.roll(MM, 1, axis=0)), "if row k+1 belongs to pose k"),
+    "targets alone": (joints("J{}") | places("{}_Soll"), "are targets or differences"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(("table", "why"), WRONG.values(), ids=WRONG)
+def test_a_wrong_file_is_refused_by_name(table, why, tmp_path):
+    mark = ";" if "thousands" in why else ","
+    (tmp_path / "m.csv").write_text(csv(table, separator=mark), encoding="utf-8")
+    done = call("new", "session", tmp_path / "m.csv", "--robot", UR10.name, "--out",
+                tmp_path / "session.toml")  # fmt: skip
+    assert done.exit_code == 2
+    assert why in " ".join(done.stderr.split())
+    assert not (tmp_path / "session.toml").exists()
