@@ -41,6 +41,7 @@ from testbed.identify.proof import (
     guard_warnings,
     proof_of,
     repeatability,
+    standing_warnings,
     stated_target,
     target_warnings,
 )
@@ -260,6 +261,7 @@ def _calibrated(
             *model_words(shots, looking.train, chosen, called),
             *warnings_of(models[0], chosen, train),
             *guard_warnings(session, measurements.rows(split.is_test)),
+            *standing_warnings(session, chosen.identification),
             *(() if handback.in_use else target_warnings(measurements)),
             *held_out_warnings(session.conditions, session.set_up, used, split.is_test),
         ),

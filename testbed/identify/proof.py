@@ -5,6 +5,7 @@ import numpy as np
 from calib.arrays import Array, Bool, frozen
 from calib.geometry.model import RobotModel
 from calib.held_out_counts import fewest_poses
+from calib.identification.fit_statistics import RED
 from calib.identification.identify import Identification
 from calib.measurement.observations import GIVEN, Measurements
 from calib.uncertainty.judgement import Circumstances, Judgement, judge
@@ -100,6 +101,31 @@ def target_warnings(measurements: Measurements) -> tuple[str, ...]:
     return ()
 
 
+def standing_warnings(session: Session, result: Identification) -> tuple[str, ...]:
+    """That repeats may be readings of one stop, which make a misfit of how joints come back."""
+    lack = result.lack_of_fit
+    if lack is None or lack.p_value >= RED or not one_after_another(session):
+        return ()
+    return (
+        "the rows of a pose follow each other directly: if the arm stood still between them, they "
+        "show nothing of how its joints come back, and that scatter counts as misfit; write one "
+        "row for each stop, their mean, or approach the poses anew in a second round",
+    )
+
+
+def one_after_another(session: Session) -> bool:
+    """Whether most rows that repeat a pose follow it with no other pose between them."""
+    table, order = session.measurements, np.argsort(session.in_time, kind="stable")
+    if session.wanted.order == "unknown":
+        return False
+    pose = table.pose_id[order]
+    stop = np.cumsum(np.concatenate([[0], pose[1:] != pose[:-1]]))
+    what = np.unique(np.column_stack([pose, table.target_key[order]]), axis=0, return_inverse=True)
+    again = len(pose) - len(what[0])
+    at_stops = np.unique(np.column_stack([stop, what[1].ravel()]), axis=0)
+    return 2 * (len(pose) - len(at_stops)) > again
+
+
 def stated_target(measurements: Measurements) -> tuple[float, float, float]:
     """Point in the tool frame that is stated [m]: the one that all rows look at, if it is known."""
     places = np.unique(measurements.offset, axis=0)
@@ -128,6 +154,8 @@ def repeatability(
     if found is None:
         return stated, said
     best, upper = found
+    if upper < 1 and one_after_another(session):
+        return stated, f"{said}, as repeats without another pose between them tell less than that"
     told = (
         f"repeats find {best:.2g} times what {said} states, and allow {upper:.2g} times, which is "
         "taken"

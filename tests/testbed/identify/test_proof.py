@@ -12,7 +12,12 @@ from calib.measurement import tables
 from calib.measurement.observations import joined
 from testbed.identify.calibrate import Options, calibrate
 from testbed.identify.order import order_words, require_order
-from testbed.identify.proof import repeatability, stated_target, target_warnings
+from testbed.identify.proof import (
+    one_after_another,
+    repeatability,
+    stated_target,
+    target_warnings,
+)
 from testbed.identify.report.belief import questions_table
 from testbed.identify.session import with_test
 from testbed.identify.words import ELSEWHERE, UNGUARDED, mark, verdict
@@ -62,6 +67,38 @@ def test_without_enough_repeats_or_apart_from_the_instrument_the_description_tel
     inside = replace(session, joint_scatter=np.zeros(6))  # in the stated covariances already
     for one in (once, inside):
         assert told(one, arm) == (1.0, "the robot's description")
+
+
+def burst(m=20):
+    """Poses approached once, and read three times while the arm stands still."""
+    rng, q, model = np.random.default_rng(9), pool_r(m), true_model()
+    moved = q + REPEATABILITY * rng.standard_normal(q.shape)
+    seen = table_of(
+        model, np.repeat(moved, 3, axis=0), seed=60, pose_id=np.repeat(np.arange(m), 3),
+        repeat=np.tile(np.arange(3), m),
+    )  # fmt: skip
+    return session_of(replace(seen, q=np.repeat(q, 3, axis=0)), joint_scatter=REPEATABILITY)
+
+
+def test_readings_at_one_stop_do_not_tell_how_joints_come_back():
+    """They scatter by nothing of it: no smaller number than the description's is taken."""
+    arm, session = replace(robot(), repeatability=REPEATABILITY), burst()
+    found, by = told(session, arm)
+    assert found == 1.0
+    assert by.startswith("the robot's description, as repeats without another pose between them")
+    assert one_after_another(session)
+    assert not one_after_another(visited(1.0))
+    # the clock, not the file, says what came between
+    rounds = np.argsort(np.argsort(np.tile(np.arange(3), 20), kind="stable"))
+    assert not one_after_another(replace(session, time=10.0 * rounds))
+
+
+def test_a_misfit_that_readings_at_one_stop_make_is_said_to_be_theirs_perhaps():
+    said = "the rows of a pose follow each other directly"
+    found = calibrate(robot(), burst(40), Options(train=25))
+    assert sum(text.startswith(said) for text in found.warnings) == 1
+    for fine in (sound(), calibrate(robot(), visited(1.0), Options(train=15))):
+        assert not any(text.startswith(said) for text in fine.warnings)
 
 
 def test_rows_stand_in_the_order_of_their_times_or_of_the_file():
