@@ -253,7 +253,7 @@ def rejections(n_drawn: int, names: Sequence[str], rejected: Index, size: int) -
     kept = n_drawn - sum(n for _, n in counts)
     said = listed([f"{n} {name}" for name, n in counts])
     first = f"the first {size} of {kept} feasible ones" if kept > size else f"{kept} feasible ones"
-    refused = f"refused were {said}" if counts else "none was refused"
+    refused = f"{n_drawn - kept} were refused: {said}" if counts else "none was refused"
     return f"Of {n_drawn} candidate poses {refused}; the pool is {first}."
 
 

@@ -106,7 +106,8 @@ class HiddenMisfit(Shown):
             size = f"{1e6 * self.detectable:.1f} um per axis"
             least = f"a misfit of {size} or more would have been detected; a smaller one may hide"
         return (
-            f"{least} behind the noise, and the region allows for {1e6 * self.upper:.1f} um{told}"
+            f"{least} behind the noise: these readings allow for {1e6 * self.upper:.1f} um, and so "
+            f"does the region{told}"
         )
 
 

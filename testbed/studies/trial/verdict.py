@@ -44,7 +44,7 @@ def judge(trial: Trial, estimate: Estimate) -> Verdict:
         f"{trial.name} brings the mean tool error on held-out poses from "
         f"{seen.accuracy_before.mean * MM:.3f} to {seen.accuracy_after.mean * MM:.3f} mm"
     )
-    reasons = (*against, *measured_says(estimate), *beside)
+    reasons = (*against, *_lacking(estimate, against), *measured_says(estimate), *beside)
     if statement is None:
         return _of_covariance(estimate, size, against, reasons)
     if statement.point is None:
@@ -56,6 +56,19 @@ def judge(trial: Trial, estimate: Estimate) -> Verdict:
         words = f"{stated}, which must not be believed: {against[0]}."
         return Verdict(False, True, words, reasons, BAD)
     return Verdict(True, False, f"{stated}, and this can be believed.", reasons, GOOD)
+
+
+def _lacking(estimate: Estimate, against: list[str]) -> tuple[str, ...]:
+    """Why a statement can be believed whose model the readings contradict; nothing else."""
+    found, statement = estimate.identification, estimate.statement
+    if against or statement is None or statement.point is None or not tested(found):
+        return ()
+    if min(found.p_value, statement.held_out.p_value) >= ALARM:
+        return ()
+    return (
+        "the model lacks something, as the next lines show; the stated region has room for it, and "
+        "it is the region that the truth judges",
+    )
 
 
 def _of_covariance(
@@ -225,8 +238,8 @@ def next_step(campaign: Campaign) -> str:
     if tested(found) and found.p_value < ALARM:
         factor = np.sqrt(found.chi_square / found.dof)
         wider = (
-            'Let the evidence decide about sag and harmonics ([identification] model = "choose"), '
-            "and free what may have moved"
+            'Set model = "choose" under [identification], so that the evidence decides about sag '
+            "and harmonics, and free what may have moved"
             if statement is None or statement.model == "geometric"
             else "Sag and harmonics are in the model already; look for play, warmth and frames "
             "held fixed that moved"

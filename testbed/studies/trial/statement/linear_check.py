@@ -71,7 +71,7 @@ def linear_check(
     sentence = (
         f"first-order propagation is {check.outcome}: against {played.draws} {draws} at "
         f"the held-out pose with the largest uncertainty, means, uncertainties and region differ "
-        f"by at most {share:.2g} of the tolerance of {DIGITS} digit of u"
+        f"by at most {share:.2g} of what JCGM 101 allows for {DIGITS} digit of u"
     )
     if late > UNSETTLED * played.draws:
         check = replace(check, outcome="not validated")

@@ -300,7 +300,8 @@ def test_a_misfit_below_the_noise_is_bounded_and_named():
     assert 0 <= found.best <= found.upper < found.detectable
     assert found.noise_sd == pytest.approx(kinds.NOISE)
     assert 0.05 < found.p_value <= 1
-    assert f"the region allows for {1e6 * found.upper:.1f} um" in found.sentence
+    said = f"these readings allow for {1e6 * found.upper:.1f} um, and so does the region"
+    assert said in found.sentence
     assert "taken on trust" in found.sentence
     assert "on trust" not in misfit(fit, train, held_out, repeats=NoiseRepeats(90, 88.0)).sentence
     assert repr(found).startswith("HiddenMisfit(up to")

@@ -245,9 +245,10 @@ def test_dropped_parameters_are_named_with_those_that_stand_for_them():
 def test_every_candidate_is_accounted_for():
     said = report_design.design_section(paper_campaign()).blocks[0].items[0]
     refused, _, kept = said.partition("; the pool is ")
-    drawn, *counts = map(int, re.findall(r"\d+", refused))
+    drawn, lost, *counts = map(int, re.findall(r"\d+", refused))
     feasible = int(re.findall(r"\d+", kept)[-1])
-    assert drawn == sum(counts) + feasible
+    assert lost == sum(counts)
+    assert drawn == lost + feasible
     assert feasible >= 160
     assert rejections(9, ["floor"], np.array([0]), 9) == (
         "Of 9 candidate poses none was refused; the pool is 9 feasible ones."

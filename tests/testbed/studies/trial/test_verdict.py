@@ -42,8 +42,14 @@ def test_residuals_unmask_sagging_joints_and_the_region_has_them():
     trial = trial_of(**{"truth.preset": "wen2022", "uncertainty.replications": 0})
     verdict = judge(trial, trial.estimates[0])
     assert verdict.believable
-    assert "the residuals contradict the stated noise" in verdict.reasons[0]
+    assert "the stated region has room for it" in verdict.reasons[0]
+    assert "the residuals contradict the stated noise" in verdict.reasons[1]
     assert "the believed region holds" in verdict.reasons[-1]
+
+
+def test_a_model_that_nothing_contradicts_is_not_said_to_lack_something(honest):
+    reasons = judge(honest, honest.estimates[0]).reasons
+    assert not any("lacks something" in reason for reason in reasons)
 
 
 def test_a_covariance_ten_times_too_small_is_caught_by_each_test_alone(honest):
