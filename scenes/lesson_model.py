@@ -1,4 +1,4 @@
-"""What does a wrong model do to an interval? Shares of true points inside "95 %" regions.
+"""What does a wrong model do to an interval? True points inside "95 %" regions, out of 50.
 
 Run it: python scenes/lesson_model.py
 """
@@ -12,51 +12,58 @@ from testbed.streams import stream
 from truebed.lesson import calibrated, guess, laboratories, spread, true_error
 
 COUNTS, HELD_OUT = (29, 61, 120), 20
-KINDS = {"rigid": "the model is right", "soft": "the arm sags"}
+SAG_MDEG, UM_PER_MDEG = (0, 1, 2, 5), 11
+"""How far joint 2 gives way under the upper arm, and what 1 mdeg of it, and what comes with it in
+joints 2 and 3, move the tool by on average."""
 
 
-def shares(seeds: range) -> dict[str, np.ndarray]:
-    """Percentage (seeds, counts + 1) of 50 true points inside what is stated, per kind of robot.
+def held(seeds: range) -> dict[int, np.ndarray]:
+    """How many (seeds, counts + 1) of 50 true points lie inside what is stated, per sag.
 
     By the parameters alone for each number of poses; last, inside the region that is believed
     after the first number of poses and 20 held-out ones.
     """
-    found: dict[str, list[list[float]]] = {kind: [] for kind in KINDS}
-    for kind, rows in found.items():
-        for bench in laboratories(seeds, kind):
+    found: dict[int, list[list[float]]] = {sag: [] for sag in SAG_MDEG}
+    for sag, rows in found.items():
+        gravity = [sag, 0.6 * sag, 1.2 * sag]  # in the proportions of the preset soft
+        for bench in laboratories(seeds, "rigid", truth__gravity_mdeg=gravity):
             order = stream(bench.scenario.seed, "lesson").permutation(len(bench.pool_q))
-            q, held, row = bench.setting.test_q, bench.measure_pool(order[-HELD_OUT:], "test"), []
-            for m in COUNTS:
-                fit = calibrated(bench, order[:m], f"{m}")
+            q, judges, row = bench.setting.test_q, bench.measure_pool(order[-HELD_OUT:], "test"), []
+            fits = [calibrated(bench, order[:m], f"{m}") for m in COUNTS]
+            for fit in fits:
                 S = tool_covariance(fit.model, q, fit.full_covariance)[:, :3, :3]
-                row.append(inside(true_error(bench, fit), S).mean())
+                row.append(inside(true_error(bench, fit), S).sum())
             train = bench.measure_pool(order[: COUNTS[0]], f"{COUNTS[0]}")
-            fit = calibrated(bench, order[: COUNTS[0]], f"{COUNTS[0]}")
-            belief = calib.judge(fit, held, train=train).belief
+            belief = calib.judge(fits[0], judges, train=train).belief
             there = None if belief is None else belief.regions(q)
-            row.append(0.0 if there is None else there.covers(true_error(bench, fit)).mean())
+            row.append(0 if there is None else there.covers(true_error(bench, fits[0])).sum())
             rows.append(row)
-    return {kind: 100 * np.array(rows) for kind, rows in found.items()}
+    return {sag: np.array(rows) for sag, rows in found.items()}
 
 
-def answer(found: dict[str, np.ndarray]) -> str:
+def answer(found: dict[int, np.ndarray]) -> str:
     """The answer, from what was found."""
-    right, wrong = (rows.mean(axis=0) for rows in found.values())
-    grows = "fewer" if wrong[len(COUNTS) - 1] < wrong[0] else "no fewer"
+    mean = {sag: rows.mean(axis=0) for sag, rows in found.items()}
+    right, wrong, last = mean[SAG_MDEG[0]], mean[SAG_MDEG[2]], len(COUNTS) - 1
+    grows = "fewer" if wrong[last] < wrong[0] else "no fewer"
     return (
-        f'Where the model is right "95 %" holds {right[0]:.0f} %; where it is not, '
-        f"{wrong[0]:.0f} %, and {grows} after four times as many poses "
-        f"({wrong[len(COUNTS) - 1]:.0f} %): the interval knows the noise only. The region that "
-        f"counts what held-out poses show holds {wrong[-1]:.0f} %."
+        f'Where the model is right, "95 %" holds {right[0]:.0f} of 50. Where {SAG_MDEG[2]} mdeg of '
+        f"sag are missing from it, {wrong[0]:.0f}, and {grows} ({wrong[last]:.0f}) after four "
+        "times as many poses: more poses make the region smaller, and leave the sag as it is. The "
+        f"region that counts what held-out poses show holds {wrong[-1]:.0f}."
     )
 
 
 if __name__ == "__main__":
-    guess('The tracker is the same. Of 50 true points, how many lie inside "95 %" if the arm sags?')
-    percent = shares(range(1, 7))
+    guess(
+        "An arm sags by thousandths of a degree (mdeg), and the model knows nothing of it. Of 50 "
+        'true\npoints, how many lie inside "95 %" after 29 poses, and how many after 120?'
+    )
+    numbers = held(range(1, 7))
     heads = [*(f"{m} poses" for m in COUNTS), "believed"]
-    print("true points inside [%], six robots: mean (smallest to largest)")
-    print(f"{'':20}" + "".join(f"{head:>18}" for head in heads))
-    for kind, rows in percent.items():
-        print(f"{KINDS[kind]:20}" + "".join(f"{spread(column):>18}" for column in rows.T))
-    print(answer(percent))
+    print("true points inside, of 50; six robots: mean (smallest to largest)")
+    print(f"{'sag, and at the tool':22}" + "".join(f"{head:>15}" for head in heads))
+    for sag, rows in numbers.items():
+        words = f"{sag} mdeg, {sag * UM_PER_MDEG} um" if sag else "none"
+        print(f"{words:22}" + "".join(f"{spread(column):>15}" for column in rows.T))
+    print(answer(numbers))

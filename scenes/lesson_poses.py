@@ -47,19 +47,19 @@ def answer(found: dict[str, np.ndarray]) -> str:
     noise = 100 * (1 - (29 / WANTED) ** 0.5)
     verdict = "less than" if soft.mean() < rigid.mean() else "no less than"
     return (
-        f"From 29 to {WANTED} poses a rigid robot gains {spread(rigid)} % (noise alone: "
-        f"{noise:.0f} %), one that sags {spread(soft)} %, {verdict} the rigid one: poses average "
-        "noise, and leave what the model lacks."
+        f"From 29 to {WANTED} poses a rigid robot loses {spread(rigid)} % of its error (noise "
+        f"alone: {noise:.0f} %), one that sags {spread(soft)} %, {verdict} the rigid one: more "
+        "poses average the noise, and leave what the model lacks."
     )
 
 
 if __name__ == "__main__":
-    guess("A paper calibrates with 61 poses. How much better are 61 than 29, and 120 than 61?")
+    guess("A paper calibrates with 61 poses. By how many percent do they err less than 29?")
     seeds = range(1, 7)
     um = errors(seeds)
     print("mean true error [um], six robots: mean (smallest to largest)")
-    print(f"{'poses':14}" + "".join(f"{count:>18}" for count in COUNTS))
-    for kind, rows in um.items():
-        print(f"{KINDS[kind]:14}" + "".join(f"{spread(column):>18}" for column in rows.T))
+    print(f"{'poses':>6}" + "".join(f"{KINDS[kind]:>20}" for kind in um))
+    for i, count in enumerate(COUNTS):
+        print(f"{count:6}" + "".join(f"{spread(rows[:, i]):>20}" for rows in um.values()))
     print(f"O1 settles at {spread(settled(seeds))} poses: that is where 61 comes from.")
     print(answer(um))

@@ -45,7 +45,10 @@ def answer(found: dict[str, np.ndarray]) -> str:
 
 
 if __name__ == "__main__":
-    guess("A laser tracker measures a distance to 2 um. Does it matter where it stands?")
+    guess(
+        "A laser tracker measures a distance to 2 um. How many times as far off is a calibration "
+        "from\n12 m as one from 1.5 m?"
+    )
     um = errors(range(1, 7))
     print("six rigid robots [um]: mean (smallest to largest)")
     print(f"{'':16}{'u of a reading':>22}{'mean true error':>22}")

@@ -71,11 +71,32 @@ def test_o1_and_v_make_small_what_noise_causes():
 
 def test_a_wrong_model_makes_an_interval_worthless_and_held_out_poses_mend_it(small):
     made = small("model", COUNTS=(29,))
-    found = made.shares(ONE)
-    assert found["rigid"][:, 0].mean() > 75
-    assert found["soft"][:, 0].mean() < 10
-    assert found["soft"][:, 1].mean() > 90
+    found = made.held(ONE)
+    assert found[0][:, 0].mean() > 37
+    assert found[5][:, 0].mean() < 25
+    assert found[5][:, 1].mean() > 45
     assert "no fewer" in made.answer(found)
+
+
+def test_the_lesson_says_how_far_a_sag_moves_the_tool():
+    made, scene = script("lesson_model"), {"pool__size": 80}
+    for sag in made.SAG_MDEG[1:]:
+        mdeg = [sag, 0.6 * sag, 1.2 * sag]
+        (stiff,) = laboratories(ONE, "rigid", **scene)
+        (soft,) = laboratories(ONE, "rigid", truth__gravity_mdeg=mdeg, **scene)
+        q = stiff.setting.test_q
+        moved = (soft.held_out(q) - stiff.held_out(q))[:, :3, 3]
+        # six robots and sets of held-out poses lie between 9.6 and 11.7 um per mdeg
+        um = 1e6 * np.linalg.norm(moved, axis=1).mean() / sag
+        assert um == pytest.approx(made.UM_PER_MDEG, abs=1.5)
+
+
+def test_more_poses_with_a_wrong_model_hold_fewer_true_points(small):
+    made = small("model", COUNTS=(15, 45), HELD_OUT=20)
+    found = made.held(range(1, 4))
+    # each of three robots, not the mean alone: the fall is what the class is to see
+    assert (found[2][:, 1] < found[2][:, 0]).all()
+    assert "and fewer" in made.answer(found)
 
 
 def test_a_radius_needs_nineteen_poses_and_holds_what_it_promises(small):
@@ -105,9 +126,11 @@ def test_the_lessons_hold_at_their_own_size():
     assert surely(-percent["rigid", "O1"])
     assert surely(-percent["rigid", "V"])
     assert surely(percent["soft", "O1"] - percent["rigid", "O1"])
-    shares = script("lesson_model").shares(range(1, 7))
-    assert shares["soft"][:, 2].max() < 10
-    assert shares["soft"][:, -1].mean() > 95
+    held = script("lesson_model").held(range(1, 7))
+    for sag, most in ((1, 50), (2, 45), (5, 20)):
+        assert held[sag][:, 2].mean() < held[sag][:, 0].mean() < most
+        assert held[sag][:, -1].mean() > 47.5
+    assert all(surely(held[sag][:, 0] - held[sag][:, 2]) for sag in (2, 5))
     near, *_, far = (um[1] for um in script("lesson_tracker").errors(range(1, 7)).values())
     assert surely(far - near)
 
