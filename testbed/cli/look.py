@@ -192,7 +192,9 @@ def view(
     picture: Annotated[
         Path | None, typer.Option(metavar="FILE.png", help="Make a picture, open no window.")
     ] = None,
-    step: Annotated[int | None, typer.Option(help="Step of the story in the picture.")] = None,
+    step: Annotated[
+        int | None, typer.Option(help="Step of the story in the picture, from 0 [the last].")
+    ] = None,
     html: Annotated[
         Path | None, typer.Option(metavar="FILE.html", help="Make one page for browsers.")
     ] = None,
@@ -213,7 +215,7 @@ def view(
         if video is not None and video.suffix != ".gif":
             video_file.require_encoder(video)
         if picture is not None:
-            viewer.picture(file, picture, step=step)
+            viewer.picture(file, picture, step=step, tell=warn)
             say(str(picture))
         if html is not None:
             viewer.html_page(file, html)

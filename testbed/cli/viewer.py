@@ -22,6 +22,7 @@ from string import Template
 from typing import Any
 
 from calib.errors import MachineError, refuse
+from testbed.cli.recording_steps import step_of
 from testbed.disk import atomic_write
 from testbed.gates.paths import is_there
 
@@ -40,7 +41,13 @@ START_LIMIT = 40.0
 """Longest wait for a process to be ready [s]."""
 
 
-def picture(rrd: str | Path, png: str | Path, *, step: int | None = None) -> None:
+def picture(
+    rrd: str | Path,
+    png: str | Path,
+    *,
+    step: int | None = None,
+    tell: Callable[[str], None] = lambda _: None,
+) -> None:
     """Write a picture of a recording without a screen.
 
     Parameters
@@ -50,18 +57,23 @@ def picture(rrd: str | Path, png: str | Path, *, step: int | None = None) -> Non
     png : path
         Picture to write.
     step : int, optional
-        Place on the story's timeline; where the viewer starts if None.
+        Place on the story's timeline; its last one if None.
+    tell : callable
+        Receives the sentence that it is being drawn.
 
     Raises
     ------
     InputError
-        No such recording.
+        No such recording, or no such step.
     MachineError
         No viewer came up: there is no Vulkan driver, software or other.
     """
-    with headless(existing(rrd)) as client:
-        if step is not None:
-            client.set_time("step", sequence=step, play_state="paused")
+    file = existing(rrd)
+    at = step_of(file, step)
+    tell(f"Drawing {png}; this takes up to half a minute.")
+    with headless(file) as client:
+        # a viewer plays as it starts: it would be wherever it has got to by then
+        client.set_time("step", sequence=at, play_state="paused")
         paint(client)  # and the meshes begin to load
         time.sleep(NOTES_FADE)
         atomic_write(Path(png), client.take_screenshot(None))

@@ -263,8 +263,7 @@ def _drift(shown: LargerThanLife) -> Chapter:
         )
         pen.rows(path, phase, arrows.partition([len(start)] * len(ends)))
         pen.static(path, rr.Arrows3D.from_fields(radii=thin, colors=style.VERMILION))
-        if phase.stop < pen.timeline.n_steps:
-            pen.clear(phase.stop, "world/last_ten", path, f"world/RP_x{shown.wide}")
+        pen.clear(phase.stop, "world/last_ten", path, f"world/RP_x{shown.wide}")
 
     others = AP.mean(axis=1)
     return Chapter(

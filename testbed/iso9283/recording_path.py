@@ -47,9 +47,8 @@ def path_chapter(path: ShownPath, k: int) -> Chapter:
         }
         look = {"fill_mode": "solid", "colors": PALE}
         pen.grow(f"{root}/RT_x{times}", phase, rr.Ellipsoids3D, tube, look)
-        if phase.stop < pen.timeline.n_steps:
-            names = ("commanded", f"AT_x{times}", f"RT_x{times}")
-            pen.clear(phase.stop, *(f"{root}/{name}" for name in names))
+        names = ("commanded", f"AT_x{times}", f"RT_x{times}")
+        pen.clear(phase.stop, *(f"{root}/{name}" for name in names))
 
     return Chapter(
         name=f"path{k + 1}",

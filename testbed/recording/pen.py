@@ -93,10 +93,14 @@ class Pen:
         self.stream.reset_time()
 
     def clear(self, step: int, *paths: str) -> None:
-        """Wipe entities from `step` on; else the viewer shows their last row for ever."""
+        """Wipe entities from `step` on; else the viewer shows their last row for ever.
+
+        What would go after the last step stays: a step for that alone would be the one that the
+        viewer opens at, and show nothing.
+        """
         import rerun as rr
 
-        for path in paths:
+        for path in paths if step < self.timeline.n_steps else ():
             self.at(step, path, rr.Clear(recursive=False))
 
     def transforms(self, path: str, T: Array) -> None:

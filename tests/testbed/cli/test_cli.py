@@ -324,6 +324,7 @@ def test_a_terminal_gets_a_bar_with_the_time_left(tmp_path, scene):
 
 def test_view_opens_the_recording_or_makes_a_picture_or_a_page(truebed, scene, monkeypatch):
     from testbed.cli import video, viewer
+    from testbed.cli.output import warn
 
     truebed("run", scene, "--out", "a")
     called = []
@@ -338,7 +339,7 @@ def test_view_opens_the_recording_or_makes_a_picture_or_a_page(truebed, scene, m
     truebed("view", file, "--video", "x.gif")
     assert called == [
         ("open", file),
-        ("picture", file, Path("x.png"), {"step": 7}),
+        ("picture", file, Path("x.png"), {"step": 7, "tell": warn}),
         ("html", file, Path("x.html")),
         ("video", file, Path("x.gif")),
     ]

@@ -3,11 +3,13 @@
 import os
 import struct
 import subprocess
+from contextlib import nullcontext
 
 import pytest
+from typer.testing import CliRunner
 
 from calib.errors import InputError, MachineError
-from testbed.cli import viewer
+from testbed.cli import app, viewer
 from testbed.cli.viewer import page
 from tests import viewed
 from tests.recorded import record, small_campaign, timeline
@@ -74,6 +76,55 @@ def test_usage_statistics_are_off_and_nothing_is_left_behind():
         assert '"analytics_enabled": false' in said
         assert folder in said
     assert not os.path.exists(folder)  # noqa: PTH110 (a string from the environment)
+
+
+@pytest.mark.parametrize("step", [-4, 1, 99999])
+def test_a_step_that_a_recording_does_not_have_is_refused_with_those_it_has(path, tmp_path, step):
+    story = timeline(small_campaign())
+    step = story.n_steps if step == 1 else step  # the first one behind the last
+    words = ["view", str(path), "--picture", str(tmp_path / "a.png"), "--step", str(step)]
+    done = CliRunner().invoke(app, words)
+    assert done.exit_code == 2
+    firsts = [f"{phase.name} from {phase.start}" for phase in story.phases]
+    assert done.stderr == (
+        f"--step is {step}; steps run from 0 to {story.n_steps - 1}: {', '.join(firsts[:-1])} and "
+        f"{firsts[-1]}; choose one of them. [C41]\n"
+    )
+    assert not (tmp_path / "a.png").exists()
+
+
+@pytest.mark.parametrize("asked", [True, False])
+def test_a_picture_is_announced_and_shows_the_last_step_unless_told(
+    path, tmp_path, monkeypatch, asked
+):
+    drawn = []
+
+    class Client:
+        def set_time(self, timeline, *, sequence, play_state):
+            drawn.append((timeline, sequence, play_state))
+
+        def take_screenshot(self, file=None, max_size=0):
+            return b"png"
+
+    monkeypatch.setattr(viewer, "headless", lambda *_: nullcontext(Client()))
+    monkeypatch.setattr(viewer, "NOTES_FADE", 0.0)
+    step = 7 if asked else timeline(small_campaign()).n_steps - 1
+    png = tmp_path / "a.png"
+    words = ["view", str(path), "--picture", str(png), *(["--step", "7"] if asked else [])]
+    done = CliRunner().invoke(app, words)
+    assert (done.exit_code, done.stdout) == (0, f"{png}\n")
+    assert done.stderr == f"Drawing {png}; this takes up to half a minute.\n"
+    assert drawn == [("step", step, "paused")]
+    assert png.read_bytes() == b"png"
+
+
+@pytest.mark.parametrize("part", [0.0, 0.5])
+def test_a_step_of_a_recording_cut_short_is_refused_as_one_of_no_recording(path, tmp_path, part):
+    whole = path.read_bytes()
+    cut = tmp_path / "cut.rrd"
+    cut.write_bytes(whole[: int(part * len(whole))])
+    with pytest.raises(InputError, match=r"cut\.rrd: is no recording, or is not whole"):
+        viewer.picture(cut, tmp_path / "a.png", step=3)
 
 
 def test_a_missing_recording_is_named(tmp_path):

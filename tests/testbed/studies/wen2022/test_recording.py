@@ -5,6 +5,7 @@ import re
 import numpy as np
 import pytest
 
+from testbed.cli.recording_steps import phases_of
 from testbed.studies.wen2022.cloud.draws import SHOWN, clouds_of, mean_half_width
 from testbed.studies.wen2022.cloud.recording import (
     CLOUD_SIZE,
@@ -97,6 +98,20 @@ def test_each_pair_has_its_stretch_its_colors_and_its_words(opened, clouds):
         whose = list(clouds)[k]
         assert words == [f"{look.name}, {whose}"]
     assert len({look.color for look in LOOKS}) == len({look.label for look in LOOKS}) == 2
+
+
+def test_the_last_step_of_all_where_the_viewer_opens_shows_the_last_clouds(opened, path, clouds):
+    """Wiped behind the last step, they made a step of its own, which showed nothing."""
+    story = timeline(paper_campaign())
+    begins, last = phases_of(path)
+    assert last == story.n_steps - 1
+    assert begins == {phase.name: phase.start for phase in story.phases}
+    phase = story.phase("draw")
+    for k, cloud in each(clouds):
+        place = entity(cloud, clouds)
+        wiped = [phase.at[STAGES * (k + 1)]] if k + 1 < len(clouds) else []
+        for name in (place, f"{place}/range", f"{place}/label"):
+            assert column(opened, name, "Clear:is_recursive")[0].tolist() == wiped
 
 
 def test_the_curves_are_half_widths_of_the_draws_so_far(opened, clouds):
