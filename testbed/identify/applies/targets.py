@@ -5,6 +5,7 @@ import numpy as np
 from calib.arrays import Array, Bool, frozen
 from calib.geometry.frames import inverse
 from calib.uncertainty.statement.applicability import Applicability
+from calib.uncertainty.statement.belief import Belief
 from calib.uncertainty.statement.conformity import Conformity, conformity
 from calib.uncertainty.statement.distance import distance_radius
 from calib.uncertainty.statement.places import MEASURE, place_words, reasons
@@ -18,8 +19,10 @@ from testbed.identify.decisions import UNDECIDED, outcomes
 from testbed.identify.handback.delivered import NOT_CORRECTED, TargetStatement
 from testbed.identify.handback.in_use import carried
 from testbed.report.text import csv_text
+from testbed.scenario.tool_in_use import ToolInUse
 from testbed.units import UM, counted, significant
 
+FILE_TOOL = "tool of the robot's file"
 CALLED = ("target", "name", "where")
 HEAD = (*CALLED, "R95_mean_um", "R95_move_um", "transfer", "leverage", "place", "why")
 DECIDED = ("deviation_before_um", "decision_before", "deviation_um", "decision", "risk")
@@ -43,6 +46,8 @@ def statement_at(calibration: Calibration, program: ProgramResult) -> TargetStat
         links = calibration.handback.tolerance
         belief = carried(belief, in_use.tool, np.array(in_use.worst), links)
         point = np.zeros(3)
+    elif point.any():
+        belief, point = of_file_tool(belief, calibration), np.zeros(3)
     departed = np.zeros(len(program.q), np.bool_) if program.departed is None else program.departed
     decidable = (reach.place != "outside") & ~departed & reach.reaches
     stated = decidable & program.corrected
@@ -75,11 +80,39 @@ def statement_at(calibration: Calibration, program: ProgramResult) -> TargetStat
 
 
 def tool_point(calibration: Calibration) -> Array:
-    """The point that programs move, in the identified tool frame [m]."""
-    if calibration.own_frames:
+    """The point that programs move, in the identified tool frame [m]; zero if it was measured."""
+    found = calibration.fit.identification
+    if calibration.own_frames or not any(name.startswith("tool.") for name in found.names):
         return np.zeros(3)
-    found = calibration.fit.identification.model.chain.T_flange_tool
-    return np.asarray((inverse(found) @ calibration.nominal.chain.T_flange_tool)[:3, 3])
+    own = inverse(found.model.chain.T_flange_tool) @ calibration.nominal.chain.T_flange_tool
+    return np.asarray(own[:3, 3])
+
+
+def of_file_tool(belief: Belief, calibration: Calibration) -> Belief:
+    """What is believed of the tool of the robot's file, where another target was measured.
+
+    Of links that a fit leaves at nominal, the last one's numbers were taken up by the place of the
+    target; those of others by base and links, which stay.
+    """
+    point = calibration.nominal.chain.T_flange_tool[:3, 3]
+    links = np.zeros_like(calibration.handback.tolerance)
+    links[-1] = calibration.handback.tolerance[-1]
+    x, y, z = point.tolist()
+    return carried(belief, ToolInUse(FILE_TOOL, (x, y, z), (0.0, 0.0, 0.0), 0.0), point, links)
+
+
+def tool_words(calibration: Calibration) -> tuple[str, ...]:
+    """Of which point R95 at targets is, where no reading is of it."""
+    point = tool_point(calibration)
+    if calibration.handback.in_use is not None or not point.any():
+        return ()
+    away = significant(1e3 * float(np.linalg.norm(point)), 2)
+    return (
+        f"R95 at targets is of the {FILE_TOOL}, {away} mm from the target that was measured: how "
+        "the flange stands to that target is in no reading, the tolerances of the links say it; "
+        '[tool_in_use] states another tool, and tool = "fixed" under [identification] says that '
+        "the file's tool is what was measured",
+    )
 
 
 def _radii(region: ToolStatement, stated: Bool) -> Array:
