@@ -33,6 +33,7 @@ PAGES = {
 """Every page that is written by hand."""
 INSTALLED = (
     "python3 -m venv",
+    "pip install jupyterlab",
     "pip install numpy",
     "pip install --no-deps",
     "pip install 'truebed[",
@@ -119,6 +120,19 @@ def parsed(words):
 @pytest.mark.parametrize("name", PAGES)
 def test_a_python_script_on_a_page_is_one_that_the_build_runs(name):
     assert not [block for language, block in fences(PAGES[name]) if language == "python"]
+
+
+@pytest.mark.parametrize("name", PAGES)
+def test_code_that_the_build_runs_fits_its_column(name):
+    shown = [
+        line
+        for language, block in fences(PAGES[name])
+        if language.startswith("{play}") and not block.startswith(":hidden:")
+        for line in block.splitlines()
+        if not line.startswith(":")
+    ]
+    # 98 characters of 7.2 px lie in the 736 px that the theme gives text on a screen of 1280 px
+    assert not [line for line in shown if len(line) > 98]
 
 
 @pytest.mark.parametrize("name", PAGES)
