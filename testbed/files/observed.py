@@ -19,8 +19,10 @@ from testbed.files.table import Columns, DataTable, together
 from testbed.files.uncertainty import spread_columns, spread_of
 from testbed.files.valid import valid_rows
 
+PROPOSED = "name the columns so, or let `truebed new session` propose them"
 
-def section_of(table: DataTable) -> ObservedTable:
+
+def section_of(table: DataTable, fix: str = PROPOSED) -> ObservedTable:
     """The table of session.toml that a CSV in the project's own layout belongs to.
 
     Raises
@@ -41,7 +43,7 @@ def section_of(table: DataTable) -> ObservedTable:
         table.where, "columns", "has no readings", value=", ".join(table.names)[:200],
         allowed="needed: x_mm y_mm z_mm (also _m), with qw qx qy qz, rx_deg ry_deg rz_deg or r11 "
         f"... r33 for poses, or distance_mm; {table.found(120)}",
-        fix=hint or "name the columns so, or let `truebed new session` propose them",
+        fix=hint or fix,
     )  # fmt: skip
 
 

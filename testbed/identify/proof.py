@@ -143,7 +143,9 @@ def repeatability(
     Repeats of poses tell it where there are enough, and where the scatter of the joints is known
     apart from that of the instrument: then their upper 95 % limit is taken.
     """
-    stated, said = robot.repeatability, "the robot's description"
+    stated, said, by = robot.repeatability, "the robot's description", "the robot's description"
+    if robot.sources.get("repeatability", "").startswith("assumed"):
+        said, by = "assumed, as the robot's file states none", "the assumption"
     some = np.flatnonzero(visits & ~measurements.is_distance)
     seen = measurements.rows(some)
     freedom = sum(3 * (rows.size - len(rows)) for rows in repeated(seen)) if len(seen) else 0
@@ -157,7 +159,7 @@ def repeatability(
     if upper < 1 and one_after_another(session):
         return stated, f"{said}, as repeats without another pose between them tell less than that"
     told = (
-        f"repeats find {best:.2g} times what {said} states, and allow {upper:.2g} times, which is "
+        f"repeats find {best:.2g} times what {by} states, and allow {upper:.2g} times, which is "
         "taken"
     )
     return frozen(upper * stated), told

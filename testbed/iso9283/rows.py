@@ -134,7 +134,8 @@ def _readings(
     table: DataTable, section: CyclesTable, settings: SessionFile, *, drop: bool | None
 ) -> tuple[Readings, bool]:
     """What was seen, and whether its noise is stated."""
-    observed = section_of(table)
+    fix = "name the columns so, or say in columns of [cycles] which is which"
+    observed = section_of(table, fix)
     if observed.kind == "distance":
         message, fix = "holds distances", "give positions x_mm y_mm z_mm"
         raise refusal(table.where, "distance", message, fix=fix)

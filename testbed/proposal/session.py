@@ -124,7 +124,7 @@ def _proposed(looks: tuple[Found, ...], robot: Robot | None, root: Path) -> Prop
         if wished:
             fix = f"{', '.join(wished[:6])} are targets or differences: give what was measured"
         raise refusal(
-            looks[0].name if looks else "DATA", "DATA", "has no readings that can be told",
+            looks[0].name if looks else "DATA", "DATA", "has no column known as a reading",
             allowed="columns X Y Z, also with rotations; or points or frames of Spatial Analyzer",
             fix=fix,
         )  # fmt: skip

@@ -24,7 +24,8 @@ def warnings_of(
         texts.append(f"the fit {result.status.value}")
     if result.p_value > 1 - RED:
         texts.append(
-            "the residuals are smaller than the stated noise: the stated uncertainty is too large"
+            "the residuals are smaller than the noise of readings and joints together explains: "
+            "one of the two is stated too large"
         )
     return tuple(texts)
 

@@ -44,7 +44,7 @@ def page_of(calibration: Calibration, delivered: Delivered, versions: Mapping[st
         Program and packages.
     """
     source = calibration.source
-    said = (*decision_words(calibration, delivered), *reasons(calibration))
+    decided = decision_words(calibration, delivered)
     sections = (
         accuracy_section(calibration),
         visit_section(calibration),
@@ -75,8 +75,8 @@ def page_of(calibration: Calibration, delivered: Delivered, versions: Mapping[st
         f"{calibration.split.sentence}.",
         believable=calibration.believable,
         mark=mark(calibration),
-        verdict=typeset(verdict(calibration)),
-        reasons=tuple(map(typeset, said)),
+        verdict=typeset(" ".join((verdict(calibration), *decided[:1]))),
+        reasons=tuple(map(typeset, (*decided[1:], *reasons(calibration)))),
         headline=headline(calibration),
         next_step=typeset(f"{next_step(calibration)} {conditions_words(calibration)}"),
         recording=RECORDING,

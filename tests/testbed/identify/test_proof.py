@@ -67,6 +67,8 @@ def test_without_enough_repeats_or_apart_from_the_instrument_the_description_tel
     inside = replace(session, joint_scatter=np.zeros(6))  # in the stated covariances already
     for one in (once, inside):
         assert told(one, arm) == (1.0, "the robot's description")
+    assumed = replace(arm, sources={**arm.sources, "repeatability": "assumed: 14.5 urad"})
+    assert told(inside, assumed) == (1.0, "assumed, as the robot's file states none")
 
 
 def burst(m=20):

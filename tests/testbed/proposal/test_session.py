@@ -241,7 +241,7 @@ def test_nothing_is_written_over_another_or_where_nothing_is_understood(tmp_path
     folder.mkdir()
     (folder / "a.csv").write_text("x_t,x_dif,joint_1\n1,2,3\n4,5,6\n")
     said = refused(tmp_path, folder / "a.csv")
-    assert "has no readings that can be told; columns X Y Z" in said
+    assert "has no column known as a reading; columns X Y Z" in said
     assert "x_t, x_dif are targets or differences: give what was measured" in said
     (folder / "b.csv").write_text("1,2,3,4,5,6,7,8,9\n")
     assert "has no line that names its columns, but a.csv has" in refused(
