@@ -66,7 +66,7 @@ def answer(found: dict[tuple[str, str], np.ndarray]) -> str:
 if __name__ == "__main__":
     guess(
         "O1 makes the information of 29 poses as large as it gets. By how many percent is the "
-        "error\nsmaller than that of random sets?"
+        "error\nsmaller than after random sets?"
     )
     percent = against_random(range(1, 11))
     print("error against random sets [%], four robots at each of ten seeds: mean (range of seeds)")

@@ -54,7 +54,7 @@ def answer(found: dict[str, np.ndarray]) -> str:
 
 
 if __name__ == "__main__":
-    guess("A paper calibrates with 61 poses. By how many percent do they err less than 29?")
+    guess("A paper uses 61 poses. By how many percent is the error smaller than after 29?")
     seeds = range(1, 7)
     um = errors(seeds)
     print("mean true error [um], six robots: mean (smallest to largest)")

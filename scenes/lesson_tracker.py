@@ -46,8 +46,8 @@ def answer(found: dict[str, np.ndarray]) -> str:
 
 if __name__ == "__main__":
     guess(
-        "A laser tracker measures a distance to 2 um. How many times as far off is a calibration "
-        "from\n12 m as one from 1.5 m?"
+        "A laser tracker measures a distance to 2 um. By what factor does the error of a "
+        "calibration\ngrow if it stands 12 m away instead of 1.5 m?"
     )
     um = errors(range(1, 7))
     print("six rigid robots [um]: mean (smallest to largest)")

@@ -26,7 +26,7 @@ from sphinx.util.docutils import SphinxDirective
 LOG = logging.getLogger(__name__)
 LONGEST_S = 300
 """A block that takes longer has no place on a page."""
-WIDTH = 84
+WIDTH = 96
 """Characters of a line that a page shows whole."""
 LONGEST_WORD = 12
 """Characters a word, on average, beyond which a line is no sentence."""
