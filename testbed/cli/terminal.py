@@ -71,21 +71,26 @@ EVERY = 60.0
 
 @contextmanager
 def _lines(course: TimeLeft) -> Iterator[Progress]:
-    """One line per finished step; of one in many pieces, now and then one with the time left."""
-    name, place = "", ""
+    """One line per finished step; of one in many pieces, now and then one with the time left.
+
+    Pieces count as steps: the line of those that were played says from which to which.
+    """
+    name, first, last = "", 0, 0
     start = since = said = course.clock()
 
     def report(begins: str, done: int, steps: int) -> None:
-        nonlocal name, place, since, said
+        nonlocal name, first, last, since, said
         now = course.clock()
         if begins and begins == name:
+            last = done + 1  # one piece more of the same step
             if now >= said + EVERY and (left := course.left()) is not None:
                 warn(f"[{done}/{steps}] {name}: about {timings.in_words(left)} left in all")
                 said = now
             return
         if name:
-            warn(f"{place} {name}: {now - since:.1f} s")
-        name, place = begins, f"[{done + 1}/{steps}]"
+            place = f"{first}-{last}" if last > first else f"{first}"
+            warn(f"[{place}/{steps}] {name}: {now - since:.1f} s")
+        name, first, last = begins, done + 1, done + 1
         since = said = now
         if not begins:
             warn(f"done in {now - start:.1f} s")

@@ -1,4 +1,4 @@
-"""What a file is, and whether it can be used: read whole, and nothing computed from it."""
+"""What a file is, and whether it can be used: read whole, and computed is only what tells that."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -92,12 +92,17 @@ def _robot(robot: Robot, what: str, where: str) -> list[str]:
 
 def _scenario(file: Path) -> list[str]:
     """Sentences on a scenario."""
+    from testbed.laboratory.sufficiency import check_trials
     from testbed.scenario.checks import check_robot, odd_settings
     from testbed.studies import load_scenario
 
     scenario = load_scenario(file)
     arm = load_robot(scenario.robot)
     check_robot(scenario, arm, where=str(file))
+    try:
+        check_trials(scenario)
+    except InputError as error:
+        raise error.located(str(file)) from error
     trials = ", ".join(trial.name for trial in scenario.trial) or "none"
     odd = [f"warning: {text}" for text in odd_settings(scenario)]
     return [f"a scenario, {scenario.name}, for {arm.name}; trials: {trials}", *odd]

@@ -21,12 +21,19 @@ from testbed.scenario.tables import Settings
 from testbed.strict import Fault, KeyPath, flat, nested, place, toml_value
 from testbed.units import listed
 
-MOST_NAMED = 13
+MOST_NAMED = 7
 """Keys that one sentence names; once these are gone it names the others."""
 
 
-WRITTEN = "remove {them}, write {theirs} again, or name what is meant in [origin] given"
-OLD = "remove {them}, write {theirs} again, or add [origin] and list in its given what is meant"
+WRITTEN = (
+    "delete {them}, and the new name fills {them} in; write {theirs} again; or add TABLE.KEY of "
+    "what shall stay to given, at the end. `truebed new scene` writes a short file"
+)
+"""Ways out for a file that was written in full, with [origin] at its end."""
+OLD = (
+    "delete {them}, and the new name fills {them} in; write {theirs} again; or write [origin] at "
+    'the end, and below it given = ["TABLE.KEY"] of what shall stay'
+)
 """Ways out for a file that has no [origin]."""
 CALLED = "change {them} too, or leave {theirs}"
 """Ways out where no file is edited."""

@@ -6,16 +6,15 @@ from typing import Annotated
 import numpy as np
 
 from calib.arrays import Array, Index
-from calib.errors import refuse
 from calib.geometry.model import RobotModel
 from calib.geometry.operating import OperatingConditions, approaches
 from calib.shown import Shown
-from testbed.laboratory.bench import Bench, open_bench
+from testbed.laboratory.bench import open_bench
+from testbed.laboratory.sufficiency import require_poses
 from testbed.laboratory.tracker.rounds import true_fixtures
 from testbed.laboratory.tracker.stations import require_ranges, require_stations
 from testbed.laboratory.truth.robot import TrueRobot, draw_truth
 from testbed.scenario.fixtures import rounds_per_visit
-from testbed.scenario.laboratory import At960Tracker
 from testbed.scenario.scenario import Scenario
 from testbed.streams import stream
 
@@ -110,22 +109,3 @@ def in_turn(q: Array) -> OperatingConditions:
     """What is known of poses q (m, n) visited in turn: from which side each joint came."""
     start = np.zeros((1, q.shape[1]))
     return OperatingConditions(approach=approaches(np.vstack([start, q]))[1:])
-
-
-def require_poses(bench: Bench) -> None:
-    """Refuse a trial with too few poses before anything is played: M27, and how many it needs."""
-    rows = bench.equations
-    most = max(
-        bench.kept().n_free if mode == "whitened" else bench.free(mode).n_free
-        for mode in bench.scenario.identification.estimators
-    )
-    tracker = bench.scenario.tracker
-    missed = tracker.missed if isinstance(tracker, At960Tracker) else 0
-    if bench.scenario.uncertainty.replications:
-        missed *= 2  # they visit what was measured, and miss some again
-    for trial in bench.scenario.trial:
-        if rows * (trial.poses - missed) <= most:
-            has = f"{rows * max(trial.poses - missed, 0)} equations for {most} parameters"
-            message = f'[[trial]] "{trial.name}" poses is {trial.poses}: {has}'
-            fix = f"write poses = {most // rows + 1 + missed} or more"
-            raise refuse("trial.poses", trial.poses, code="M27", message=message, fix=fix)

@@ -170,8 +170,20 @@ def test_a_step_of_many_pieces_says_now_and_then_how_long_it_will_take(capsys, m
     told = capsys.readouterr().err.splitlines()
     assert told[0] == "[1/64] setting: 7.0 s"
     assert told[1] == "[10/64] coverage: about 6.3 min left in all"
-    assert told[-4:-2] == ["[55/64] coverage: about 63 s left in all", "[2/64] coverage: 427.0 s"]
+    assert told[-4:-2] == [
+        "[55/64] coverage: about 63 s left in all",
+        "[2-62/64] coverage: 427.0 s",
+    ]
     assert len(told) == 1 + 6 + 3
+
+
+def test_lines_of_progress_leave_no_step_out_and_claim_none_that_was_kept(capsys):
+    """Two pieces, then one; the two steps between them were there from an earlier run."""
+    with progress(quiet=False) as report:
+        for name, done in (("a", 0), ("cut", 1), ("cut", 2), ("b", 3), ("c", 6), ("", 7)):
+            report(name, done, 7)
+    places = [line.split()[0] for line in capsys.readouterr().err.splitlines()[:-1]]
+    assert places == ["[1/7]", "[2-3/7]", "[4/7]", "[7/7]"]
 
 
 def told(columns, monkeypatch, term="xterm"):

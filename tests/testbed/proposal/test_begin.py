@@ -9,6 +9,7 @@ from typer.testing import CliRunner
 from testbed.cli import app
 from testbed.robots.catalog import load_robot, robot_names
 from testbed.run.play import robot_of
+from testbed.scenario.read import scenario_path
 from testbed.studies import load_scenario
 from tests.testbed.files.made import poses_csv
 
@@ -141,3 +142,20 @@ def test_check_refuses_as_the_verb_would(tmp_path):
     for name in (tmp_path / "none", tmp_path / "nothing.csv", "/dev/null"):
         done = call("check", name)
         assert (done.exit_code, done.stderr.count("\n")) == (2, 1)
+
+
+def test_check_refuses_a_trial_with_too_few_poses_in_the_words_of_run(tmp_path):
+    """Six equations a pose for 30 numbers: five give as many as there are, six leave some over."""
+    scene = scenario_path("quick")[0].read_text(encoding="utf-8")
+    for poses, code in ((3, 2), (5, 2), (6, 0)):
+        file = tmp_path / f"few{poses}.toml"
+        file.write_text(scene.replace("poses = 29", f"poses = {poses}", 1), encoding="utf-8")
+        done = call("check", file)
+        assert done.exit_code == code
+        if code:
+            played = call("run", file, "--out", tmp_path / "run")
+            assert played.exit_code == 2
+            assert done.stderr == played.stderr
+            assert (
+                f"{6 * poses} equations for 30 parameters; write poses = 6 or more" in done.stderr
+            )

@@ -227,7 +227,8 @@ def test_an_edited_preset_beside_the_numbers_of_another_is_refused(first, other,
     for file in (lie, old(lie)):
         line = refused(file)
         assert line.startswith(f'x.toml: [truth] preset is "{other}", but ')
-        assert f'those of "{first}"; remove them, write "{first}" again' in line
+        assert f'those of "{first}"; delete them, and the new name fills them in' in line
+        assert f'; write "{first}" again; or ' in line
     # what the sentence says helps: each of the three ways out
     keys = named_in(line, other)
     while " more beside " in line:  # of many, some at a time
@@ -251,8 +252,11 @@ def test_the_way_out_is_one_that_there_is():
     """[origin] is named where it stands, asked for in a file without it, and left out of a call."""
     text = dump_scenario(of_text(BASE))
     lie = edited(text, (preset("rigid"), preset("soft")))
-    assert refused(lie).endswith("or name what is meant in [origin] given. [S37]")
-    assert refused(old(lie)).endswith("or add [origin] and list in its given what is meant. [S37]")
+    assert "; or add TABLE.KEY of what shall stay to given, at the end." in refused(lie)
+    assert refused(old(lie)).endswith(
+        '; or write [origin] at the end, and below it given = ["TABLE.KEY"] of what shall stay. '
+        "[S37]"
+    )
     before = read.parse_scenario(old(text), declared_tables, where="old", finished=True)
     with pytest.raises(InputError, match=r'those of "rigid"; change them too, or leave "rigid"\.'):
         changed(before, {"truth.preset": "soft"})
@@ -280,7 +284,7 @@ def test_an_edited_tracker_beside_the_numbers_of_another_is_refused(first):
     line = refused("\n".join([*rows[: start + 2], *rows[end:]]))
     assert line.startswith(
         f'x.toml: [tracker] preset is "{other}", but [truth] joint_repeatability_mdeg beside it is '
-        f'that of "{first}"; remove it, '
+        f'that of "{first}"; delete it, '
     )
 
 
