@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from calib.arrays import Array
-from testbed.report.svg import FAINT, INK
+from testbed.report.svg import FAINT, HALO, INK
 from testbed.units import Mean
 
 if TYPE_CHECKING:
@@ -28,6 +28,10 @@ TICKS = tuple(m * 10.0**e for e in range(-7, 5) for m in (1, 2, 5))
 """Of logarithmic axes."""
 LETTER = (0.62, 0.85)
 """Width and height of the room that a letter takes, in units of its size: a digit, nearly."""
+GAP = 2.0
+"""Between words and a curve [pt]."""
+FEET = (0.04, 0.2, 0.36, 0.52, 0.68, 0.84)
+"""Heights of words beside an upright line that are tried, as parts of the panel's height."""
 CUT_OFF = 0.02
 """Part of the errors, the smallest ones, that a logarithmic axis leaves out."""
 
@@ -116,9 +120,56 @@ def marked_line(
     ax.axvline(x, **look)
     label(
         ax, text, (x, height), (offset, 0), xycoords=("data", "axes fraction"),
-        ha="right" if offset < 0 else "left", va="top" if height > 0.5 else "baseline",
-        bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.6, "alpha": 0.85},
+        ha="right" if offset < 0 else "left", va="top" if height > 0.9 else "baseline",
+        gid=HALO,
     )  # fmt: skip
+
+
+def free_place(
+    curves: Sequence[tuple[Array, Array]],
+    x: float,
+    room: tuple[float, float],
+    size: tuple[float, float],
+) -> tuple[int, float] | None:
+    """Where beside an upright line its words cover no rising curve: a side and a height.
+
+    Parameters
+    ----------
+    curves : sequence of pairs of (m,) arrays
+        Places to the right and up of each, both as parts of the panel and never falling.
+    x : float
+        Of the line, as a part of the panel's width.
+    room : tuple of float
+        Width and height of the panel [pt].
+    size : tuple of float
+        Width and height of the words [pt].
+
+    Returns
+    -------
+    tuple of int and float, or None
+        1 to the right of the line, -1 to the left; height of the foot as a part of the panel's.
+        None if every place lies over a curve.
+    """
+    wide, high = ((own + 2 * GAP) / whole for own, whole in zip(size, room, strict=True))
+    for foot in FEET:
+        for side in (1, -1):
+            left, right = (x, x + wide) if side > 0 else (x - wide, x)
+            below, above = foot - GAP / room[1], foot + high
+            # a rising curve misses a box if it is below it to the end, or above it from the start
+            free = all(
+                np.interp(right, *curve, left=0.0) < below
+                or np.interp(left, *curve, left=0.0) > above
+                for curve in curves
+            )
+            if free and left >= 0 and right <= 1:
+                return side, foot
+    return None
+
+
+def key_in_corner(ax: "Axes", text: str, **look: Any) -> None:
+    """A short upright line in the upper left corner, and what such a line is beside it."""
+    ax.plot([0.04, 0.04], [0.82, 0.96], transform=ax.transAxes, **look)
+    label(ax, text, (0.04, 0.84), (4, 0), xycoords="axes fraction", gid=HALO)
 
 
 def toward(ax: "Axes", station: Array) -> None:

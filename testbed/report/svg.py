@@ -16,6 +16,10 @@ DARK, MIDDLE, LIGHT = "#0072b2", "#d55e00", "#e8a33d"
 """Blue, vermilion, amber (Okabe and Ito 2008): told apart by all eyes, in gray by marker."""
 FONT = "'Liberation Sans', Arial, Helvetica, sans-serif"
 
+HALO = "halo"
+"""Name that gives words a thin white edge: they can be read over lines, and hide none of them."""
+EDGE = 'paint-order="stroke" stroke="#ffffff" stroke-opacity="0.9" stroke-width="2"'
+
 TICKS = {
     "color": SOFT,
     "labelcolor": INK,
@@ -98,6 +102,7 @@ def tidy(text: str) -> str:
     text = re.sub(r"<style type=\"text/css\">.*?</style>\s*", "", text, flags=re.DOTALL)
     text = re.sub(r"<!--.*?-->\s*", "", text, flags=re.DOTALL)
     text = re.sub(r"<defs>\s*</defs>\s*", "", text)
+    text = text.replace(f'<g id="{HALO}">', f"<g {EDGE}>")
     used = set(re.findall(r"(?:href=\"|url\()#([^\")]+)", text))
 
     def keep(match: "re.Match[str]") -> str:

@@ -9,15 +9,18 @@ import numpy as np
 from calib.arrays import Array
 from testbed.report.plots import (
     BARS,
+    LETTER,
     Look,
     dots,
+    free_place,
+    key_in_corner,
     legend_above,
     log_ticks,
     marked_line,
     short_ticks,
     toward,
 )
-from testbed.report.svg import DARK, INK, LIGHT, MIDDLE, SOFT, drawing, svg_of
+from testbed.report.svg import DARK, INK, LIGHT, MIDDLE, SOFT, WIDTH, drawing, svg_of
 from testbed.studies.trial.records import Campaign, Trial
 from testbed.studies.trial.set_records import PoseCountStudy, RandomSets
 from testbed.units import MM, UM
@@ -29,6 +32,8 @@ MOST_PANELS = 6
 """Trials shown in one figure; the tables hold all."""
 UNCERTAINTIES = ("A", "V", "G")
 """Criteria whose figure is a standard uncertainty, smaller is better; the others are indices."""
+TOP = 102.0
+"""Upper end of axes of shares [%]."""
 MOST_VIEWS = 4
 """Panels of the figures that show one pose set each."""
 LOOKS: dict[str, Look] = {
@@ -70,12 +75,6 @@ def error_distributions(trials: Sequence[Trial]) -> str:
                 look = {"color": LOOKS[estimate.mode]["color"], "label": NAMES[estimate.mode]}
                 look["linestyle"] = DASHES[estimate.mode]
                 _shares_below(ax, estimate.comparison.after, look)
-                if estimate.statement is not None and estimate.statement.point is not None:
-                    radius = estimate.statement.point.radius_mean
-                    marked_line(
-                        ax, radius * MM, f"R95 {radius * UM:.3g} µm", -4, height=0.08,
-                        color=INK, linewidth=0.9, linestyle=(0, (1, 1)),
-                    )  # fmt: skip
             ax.set_xscale("log")
             if len(trials) > 1:
                 ax.set_title(trial.name)
@@ -86,19 +85,50 @@ def error_distributions(trials: Sequence[Trial]) -> str:
                 ax.tick_params(labelbottom=True)  # also above an empty place
         low, high = axes[0].get_xlim()
         log_ticks(axes[0].xaxis, low, high, most=9 if columns < 3 else 5)
-        axes[0].set(ylim=(0, 102), yticks=[0, 25, 50, 75, 100])
+        axes[0].set(ylim=(0, TOP), yticks=[0, 25, 50, 75, 100])
+        room = (WIDTH * 72 / columns - 40, 75.0)  # of a panel inside its ticks and titles [pt]
+        for ax, trial in zip(axes, trials, strict=False):
+            _mark_radius(ax, trial, room)
         for ax in axes[len(trials) :]:
             ax.set_visible(False)
         legend_above(figure, axes[0])
         return svg_of(figure)
 
 
+def _mark_radius(ax: "Axes", trial: Trial, room: tuple[float, float]) -> None:
+    """A line at the believed radius of a trial, named where no curve of the panel runs."""
+    stated = [one.statement for one in trial.estimates if one.statement is not None]
+    radii = [one.point.radius_mean for one in stated if one.point is not None]
+    low, high = np.log(ax.get_xlim())
+    errors = [trial.estimates[0].comparison.before]
+    errors += [estimate.comparison.after for estimate in trial.estimates]
+    curves = [
+        ((np.log(np.sort(error) * MM) - low) / (high - low), shares(error) / TOP)
+        for error in errors
+    ]
+    for radius in radii:
+        name = f"R95 {radius * UM:.3g} µm"
+        place = float((np.log(radius * MM) - low) / (high - low))
+        size = (LETTER[0] * 7.5 * len(name), 7.5)
+        look: Look = {"color": INK, "linewidth": 0.9, "linestyle": (0, (1, 1))}
+        found = free_place(curves, place, room, size)
+        if found is None:
+            ax.axvline(radius * MM, **look)
+            key_in_corner(ax, name, **look)
+        else:
+            side, foot = found
+            marked_line(ax, radius * MM, name, 3 * side, height=foot, **look)
+
+
+def shares(error: Array) -> Array:
+    """Share (m,) of all errors (m,) that are at most so large as each, from small to large [%]."""
+    return 100 * np.arange(1, len(error) + 1) / len(error)
+
+
 def _shares_below(ax: "Axes", error: Array, look: Look) -> None:
     """Which share [%] of errors (m,) [m] is at most so large, as a line of steps [mm]."""
     x = np.sort(error) * MM
-    ax.step(
-        np.r_[x[0], x], np.r_[0.0, 100 * np.arange(1, len(x) + 1) / len(x)], where="post", **look
-    )
+    ax.step(np.r_[x[0], x], np.r_[0.0, shares(error)], where="post", **look)
 
 
 def pose_space(campaign: Campaign) -> str:

@@ -41,7 +41,7 @@ def headline_table(campaign: Campaign) -> Table:
     turns = campaign.scenario.tracker.measures == "pose"
     turned = [significant(float(first.rotation_before.mean() * DEG), 2)] * turns
     start = _statistics(first.accuracy_before, places)
-    rows = [("nominal model", "", *start, *turned, *[NONE] * 5)]
+    rows = [("nominal model", "", "", *start, *turned, *[NONE] * 5)]
     for trial, estimate in campaign.estimates:
         fit, seen = estimate.identification, estimate.comparison
         turned = [significant(float(seen.rotation_after.mean() * DEG), 2)] * turns
@@ -50,6 +50,7 @@ def headline_table(campaign: Campaign) -> Table:
             (
                 trial.name if estimate is trial.estimates[0] else "",
                 SHORT[estimate.mode],
+                str(len(trial.selection.indices)) if estimate is trial.estimates[0] else "",
                 *_statistics(seen.accuracy_after, places),
                 *turned,
                 fixed(seen.identification_after.mean * MM, places),
@@ -64,8 +65,8 @@ def headline_table(campaign: Campaign) -> Table:
         caption=f"Tool position error on {counted(len(first.before), 'held-out pose')} against the "
         "noise-free truth, and what is stated of it",
         head=heads(
-            f"trial, estimator, mean mm, p95 mm, max mm, {rotation}fitted mm, u mm, inside 95 %, "
-            "χ²/dof, believable"
+            f"trial, estimator, poses, mean mm, p95 mm, max mm, {rotation}fitted mm, u mm, "
+            "inside 95 %, χ²/dof, believable"
         ),
         rows=tuple(rows),
         align="ll" + "r" * (len(rows[0]) - 3) + "l",

@@ -11,6 +11,7 @@ from xml.etree import ElementTree as ET
 import numpy as np
 import pytest
 
+from testbed.report.plots import FEET, GAP, free_place
 from testbed.report.svg import DARK, FAINT, LIGHT, MIDDLE
 from testbed.studies.trial import plots, plots_uncertainty
 from testbed.studies.trial.compare import measured_distance
@@ -199,3 +200,47 @@ def test_a_panel_above_an_empty_place_shows_its_ticks(monkeypatch):
     labeled = [ax.xaxis.get_tick_params()["labelbottom"] for ax in shown]
     assert labeled == [False, False, True, True, True]
     assert [bool(ax.get_xlabel()) for ax in shown] == labeled
+
+
+def test_words_beside_a_line_lie_over_no_curve_and_are_left_out_only_where_they_would():
+    """Boxes are judged a second time, by thousands of points along each curve."""
+    rng, found = np.random.default_rng(0), []
+    room, size = np.array([150.0, 75.0]), np.array([46.0, 7.5])
+
+    def inside(side, foot):
+        at = x + side * (size[0] + 2 * GAP) / room[0]
+        return 0 <= at <= 1
+
+    def touches(side, foot, gap, slack):
+        wide, high = (size + np.array([2 * gap, gap])) / room
+        left, low = x if side > 0 else x - wide, foot - gap / room[1]
+        corner, end = np.array([left, low]) - slack, np.array([left + wide, foot + high]) + slack
+        return any(((at > corner) & (at < end)).all(axis=1).any() for at in dense)
+
+    for _ in range(200):
+        x, dense, curves = float(rng.uniform(0.1, 0.9)), [], []
+        for middle in rng.uniform(0.1, 0.9, 2):
+            places = np.sort(rng.normal(middle, 0.08, 30))
+            curves.append((places, np.linspace(1 / 30, 1.0, 30)))
+            # with the floor before it, and the ceiling behind it
+            knots = np.c_[np.r_[-1, places[0], places, 2], np.r_[0, 0, curves[-1][1], 1]]
+            dense.append(np.vstack([np.linspace(*ends, 500) for ends in itertools.pairwise(knots)]))
+        found.append(free_place(curves, x, tuple(room), tuple(size)))
+        if found[-1] is not None:
+            assert inside(*found[-1])
+            assert not touches(*found[-1], 0.0, 0.0)
+        else:
+            for place in itertools.product((1, -1), FEET):
+                assert not inside(*place) or touches(*place, 2 * GAP, 0.01)
+    assert {place is None for place in found} == {True, False}
+
+
+@pytest.mark.parametrize("count", [1, 2, 4])
+def test_the_radius_is_named_in_every_panel_and_no_box_hides_a_curve(count):
+    trials = (*paper_campaign().trials, *paper_campaign().trials)[:count]
+    svg = plots.error_distributions(trials)
+    named = re.findall(r"R95 ([\d.]+) µm", svg)
+    radii = [trial.estimates[0].statement.point.radius_mean for trial in trials]
+    assert named == [f"{1e6 * radius:.3g}" for radius in radii]
+    assert svg.count('paint-order="stroke" stroke="#ffffff"') == count
+    assert "opacity: 0.85" not in svg

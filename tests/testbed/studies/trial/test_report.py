@@ -28,7 +28,7 @@ from tests.reported import (
 
 EVERY = [paper_campaign, rigid_campaign, bare_campaign, point_campaign]
 COUNTED = re.compile(  # columns whose numbers count, compare or index, and so have no unit
-    r"inside|χ²/dof|\bp$|rank|NEES|coverage|better than|index and error"
+    r"inside|^poses$|χ²/dof|\bp$|rank|NEES|coverage|better than|index and error"
     r"|stated / true|^#$|^O[1-5]$|number|share|^u_?|ratio|parameters inside|/ u$"
     r"|^type A: (t$|(\|P\||point) in)|point in region"
 )
@@ -85,9 +85,12 @@ def test_headline_errors_equal_those_computed_from_truth_and_model_one_pose_at_a
     table = report_accuracy.headline_table(campaign)
     rows = iter(table.rows[1:])
     mean, p95 = table.head.index("mean mm"), table.head.index("p95 mm")
+    poses = table.head.index("poses")
     for trial in campaign.trials:
         for estimate in trial.estimates:
             row = next(rows)
+            first = estimate is trial.estimates[0]
+            assert row[poses] == (str(len(trial.measurements)) if first else "")
             error = [
                 1e3 * np.linalg.norm(T[:3, 3] - estimate.identification.model.poses([q])[0, :3, 3])
                 for q, T in zip(setting.test_q, setting.test_true, strict=True)
