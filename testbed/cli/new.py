@@ -154,7 +154,7 @@ def check(
     plain: Plain = False,
     debug: Debug = False,
 ) -> None:
-    """Read a file whole, compute nothing, and say what it is and what is odd about it."""
+    """Read a file whole, play nothing, and say what it is and what is odd about it."""
     with exit_codes(debug=debug, plain=plain, as_json=as_json):
         from testbed.proposal.check import checked
 
