@@ -4,7 +4,9 @@ Everything here hands on to `testbed` and is imported at first use. Lengths in m
 radians; what is written to disk is what the command of the same name writes.
 """
 
+from importlib import import_module
 from pathlib import Path
+from types import ModuleType
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -18,6 +20,17 @@ if TYPE_CHECKING:
     from testbed.studies.trial.records import Campaign
 
 __all__ = ("identify", "iso9283", "load", "plan", "robot", "run")
+
+
+def __getattr__(name: str) -> ModuleType:
+    """The module ``plots``, which loads matplotlib where it is asked for."""
+    if name != "plots":
+        raise AttributeError(f"module 'truebed' has no attribute {name!r}")
+    return import_module("truebed.plots")
+
+
+def __dir__() -> list[str]:
+    return sorted([*__all__, "plots"])
 
 
 def robot(name_or_path: str | Path) -> "Robot":

@@ -1,5 +1,7 @@
 """The product's front: what it hands out is what the rooms make, in memory and on disk."""
 
+import subprocess
+import sys
 from dataclasses import fields
 from inspect import getmembers
 
@@ -95,3 +97,16 @@ def test_what_is_no_folder_is_not_loaded(tmp_path):
     (tmp_path / "robot.toml").write_text("")
     with pytest.raises(InputError, match=r"robot.toml: is a file; give a folder that truebed wr"):
         truebed.load(tmp_path / "robot.toml")
+
+
+def test_the_front_shows_its_verbs_and_plots_and_nothing_else():
+    code = (
+        "import sys, truebed; print(*dir(truebed)); print('matplotlib' in sys.modules);"
+        "print(callable(truebed.plots.errors)); print(hasattr(truebed, 'plot'))"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, timeout=120, check=True
+    )
+    assert done.stdout.split() == [
+        "identify", "iso9283", "load", "plan", "plots", "robot", "run", "False", "True", "False",
+    ]  # fmt: skip
