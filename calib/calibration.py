@@ -1,13 +1,15 @@
 """A calibration in one call: frames, reduction, fit, its tests, and judging by other poses."""
 
 from collections.abc import Callable, Collection, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from calib.errors import refuse
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import parameters_of
-from calib.identification.identify import identify
+from calib.identification.barely_told import barely_told, barely_told_words
+from calib.identification.identify import Status, identify
 from calib.identification.prior import Prior, own_prior, own_words
 from calib.identification.result import Identification
 from calib.identification.robust import Loss
@@ -125,6 +127,10 @@ def calibrate(
     >>> result.identification.status.name, result.judge(test).trust.believe
     ('CONVERGED', 'region')
     """
+    if not isinstance(model, RobotModel):
+        message = f"model is of the type {type(model).__name__}"
+        fix = "a robot of truebed has it as robot.model"
+        raise refuse("model", model, "a calib.RobotModel", code="A3", message=message, fix=fix)
     start = start_frames(model, measured, free_tool=free_tool, free_anchors=free_anchors)
     if free is None:
         known = {f"anchor{k + 1}" for k in range(len(model.fixtures.anchors))}
@@ -137,7 +143,14 @@ def calibrate(
     rest = parameters.freeing(name for name in parameters.free_names if name not in believed)
     if (own := own_prior(rest, start.model)) is not None:
         prior = own if prior is None else prior.joined(own)
-    identification = identify(
-        start.model, measured, parameters, prior=prior, loss=loss, report=report
-    )
-    return CalibratedRobot(identification, start, measured)
+    found = identify(start.model, measured, parameters, prior=prior, loss=loss, report=report)
+    if found.status is not Status.CONVERGED:
+        weak = barely_told(found, parameters, start.model)
+        if weak is not None:
+            both = weak if prior is None else prior.joined(weak)
+            again = identify(
+                start.model, measured, parameters, prior=both, loss=loss, report=report
+            )
+            if again.status is Status.CONVERGED:
+                found = replace(again, notes=(*again.notes, barely_told_words(weak)))
+    return CalibratedRobot(found, start, measured)

@@ -42,7 +42,10 @@ class Status(Enum):
         "stopped where no step lowers the sum of squares, but without a certificate; "
         "check the derivatives or start closer to the answer"
     )
-    LIMIT = "stopped at the iteration limit; allow more iterations or start closer to the answer"
+    LIMIT = (
+        "stopped at the iteration limit; hold the parameters that are least known, "
+        "or say in a prior what is known of them"
+    )
     DEFICIENT = (
         "stopped where some parameters cannot be told apart; free fewer of them or add observations"
     )

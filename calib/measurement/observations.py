@@ -193,9 +193,11 @@ class Measurements(Shown):
         """
         pose = self.together
         several = np.unique(pose)
-        if not 0 < held_out < len(several):
+        whole = isinstance(held_out, int | np.integer)
+        if not whole or not 0 < held_out < len(several):
             allowed = f"1 to {len(several) - 1}, of {len(several)} poses"
-            raise refuse("held_out", held_out, allowed, code="A3")
+            fix = "" if whole else "give a number of poses, not a share of them"
+            raise refuse("held_out", held_out, allowed, code="A3", fix=fix)
         drawn = np.random.default_rng(seed).choice(several, held_out, replace=False)
         is_test = np.isin(pose, drawn)
         return self.rows(~is_test), self.rows(is_test)

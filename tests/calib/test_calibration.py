@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import calib
+from calib.errors import InputError
 from calib.geometry.frames import exp_so3
 from calib.geometry.joint_errors import JointErrors, harmonic_terms
 from calib.geometry.parameters import parameters_of
@@ -55,6 +56,16 @@ def test_every_kind_of_measurement_is_calibrated_in_one_call(kind):
     assert 1e-3 < result.identification.p_value < 1 - 1e-3
     known = {f"anchor{k + 1}" for k in range(len(nominal.fixtures.anchors)) if k not in unknown}
     assert not known & {name.split(".")[0] for name in result.identification.names}
+
+
+def test_what_only_carries_a_model_is_not_one():
+    class Robot:
+        model = calib.RobotModel(ARMS["tx60"])
+
+    rng = np.random.default_rng(2)
+    table = points_of(Robot.model, joints("tx60", rng, 40), rng)
+    with pytest.raises(InputError, match=r"type Robot; a calib.RobotModel; .* robot.model"):
+        calib.calibrate(Robot(), table)
 
 
 def test_what_is_asked_to_stay_stays():

@@ -59,6 +59,10 @@ def test_a_split_keeps_the_rows_of_a_pose_together(seed):
         (lambda: calib.poses(Q, np.tile(np.eye(4), (6, 1, 1)), sd=1e-5), "two numbers"),
         (lambda: calib.distances(Q, np.ones(6), sd=-1.0), "sd is -1.0"),
         (lambda: calib.points(Q, np.ones((6, 3)), sd=1e-5).split(held_out=3), "1 to 2, of 3 poses"),
+        (
+            lambda: calib.points(Q, np.ones((6, 3)), sd=1e-5).split(held_out=0.2),
+            "held_out is 0.2; 1 to 2, of 3 poses; give a number of poses, not a share of them",
+        ),
     ],
 )
 def test_what_cannot_be_a_table_is_refused(call, message):
