@@ -98,7 +98,10 @@ def _plan(scenario: Scenario, tell: Progress, where: str) -> Plan:
     places, method, curve = designed(task, stream(scenario.seed, "plan", "select"))
     require_ranges(bench, np.vstack([pool.q[places], apart]), "the plan")
     tell(STEPS[3], 3, len(STEPS))
-    tour = tour_of(bench, start, pool.q[places], places, apart, pool.q)
+    tour = tour_of(
+        bench, start, pool.q[places], places, apart, pool.q,
+        tell=lambda _: tell(STEPS[3], 3, len(STEPS)),
+    )  # fmt: skip
     M = task.information(places)
     ordered = tour.pool_place[tour.pool_place >= 0]
     return Plan(

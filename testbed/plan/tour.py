@@ -1,5 +1,7 @@
 """Held-out poses, the measuring order of a plan, and what the tracker will show at each pose."""
 
+from collections.abc import Callable
+
 import numpy as np
 
 from calib.arrays import Array, Index, frozen
@@ -14,6 +16,9 @@ from testbed.plan.records import FAR, Reading, Tour
 from testbed.scenario.planning import BoxGoal
 from testbed.streams import stream
 from testbed.units import sentence
+
+MANY_TURNS = 3.5 * np.pi
+"""Range of a turning joint that may be the reason why no way is found; wrists have 3 pi [rad]."""
 
 
 def held_out(bench: Bench, goal: Goal, taken: Array) -> Array:
@@ -62,6 +67,8 @@ def tour_of(
     places: Index,
     held_out: Array,
     offered: Array,
+    *,
+    tell: Callable[[int], None] = lambda _: None,
 ) -> Tour:
     """Identification and held-out poses mixed in one order: a short tour, or at random.
 
@@ -79,9 +86,14 @@ def tour_of(
         Poses kept apart [rad, m].
     offered : (k, n) array
         Free postures that detours may pass through [rad, m].
+    tell : callable
+        Called with the number of moves tested so far, after each.
     """
     plan, every = bench.scenario.plan, np.vstack([chosen, held_out])
     at_random = stream(bench.scenario.seed, "plan", "order").permutation(len(every))
+    ranges = joint_ranges(bench.robot, bench.scenario.pool)
+    turning = ~bench.robot.model.chain.prismatic.astype(bool)
+    many_turns = bool((np.ptp(ranges, axis=1)[turning] > MANY_TURNS).any())
     route = measuring_route(
         bench.robot,
         bench.simulator,
@@ -91,8 +103,9 @@ def tour_of(
         settle=plan.settle_s,
         start=start,
         vias=offered,
-        ranges=joint_ranges(bench.robot, bench.scenario.pool),
+        ranges=ranges,
         keep=plan.order == "random",
+        tell=tell,
     )
     everywhere = np.concatenate([places, np.full(len(held_out), -1)])
     listed = at_random[route.order]
@@ -110,7 +123,7 @@ def tour_of(
         settle=route.settle,
         blocked=blocked,
         clearance=_clearance(bench, route, blocked),
-        sentence=_sentence(route, blocked),
+        sentence=_sentence(route, blocked, many_turns=many_turns),
     )
 
 
@@ -127,7 +140,7 @@ def _clearance(bench: Bench, route: Route, blocked: tuple[int, ...]) -> float:
     return float(simulator.clearances(np.vstack(postures), most=FAR).min())
 
 
-def _sentence(route: Route, blocked: tuple[int, ...]) -> str:
+def _sentence(route: Route, blocked: tuple[int, ...], *, many_turns: bool) -> str:
     """How long it takes and whether the moves are free; blocked ones by their place in the order.
 
     The route names poses by where they stood in the list given to it, which no one else sees.
@@ -135,9 +148,14 @@ def _sentence(route: Route, blocked: tuple[int, ...]) -> str:
     if not blocked:
         return sentence(route.sentence)
     moves = ", ".join(f"to pose {k + 1} of the order" for k in blocked)
+    fix = (
+        "or narrow [pool] joint_ranges_deg: in a range of more than a turn a posture comes more "
+        "than once, and the way from one turn to the next is often blocked"
+        if many_turns
+        else "or move the obstacle"
+    )
     return (
-        f"No free way was found {moves}; lead the robot around by hand there, drop the pose, or "
-        "move the obstacle."
+        f"No free way was found {moves}; lead the robot around by hand there, drop the pose, {fix}."
     )
 
 

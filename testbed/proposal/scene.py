@@ -5,7 +5,8 @@ from testbed.strict import toml_value
 
 SCENE = """\
 # Proposed by truebed new scene for {title}
-# Play it: truebed run FILE. All other keys and their defaults: truebed scenes quick
+# Play it: truebed run FILE. Plan a real measurement with it: see the end
+# All other keys and their defaults: truebed scenes quick
 format = 1
 name = {name}
 title = {about}
@@ -23,7 +24,7 @@ station_mm = {station}  # where its beam starts, base frame: {origin}
 size = 300
 box_center_mm = {center}
 box_size_mm = {size}
-
+{ranges}
 [test]  # poses never used, on which all is judged
 poses = 50
 
@@ -37,7 +38,13 @@ criterion = "O1"
 name = "random-{poses}"
 poses = {poses}
 method = "random"
+
+# For a real robot: remove "# " from the next three lines, then type truebed plan FILE
+# [plan]
+# poses = {poses}
+# held_out = 20  # poses that check the calibration afterwards
 """
+RANGES = "joint_ranges_deg = {ranges}  # of candidates: some joints may turn farther\n"
 PER_JOINT = 5
 """Poses of a set for each joint: some more than the numbers of a chain need."""
 
@@ -45,6 +52,7 @@ PER_JOINT = 5
 def scene_text(robot: Robot, named: str, name: str) -> str:
     """The text of a scenario; `named` is how the user named the robot."""
     place = workspace(robot)
+    ranges = [list(pair) for pair in place.joint_ranges_deg]
     return SCENE.format(
         title=robot.title,
         name=toml_value(name),
@@ -54,5 +62,6 @@ def scene_text(robot: Robot, named: str, name: str) -> str:
         origin="as the robot's file says" if robot.workspace else "derived from its reach",
         center=list(place.box_center_mm),
         size=list(place.box_size_mm),
+        ranges=RANGES.format(ranges=ranges) if ranges else "",
         poses=max(PER_JOINT * robot.model.chain.n_joints, 20),
     )

@@ -16,6 +16,8 @@ NODES = 3000
 """Postures a search tree may grow to before a way around is given up."""
 STRIDE = 0.30
 """Longest branch of a search tree: way of the farthest point of the robot [m]."""
+PATIENCE = 1_000_000
+"""Postures tested for moves that stay blocked before no more ways around are looked for."""
 CHUNK = 64
 Tree = tuple[list[Array], list[int]]
 """Postures of a search, and which of them each one grew from; -1 for the root."""
@@ -74,6 +76,13 @@ class Mover:
         self._bounds = simulator.travel_bounds()
         self.tested = 0
         """Postures tested for collision so far."""
+        self.in_vain = 0
+        """Those of them for ways around that were not found."""
+
+    @property
+    def patient(self) -> bool:
+        """Whether ways around are still worth looking for."""
+        return self.in_vain < PATIENCE
 
     def reach(self, step: Array) -> Array:
         """Largest way (...) of any point of the robot in joint steps (..., n) [m]."""
@@ -95,10 +104,24 @@ class Mover:
                 return False
         return True
 
-    def way(self, start: Array, end: Array, vias: Array, rng: np.random.Generator) -> Way:
-        """The straight move if it is free; else by one of `vias` (k, n); else searched for."""
+    def way(
+        self,
+        start: Array,
+        end: Array,
+        vias: Array,
+        rng: np.random.Generator,
+        *,
+        around: bool = True,
+    ) -> Way:
+        """The straight move if it is free; else by one of `vias` (k, n); else searched for.
+
+        Without `around` no more than the straight move is tested.
+        """
         if self.is_free(start, end):
             return self._way(start, end, vias[:0])
+        if not around:
+            return Way(frozen(vias[:0]), np.inf)
+        before = self.tested
         there, on = (travel_times(vias, one, self._speeds) for one in (start, end))
         for k in np.argsort(there + on, kind="stable")[:VIAS]:
             via = vias[k]
@@ -106,6 +129,7 @@ class Mover:
                 return self._way(start, end, self._shortened(start, via[None], end))
         found = self._search(start, end, rng)
         if found is None:
+            self.in_vain += self.tested - before
             return Way(frozen(vias[:0]), np.inf)
         return self._way(start, end, self._shortened(start, found, end))
 

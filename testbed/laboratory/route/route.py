@@ -1,6 +1,6 @@
 """Measuring order: a short open tour through the poses by local search, and its moves."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 from calib.arrays import Array, Index, frozen
 from calib.errors import refuse
 from calib.geometry.chain import joint_vectors
+from testbed.laboratory.route.islands import Islands
 from testbed.laboratory.route.moves import RESOLUTION, Mover, Way, travel_times
 from testbed.laboratory.simulator import Simulator
 from testbed.robots.catalog import Robot
@@ -83,12 +84,14 @@ def measuring_route(
     vias: ArrayLike | None = None,
     ranges: ArrayLike | None = None,
     keep: bool = False,
+    tell: Callable[[int], None] = lambda _: None,
 ) -> Route:
     """Order poses for a short time on the way and make every move free of collisions.
 
     The order is a local optimum under turning a piece around, moving a piece and swapping, over the
     times of the ways; a straight move that hits something counts with the time of its detour. Moves
-    are tested only where an order uses them. The route is never longer than the given order.
+    are tested only where an order uses them, and ways around are searched for only between postures
+    that no search has parted yet. The route is never longer than the given order.
 
     Parameters
     ----------
@@ -113,6 +116,8 @@ def measuring_route(
         Joint values between which a way around is searched; the joint limits by default [rad, m].
     keep : bool
         Whether the poses are gone to as given, whatever the time.
+    tell : callable
+        Called with the number of moves tested so far, after each.
 
     Raises
     ------
@@ -134,11 +139,23 @@ def measuring_route(
     offered = stops if vias is None else np.vstack([stops, joint_vectors(chain, vias)])
     times = travel_times(stops[:, None], stops[None], speeds)
     given = np.arange(len(stops))
-    ways: dict[tuple[int, int], Way] = {}
+    ways, islands = dict[tuple[int, int], Way](), Islands(len(stops))
     tour = best_tour(times, given)
     while missing := [pair for one in (tour, given) for pair in _pairs(one) if pair not in ways]:
         for a, b in dict.fromkeys(missing):
-            ways[a, b] = way = mover.way(stops[a], stops[b], offered, rng)
+            around = mover.patient and not islands.apart(a, b)
+            ways[a, b] = mover.way(stops[a], stops[b], offered, rng, around=around)
+            if ways[a, b].found:
+                islands.join(a, b)
+            elif around:
+                islands.part(a, b)
+            tell(len(ways))
+        # all at once, since an order takes no blocked pair before every other one is tried
+        for a, b in islands.pairs(apart=mover.patient):
+            if (a, b) not in ways:
+                ways[a, b] = mover.way(stops[a], stops[b], offered, rng, around=False)
+                tell(len(ways))
+        for (a, b), way in ways.items():
             times[a, b] = times[b, a] = way.time if way.found else BLOCKED_TIME
         tour = best_tour(times, given)
     given_time, best_time = (

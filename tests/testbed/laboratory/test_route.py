@@ -1,7 +1,7 @@
 """The measuring order: short, free when tested more finely, honest where blocked."""
 
 from dataclasses import replace
-from itertools import pairwise, permutations
+from itertools import pairwise, permutations, product
 
 import numpy as np
 import pytest
@@ -11,10 +11,11 @@ from calib.errors import InputError
 from testbed.laboratory.cell import cell_from
 from testbed.laboratory.pool import Candidates, PosePool
 from testbed.laboratory.route import moves
+from testbed.laboratory.route.islands import Islands
 from testbed.laboratory.route.moves import RESOLUTION, Mover, spread, travel_times
 from testbed.laboratory.route.route import Route, best_tour, length, measuring_route
 from testbed.laboratory.simulator import Simulator
-from testbed.robots.catalog import Robot
+from testbed.robots.catalog import Robot, load_robot
 from testbed.robots.meshes.files import load_mesh
 from testbed.robots.placements import link_poses
 from testbed.scenario.laboratory import BoxObstacle, CellSettings
@@ -270,3 +271,55 @@ def test_one_pose_is_a_route(robot, simulator, pool):
     one = routed(robot, simulator, pool.q[:1], vias=pool.q)
     assert one.order.tolist() == [0]
     assert one.total_time == pytest.approx(one.times[0] + SETTLE)
+
+
+def test_islands_are_those_of_a_search_through_all_that_was_told():
+    rng = np.random.default_rng(5)
+    for _ in range(40):
+        n = int(rng.integers(2, 9))
+        islands, joined, parted = Islands(n), np.eye(n, dtype=bool), list[tuple[int, int]]()
+        for _ in range(12):
+            a, b = (int(k) for k in rng.permutation(n)[:2])
+            together = np.linalg.matrix_power(joined.astype(float), n) > 0
+            if rng.uniform() < 0.4:
+                islands.join(a, b)
+                joined[a, b] = joined[b, a] = True
+            else:
+                islands.part(a, b)
+                parted += [] if together[a, b] else [(a, b), (b, a)]
+            together = np.linalg.matrix_power(joined.astype(float), n) > 0
+            for x, y in product(range(n), range(n)):
+                known = any(together[x, p] and together[q, y] for p, q in parted)
+                assert islands.apart(x, y) == (known and not together[x, y])
+
+
+def test_postures_of_other_turns_are_given_up_after_bounded_work(monkeypatch):
+    # every joint of a UR10 may turn once either way; the shoulder and the elbow cannot pass from
+    # one turn to the next, so that most pairs of random postures have no way between them
+    monkeypatch.setattr(moves, "NODES", 300)
+    monkeypatch.setattr(moves, "PATIENCE", 60_000)
+    robot = load_robot("universal_ur10")
+    simulator = Simulator(robot, robot.model.chain)
+    q = np.random.default_rng(6).uniform(*robot.limits.T, (60, 6))
+    q = q[~simulator.collides(q)][:14]
+    searched, told, tested = [], [], []
+    search, collides = Mover._search, simulator.collides
+    monkeypatch.setattr(Mover, "_search", lambda *all_: searched.append(1) or search(*all_))
+    monkeypatch.setattr(simulator, "collides", lambda q: tested.append(len(q)) or collides(q))
+    found = routed(robot, simulator, q, tell=told.append)
+    assert len(found.blocked) > 3
+    assert np.isinf(found.given_time)
+    assert told == list(range(1, len(told) + 1))
+    # a straight move is at most 2 pi on every joint twice: the bound of postures tested for one
+    straight = float(np.ptp(robot.limits, axis=1) @ simulator.travel_bounds()) / RESOLUTION + 2
+    # the last search may begin just before the patience ends; each way found may need one too
+    assert sum(tested) < 3 * 60_000 + len(told) * straight
+    assert len(searched) < len(told) / 3
+    # what is called free is: islands say only where not to search
+    mover = Mover(simulator, robot.limits, robot.speeds)
+    legs = zip(pairwise([-1, *found.order.tolist()]), found.via, found.q, strict=True)
+    here = found.start
+    for pair, via, there in legs:
+        if pair not in found.blocked:
+            assert all(mover.is_free(a, b) for a, b in pairwise([here, *via, there]))
+        here = there
