@@ -46,9 +46,6 @@ class Islands:
 
     def part(self, a: int, b: int) -> None:
         """No way was found between two postures; nothing new if ways lead around by others."""
-        here, there = (
-            np.equal(self._island, self._island[a]),
-            np.equal(self._island, self._island[b]),
-        )
-        if self._island[a] != self._island[b]:
+        here, there = self._island == self._island[a], self._island == self._island[b]
+        if not here[b]:
             self._apart |= np.outer(here, there) | np.outer(there, here)
