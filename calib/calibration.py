@@ -19,6 +19,9 @@ from calib.measurement.prediction import predict
 from calib.shown import ResultTable, Shown
 from calib.uncertainty.judgement import Circumstances, Judgement, judge
 
+UNLIKE = 0.1
+"""Part of an arm's reach by which nominal links may miss: real arms miss a hundredth at most."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CalibratedRobot(Shown):
@@ -132,6 +135,8 @@ def calibrate(
         fix = "a robot of truebed has it as robot.model"
         raise refuse("model", model, "a calib.RobotModel", code="A3", message=message, fix=fix)
     start = start_frames(model, measured, free_tool=free_tool, free_anchors=free_anchors)
+    if free_tool:  # a tool that is held may be far off
+        _require_likeness(model, start.position_rms)
     if free is None:
         known = {f"anchor{k + 1}" for k in range(len(model.fixtures.anchors))}
         held = known - {f"anchor{k + 1}" for k in free_anchors}
@@ -154,3 +159,15 @@ def calibrate(
             if again.status is Status.CONVERGED:
                 found = replace(again, notes=(*again.notes, barely_told_words(weak)))
     return CalibratedRobot(found, start, measured)
+
+
+def _require_likeness(model: RobotModel, miss: float) -> None:
+    """Refuse readings that are not those of such an arm, in these units [m]."""
+    reach = float(np.abs(model.chain.links[:, 1:3]).sum())
+    if miss > UNLIKE * reach > 0:
+        message = (
+            f"nominal links miss the measurements by {miss:.3g} m with the best base and tool; the "
+            f"arm reaches {reach:.3g} m"
+        )
+        fix = "give joint values in rad (slides in m), positions and sd in m, of this robot"
+        raise refuse("measured", miss, code="M32", message=message, fix=fix)

@@ -12,6 +12,7 @@ from calib.identification.identify import identify
 from calib.identification.prior import Prior, own_prior
 from calib.identification.result import values_and_uncertainties
 from tests.calib.kinds import ARMS, KINDS, joints, measured, true_robot
+from tests.reference import pool_r, tx60
 
 SD, TURN_SD = 20e-6, 50e-6
 
@@ -204,3 +205,14 @@ def test_paper_mode_has_a_summary_too():
     found = calib.identify(start, table, calib.parameters_of(start, free), mode="paper")
     assert "s^2" in found.summary()
     assert "s^2" in repr(found)
+
+
+@pytest.mark.parametrize(("turn", "length"), [(1.0, 1e3), (180 / np.pi, 1.0), (1.0, 1e-3)])
+def test_readings_in_other_units_are_refused_and_not_believed(turn, length):
+    """Positions in millimeters or kilometers, joints in degrees."""
+    model = tx60()
+    table = points_of(model, pool_r(40), np.random.default_rng(1))
+    other = calib.points(turn * table.q, length * table.position, sd=length * SD)
+    with pytest.raises(InputError, match=r"nominal links miss the measurements by .* reaches"):
+        calib.calibrate(model, other)
+    assert calib.calibrate(model, table).identification.status.name == "CONVERGED"
