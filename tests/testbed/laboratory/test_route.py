@@ -13,7 +13,8 @@ from testbed.laboratory.pool import Candidates, PosePool
 from testbed.laboratory.route import moves
 from testbed.laboratory.route.islands import Islands
 from testbed.laboratory.route.moves import RESOLUTION, Mover, spread, travel_times
-from testbed.laboratory.route.route import Route, best_tour, length, measuring_route
+from testbed.laboratory.route.route import Route, measuring_route
+from testbed.laboratory.route.tours import best_tour, length
 from testbed.laboratory.simulator import Simulator
 from testbed.robots.catalog import Robot, load_robot
 from testbed.robots.meshes.files import load_mesh
