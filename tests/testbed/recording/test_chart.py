@@ -12,14 +12,13 @@ from testbed.recording.chart import (
     SIZE,
     Chart,
     Series,
-    decades,
     frames_of,
     level,
-    ticks,
     title_lines,
 )
 from testbed.recording.parameters import MOST_ROWS, parameter_words, place, row_heights
 from testbed.recording.story import numbered, timeline_of
+from testbed.recording.ticks import decades, ticks
 from testbed.recording.timeline import visit
 from testbed.recording.write import story_bytes
 from testbed.robots.catalog import load_robot, robot_names
