@@ -4,7 +4,7 @@ import subprocess
 from dataclasses import dataclass
 from unittest.mock import patch
 
-from testbed.cli import viewer
+from testbed.cli import viewer, viewer_process
 
 SMALL_WINDOW = (800, 500)
 """Every view is painted in it, each with a quarter of the pixels of a picture."""
@@ -54,6 +54,6 @@ def _reports(state):
 def _status(verb, *words):
     """Exit status of a check of recordings."""
     command = [str(viewer.native()), "rrd", verb, *map(str, words)]
-    with viewer.private_environment() as environment:
+    with viewer_process.private_environment() as environment:
         done = subprocess.run(command, capture_output=True, check=False, env=environment)
     return done.returncode

@@ -9,7 +9,7 @@ import pytest
 from typer.testing import CliRunner
 
 from calib.errors import InputError, MachineError
-from testbed.cli import app, viewer
+from testbed.cli import app, viewer, viewer_process
 from testbed.cli.viewer import page
 from tests import viewed
 from tests.recorded import record, small_campaign, timeline
@@ -64,7 +64,7 @@ def test_page_text_survives_hostile_content():
 
 
 def test_usage_statistics_are_off_and_nothing_is_left_behind():
-    with viewer.private_environment() as environment:
+    with viewer_process.private_environment() as environment:
         folder = environment["XDG_CONFIG_HOME"]
         said = subprocess.run(
             [str(viewer.native()), "analytics", "config"],
