@@ -122,6 +122,7 @@ def identify(
         from testbed.files.read import ReadOptions, read_held_out, read_session
         from testbed.identify.calibrate import Options
         from testbed.identify.folder import check_place, play_calibration
+        from testbed.identify.given import require_order
         from testbed.identify.session import with_test
         from testbed.identify.splitting import all_identify
         from testbed.identify.words import terminal_text
@@ -133,6 +134,7 @@ def identify(
             require_package(package)
         folder = out or folder_of(data, "identified")
         check_place(folder, overwrite=overwrite)
+        require_order(robot, data)
         arm = load_robot(
             robot, tip=tip, mesh_root=mesh_root, allow_missing_meshes=allow_missing_meshes
         )

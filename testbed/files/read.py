@@ -28,6 +28,7 @@ from testbed.files.targets import TargetPart
 from testbed.files.uncertainty import require_shown
 from testbed.files.visits.read import read_visits
 from testbed.files.visits.tables import CampaignFile
+from testbed.gates.kinds import require_kind
 from testbed.gates.mistakes import validated
 from testbed.gates.paths import is_there, real
 from testbed.gates.text import MAX_MB, FileText, SourceFile
@@ -94,7 +95,9 @@ def read_session(
     if toml is not None:
         content = read_toml_bytes(Path(toml), str(toml))
         first.append(SourceFile(Path(toml), sha256(content).hexdigest()))
-        settings = validated(toml_document(content, str(toml)), CampaignFile, str(toml))
+        document = toml_document(content, str(toml))
+        require_kind(document, "session", str(toml))
+        settings = validated(document, CampaignFile, str(toml))
     if alone:
         settings = settings.of_one_table
     root = file.parent if toml is None else Path(toml).parent
@@ -142,7 +145,7 @@ def session_of(
         joined.append(_with_joints(one, sources, settings, robot, others, drop=drop))
     session = assemble([part for part, _ in joined], robot, settings, where=where)
     require_shown(settings.uncertainty, session.measurements, where)
-    warnings = [f"{where}: {text}" for text in settings.uncertainty.odd]
+    warnings = [f"{where}: {text}" for text in settings.odd]
     sheet = settings.job.sheet
     warnings += [f"{where}: {text}" for text in sheet.instrument.warnings(session.set_up.date)]
     warnings += [text for one in cleaned for text in one.warnings]

@@ -16,6 +16,7 @@ from testbed.files.refusal import refusal
 from testbed.files.rows.say import NOTHING_SAID, RowsSay
 from testbed.files.session_toml import SESSION_FILE, IdentificationTable
 from testbed.files.visits.visit import RobotVisit
+from testbed.gates.kinds import require_table
 from testbed.gates.paths import real
 from testbed.gates.text import FileText, SourceFile, read_text
 from testbed.gates.workbook import is_workbook, read_workbook
@@ -251,6 +252,7 @@ class Sources:
 
 def text_of(path: Path, where: str, *, sheet: str | None, max_mb: float) -> FileText:
     """Lines of a text file, or of a sheet of a workbook."""
+    require_table(path, where)
     if is_workbook(path):
         return read_workbook(path, where, sheet=sheet, max_mb=max_mb)
     if sheet is not None:

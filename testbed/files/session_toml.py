@@ -210,6 +210,11 @@ class SessionFile(Strict):
     tool_in_use: ToolInUseTable | None = None
 
     @property
+    def odd(self) -> tuple[str, ...]:
+        """Sentences on numbers that are hardly meant."""
+        return (*self.uncertainty.odd, *(self.tolerance.odd if self.tolerance else ()))
+
+    @property
     def observed(self) -> tuple[ObservedTable, ...]:
         """The tables of readings that are there."""
         return tuple(table for table in (self.frames, self.points, self.ranges) if table)

@@ -7,6 +7,7 @@ from typing import Any
 
 from calib.errors import InputError, refuse
 from testbed.disk import read_bounded
+from testbed.gates.kinds import Kind, require_kind
 from testbed.gates.mistakes import Schema, validated
 from testbed.gates.paths import near
 
@@ -25,16 +26,19 @@ TOKEN = re.compile(
 )
 
 
-def read_toml(path: Path, schema: type[Schema]) -> Schema:
+def read_toml(path: Path, schema: type[Schema], kind: Kind) -> Schema:
     """Read and validate a TOML file.
 
     Raises
     ------
     InputError
-        Lists every mistake by table and key; the file is named in `where`.
+        Says what the file is if it is of another kind, or lists every mistake by table and key; the
+        file is named in `where`.
     """
     where = str(path)
-    return validated(toml_document(read_toml_bytes(path, where), where), schema, where)
+    document = toml_document(read_toml_bytes(path, where), where)
+    require_kind(document, kind, where)
+    return validated(document, schema, where)
 
 
 def read_toml_bytes(path: Path, where: str) -> bytes:

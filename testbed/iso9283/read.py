@@ -12,6 +12,7 @@ from testbed.files.read import ReadOptions, session_file
 from testbed.files.session import Sources
 from testbed.files.session_toml import SESSION_FILE, SessionFile
 from testbed.files.visits.tables import CampaignFile
+from testbed.gates.kinds import require_kind
 from testbed.gates.mistakes import validated
 from testbed.gates.paths import real
 from testbed.gates.text import SourceFile
@@ -50,7 +51,9 @@ def read_test(
     if toml is not None:
         content = read_toml_bytes(Path(toml), str(toml))
         first.append(SourceFile(Path(toml), sha256(content).hexdigest()))
-        settings = validated(toml_document(content, str(toml)), CampaignFile, str(toml))
+        document = toml_document(content, str(toml))
+        require_kind(document, "session", str(toml))
+        settings = validated(document, CampaignFile, str(toml))
     if toml == file and settings.cycles is None and settings.paths is None:
         message, fix = "has no [cycles] and no [paths]", 'write [cycles] and file = "cycles.csv"'
         raise refuse("cycles", code="S37", message=message, fix=fix, where=str(file))

@@ -5,27 +5,25 @@ from pathlib import Path
 from typing import Any
 
 from calib.errors import InputError, refuse
+from testbed.assets import scene_names
 from testbed.files.read import read_session
 from testbed.files.session_toml import SESSION_FILE
 from testbed.files.visits.probing import probed, tried_words
 from testbed.files.visits.tables import CampaignFile
+from testbed.gates.kinds import OF_SCENARIOS, OF_SESSIONS, kind_of, kind_of_name
 from testbed.gates.mistakes import validated
 from testbed.gates.paths import is_there, near, real
 from testbed.gates.toml import read_toml, read_toml_bytes, toml_document
 from testbed.iso9283.read import read_test
 from testbed.iso9283.words import extent
 from testbed.proposal.data import look_at
-from testbed.robots.catalog import ROBOT_FILE, TRACKER_FILE, XML, load_robot, robot_names
+from testbed.robots.catalog import ROBOT_FILE, TRACKER_FILE, load_robot, robot_names
 from testbed.robots.file import TrackerFile
 from testbed.robots.robot import Robot
+from testbed.store.foreign import foreign
 from testbed.units import counted
 
 SCENARIO_FILE = "scenario.toml"
-OF_SESSIONS = {
-    "joints", "frames", "points", "ranges", "drift", "dialect", "match", "uncertainty", "session",
-    "cycles", "paths", "iso9283", "job",
-}  # fmt: skip
-OF_SCENARIOS = {"trial", "truth", "tracker", "pool", "test", "plan", "studies", "seed", "cell"}
 
 
 def checked(file: Path, robot: str | None) -> list[str]:
@@ -48,16 +46,15 @@ def checked(file: Path, robot: str | None) -> list[str]:
         known = (SESSION_FILE, SCENARIO_FILE, ROBOT_FILE)
         inside = [name for name in known if is_there(file / name, Path.is_file)]
         if not inside:
-            allowed = f"a folder with one of {', '.join(known)}"
-            raise refuse(
-                "FILE", str(file), allowed, code="S37", message=f"{file} has nothing to check"
-            )
+            allowed, (told, fix) = f"a folder with one of {', '.join(known)}", foreign(file)
+            message = f"{file} has nothing to check: {told}"
+            raise refuse("FILE", str(file), allowed, code="S37", message=message, fix=fix)
         file = file / inside[0]
     if not is_there(file, Path.is_file):
         message = "is not an ordinary file" if at.exists() else "does not exist"
-        fix = "check the path" if at.exists() else near(file)
+        fix = "check the path" if at.exists() else _named(file)
         raise refuse("FILE", str(file), code="S37", message=message, fix=fix, where=str(file))
-    if file.suffix.lower() in XML:
+    if kind_of_name(file) == "description":
         return _robot(load_robot(file), "a robot description", str(file))
     if file.suffix.lower() == ".toml":
         return _toml(file, robot)
@@ -65,16 +62,24 @@ def checked(file: Path, robot: str | None) -> list[str]:
     return _table(file, arm)
 
 
+def _named(file: Path) -> str:
+    """What to do where nothing lies: names of what ships are shown by other verbs."""
+    for verb, names in (("robots", robot_names()), ("scenes", scene_names())):
+        if str(file) in names:
+            return f"`truebed {verb} {file}` shows what ships under that name"
+    return near(file)
+
+
 def _toml(file: Path, robot: str | None) -> list[str]:
     """Sentences on a TOML file of ours, by what is in it."""
     where = str(file)
     document = toml_document(read_toml_bytes(file, where), where)
-    if isinstance(document.get("joints"), list):
+    kind, keys = kind_of(document), set(document)
+    if kind == "robot":
         return _robot(load_robot(file), "a robot", where)
-    if "beam_height_mm" in document or file.name == TRACKER_FILE:
-        return [f"a drawn instrument, {read_toml(file, TrackerFile).name}"]
-    keys = set(document)
-    if len(keys & OF_SCENARIOS) > len(keys & OF_SESSIONS):
+    if kind == "tracker" or file.name == TRACKER_FILE:
+        return [f"a drawn instrument, {read_toml(file, TrackerFile, 'tracker').name}"]
+    if kind == "scenario" or len(keys & OF_SCENARIOS) > len(keys & OF_SESSIONS):
         return _scenario(file)
     return _session(file, document, robot)
 

@@ -14,6 +14,7 @@ from calib.geometry.joint_errors import JointErrors, JointTerm
 from calib.geometry.model import RobotModel
 from testbed import assets
 from testbed.assets import robot_names as robot_names
+from testbed.gates.kinds import kind_of_name, wrong_kind
 from testbed.gates.paths import near, real
 from testbed.gates.toml import read_toml
 from testbed.robots.assumed import (
@@ -44,8 +45,6 @@ from testbed.strict import choice_of, name_meant
 
 ROBOT_FILE, TRACKER_FILE = "robot.toml", "tracker.toml"
 TRACKER = "laser_tracker"
-XML = (".urdf", ".xml", ".mjcf", ".xacro")
-"""Endings of files that describe a robot as URDF or MJCF."""
 
 
 def load_robot(
@@ -82,7 +81,7 @@ def load_robot(
     6
     """
     path = _robot_path(name_or_path)
-    if path.suffix.lower() in XML:
+    if kind_of_name(path) == "description":
         from testbed.robots.describe.convert import read_description
         from testbed.robots.describe.xml_gate import FileOptions
 
@@ -90,7 +89,7 @@ def load_robot(
     if tip is not None:
         allowed, fix = "a robot.toml says itself where its tool is", "leave the tip out"
         raise refuse("tip", tip, allowed, code="S37", fix=fix, where=str(path))
-    data = read_toml(path, RobotFile)
+    data = read_toml(path, RobotFile, "robot")
     chain = robot_chain(data)
     model = RobotModel(chain, joint_errors(path, data))
     _check_free_sets(path, data, model.names)
@@ -172,7 +171,7 @@ def load_tracker_visuals() -> tuple[Visual, ...]:
     upward negative). The stand is as long as `beam_height_mm` in tracker.toml states.
     """
     path = assets.models() / TRACKER / TRACKER_FILE
-    return visuals(path, read_toml(path, TrackerFile))
+    return visuals(path, read_toml(path, TrackerFile, "tracker"))
 
 
 def visuals(path: Path, data: Drawn) -> tuple[Visual, ...]:
@@ -205,6 +204,8 @@ def _robot_path(name_or_path: str | Path) -> Path:
     if path.is_dir() and (path / ROBOT_FILE).is_file():
         return path / ROBOT_FILE
     if path.is_file():
+        if kind_of_name(path) == "table":
+            raise wrong_kind("table", "robot", str(path))
         return path
     raise refuse(
         "robot", str(name_or_path),

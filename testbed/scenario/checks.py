@@ -20,8 +20,10 @@ if TYPE_CHECKING:
 def odd_settings(scenario: Scenario) -> tuple[str, ...]:
     """Sentences on what is hardly meant, though it can be played: a noise below any instrument's.
 
-    Of a tracker with several sources the largest one counts, at one meter.
+    Of a tracker with several sources the largest one counts, at one meter. The same of a tolerance
+    that no such instrument could show.
     """
+    said = scenario.tolerance.odd if scenario.tolerance else ()
     tracker = scenario.tracker
     if isinstance(tracker, PaperTracker):
         key, noise = "position_um is", tracker.position_um
@@ -30,10 +32,11 @@ def odd_settings(scenario: Scenario) -> tuple[str, ...]:
         noise = max(sum(tracker.range_um), sum(tracker.transverse_um), tracker.centering_um)
     least = shown(TRACKER_SD, "um")
     if noise >= least:
-        return ()
+        return said
     return (
         f"[tracker] {key} {noise:g}: no laser tracker measures better than {least:g} um; check the "
         "unit",
+        *said,
     )
 
 

@@ -11,6 +11,7 @@ from pydantic import ValidationError
 
 from calib.errors import refuse
 from testbed.assets import robot_names, scene_names, scenes
+from testbed.gates.kinds import kind_of_name, require_kind
 from testbed.gates.paths import near, real
 from testbed.gates.toml import read_toml_bytes, toml_document
 from testbed.scenario.contradictions import contradictions
@@ -43,8 +44,7 @@ from testbed.strict import (
 
 TABLE = ("a table", "to calibrate from measurements, type truebed new session {}")
 ROBOT = ("the description of a robot", "to begin a scenario for it, type truebed new scene {}")
-OTHERS = dict.fromkeys((".csv", ".tsv", ".txt", ".xlsx"), TABLE)
-OTHERS |= dict.fromkeys((".urdf", ".xml", ".mjcf", ".xacro"), ROBOT)
+OTHERS = {"table": TABLE, "description": ROBOT}
 """What files of other endings are, and what they are for."""
 
 
@@ -65,8 +65,8 @@ def scenario_path(name_or_path: str | Path) -> tuple[Path, str]:
         raise refuse(
             "SCENE", text, code="S37", message=f"{text} has no scenario.toml: {told}", fix=fix
         )
-    if is_file and (kind := OTHERS.get(path.suffix.lower())):
-        what, fix = kind
+    if is_file and (kind := kind_of_name(path)):
+        what, fix = OTHERS[kind]
         message = f"{text} is {what}, and a scenario is a .toml"
         raise refuse("SCENE", text, code="S37", message=message, fix=fix.format(shlex.quote(text)))
     if not is_file:
@@ -114,6 +114,7 @@ def parse_scenario(
 ) -> Scenario:
     """A scenario from the content of a file; `folder` is what a relative robot path starts from."""
     document = toml_document(data.encode() if isinstance(data, str) else data, where)
+    require_kind(document, "scenario", where)
     if folder is not None:
         _place_files(document, folder.resolve(), where)
     return scenario_of(document, declared, where=where, finished=finished)

@@ -5,9 +5,11 @@ from typing import Annotated, Literal
 
 from pydantic import model_validator
 
-from testbed.bounds import CELL
+from testbed.bounds import CELL, TRACKER_SD, shown
 from testbed.strict import Strict
 
+BALL = 2.795
+"""R95 of three coordinates with standard uncertainty 1: the root of chi-square(3) at 95 %."""
 Rule = Literal["guarded", "simple"]
 """Those of `calib.uncertainty.statement.conformity`."""
 
@@ -39,6 +41,18 @@ class ToleranceTable(Strict):
                 "guard band: the risk of a pass may reach about 50 %)"
             )
         return self
+
+    @property
+    def odd(self) -> tuple[str, ...]:
+        """A sentence on a tolerance that is hardly meant: no reading could show that it is kept."""
+        least = shown(BALL * TRACKER_SD, "um")
+        if self.position_um >= least:
+            return ()
+        return (
+            f"[tolerance] position_um is {self.position_um:g}: no laser tracker can show less than "
+            f"R95 = {least:.2g} um; check the unit ({self.position_um:g} mm is "
+            f"{1e3 * self.position_um:g} um)",
+        )
 
     @property
     def decision(self) -> Decision:

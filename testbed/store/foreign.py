@@ -19,7 +19,7 @@ WROTE = "give a folder that truebed wrote"
 
 
 def foreign(path: Path) -> tuple[str, str]:
-    """What a folder without a manifest is, and what to do, in words.
+    """What a folder that is not what was wanted is, and what to do, in words.
 
     Parameters
     ----------
@@ -28,6 +28,12 @@ def foreign(path: Path) -> tuple[str, str]:
     """
     if not is_there(path, Path.is_dir):
         return "it is not there", WROTE
+    for mark in (MANIFEST, PLAN, ISO9283):
+        if is_there(path / mark, Path.is_file):
+            return (
+                f"it is {OWNERS[mark]}",
+                f"to open it, type truebed view {shlex.quote(str(path))}",
+            )
     for above in (Path(os.path.normpath(path / ("../" * k))) for k in range(1, ABOVE + 1)):
         for mark in (MANIFEST, PLAN, ISO9283):
             if is_there(above / mark, Path.is_file):

@@ -22,6 +22,7 @@ from calib.uncertainty.statement.conditions import Conditions, departure
 from testbed.disk import atomic_write
 from testbed.files.conditions import SetUp, first_stated, target_conditions
 from testbed.files.joints import read_joints
+from testbed.files.programs.columns import renamed_words
 from testbed.files.programs.read import (
     ADDED,
     configurations,
@@ -171,7 +172,14 @@ def correct_program(
     failed = status_sentences(result.status, "target", WORDS, names=called(names))
     return replace(
         result,
-        sentences=(done, *failed, *away.sentences, *away.unsaid, *result.sentences),
+        sentences=(
+            done,
+            *renamed_words(table.names, robot),
+            *failed,
+            *away.sentences,
+            *away.unsaid,
+            *result.sentences,
+        ),
         conditions=away.words,
         departed=away.outside,
         names=names,

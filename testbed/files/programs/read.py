@@ -6,11 +6,13 @@ from pathlib import Path
 import numpy as np
 
 from calib.arrays import Array
+from calib.errors import InputError
 from calib.geometry.frames import transform
 from calib.geometry.inverse import inverse_kinematics, spread
 from testbed.files.columns import TEXTS
 from testbed.files.conditions import target_conditions
 from testbed.files.joints import joint_columns, read_joints
+from testbed.files.programs.columns import joints_by_number, no_targets
 from testbed.files.refusal import refusal
 from testbed.files.rotations import checked_rotations, stated_in
 from testbed.files.rows.targets import NAMES
@@ -18,6 +20,7 @@ from testbed.files.session import Stated
 from testbed.files.table import Columns, DataTable, require_short, table_of, together
 from testbed.files.text import read_sheet
 from testbed.files.valid import valid_rows
+from testbed.gates.kinds import require_table
 from testbed.gates.text import FileText, read_text
 from testbed.robots.catalog import Robot
 
@@ -36,6 +39,7 @@ def read_program(path: Path, robot: Robot) -> tuple[FileText, DataTable]:
     InputError
         M20, M22-M25, M35: the program is not understood.
     """
+    require_table(path, path.name)
     text = read_text(path, path.name)
     sheet = read_sheet(text)
     for name in ADDED:
@@ -46,7 +50,9 @@ def read_program(path: Path, robot: Robot) -> tuple[FileText, DataTable]:
     numeric = [
         name for name in sheet.head if name not in TEXTS and ("_" in name or name[:1] in "qr")
     ]
-    table = table_of(sheet, {}, numeric=numeric)
+    theirs = joints_by_number(sheet, robot)
+    numeric = [*(name for name in numeric if name not in theirs.values()), *theirs]
+    table = table_of(sheet, theirs, numeric=numeric)
     if not len(table):
         raise refusal(path.name, "file", "has no targets", fix="write one target a line")
     for name in NAMES:
@@ -54,9 +60,24 @@ def read_program(path: Path, robot: Robot) -> tuple[FileText, DataTable]:
     target_conditions(table)
     if is_cartesian(table):
         poses_of(table)
-    if joint_columns(table, robot) or not is_cartesian(table):
+    if _has_joints(table, robot):
         read_joints(table, robot, "commanded", drop=None)
+    elif not is_cartesian(table):
+        raise no_targets(table, robot)
     return text, table
+
+
+def _has_joints(table: DataTable, robot: Robot) -> bool:
+    """Whether the targets are joints; some of the joints alone are refused."""
+    try:
+        return joint_columns(table, robot) is not None
+    except InputError as error:
+        if error.field != "joints":
+            raise
+        fix = "name the columns so, with the unit, in the first line of the program"
+        raise refusal(
+            table.where, error.field, error.message, allowed=error.allowed, fix=fix
+        ) from None
 
 
 def is_cartesian(table: DataTable) -> bool:

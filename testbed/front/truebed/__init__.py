@@ -94,9 +94,12 @@ def identify(
     from testbed.files.session import Session
     from testbed.identify.calibrate import calibrate
     from testbed.identify.folder import play_calibration
+    from testbed.identify.given import require_order
     from testbed.robots.catalog import load_robot
     from testbed.robots.robot import Robot
 
+    if not isinstance(robot, Robot) and not isinstance(session, Session):
+        require_order(str(robot), Path(session))
     arm = robot if isinstance(robot, Robot) else load_robot(robot)
     seen = session if isinstance(session, Session) else read_session(session, arm)
     return calibrate(arm, seen) if out is None else play_calibration(arm, seen, Path(out))[0]

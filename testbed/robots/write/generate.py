@@ -57,7 +57,7 @@ def generate_robot(path: Path, out: Path) -> None:
     """Draw the parts of a robot.toml into their link frames, then write URDF and MJCF."""
     if out.resolve() != path.parent.resolve():
         shutil.copyfile(path, out / ROBOT_FILE)
-    data = read_toml(path, RobotFile)
+    data = read_toml(path, RobotFile, "robot")
     if data.drawing:
         if data.drawing not in ARMS:
             message, fix = f'drawing = "{data.drawing}"', choice_of(data.drawing, ARMS)
@@ -78,7 +78,7 @@ def generate_tracker(path: Path, out: Path) -> None:
     """Draw the parts of tracker.toml; all its links share one frame."""
     if out.resolve() != path.parent.resolve():
         shutil.copyfile(path, out / TRACKER_FILE)
-    data = read_toml(path, TrackerFile)
+    data = read_toml(path, TrackerFile, "tracker")
     write_parts(path, data, tracker(data.beam_height_mm / 1e3), [np.eye(4)] * 3, out)
 
 

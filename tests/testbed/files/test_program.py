@@ -179,6 +179,10 @@ def test_numbers_of_a_rotation_mean_that_rotation_and_stay_where_they_were(form)
         ([*(f"q{k}_deg" for k in range(1, 7)), "status"], [1] * 7, "already"),
         ([f"q{k}_rad" for k in range(1, 7)], [40.0] * 6, "outside the limits"),
         ([f"q{k}_deg" for k in range(1, 7)], [1, 2, 3, 4, 5, "x"], "not numbers"),
+        ([*(f"q{k}_deg" for k in range(1, 6)), "q6"], [1] * 6, "q6; name the columns so, with"),
+        ([f"A{k}" for k in range(1, 7)], [1] * 6, "may be degrees or radians: rename them as q1_d"),
+        ([f"A{k}" for k in range(1, 6)], [40] * 5, "joints are q1_deg ... q6_deg .* rename its"),
+        (list("XYZABC"), [400] * 6, "found: X, Y, Z, A, B, C; rename its columns so, with the un"),
     ],
 )
 def test_a_program_that_is_not_understood_is_refused_and_nothing_written(
@@ -188,6 +192,31 @@ def test_a_program_that_is_not_understood_is_refused_and_nothing_written(
     with pytest.raises(InputError, match=said):
         correct_program(path, ROBOT, real, tmp_path / "out.csv")
     assert not (tmp_path / "out.csv").exists()
+
+
+@pytest.mark.parametrize(
+    ("head", "unit", "mark"),
+    [
+        ([f"A{k}" for k in range(1, 7)], "deg", ","),
+        ([f"J{k} [deg]" for k in range(6, 0, -1)], "deg", ";"),
+        ([f"joint_{k}_rad" for k in range(1, 7)], "rad", ","),
+    ],
+)
+def test_joints_under_the_names_of_other_controllers_are_taken_by_their_numbers(
+    head, unit, mark, tmp_path, real
+):
+    joint = [int("".join(filter(str.isdigit, name))) - 1 for name in head]
+    numbers = np.degrees(Q) if unit == "deg" else Q
+    ours = written(tmp_path / "a.csv", [f"q{k}_{unit}" for k in range(1, 7)], numbers.tolist())
+    theirs = written(tmp_path / "b.csv", head, numbers[:, joint].tolist(), mark)
+    plain = correct_program(ours, ROBOT, real, tmp_path / "a_out.csv")
+    found = correct_program(theirs, ROBOT, real, tmp_path / "b_out.csv")
+    np.testing.assert_array_equal(found.q, plain.q)
+    assert list(cells(tmp_path / "b_out.csv", mark)[0])[:6] == head
+    first, last = (next(n for n in head if str(k) in n) for k in (1, 6))
+    said = f"columns {first} to {last} are taken as the joints 1 to 6 of {ROBOT.name}, in {unit}"
+    assert found.sentences[1].endswith(said)
+    assert not any("taken as" in text for text in plain.sentences)
 
 
 def test_no_file_is_overwritten(tmp_path, real):

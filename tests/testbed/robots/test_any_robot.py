@@ -82,7 +82,7 @@ def test_the_stated_workspace_is_reachable_and_seen(name):
 
 def test_the_drawn_tracker_is_as_tall_as_stations_assume():
     file = assets.models() / TRACKER / TRACKER_FILE
-    assert read_toml(file, TrackerFile).beam_height_mm == 1e3 * STAND
+    assert read_toml(file, TrackerFile, "tracker").beam_height_mm == 1e3 * STAND
 
 
 def test_the_workspace_found_from_the_reach_grows_with_the_arm():

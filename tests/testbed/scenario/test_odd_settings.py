@@ -1,6 +1,7 @@
 """What is hardly meant is said, and played all the same."""
 
 import pytest
+from scipy.stats import chi2
 from typer.testing import CliRunner
 
 from testbed.assets import scene_names
@@ -8,6 +9,7 @@ from testbed.cli import app
 from testbed.files.read import read_session
 from testbed.scenario.checks import odd_settings
 from testbed.scenario.read import changed
+from testbed.scenario.tolerance import BALL
 from testbed.studies import load_scenario
 from tests.testbed.files.made import ROBOT, columns, csv, made
 
@@ -75,3 +77,22 @@ def test_a_column_of_nanometers_is_said_with_its_line(size, odd, tmp_path):
     said = [text for text in read_session(tmp_path / "a.csv", ROBOT).warnings if "odd" in text]
     assert len(said) == odd
     assert not odd or 'line 2 ux_mm "0.00001"' in said[0]
+
+
+def test_a_tolerance_that_no_tracker_could_show_is_said(tmp_path):
+    assert pytest.approx(chi2(3).ppf(0.95) ** 0.5, abs=5e-4) == BALL
+    small = {"tolerance.position_um": 0.15, "tolerance.rule": "guarded"}
+    quick = load_scenario("quick")
+    (said,) = odd_settings(changed(quick, small, where="test"))
+    told = "R95 = 2.8 um; check the unit (0.15 mm is 150 um)"
+    assert said.startswith("[tolerance] position_um is 0.15: ")
+    assert said.endswith(told)
+    assert odd_settings(changed(quick, small | {"tolerance.position_um": 3}, where="test")) == ()
+    (tmp_path / "a.csv").write_text(csv(columns(made(), form="none")))
+    table = 'file = "a.csv"\n'
+    (tmp_path / "s.toml").write_text(
+        f"[joints]\n{table}[points]\n{table}[uncertainty]\nposition_um = 20\n"
+        '[tolerance]\nposition_um = 0.15\nrule = "simple"\n'
+    )
+    (said,) = read_session(tmp_path / "s.toml", ROBOT).warnings
+    assert said.endswith(told)

@@ -1,0 +1,92 @@
+"""The joint columns of a program under the names of other controllers: A1, J1, axis 1, joint_1."""
+
+import re
+from collections.abc import Mapping
+
+import numpy as np
+
+from calib.errors import InputError
+from testbed.files.refusal import refusal
+from testbed.files.table import DataTable, number_of
+from testbed.files.text import Sheet
+from testbed.robots.robot import Robot
+
+NUMBERED = re.compile(
+    r"(?P<word>a|j|q|ax|axis|axes|achse|joint|theta)[ _.-]*(?P<number>[1-9][0-9]?)"
+    r"(?:[ _]*[\[(]?(?P<unit>deg|degrees?|°|rad|radians?|mm|m)[\])]?)?",
+    re.IGNORECASE,
+)
+UNITS = {"d": "deg", "°": "deg", "r": "rad"}
+"""First letters of how degrees and radians are written."""
+ANGLES = ("deg", "rad")
+
+
+def joints_by_number(sheet: Sheet, robot: Robot) -> dict[str, str]:
+    """Our names of joint columns to those of the file; empty where they are ours, or in doubt.
+
+    One column for each joint, of one word and its number, is clear. The unit is the one in the
+    names, or degrees where the numbers are too large for radians.
+    """
+    found = [(name, hit) for name in sheet.head if (hit := NUMBERED.fullmatch(name.strip()))]
+    families: dict[str, dict[int, tuple[str, str]]] = {}
+    for name, hit in found:
+        unit = (hit["unit"] or "").lower()
+        family = families.setdefault(hit["word"].lower(), {})
+        family[int(hit["number"])] = (name, UNITS.get(unit[:1], unit))
+    n, kinds = robot.model.chain.n_joints, robot.model.chain.kinds
+    whole = [one for one in families.values() if set(one) == set(range(1, n + 1))]
+    if len(whole) != 1 or len(found) != n:
+        return {}
+    columns = [whole[0][k + 1] for k in range(n)]
+    units = [unit for _, unit in columns]
+    if not any(units) and "prismatic" not in kinds:
+        units = [_unit_by_size(sheet, [name for name, _ in columns], robot)] * n
+    if not all(
+        unit in (("mm", "m") if kind == "prismatic" else ANGLES)
+        for unit, kind in zip(units, kinds, strict=True)
+    ):
+        return {}
+    return {f"q{k + 1}_{unit}": columns[k][0] for k, unit in enumerate(units)}
+
+
+def _unit_by_size(sheet: Sheet, names: list[str], robot: Robot) -> str:
+    """Degrees, where some number is beyond every limit in radians; else nothing is sure."""
+    places = [sheet.head.index(name) for name in names]
+    cells = [row[place].replace(",", ".") for row in sheet.rows for place in places]
+    largest = max((abs(value) for value in map(number_of, cells) if np.isfinite(value)), default=0)
+    return "deg" if largest > 1.2 * np.abs(robot.limits).max() else ""
+
+
+def renamed_words(names: Mapping[str, str], robot: Robot) -> tuple[str, ...]:
+    """A sentence on joint columns that have other names in the file; none where they are ours."""
+    own = [name for name in names if name != names[name]]
+    if not own:
+        return ()
+    first, last = names[own[0]], names[own[-1]]
+    units = " and ".join(dict.fromkeys(name.rpartition("_")[2] for name in own))
+    return (
+        f"the program's columns {first} to {last} are taken as the joints 1 to {len(own)} of "
+        f"{robot.name}, in {units}",
+    )
+
+
+def no_targets(table: DataTable, robot: Robot) -> InputError:
+    """The error of a program without columns of joints or of poses."""
+    kinds = robot.model.chain.kinds
+    first, last = (
+        f"q{k + 1}_{'mm' if kinds[k] == 'prismatic' else 'deg'}" for k in (0, len(kinds) - 1)
+    )
+    numbered = [name for name in table.sheet.head if NUMBERED.fullmatch(name.strip())]
+    fix = "rename its columns so, with the unit, in the first line"
+    if len(numbered) == len(kinds):
+        fix = (
+            f"{numbered[0]} to {numbered[-1]} may be degrees or radians: rename them as {first} "
+            f"... {last}, or {first.replace('deg', 'rad')} ... {last.replace('deg', 'rad')}"
+        )
+    return refusal(
+        table.where, "program", "has no columns known as targets",
+        value=", ".join(table.names)[:200],
+        allowed=f"joints are {first} ... {last} (or _rad); poses are x_mm y_mm z_mm and qw qx qy "
+        f"qz, or rx_deg ry_deg rz_deg with euler; {table.found(120)}",
+        fix=fix,
+    )  # fmt: skip

@@ -1,0 +1,97 @@
+"""What a file of a user is: said where another kind was wanted, instead of naming its keys."""
+
+import shlex
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Literal
+
+from calib.errors import InputError, refuse
+
+Kind = Literal["robot", "session", "scenario", "tracker"]
+CALLED: dict[str, str] = {
+    "robot": "a robot",
+    "session": "a session of measurements",
+    "scenario": "a scenario",
+    "tracker": "a drawn instrument",
+    "table": "a table",
+    "description": "the description of a robot",
+}
+USED: dict[str, str] = {
+    "robot": "truebed check {} reads it, truebed identify {} DATA calibrates it",
+    "session": "truebed identify ROBOT {} calibrates from it",
+    "scenario": "truebed run {} plays it",
+    "table": "truebed new session {} writes the session.toml that it needs",
+    "description": "truebed check {} reads it, truebed identify {} DATA calibrates it",
+}
+"""What takes a file of a kind."""
+BEGUN = "truebed new scene {} begins one for it"
+TABLES = (".csv", ".tsv", ".txt", ".xlsx")
+DESCRIPTIONS = (".urdf", ".xml", ".mjcf", ".xacro")
+"""Endings of files that are tables, and of those that describe a robot as URDF or MJCF."""
+OF_SESSIONS = {
+    "joints", "frames", "points", "ranges", "drift", "dialect", "match", "session", "cycles",
+    "paths", "iso9283", "job", "conditions",
+}  # fmt: skip
+OF_SCENARIOS = {"trial", "truth", "tracker", "pool", "test", "plan", "studies", "seed", "cell"}
+"""Keys that only one kind of TOML file has."""
+
+
+def kind_of(document: Mapping[str, Any]) -> Kind | None:
+    """What a TOML file is by the tables in it; None if they do not say, or say two things.
+
+    Examples
+    --------
+    >>> kind_of({"joints": {"file": "a.csv"}, "uncertainty": {}})
+    'session'
+    """
+    if isinstance(document.get("joints"), list):
+        return "robot"
+    if "beam_height_mm" in document:
+        return "tracker"
+    keys = set(document)
+    session, scenario = bool(keys & OF_SESSIONS), bool(keys & OF_SCENARIOS)
+    if session == scenario:
+        return None
+    return "session" if session else "scenario"
+
+
+def kind_of_name(path: Path) -> Literal["table", "description"] | None:
+    """What a file is by the ending of its name; None if that does not say."""
+    ending = path.suffix.lower()
+    return "table" if ending in TABLES else "description" if ending in DESCRIPTIONS else None
+
+
+def require_kind(document: Mapping[str, Any], wanted: Kind, where: str) -> None:
+    """Refuse a TOML file that is clearly of another kind.
+
+    Raises
+    ------
+    InputError
+        S37: says what it is, what was wanted, and which verb takes it.
+    """
+    kind = kind_of(document)
+    if kind is not None and kind != wanted:
+        raise wrong_kind(kind, wanted, where)
+
+
+def require_table(path: Path, where: str) -> None:
+    """Refuse a file whose name says that it is no table.
+
+    Raises
+    ------
+    InputError
+        S39: it ends as a TOML file does, or as URDF and MJCF do.
+    """
+    told = CALLED["description"] if kind_of_name(path) == "description" else "a TOML file"
+    if path.is_file() and (told != "a TOML file" or path.suffix.lower() == ".toml"):
+        message, fix = f"is {told}, and a table is wanted here", "give a CSV, or a workbook (xlsx)"
+        raise refuse("file", code="S39", message=message, fix=fix, where=where)
+
+
+def wrong_kind(kind: str, wanted: str, where: str) -> InputError:
+    """The error of a file of one kind where another one is wanted."""
+    message = f"is {CALLED[kind]}, and {CALLED[wanted]} is wanted here"
+    fix = (BEGUN if (kind, wanted) == ("robot", "scenario") else USED.get(kind, "")).format(
+        *(shlex.quote(where),) * 2
+    )
+    return refuse("file", kind, code="S37", message=message, fix=fix, where=where)
