@@ -27,6 +27,14 @@ ANGLES = {unit: FACTORS[unit] for unit in ("rad", "deg", "mdeg", "urad")}
 LOADS = {unit: FACTORS[unit] for unit in ("Nm", "Nmm", "N")}
 CURRENTS = {unit: FACTORS[unit] for unit in ("A", "mA")}
 UNITS = {"length": LENGTHS, "angle": ANGLES, "torque": LOADS, "current": CURRENTS}
+WRITTEN = {
+    "mm": "mm", "m": "m", "um": "um", "µm": "um", "in": "in", "inch": "in", "meter": "m",
+    "millimeter": "mm", "deg": "deg", "°": "deg", "degree": "deg", "degrees": "deg", "grad": "deg",
+    "rad": "rad", "radian": "rad", "radians": "rad", "mdeg": "mdeg", "c": "degC", "degc": "degC",
+    "°c": "degC", "kg": "kg", "s": "s", "nm": "Nm", "n m": "Nm", "n*m": "Nm", "n·m": "Nm",
+    "nmm": "Nmm", "n mm": "Nmm", "n": "N", "a": "A", "amp": "A", "ma": "mA",
+}  # fmt: skip
+"""Units as people write them, in small letters."""
 QUATERNION_COLUMNS = ("qw", "qx", "qy", "qz")
 MATRIX_COLUMNS = tuple(f"r{i}{j}" for i in "123" for j in "123")
 TEXTS = ("pose_id", "station", "split", "approach", "time", "target", "anchor", "euler", "tool",

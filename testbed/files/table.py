@@ -169,7 +169,8 @@ def table_of(
     Raises
     ------
     InputError
-        M35: a mapped column is not there, or the decimal mark stays in doubt; M36: an endless name.
+        M21: a column's unit is contradicted by the line below the names; M35: a mapped column is
+        not there, or the decimal mark stays in doubt; M36: an endless name.
     """
     for own, theirs in mapping.items():
         if not is_known(own):
@@ -184,6 +185,7 @@ def table_of(
     used = set(mapping.values())
     names = {name: name for name in sheet.head if name not in used and name not in mapping}
     table = DataTable(sheet, names | dict(mapping), decimal or "")
+    _require_units(table)
     for name in TEXTS:
         require_short(table, name)
     if decimal:
@@ -191,6 +193,19 @@ def table_of(
     if numeric is None:
         numeric = [name for name in table.names if is_known(name) and name not in TEXTS]
     return replace(table, decimal=_decimal_mark(table, numeric))
+
+
+def _require_units(table: DataTable) -> None:
+    """Refuse a column that is called by another unit than the line below the names says."""
+    said = dict(zip(table.sheet.head, table.sheet.units, strict=False))
+    for own, theirs in table.names.items():
+        unit, other = unit_of(own) if is_known(own) else "", said.get(theirs, "")
+        if unit and other and unit != other:
+            called = f"{own}" if own == theirs else f'{own} = "{theirs}"'
+            raise refusal(
+                table.where, own, f"{called}, and the line below the names says {other}",
+                code="M21", value=other, allowed=unit, fix="correct the one that is wrong",
+            )  # fmt: skip
 
 
 def require_short(table: DataTable, name: str) -> None:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from calib.arrays import Array, Bool
 from calib.errors import InputError, visible
+from testbed.files.columns import WRITTEN
 from testbed.files.refusal import refusal
 from testbed.gates.text import EMPTY, SEPARATORS, FileText, separator_of, split
 from testbed.report.text import guarded, unguarded
@@ -29,12 +30,15 @@ class Sheet:
     encoding: str
     titles: tuple[str, ...] = ()
     """Lines above the one that names the columns."""
+    units: tuple[str, ...] = ()
+    """(c,) unit of each column, "" of one that has none, where a line below the names says them."""
 
 
 def read_sheet(text: FileText, *, separator: str = "", header: bool | None = None) -> Sheet:
     """Cells of a table under the line that names its columns; those that begin with # do not count.
 
-    Lines above that one are titles, if each has fewer cells.
+    Lines above that one are titles, if each has fewer cells. A line below it that holds nothing but
+    units says those of the columns.
 
     Parameters
     ----------
@@ -65,11 +69,12 @@ def read_sheet(text: FileText, *, separator: str = "", header: bool | None = Non
     elif header is None:
         _require_names(head, f"{text.where}:{content[0][0]}")
     _check_head(head, text.where)
-    width = len(head)
+    width, units = len(head), _units(cells[1:2], len(head)) if header is not False else ()
+    first += bool(units)
     rows = tuple(tuple(row if any(row[width:]) else row[:width]) for row in cells[first:])
     lines = tuple(number for number, _ in content[first:])
     said = tuple(line.strip(EMPTY) for _, line in titles)
-    sheet = Sheet(text.where, head, rows, lines, separator, text.encoding, said)
+    sheet = Sheet(text.where, head, rows, lines, separator, text.encoding, said, units)
     _check_lengths(sheet)
     return sheet
 
@@ -108,6 +113,16 @@ def split_cells(content: Sequence[tuple[int, str]], separator: str, where: str) 
 def _trimmed(cells: Sequence[str]) -> tuple[str, ...]:
     """Cells without the empty ones that separators at the end of a line leave."""
     return tuple(cells[: max((k + 1 for k, cell in enumerate(cells) if cell), default=0)])
+
+
+def _units(below: Sequence[Sequence[str]], width: int) -> tuple[str, ...]:
+    """What the line below the names says where it holds nothing but units."""
+    cells = [cell.strip("[]() ") for row in below for cell in _trimmed(row)]
+    said = [cell for cell in cells if cell]
+    if not said or len(cells) > width or not all(cell.lower() in WRITTEN for cell in said):
+        return ()
+    units = [WRITTEN.get(cell.lower(), "") for cell in cells]
+    return (*units, *[""] * (width - len(units)))
 
 
 def _holds_data(cells: Sequence[str]) -> bool:
@@ -185,6 +200,9 @@ def rewritten(
     lines = list(text.lines)
     head = text.content("#")[len(sheet.titles)][0]
     lines[head - 1] = mark.join([*(_cell(name, mark) for name in sheet.head), *added])
+    if sheet.units:
+        below = text.content("#")[len(sheet.titles) + 1][0]
+        lines[below - 1] += mark * len(added)
     places = {name: sheet.head.index(name) for name in numbers}
     for row, number in enumerate(sheet.lines):
         cells = list(sheet.rows[row])

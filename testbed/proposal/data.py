@@ -142,7 +142,7 @@ def _of_sheet(
     path: Path, name: str, sheet: str | None, text: FileText, kind: Kind, table: Sheet
 ) -> Found:
     """A table with a head."""
-    means = meanings(table.head)
+    means = meanings(table.head, table.units)
     return Found(path, name, sheet, text, kind, table.head, len(table.rows), means)
 
 

@@ -2,19 +2,11 @@
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from testbed.bounds import FACTORS
-from testbed.files.columns import is_known
+from testbed.files.columns import WRITTEN, is_known
 
-UNITS = {
-    "mm": "mm", "m": "m", "um": "um", "µm": "um", "in": "in", "inch": "in", "meter": "m",
-    "millimeter": "mm", "deg": "deg", "°": "deg", "degree": "deg", "degrees": "deg", "grad": "deg",
-    "rad": "rad", "radian": "rad", "radians": "rad", "mdeg": "mdeg", "c": "degC", "degc": "degC",
-    "°c": "degC", "kg": "kg", "s": "s", "nm": "Nm", "n m": "Nm", "n*m": "Nm", "n·m": "Nm",
-    "nmm": "Nmm", "n mm": "Nmm", "n": "N", "a": "A", "amp": "A", "ma": "mA",
-}  # fmt: skip
-"""Units as people write them at the end of a name."""
 ENDS = re.compile(r"^(.*?)[\s_]*[\[(/]\s*([^\])]+?)\s*[\])]?$")
 ROS = {
     "shoulder_pan_joint": 1, "shoulder_lift_joint": 2, "elbow_joint": 3,
@@ -76,12 +68,18 @@ class Meaning:
         return stem if self.known and unit in FACTORS and stem else self.stem
 
 
-def meanings(head: Sequence[str]) -> tuple[Meaning, ...]:
+def meanings(head: Sequence[str], units: Sequence[str] = ()) -> tuple[Meaning, ...]:
     """What the columns of a table are, each of ours once; the others are left out.
 
-    A stem that several columns claim alike is given to none.
+    A stem that several columns claim alike is given to none. `units` are those that a line below
+    the names says, "" of columns that have none.
     """
-    found = [meaning for name in head if (meaning := _meaning(name, head)) is not None]
+    found = []
+    for name, unit in zip(head, units or [""] * len(head), strict=True):
+        bare = not (is_known(name) or without_unit(name)[1])
+        said = f"{name} [{unit}]" if unit and bare else name
+        if (meaning := _meaning(said, head)) is not None:
+            found.append(replace(meaning, theirs=name))
     best: dict[str, list[Meaning]] = {}
     for meaning in found:
         best.setdefault(meaning.plain, []).append(meaning)
@@ -133,7 +131,7 @@ def _meaning(name: str, head: Sequence[str]) -> Meaning | None:
         return Meaning(name, f"{mark}_distance" if mark else "distance", unit)
     if words & WISHED or text in ("dx", "dy", "dz"):
         return _wished(name, text, unit)
-    return _coordinate(name, text, unit)
+    return _coordinate(name, text, unit, head)
 
 
 def _wished(name: str, text: str, unit: str) -> Meaning | None:
@@ -148,7 +146,14 @@ def _wished(name: str, text: str, unit: str) -> Meaning | None:
     return Meaning(name, f"{kind}_{axes.pop()}", unit)
 
 
-def _coordinate(name: str, text: str, unit: str) -> Meaning | None:
+def _of_quaternion(text: str, head: Sequence[str]) -> bool:
+    """Whether a name ends with x, y, z or w where all four have the words before it."""
+    before, _, last = text.rpartition(" ")
+    others = {without_unit(name)[0] for name in head}
+    return last in tuple("xyzw") and {f"{before} {axis}" for axis in "xyzw"} <= others
+
+
+def _coordinate(name: str, text: str, unit: str, head: Sequence[str]) -> Meaning | None:
     """A coordinate, a turn, or the uncertainty of one."""
     words = text.split()
     for mark, prefix in ((EXPANDED, "U95"), (STANDARD, "u")):
@@ -160,6 +165,8 @@ def _coordinate(name: str, text: str, unit: str) -> Meaning | None:
             return Meaning(name, f"{prefix}{words[-1]}", unit)
         if set(words) & mark and words[0] in ("x", "y", "z", "rx", "ry", "rz"):
             return Meaning(name, f"{prefix}{words[0]}", unit)
+    if _of_quaternion(text, head):
+        return Meaning(name, f"q{words[-1]}", "")
     for word in (words[-1], words[0]) if words else ():
         if word in ("x", "y", "z"):
             return Meaning(name, word, unit)
@@ -174,14 +181,14 @@ def without_unit(name: str) -> tuple[str, str]:
     """A name in small words, and the unit that it ends with."""
     text, unit = name.strip(), ""
     ends = ENDS.match(text)
-    if ends and ends[2].strip().lower() in UNITS:
-        text, unit = ends[1], UNITS[ends[2].strip().lower()]
+    if ends and ends[2].strip().lower() in WRITTEN:
+        text, unit = ends[1], WRITTEN[ends[2].strip().lower()]
     words = re.sub(r"[\s_.:\-]+", " ", text).strip().lower().split()
     if (
         not unit
         and len(words) > 1
-        and words[-1] in UNITS
+        and words[-1] in WRITTEN
         and words[-1] not in ("c", "s", "m", "n", "a")
     ):
-        unit = UNITS[words.pop()]
+        unit = WRITTEN[words.pop()]
     return " ".join(words), unit

@@ -53,7 +53,8 @@ def robot_text(table: Path | None, joints: int, name: str) -> tuple[str, tuple[s
     Raises
     ------
     InputError
-        M35: the table has no columns d, a and alpha, or cells that are no numbers.
+        M21: names and a line below them say other units; M25: a cell is no number; M35: the table
+        has no columns d, a and alpha.
     """
     if table is None:
         rows: list[dict[str, float]] = [dict.fromkeys(("theta_deg", *NEEDED), 0.0)] * joints
@@ -80,8 +81,13 @@ def _rows(sheet: Sheet) -> tuple[list[dict[str, float]], tuple[str, ...]]:
     """Numbers of each joint in mm and deg, and what was assumed."""
     found: dict[str, tuple[str, Sequence[float], str]] = {}
     used = set()
-    for name in sheet.head:
+    for name, below in zip(sheet.head, sheet.units or [""] * len(sheet.head), strict=True):
         text, unit = without_unit(name)
+        if unit and below and unit != below:
+            message = f"is called {name}, and the line below the names says {below}"
+            fix = "correct the one that is wrong"
+            raise refusal(sheet.where, name, message, code="M21", fix=fix)
+        unit = unit or below
         for key, words in KEYS.items():
             if (text in words or name == key) and key not in found:
                 column = sheet.head.index(name)

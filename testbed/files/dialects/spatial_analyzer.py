@@ -1,8 +1,9 @@
 """Points and frames that Spatial Analyzer exports as ASCII, in their variants, into `Readings`.
 
 The manual's "Exporting ASCII Formatted Points": names as Collection Group Target, Group Target,
-Target or none; then three coordinates, Cartesian, cylindrical or spherical; then what was ticked.
-Comments begin with // and may name the axes and the unit; coordinates are in the working frame.
+Target or none, in fields of their own or with :: between them; then three coordinates, Cartesian,
+cylindrical or spherical; then what was ticked. Comments begin with // and may name the axes and the
+unit; coordinates are in the working frame.
 """
 
 import re
@@ -63,7 +64,7 @@ def sa_lines(text: FileText) -> Lines:
         raise refusal(text.where, "file", "has no points")
     separator = "comma" if all("," in line for _, line in content) else "space"
     mark = "," if separator == "comma" else "\t" if "\t" in content[0][1] else None
-    fields = tuple(tuple(f.strip() for f in line.split(mark)) for _, line in content)
+    fields = tuple(_apart([f.strip() for f in line.split(mark)]) for _, line in content)
     numbers = tuple(number for number, _ in content)
     lines = Lines(text.where, fields, numbers, separator, text.encoding)
     found = AXES.search("\n".join(comments))
@@ -78,6 +79,11 @@ def sa_lines(text: FileText) -> Lines:
     length = next((unit for unit in units if unit in LENGTHS), "")
     angle = next((unit for unit in units if unit in ANGLES), "")
     return replace(lines, system=system, length=length, angle=angle)
+
+
+def _apart(fields: Sequence[str]) -> tuple[str, ...]:
+    """Fields of a line, a name as Collection::Group::Target in its parts."""
+    return (*fields[0].split("::"), *fields[1:])
 
 
 def unit_of(

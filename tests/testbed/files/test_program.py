@@ -152,6 +152,18 @@ def test_a_decimal_comma_and_a_semicolon_stay(tmp_path, real):
     np.testing.assert_allclose(q, found.q, atol=1e-15)
 
 
+def test_a_line_of_units_stays_below_the_names(tmp_path, real):
+    head = [f"q{k}_rad" for k in range(1, 7)]
+    plain = correct_program(written(tmp_path / "p.csv", head, Q.tolist()), ROBOT, real,
+                            tmp_path / "out.csv")  # fmt: skip
+    units = written(tmp_path / "u.csv", head, [["rad"] * 6, *Q.tolist()])
+    found = correct_program(units, ROBOT, real, tmp_path / "units.csv")
+    np.testing.assert_array_equal(found.q, plain.q)
+    names, below, *rows = (tmp_path / "units.csv").read_text().splitlines()
+    assert [names, *rows] == (tmp_path / "out.csv").read_text().splitlines()
+    assert below.split(",") == ["rad"] * 6 + [""] * (names.count(",") - 5)
+
+
 @pytest.mark.parametrize("form", ["quaternion", "matrix", "rotation_vector", *EULER])
 def test_numbers_of_a_rotation_mean_that_rotation_and_stay_where_they_were(form):
     rng = np.random.default_rng(7)

@@ -68,6 +68,15 @@ def test_systems_names_and_separators(tmp_path, system, names, separator):
     )
 
 
+@pytest.mark.parametrize("names", [2, 3])
+def test_names_with_colons_between_their_parts_go_by_pose(tmp_path, names):
+    head, *rows = text("cartesian", names, ", ").rstrip("\n").rsplit("\n", len(DATA.q))
+    parted = [row.split(", ") for row in rows]
+    glued = [", ".join(["::".join(row[:names]), *row[names:]]) for row in parted]
+    assert "::" in glued[0]
+    assert agrees(session(tmp_path, "\n".join([head, *glued])))
+
+
 def test_points_without_names_go_by_order(tmp_path):
     assert agrees(session(tmp_path, text(names=0), match='match = "order"'))
 

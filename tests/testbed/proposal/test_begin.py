@@ -57,6 +57,18 @@ def test_a_table_of_link_numbers_becomes_the_robot(head, lengths, angles, assume
     assert call("check", out).exit_code == 0
 
 
+def test_a_line_of_units_below_the_names_says_those_of_the_links(tmp_path):
+    table = link_table("universal_ur10", tmp_path, ("θ", "d", "a", "α", "min", "max"), 1.0, 1.0)
+    names, *rows = table.read_text(encoding="utf-8").splitlines()
+    table.write_text("\n".join([names, "rad;m;m;rad;rad;rad", *rows]), encoding="utf-8")
+    done = call("new", "robot", table, "--out", tmp_path / "robot.toml")
+    assert (done.exit_code, done.stdout.count("assumed")) == (0, 0)
+    np.testing.assert_allclose(
+        load_robot(tmp_path / "robot.toml").model.chain.links,
+        load_robot("universal_ur10").model.chain.links, rtol=0, atol=1e-12,
+    )  # fmt: skip
+
+
 def test_a_robot_to_fill_in_is_told_as_such(tmp_path):
     out = tmp_path / "robot.toml"
     assert "every link number is 0" in call("new", "robot", "--joints", 7, "--out", out).stdout
@@ -73,8 +85,12 @@ def test_a_robot_to_fill_in_is_told_as_such(tmp_path):
 def test_a_table_without_link_numbers_is_refused(tmp_path):
     (tmp_path / "a.csv").write_text("theta,d,length\n1,2,3\n")
     (tmp_path / "b.csv").write_text("theta,d,a,alpha\n1,x,3,4\n")
-    for name, told in (("a.csv", "a.csv: has no column for a_mm, alpha_deg; theta_deg, d_mm"),
-                       ("b.csv", 'b.csv:2: d is "x"; write a number. [M25]')):  # fmt: skip
+    (tmp_path / "c.csv").write_text("theta,d_mm,a,alpha\ndeg,m,m,deg\n1,2,3,4\n")
+    for name, told in (
+        ("a.csv", "a.csv: has no column for a_mm, alpha_deg; theta_deg, d_mm"),
+        ("b.csv", 'b.csv:2: d is "x"; write a number. [M25]'),
+        ("c.csv", "c.csv: is called d_mm, and the line below the names says m; correct the one"),
+    ):
         done = call("new", "robot", tmp_path / name, "--out", tmp_path / "robot.toml")
         assert (done.exit_code, done.stdout) == (2, "")
         assert told in done.stderr

@@ -24,6 +24,12 @@ def places(form, values=MM, axes="XYZ"):
     return {form.format(axis): values[:, k] for k, axis in enumerate(axes)}
 
 
+def with_units(text, mark, units):
+    """A table with its units in the line below the names."""
+    head, _, rows = text.partition("\n")
+    return "\n".join([head, mark.join(units), rows])
+
+
 PLAIN = joints("J{}") | places("{}")
 GERMAN = {"separator": ";", "decimal": ","}
 COMMENTS = "# Export of a tracker\n# units: mm, deg\n"
@@ -48,6 +54,18 @@ ODD = {
     ),
     "a mark of the encoding": "\ufeff" + csv(PLAIN, eol="\r\n", **GERMAN),
     "comments above": COMMENTS + csv(PLAIN),
+    "a line of units below the names": with_units(
+        csv(PLAIN, **GERMAN), ";", ["°"] * 6 + ["mm"] * 3
+    ),
+    "units in brackets below the names": with_units(
+        csv({"Nr": np.arange(M)} | joints("A{}", DATA.q) | places("{}", MM / 1e3)),
+        ",", [""] + ["[rad]"] * 6 + ["(m)"] * 3,
+    ),
+    "messages of ROS": csv(
+        {"stamp": 1.7e9 + np.arange(M)} | joints("joint_{}", DATA.q)
+        | places("pose.position.{}", MM / 1e3, "xyz")
+        | {f"pose.orientation.{axis}": v for axis, v in zip("xyzw", (X, Y, Z, W), strict=True)}
+    ),
 }  # fmt: skip
 
 
@@ -80,6 +98,11 @@ WRONG = {
     ),
     "shifted rows": (PLAIN | places("{}", np.roll(MM, 1, axis=0)), "if row k+1 belongs to pose k"),
     "targets alone": (joints("J{}") | places("{}_Soll"), "are targets or differences"),
+    "a unit that another line contradicts": (
+        {name: ["[rad]" if name[0] == "q" else "mm", *column] for name, column in
+         (joints("q{}_deg") | places("{}")).items()},
+        "q1_deg, and the line below the names says rad",
+    ),
 }  # fmt: skip
 
 
