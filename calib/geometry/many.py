@@ -1,19 +1,49 @@
 """Many robots of one kind as arrays: robots on the first axis, poses on the last and contiguous.
 
 What is worked out on the way has its components before both, so that one operation runs over all.
-Same joints and joint terms, numbers of their own; no springs, no fixtures. What one robot does with
-`RobotModel` all of them do here in one pass, to rounding.
+Same joints, joint terms and springs, numbers of their own; no fixtures, and springs load the stiff
+arm alone. What one robot does with `RobotModel` all of them do here in one pass, to rounding.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
 from calib.arrays import Array, Index
+from calib.geometry.bodies import X, Y, Z
 from calib.geometry.frames import exp_so3, log_so3, transform
+from calib.geometry.many_springs import ManyLoads, ManySprings
 from calib.geometry.model import RobotModel
 from calib.shown import Shown
+
+Link: TypeAlias = tuple[Array, ...]
+"""As in `chain.link_rotation_parts`: c, s, d, a, ca, sa, cb, sb, each (R or 1, m or 1)."""
+
+
+class JointValues(NamedTuple):
+    """What joint errors of one kind are at commanded joints, whatever their numbers."""
+
+    terms: Array
+    """(k, R or 1, m) values of the joint terms."""
+    springs: ManySprings | None
+    """What may load the springs, if there are any."""
+
+    def some(self, which: slice | Index) -> "JointValues":
+        """Of some robots."""
+        terms = self.terms if self.terms.shape[1] == 1 else self.terms[:, which]
+        return JointValues(terms, self.springs and self.springs.some(which))
+
+
+class ManyStands(NamedTuple):
+    """How R robots stand at m poses."""
+
+    links: list[Link]
+    """From the base on; of robots on springs two of each, see `ManyModels.bent`."""
+    values: JointValues
+    loads: ManyLoads | None
+    """What bends them."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -21,7 +51,7 @@ class ManyModels(Shown):
     """R robots of one kind."""
 
     like: RobotModel
-    """Their joints and joint terms; also where `steps` count from."""
+    """Their joints, joint terms and springs; also where `steps` count from."""
     links: Array
     """(R, n, 5) as in `Chain.links` [rad, m]."""
     base: Array
@@ -29,7 +59,7 @@ class ManyModels(Shown):
     tool: Array
     """(R, 3, 4) rotation and origin of the tool in the flange [m]."""
     coefficients: Array
-    """(R, K) of the joint terms [rad or m]."""
+    """(R, K) of the joint terms, then of the springs [rad or m; kg or kg m for moments]."""
 
     def __len__(self) -> int:
         return len(self.links)
@@ -74,10 +104,11 @@ class ManyModels(Shown):
         )
 
     def widened(self, wide: RobotModel) -> "ManyModels":
-        """The same robots with more joint terms, as `wide` has them behind those of one."""
-        more = wide.joint_errors.coefficients[self.coefficients.shape[1] :]
-        more = np.broadcast_to(more, (len(self), len(more)))
-        return replace(self, like=wide, coefficients=np.hstack([self.coefficients, more]))
+        """The same robots with more joint errors, as `wide` has them beside those of one."""
+        coefficients = np.tile(wide.joint_errors.coefficients, (len(self), 1))
+        held = np.isin(wide.joint_errors.names, self.like.joint_errors.names)
+        coefficients[:, held] = self.coefficients
+        return replace(self, like=wide, coefficients=coefficients)
 
     def some(self, which: slice | Index) -> "ManyModels":
         """Some of the robots."""
@@ -124,51 +155,83 @@ class ManyModels(Shown):
             axis=1,
         )
 
-    def basis(self, q: Array) -> Array:
-        """Values (K, R or 1, m) of the joint terms at commanded joints q (R or 1, m, n)."""
-        flat = self.like.joint_errors.basis(q.reshape(-1, q.shape[2]))
-        return np.ascontiguousarray(np.moveaxis(flat.reshape(*q.shape[:2], -1), 2, 0))
+    def values(self, q: Array) -> JointValues:
+        """What the joint errors are at commanded joints q (R or 1, m, n) [rad, m]."""
+        errors = self.like.joint_errors
+        flat = errors.basis(q.reshape(-1, q.shape[2])).reshape(*q.shape[:2], -1)
+        terms = np.ascontiguousarray(np.moveaxis(flat, 2, 0))
+        springs = None if errors.springs is None else ManySprings.of(errors.springs, q)
+        return JointValues(terms, springs)
 
-    def reached(self, q: Array, basis: Array | None = None) -> Array:
-        """Joints (n, R or 1, m) where commands q (R or 1, m, n) end [rad, m].
+    def reached(self, q: Array, values: JointValues | None = None) -> Array:
+        """Joints (n, R or 1, m) where commands q (R or 1, m, n) end by their terms [rad, m].
 
-        `basis` (K, R or 1, m) if already at hand.
+        `values` if already at hand.
         """
         commanded, joints = np.moveaxis(q, 2, 0), self.like.joint_errors.joints
         if not joints:
             return commanded
         n, _, m = commanded.shape
         out = np.broadcast_to(commanded, (n, len(self), m)).copy()
-        values = self.basis(q) if basis is None else basis
+        terms = (self.values(q) if values is None else values).terms
         for k, joint in enumerate(joints):
-            out[joint] += self.coefficients[:, k, None] * values[k]
+            out[joint] += self.coefficients[:, k, None] * terms[k]
         return out
 
-    def turns(self, joints: Array) -> tuple[Array, Array, Array]:
-        """Cosine and sine of the turn and the slide (n, R, m) of each link at joints reached."""
-        slides = self.like.chain.prismatic[:, None, None]
-        theta, d = self.links[:, :, 0].T[:, :, None], self.links[:, :, 1].T[:, :, None]
-        turn = joints * (1 - slides) + theta if slides.any() else joints + theta
-        slide = np.broadcast_to(joints * slides + d if slides.any() else d, turn.shape)
-        return np.cos(turn), np.sin(turn), slide
+    def stands(self, q: Array, values: JointValues | None = None) -> ManyStands:
+        """How they stand at commanded joints q (R or 1, m, n) [rad, m]; `values` if at hand."""
+        values = self.values(q) if values is None else values
+        joints = self.reached(q, values)
+        if values.springs is None:
+            return ManyStands(self.stiff(joints), values, None)
+        loads = values.springs.loads(self.coefficients[:, len(self.like.joint_errors.terms) :])
+        bends = values.springs.spread(loads.bends)
+        return ManyStands(self.bent(joints, bends), values, loads)
 
-    def frames(self, joints: Array) -> tuple[Array, Array]:
-        """Tool axes (3, 3, R, m), x, y and z in turn, and origins (3, R, m) at joints reached [m].
+    def stiff(self, joints: Array) -> list[Link]:
+        """Their links at joints reached (n, R or 1, m) [rad, m]."""
+        turn, slide = self._moves(joints)
+        d = self.links[:, :, 1].T[:, :, None]
+        shift = np.broadcast_to(d if slide is None else slide + d, turn.shape)
+        each = zip(np.cos(turn), np.sin(turn), shift, range(len(turn)), strict=True)
+        return [(c, s, along, *self._link(i)) for c, s, along, i in each]
 
-        Parameters
-        ----------
-        joints : (n, R or 1, m) array
-            From `reached` [rad, m].
+    def bent(self, joints: Array, bends: Array) -> list[Link]:
+        """The same where joints give way by bends (n, 3, R or 1, m or 1) [rad, m], as in `bodies`.
+
+        Two links of each: one that turns or slides, whose alpha and beta are the bends about x and
+        y, and one that only reaches further.
+        """
+        turn, slide = self._moves(joints + bends[:, Z])
+        one, none = np.ones((1, 1)), np.zeros((1, 1))
+        cosine, sine, found = np.cos(bends), np.sin(bends), list[Link]()
+        for i, (c, s) in enumerate(zip(np.cos(turn), np.sin(turn), strict=True)):
+            gives = cosine[i, X], sine[i, X], cosine[i, Y], sine[i, Y]
+            found.append((c, s, none if slide is None else slide[i], none, *gives))
+            found.append((one, none, self.links[:, i, 1, None], *self._link(i)))
+        return found
+
+    def _moves(self, joints: Array) -> tuple[Array, Array | None]:
+        """Turns and slides (n, R, m) of joints reached [rad, m]; None where no joint slides."""
+        slides, theta = self.like.chain.prismatic[:, None, None], self.links[:, :, 0].T[:, :, None]
+        if not slides.any():
+            return joints + theta, None
+        return joints * (1 - slides) + theta, joints * slides
+
+    def _link(self, i: int) -> Link:
+        """Length a, cosine and sine of alpha and of beta (R, 1) of link i."""
+        a, alpha, beta = (self.links[:, i, k, None] for k in (2, 3, 4))
+        return a, np.cos(alpha), np.sin(alpha), np.cos(beta), np.sin(beta)
+
+    def frames(self, links: Sequence[Link]) -> tuple[Array, Array]:
+        """Tool axes (3, 3, R, m), x, y and z in turn, and origins (3, R, m) by their links [m].
 
         References
         ----------
         As `chain.forward`; Wen et al. 2022, eq. (1).
         """
-        cosine, sine, slide = self.turns(joints)
         x, y, z, p = (self.base[:, :, k].T[:, :, None] for k in range(4))
-        for i, (c, s, d) in enumerate(zip(cosine, sine, slide, strict=True)):
-            a, alpha, beta = (self.links[:, i, k, None] for k in (2, 3, 4))
-            ca, sa, cb, sb = np.cos(alpha), np.sin(alpha), np.cos(beta), np.sin(beta)
+        for c, s, d, a, ca, sa, cb, sb in links:
             x, y = c * x + s * y, c * y - s * x
             p = p + d * z + a * x
             y, z = ca * y + sa * z, ca * z - sa * y
@@ -179,11 +242,11 @@ class ManyModels(Shown):
 
     def poses(self, q: Array) -> Array:
         """Tool poses T_world_tool (R, m, 4, 4) at commanded joints q (R or 1, m, n) [m]."""
-        return self.poses_at(self.reached(q))
+        return poses_of(*self.frames(self.stands(q).links))
 
     def poses_at(self, joints: Array) -> Array:
-        """The same at joints reached (n, R or 1, m), from `reached` [rad, m]."""
-        return poses_of(*self.frames(joints))
+        """The same of stiff arms at joints reached (n, R or 1, m), from `reached` [rad, m]."""
+        return poses_of(*self.frames(self.stiff(joints)))
 
 
 def poses_of(axes: Array, origin: Array) -> Array:

@@ -126,6 +126,16 @@ class SprungJoints(Shown):
         """(p,) place of each spring among the 3 n bends."""
         return 3 * self.joint + self.axis
 
+    @property
+    def kind(self) -> tuple[object, ...]:
+        """Alike of springs that the same numbers bend alike."""
+        weight = self.weight
+        parts = (
+            *(weight.chain.links, weight.chain.prismatic, weight.moments, weight.payload),
+            *(weight.gravity, self.joint, self.axis, self.load, self.free),
+        )
+        return self.passes, self.tilts, *(part.tobytes() for part in parts)
+
     def bends(self, q: Array, numbers: Array, payload: Array | None = None) -> Array:
         """Bends (m, n, 3) of the arm at rest at checked joints q (m, n) [rad, m].
 
@@ -212,13 +222,7 @@ class SprungJoints(Shown):
             moments[:, -1] = payload
         gravity, by_tilt = self.weight.gravity, np.zeros((0, 3))
         if self.tilts:
-            u, v = across(gravity)
-            a, b = numbers[p + f :]
-            first, second = exp_so3(a * u), exp_so3(b * v)
-            by_tilt = np.array(
-                [np.cross(u, first @ second @ gravity), first @ np.cross(v, second @ gravity)]
-            )
-            gravity = first @ second @ gravity
+            gravity, by_tilt = tilted(gravity, numbers[p + f :])
         return _Loaded(numbers[:p], moments, gravity, by_tilt)
 
     def shares(self, q: Array, gravity: Array, bends: Array | None) -> Array:
@@ -237,6 +241,15 @@ class SprungJoints(Shown):
         out = np.zeros((len(bent), self.weight.chain.n_joints, 3))
         out[:, self.joint, self.axis] = bent
         return out
+
+
+def tilted(gravity: Array, tilts: Array) -> tuple[Array, Array]:
+    """Gravity (..., 3) after tilts (..., 2), and its slopes (..., 2, 3) by them [m/s^2, 1/rad]."""
+    u, v = across(gravity)
+    first, second = exp_so3(tilts[..., :1] * u), exp_so3(tilts[..., 1:] * v)
+    turned = first @ second @ gravity
+    after = (first @ np.cross(v, second @ gravity)[..., None])[..., 0]
+    return turned, np.stack([np.cross(u, turned), after], axis=-2)
 
 
 def across(gravity: Array) -> Array:

@@ -4,10 +4,18 @@ Components first, then robots, poses last: every operation runs over all robots 
 their poses in one stretch of memory.
 """
 
+from collections.abc import Sequence
+from typing import TypeAlias
+
 import numpy as np
 
 from calib.arrays import Array, Bool, Index
 
+Link: TypeAlias = tuple[Array, ...]
+"""Cosine and sine of its turn, its slide, length a [m], cosine and sine of alpha and of beta, each
+(R or 1, m or 1); its own theta and d are in the first three."""
+Made: TypeAlias = tuple[int, Sequence[tuple[int, Array]]]
+"""A row of J that is a sum of others: which, and the values (R or 1, m) that multiply them."""
 SMALL = 1e-4
 """Sine of a turn below which two terms of the arc sine's series are exact."""
 
@@ -15,29 +23,22 @@ ALL = np.ones((3, 3), dtype=bool)
 
 
 def system(
-    links: Array, base: Array, tool: Array, cosine: Array, sine: Array, slide: Array,
-    basis: Array, joint: Index, turns: Bool, place: Index, target: Array,
-    seen: Array, whitening: Array, used: Bool, logarithm: bool,
+    links: Sequence[Link], base: Array, tool: Array, place: Index, made: Sequence[Made],
+    target: Array, seen: Array, whitening: Array, used: Bool, logarithm: bool,
     J: Array, r: Array, point: Array,
 ) -> None:  # fmt: skip
     """Fill columns, residuals and predicted points of R robots at m poses each.
 
     Parameters
     ----------
-    links : (R, n, 5) array
-        As in `Chain.links` [rad, m].
+    links : sequence of Link
+        Of each from the base on, n of them.
     base, tool : (R, 3, 4) array
         Rotation and origin of base in world and tool in flange [m].
-    cosine, sine, slide : (n, R, m) array
-        Of each joint where it is, its link's own theta and d included [m].
-    basis : (K, R or 1, m) array
-        Values of the joint terms.
-    joint : (K,) array of int
-        Joint of each term.
-    turns : (n,) array of bool
-        Whether each joint turns.
-    place : (12 + 5 n + K,) array of int
-        Row of J that each number of the model has, -1 for none.
+    place : (12 + 5 n,) array of int
+        Row of J that each number of base, links and tool has, -1 for none.
+    made : sequence of Made
+        All other rows of J.
     target : (3,) array
         The point that is predicted, in the tool frame; its origin where poses are seen [m].
     seen : (12, R, m) array
@@ -61,8 +62,8 @@ def system(
     ----------
     Sola, Deray, Atchuthan, arXiv 1812.01537, eq. (144).
     """
-    n, whole = links.shape[1], J.shape[2] == 6
-    screws, (x, y, z, p) = _screws(links, base, cosine, sine, slide)
+    whole = J.shape[2] == 6
+    screws, (x, y, z, p) = _screws(links, base)
     held = [
         tool[:, 0, k, None] * x + tool[:, 1, k, None] * y + tool[:, 2, k, None] * z
         for k in range(4)
@@ -71,7 +72,7 @@ def system(
     point[:] = origin + sum(target[k] * held[k] for k in range(3)) if target.any() else origin
     # the tool slides along its own axes, and turns about its own origin
     screws += [(axis, foot) for foot in (None, origin) for axis in held[:3]]
-    kept = [(to, *screw) for to, screw in zip(place, screws, strict=False) if to >= 0]
+    kept = [(to, *screw) for to, screw in zip(place, screws, strict=True) if to >= 0]
     sliding = [(to, axis) for to, axis, foot in kept if foot is None]
     turning = [(to, axis, foot) for to, axis, foot in kept if foot is not None]
     slid, axes, arms = (np.empty((len(some), *point.shape)) for some in (sliding, turning, turning))
@@ -96,10 +97,10 @@ def system(
         J[:, to, :3] = swung[k].swapaxes(0, 1)
         if whole:
             J[:, to, 3:] = axes[k].swapaxes(0, 1)
-    for k, i in enumerate(joint):
-        if (to := place[12 + 5 * n + k]) >= 0:
-            own = place[6 + 5 * i + (0 if turns[i] else 1)]
-            np.multiply(J[:, own], basis[k, :, None], out=J[:, to])
+    for to, ((own, values), *more) in made:
+        np.multiply(J[:, own], values[:, None], out=J[:, to])
+        for own, values in more:
+            J[:, to] += J[:, own] * values[:, None]
 
 
 def residual(
@@ -144,14 +145,12 @@ Screw = tuple[Array, Array | None]
 
 
 def _screws(
-    links: Array, base: Array, cosine: Array, sine: Array, slide: Array
+    links: Sequence[Link], base: Array
 ) -> tuple[list[Screw], tuple[Array, Array, Array, Array]]:
     """Screws of base and links, and axes and origin (3, R, m) of the flange, all in the world."""
     x, y, z, p = (base[:, :, k].T[:, :, None] for k in range(4))
     screws: list[Screw] = [(axis, None) for axis in (x, y, z)] + [(axis, p) for axis in (x, y, z)]
-    for i, (c, s, d) in enumerate(zip(cosine, sine, slide, strict=True)):
-        a, alpha, beta = (links[:, i, k, None] for k in (2, 3, 4))
-        ca, sa, cb, sb = np.cos(alpha), np.sin(alpha), np.cos(beta), np.sin(beta)
+    for c, s, d, a, ca, sa, cb, sb in links:
         screws += [(z, p), (z, None)]
         x, y = c * x + s * y, c * y - s * x
         p = p + d * z + a * x

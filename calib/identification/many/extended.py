@@ -28,8 +28,8 @@ def extended_many(
 ) -> list[tuple[RobotModel, Identification]]:
     """The model of each robot with some levels of joint errors, before its fit and after.
 
-    As `extended_by` of one after the other, which it is for models that arrays do not know: those
-    on springs, and of terms that follow more than the joints.
+    As `extended_by` of one after the other, which it is for models that arrays do not know, as
+    those of terms that follow more than the joints, and for fits that get no certificate there.
 
     Parameters
     ----------

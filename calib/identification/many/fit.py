@@ -26,10 +26,10 @@ from calib.shown import Shown
 BLOCK = 32
 """Robots in one pass, whose columns stay in the second-level cache; part of what fixes the bits of
 a result."""
-NEAR, NEARER = 1e-7, 1e-9
+NEAR, NEARER, NEAREST = 1e-7, 1e-9, 1e-10
 """Relative offset from which one more step ends a fit. The step leaves the square of that; the
-smaller one where it leaves a hundredth, in paper mode, and where a prior holds what the rows hardly
-tell, whose columns turn with the step."""
+smaller ones where it leaves a hundredth, in paper mode, and where a prior holds what the rows
+hardly tell, whose columns turn with the step: those of springs most."""
 CHORDS, SHORT = 2, 2.0
 """Steps by the columns at the start, before any robot's own are made, and the length in standard
 uncertainties of all numbers below which a step was the last: what those columns miss stays."""
@@ -94,13 +94,14 @@ def fit_many(
     """Fit the free numbers to each of many tables.
 
     Newton steps along the exact gradient: by the curvature at the start, where all tables share
-    their poses, else and where that is slow by each robot's own; until a step leaves nothing.
+    their poses, else and where that is slow by each robot's own; until a step leaves nothing. That
+    of springs has what their products with moments and tilts bend: without it steps would be slow.
 
     Parameters
     ----------
     nominal : RobotModel
-        What the estimates are counted from, and the value of every number that is not free: chain
-        and joint terms alone, see `known_to_many`.
+        What the estimates are counted from, and the value of every number that is not free; which
+        models there may be, `known_to_many` says.
     tables : ManyTables
         What was measured.
     parameters : Parameters
@@ -121,7 +122,7 @@ def fit_many(
     Raises
     ------
     InputError
-        Springs or fixtures in the model, nothing free, no more rows than numbers without a prior.
+        A model that arrays do not know, nothing free, no more rows than numbers without a prior.
 
     References
     ----------
@@ -129,10 +130,11 @@ def fit_many(
     their Cholesky factor, and the gradient that has to vanish is exact.
     """
     require_match(nominal, parameters)
-    if not known_to_many(nominal):
+    if not known_to_many(nominal, ()):
         raise refuse(
-            "nominal", code="A3", message="fits of many robots know chains and joint terms alone",
-            allowed="a model without springs, fixtures and lengths that follow the temperature",
+            "nominal", code="A3",
+            message="fits of many robots know chains, waves and springs of the stiff arm alone",
+            allowed="a model without fixtures, terms that follow rows, springs of several passes",
             fix="identify the robots one by one",
         )  # fmt: skip
     n, f = 6 * tables.seen.shape[2], parameters.n_free
@@ -200,6 +202,8 @@ def _fit_block(
     slow = np.full(len(models), shared is None)
     before = np.full(len(models), np.inf)
     near = NEAR if rows.mode == "whitened" and belief is None else NEARER
+    if rows.like.joint_errors.springs is not None:
+        near = NEAREST
     for _ in range(MOST_STEPS):
         at = ManyTangents.of(rows, models, belief)
         step, own = at.gradient if shared is None else times(at.gradient, shared.C), None

@@ -79,7 +79,8 @@ def together(
     """
     many, R = ManyTables.alike(tables), len(tables)
     told = prior is None or set(prior.names) == set(parameters.free_names)
-    if many is None or len(many.q) > 1 or not known_to_many(nominal) or not told:
+    known = known_to_many(nominal, (table.conditions for table in tables))
+    if many is None or len(many.q) > 1 or not known or not told:
         return [None] * R
     told_apart = _reductions(nominal, tables[0], parameters, prior, weights)
     kept = parameters.freeing(told_apart[0].kept) if prior is None else parameters

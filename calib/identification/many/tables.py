@@ -1,13 +1,16 @@
 """Tables of many robots at the same number of poses, and the system that each makes of them."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
 from calib.arrays import Array, Bool, Index
-from calib.geometry.many import ManyModels
+from calib.geometry.many import JointValues, ManyModels, ManyStands
 from calib.geometry.model import RobotModel
+from calib.geometry.operating import OperatingConditions
+from calib.identification.many.columns import ColumnPlaces
 from calib.identification.result import Mode
 from calib.kernels.robots_plain import residual, system
 from calib.measurement.noise import whiteners
@@ -21,7 +24,10 @@ have the normal equations of the paper's twelve; see `covariance.matrix_row_weig
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ManyTables(Shown):
-    """What was measured of R robots at m full poses each, from one station."""
+    """What was measured of R robots at m full poses each, from one station.
+
+    What rows say beside their joints plays no part.
+    """
 
     q: Array
     """(R or 1, m, n) commanded joints; 1 where all visited the same [rad, m]."""
@@ -93,11 +99,31 @@ class ManyTables(Shown):
         )
 
 
-def known_to_many(model: RobotModel) -> bool:
-    """Whether a model is chain and joint terms alone: no springs, fixtures or lengths that grow."""
+def known_to_many(model: RobotModel, beside: Iterable[OperatingConditions] | None = None) -> bool:
+    """Whether arrays know a model: a chain, waves of its joints, and springs of one pass.
+
+    Without fixtures and lengths that grow. Payloads load springs: of a model with springs, what all
+    rows say `beside` their joints has to be told.
+    """
     errors = model.joint_errors
-    waves = all(term.is_wave for term in errors.terms)
-    return errors.springs is None and not model.fixtures.n_numbers and waves
+    if model.fixtures.n_numbers or not all(term.is_wave for term in errors.terms):
+        return False
+    if errors.springs is None:
+        return True
+    plain = errors.springs.passes == 1 and len(errors.springs.load) > 0
+    return plain and beside is not None and not any(errors.follow(at) for at in beside)
+
+
+class ManySystem(NamedTuple):
+    """Whitened systems of R robots at m poses each, rows by pose last."""
+
+    r: Array
+    """(R, 6 m) measured minus predicted."""
+    A: Array
+    """(R, f, 6 m) derivative of the prediction."""
+    bend: Array | None
+    """(R, f, f) minus the residuals times its second derivatives, as far as springs and what loads
+    them have any; None of models without these."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -107,11 +133,9 @@ class ManyRows:
     like: RobotModel
     free: Index
     """(f,) columns of J: places in the full vector."""
-    place: Index
-    """(P,) from `row_places`."""
+    places: ColumnPlaces
     tables: ManyTables
-    basis: Array
-    """(K, R or 1, m) values of the joint terms."""
+    values: JointValues
     whitening: Array
     """(6, 6, R or 1, m) lower triangles."""
     used: Bool
@@ -121,48 +145,50 @@ class ManyRows:
     @classmethod
     def of(cls, model: RobotModel, tables: ManyTables, free: Index, mode: Mode) -> "ManyRows":
         """Of the numbers at places `free` of models like one."""
-        place = row_places(model, free)
+        places = ColumnPlaces.of(model, free)
         if mode == "paper":
             N = np.diag(PAPER)[:, :, None, None] * np.ones(tables.seen.shape[2])
         else:
             covariance = tables.covariance
             flat = whiteners(covariance.reshape(-1, 6, 6)).reshape(covariance.shape)
             N = np.ascontiguousarray(flat.transpose(2, 3, 0, 1))
-        basis = ManyModels.of(model, 1).basis(tables.q)
+        values = ManyModels.of(model, 1).values(tables.q)
         used = np.abs(N).max(axis=(2, 3)) > 0
-        return cls(model, free, place, tables, basis, N, used, mode)
+        return cls(model, free, places, tables, values, N, used, mode)
 
     def some(self, which: slice | Index) -> "ManyRows":
         """The rows of some robots."""
+        N = self.whitening
         return replace(
             self,
             tables=self.tables.some(which),
-            basis=_some(self.basis, which),
-            whitening=_some(self.whitening, which),
+            values=self.values.some(which),
+            whitening=N if N.shape[2] == 1 else N[:, :, which],
         )
 
     def seeing(self, models: ManyModels) -> "ManyRows":
         """The rows of tables that see what models predict."""
-        axes, origin = models.frames(models.reached(self.tables.q, self.basis))
+        axes, origin = models.frames(models.stands(self.tables.q, self.values).links)
         rotation = axes.swapaxes(0, 1).reshape(9, *origin.shape[1:])
         seen = np.ascontiguousarray(np.concatenate([origin, rotation]))
         return replace(self, tables=replace(self.tables, seen=seen))
 
-    def at(self, models: ManyModels) -> tuple[Array, Array]:
-        """Residual (R, 6 m) and derivative (R, f, 6 m) at the models, whitened; rows by pose last.
+    def at(self, models: ManyModels) -> ManySystem:
+        """The systems at some models.
 
         In paper mode they have the normal equations of the twelve rows, but another sum of squares:
         `twelve_rows`.
         """
         R, m, f = len(models), self.tables.seen.shape[2], len(self.free)
-        hidden = self.place.max() + 1 - f
-        J, r = np.empty((R, hidden + f, 6, m)), np.empty((6, R, m))
-        _fill(models, self.tables.q, self.basis, self.place, J, r, rows=self)
-        return _by_robot(r), J[:, hidden:].reshape(R, f, 6 * m)
+        J, r = np.empty((R, self.places.hidden + f, 6, m)), np.empty((6, R, m))
+        stands = models.stands(self.tables.q, self.values)
+        _fill(models, stands, self.places, J, r, rows=self)
+        bend = None if stands.loads is None else self.places.bend(stands.loads, J, r)
+        return ManySystem(_by_robot(r), J[:, self.places.hidden :].reshape(R, f, 6 * m), bend)
 
     def residual_at(self, models: ManyModels) -> Array:
         """The residual (R, 6 m) alone."""
-        axes, origin = models.frames(models.reached(self.tables.q, self.basis))
+        axes, origin = models.frames(models.stands(self.tables.q, self.values).links)
         seen, logarithm = self.tables.seen, self.mode == "whitened"
         return _by_robot(residual(axes, origin, seen, self.whitening, self.used, logarithm)[2])
 
@@ -172,41 +198,19 @@ def _by_robot(rows: Array) -> Array:
     return np.ascontiguousarray(rows.swapaxes(0, 1)).reshape(rows.shape[1], -1)
 
 
-def _some(array: Array, which: slice | Index) -> Array:
-    """Of some robots, where an array (..., R or 1, m) is not of all."""
-    return array if array.shape[-2] == 1 else array[..., which, :]
-
-
-def row_places(model: RobotModel, free: Index) -> Index:
-    """Row (P,) of a system that each number has, -1 for none.
-
-    Rows of free numbers come last and in order; before them those that only others need: the own
-    columns of joints that are held but have free terms.
-    """
-    chain, joints = model.chain, np.array(model.joint_errors.joints, dtype=np.int64)
-    wanted = np.zeros(model.n_numbers, dtype=bool)
-    wanted[free] = True
-    moved = joints[wanted[chain.n_numbers :][: len(joints)]]
-    hidden = {*(6 + 5 * moved + chain.prismatic[moved].astype(int)).tolist()} - {*free.tolist()}
-    place = np.full(model.n_numbers, -1)
-    place[[*sorted(hidden), *free]] = np.arange(len(hidden) + len(free))
-    return place
-
-
 def _fill(
-    models: ManyModels, q: Array, basis: Array, place: Index, J: Array, r: Array,
+    models: ManyModels, stands: ManyStands, places: ColumnPlaces, J: Array, r: Array,
     rows: ManyRows | None = None, target: Array | None = None,
 ) -> Array:  # fmt: skip
     """Fill J (R, f, 6 or 3, m), and with `rows` r (6, R, m); predicted points (3, R, m) [m]."""
-    like, point = models.like, np.empty((3, len(models), q.shape[1]))
+    point = np.empty((3, len(models), J.shape[3]))
     seen: Array = np.zeros((12, 1, 0))
     whitening: Array = np.zeros((6, 6, 1, 0))
     used: Bool = np.zeros((6, 6), dtype=np.bool_)
     if rows is not None:
         seen, whitening, used = rows.tables.seen, rows.whitening, rows.used
     system(
-        models.links, models.base, models.tool, *models.turns(models.reached(q, basis)), basis,
-        np.array(like.joint_errors.joints, dtype=np.int64), like.chain.prismatic == 0, place,
+        stands.links, models.base, models.tool, places.screws, places.made(stands),
         np.zeros(3) if target is None else target, seen, whitening, used,
         rows is not None and rows.mode == "whitened", J, r, point,
     )  # fmt: skip
@@ -220,11 +224,10 @@ def position_rows(
 
     `target` (3,) is the point in the tool frame, its origin if left out [m].
     """
-    place, R, m = row_places(models.like, free), len(models), q.shape[1]
-    hidden = place.max() + 1 - len(free)
-    J = np.empty((R, hidden + len(free), 3, m))
-    point = _fill(models, q, models.basis(q), place, J, np.empty((6, R, 0)), target=target)
-    return point.swapaxes(0, 1), J[:, hidden:]
+    places, R = ColumnPlaces.of(models.like, free), len(models)
+    J = np.empty((R, places.hidden + len(free), 3, q.shape[1]))
+    point = _fill(models, models.stands(q), places, J, np.empty((6, R, 0)), target=target)
+    return point.swapaxes(0, 1), J[:, places.hidden :]
 
 
 def twelve_rows(models: ManyModels, tables: ManyTables) -> Array:
@@ -234,7 +237,7 @@ def twelve_rows(models: ManyModels, tables: ManyTables) -> Array:
     ----------
     Wen et al. 2022, eqs. (3)-(5).
     """
-    axes, origin = models.frames(models.reached(tables.q))
+    axes, origin = models.frames(models.stands(tables.q).links)
     there = tables.seen[3:].reshape(3, 3, *origin.shape[1:]).swapaxes(0, 1)
     turned, shifted = there - axes, 1e3 * (tables.seen[:3] - origin)
     return np.asarray((turned**2).sum(axis=(0, 1, 3)) + (shifted**2).sum(axis=(0, 2)))

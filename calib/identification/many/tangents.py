@@ -126,21 +126,23 @@ class ManyTangents:
     """(R, f) A'r + D'Lambda0 (mean - x): the sum of squares falls along it."""
     cost: Array
     """(R,) r'r and the prior's part."""
+    bend: Array | None
+    """(R, f, f) as in `ManySystem`."""
     held: ManyHeld | None
     """What the prior holds; None without one."""
 
     @classmethod
     def of(cls, rows: ManyRows, models: ManyModels, belief: ManyBeliefs | None) -> "ManyTangents":
         """At some models."""
-        r, A = rows.at(models)
+        r, A, bend = rows.at(models)
         gradient, cost = (A @ r[:, :, None])[:, :, 0], np.einsum("ri,ri->r", r, r)
         if belief is None:
-            return cls(r, A, gradient, cost, None)
+            return cls(r, A, gradient, cost, bend, None)
         held = belief.at(models)
         pull = held.pull
         gradient = gradient + held.along(pull)
         cost = cost + (pull * held.left).sum(axis=1)
-        return cls(r, A, gradient, cost, held)
+        return cls(r, A, gradient, cost, bend, held)
 
     @property
     def data(self) -> Array:
@@ -168,6 +170,9 @@ class ManyCurvatures:
     """(R, f) roots of the diagonal."""
     factor: Array
     """(R, f, f) upper triangles; nan where there is none."""
+    bent: Array
+    """(R, f, f) the same with what bends the models, by which steps go; `factor` where that has
+    none, or is no use."""
 
     @classmethod
     def of(cls, at: ManyTangents) -> "ManyCurvatures":
@@ -175,14 +180,11 @@ class ManyCurvatures:
         data = at.data
         normal = data if at.held is None else data + at.held.curvature
         s = np.sqrt(np.diagonal(normal, axis1=1, axis2=2))
-        with np.errstate(invalid="ignore", divide="ignore"):
-            factor = np.ascontiguousarray(normal / (s[:, :, None] * s[:, None, :]))
-        for one in factor:
-            # of a transposed symmetric matrix, which LAPACK overwrites
-            flaw = dpotrf(one.T, lower=1, overwrite_a=1)[1] if np.isfinite(one).all() else 1
-            if flaw:
-                one[:] = np.nan
-        return cls(data, normal, s, factor)
+        factor = bent = _factors(normal, s)
+        if at.bend is not None:
+            bent = _factors(normal + at.bend, s)
+            bent = np.where(np.isnan(bent[:, :1, :1]), factor, bent)
+        return cls(data, normal, s, factor, bent)
 
     @property
     def pivots(self) -> Array:
@@ -202,7 +204,7 @@ class ManyCurvatures:
     def step(self, gradient: Array) -> Array:
         """(R, f) where the gradient (R, f) leads; nan where there is no factor."""
         scaled = gradient / self.scale
-        each = zip(self.factor, scaled, strict=True)
+        each = zip(self.bent, scaled, strict=True)
         return np.array([dpotrs(one.T, g, lower=1)[0] for one, g in each]) / self.scale
 
     @property
@@ -213,3 +215,15 @@ class ManyCurvatures:
         lower = np.tril_indices(found.shape[1], -1)
         found[:, *lower] = found[:, *lower[::-1]]
         return np.asarray(found / (self.scale[:, :, None] * self.scale[:, None, :]))
+
+
+def _factors(normal: Array, scale: Array) -> Array:
+    """Cholesky factors (R, f, f) of matrices over their scales (R, f), nan where there is none."""
+    with np.errstate(invalid="ignore", divide="ignore"):
+        found = np.ascontiguousarray(normal / (scale[:, :, None] * scale[:, None, :]))
+    for one in found:
+        # of a transposed symmetric matrix, which LAPACK overwrites
+        flaw = dpotrf(one.T, lower=1, overwrite_a=1)[1] if np.isfinite(one).all() else 1
+        if flaw:
+            one[:] = np.nan
+    return found

@@ -88,9 +88,11 @@ def sights(
     """What robots alike in structure predict of their tables and of targets (t, n) [rad, m]."""
     first = fits[0]
     wide = lacking(first.model)
-    if known_to_many(wide):
+    # springs that it lacks bend each robot's own geometry
+    own = wide.joint_errors.springs is first.model.joint_errors.springs
+    if own and known_to_many(wide, (table.conditions for table in (*trains, *tests))):
         models = ManyModels.each(first.model, [fit.model for fit in fits]).widened(wide)
-        parts = _of_all(models, first.model.n_numbers, trains, tests, targets)
+        parts = _of_all(models, np.isin(wide.names, first.model.names), trains, tests, targets)
     else:
         each = [
             _of_one(fit.model, train, test, q)
@@ -111,14 +113,14 @@ def sights(
 
 def _of_all(
     models: ManyModels,
-    held: int,
+    held: Bool,
     trains: Sequence[Measurements],
     tests: Sequence[Measurements],
     targets: Sequence[Array],
 ) -> list[Sequence[Array]]:
     """Fields of the three tables of robots with all that they lack, in few passes over arrays.
 
-    The first `held` of their numbers they do not lack.
+    Those of their numbers (P,) that are `held` they do not lack.
     """
     R, every = len(models), np.arange(models.like.n_numbers)
 
@@ -129,8 +131,8 @@ def _of_all(
         rows = J.transpose(0, 3, 2, 1)
         arm = (p - models.base[:, None, :, 3]) @ models.base[:, :, :3]
         foot = rows[..., 3:6] @ np.cross(arm, UP)[..., None]
-        beyond = np.concatenate([rows[..., held:], foot], axis=3)
-        own = np.ascontiguousarray(rows[..., :held])
+        beyond = np.concatenate([rows[..., ~held], foot], axis=3)
+        own = np.ascontiguousarray(rows[..., held])
         return q, residual, own, beyond, covariance, p, tool
 
     found = []
@@ -142,8 +144,8 @@ def _of_all(
         plain = np.broadcast_to(np.eye(6), (1, *covariance.shape[1:]))
         seen = ManyTables.read(q, position, rotation, plain)
         rows = ManyRows.of(models.like, seen, every, "whitened")
-        frames = models.frames(models.reached(q, rows.basis))
-        r, J = (part.reshape(*part.shape[:-1], 6, -1) for part in rows.at(models))
+        frames = models.frames(models.stands(q, rows.values).links)
+        r, J = (part.reshape(*part.shape[:-1], 6, -1) for part in rows.at(models)[:2])
         found.append(fields(q, frames, J, r.swapaxes(1, 2), covariance))
     q = np.array(targets)
     point, J = position_rows(models, q, every)
@@ -198,9 +200,11 @@ def alike(
     free: Bool = fit.parameters.free
     believed = None if fit.prior is None else fit.prior.names
     poses = train.pose_id.tobytes(), test.pose_id.tobytes()
+    springs = fit.model.joint_errors.springs
     # by which `lacking` offers them the same
     quarters = gravity_quarters(replace(fit.model.chain, T_flange_tool=np.eye(4)))
-    return fit.model.names, free.tobytes(), believed, poses, quarters
+    kind = springs and springs.kind
+    return fit.model.names, free.tobytes(), believed, poses, quarters, kind
 
 
 def _plain(table: Measurements) -> bool:

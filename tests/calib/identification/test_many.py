@@ -118,7 +118,7 @@ def test_rows_are_those_of_each_table(own, scatter):
     tables = visits(3, own=own, scatter=scatter)
     alone, many, _ = moved(wide, 3)
     free = np.array([3, 7, 16, *range(44, wide.n_numbers)])
-    r, A = ManyRows.of(wide, ManyTables.of(tables), free, "whitened").at(many)
+    r, A, _ = ManyRows.of(wide, ManyTables.of(tables), free, "whitened").at(many)
     for k, one in enumerate(alone):
         stack = linearize(one, tables[k])
         size = np.abs(stack.A[:, free]).max()
@@ -134,7 +134,7 @@ def test_rows_of_the_paper_have_its_normal_equations_and_sum_of_squares():
     tables = ManyTables.of(visits(2, own=True))
     alone, many, _ = moved(TX60, 2)
     free = parameters_of(TX60, WEN24).free_index
-    r, A = ManyRows.of(TX60, tables, free, "paper").at(many)
+    r, A, _ = ManyRows.of(TX60, tables, free, "paper").at(many)
     square = twelve_rows(many, tables)
     for k, (one, table) in enumerate(zip(alone, visits(2, own=True), strict=True)):
         stack = paper_stack(one, table)
@@ -237,7 +237,7 @@ def test_what_many_fits_do_not_know_is_refused_in_a_sentence():
     assert not known_to_many(grown)
     assert known_to_many(TX60)
     tables = ManyTables.of(visits(2))
-    with pytest.raises(InputError, match="chains and joint terms alone"):
+    with pytest.raises(InputError, match="springs of the stiff arm alone"):
         fit_many(grown, tables, parameters_of(grown))
     few = ManyTables.of(visits(2, poses=4))
     with pytest.raises(InputError, match="24 rows for 24 unknowns"):

@@ -8,15 +8,20 @@ import pytest
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import parameters_of
 from calib.identification.identify import identify
-from calib.identification.model_choice import identify_extended
+from calib.identification.ladders import ladders_of
+from calib.identification.model_choice import extended_by, identify_extended
+from calib.identification.prior import weak_prior
 from calib.uncertainty.judgement import Circumstances, judge
+from calib.uncertainty.many import sights as seeing
 from calib.uncertainty.many.gains import gain_of_rows
 from calib.uncertainty.many.judgements import judge_many
 from calib.uncertainty.many.sights import alike
+from calib.uncertainty.statement.applicability import lacking
 from calib.uncertainty.tool_point import tool_statement
 from tests.calib import kinds
 
 TX60 = RobotModel(kinds.ARMS["tx60"])
+LADDER = ladders_of(TX60)[0]
 M, N, T = 29, 24, 6
 ORDER = np.arange(M), M + np.arange(N)
 REMEMBERS, STANDS_ELSEWHERE, COUNT = 1, 3, 5
@@ -46,19 +51,25 @@ def robot(k):
     return train, test, kinds.joints("tx60", rng, T)
 
 
-def fitted(train, extended):
-    """Geometry alone, or with joint terms under their prior."""
+def fitted(train, model):
+    """Geometry alone, or with joint terms or springs under their prior."""
     parameters = parameters_of(TX60)
-    if extended:
+    if model == "terms":
         return identify_extended(TX60, train, parameters)
-    return identify(TX60, train, parameters)
+    if model == "geometry":
+        return identify(TX60, train, parameters)
+    levels = [next(level for level in LADDER.levels if level.name == model)]
+    return extended_by(TX60, train, parameters, levels, prior=weak_prior(parameters))[1]
 
 
-@pytest.mark.parametrize("extended", [False, True])
-def test_of_many_each_is_judged_as_alone(extended):
+@pytest.mark.parametrize(
+    "model", ["geometry", "terms", "springs", "sag and bearings on a tilted base"]
+)
+def test_of_many_each_is_judged_as_alone(model, monkeypatch):
     """To 1e-9: the same sums in another order, of covariances of condition 1e6."""
+    monkeypatch.delattr(seeing, "_of_one")  # nothing is left to one robot after the other
     trains, tests, targets = zip(*map(robot, range(COUNT)), strict=True)
-    fits = [fitted(train, extended) for train in trains]
+    fits = [fitted(train, model) for train in trains]
     keys = {alike(*one, 0.95) for one in zip(fits, trains, tests, strict=True)}
     assert len(keys) == 1
     assert None not in keys
@@ -100,18 +111,40 @@ def test_of_many_each_is_judged_as_alone(extended):
 
 def test_what_is_no_plain_table_goes_alone():
     train, test, _ = robot(0)
-    fit = fitted(train, False)
+    fit = fitted(train, "geometry")
     assert alike(fit, train, test, 0.95) is not None
     assert alike(fit, train, test, 0.99) is None  # too few held-out poses for that radius
     again = replace(test, pose_id=np.repeat(np.arange(N // 2), 2))
     assert alike(fit, train, again, 0.95) is None
+    bent = fitted(train, "springs")
+    springs = bent.model.joint_errors.springs
+    own = replace(springs, weight=replace(springs.weight, payload=(1.0, 0.0, 0.0, 0.0)))
+    other = replace(bent.model, joint_errors=replace(bent.model.joint_errors, springs=own))
+    loaded = alike(replace(bent, model=other), train, test, 0.95)
+    assert alike(bent, train, test, 0.95) != loaded
     robust = identify(TX60, train, parameters_of(TX60), loss="huber")
     assert alike(robust, train, test, 0.95) is None
 
 
+def test_springs_that_models_lack_are_those_of_each():
+    """Of an arm whose sag no waves are: they weigh the links that were identified."""
+    arm, rng = RobotModel(kinds.ARMS["iiwa"]), np.random.default_rng(6)
+    fits, tables = [], []
+    for _ in range(2):
+        true = arm.moved(3e-3 * rng.normal(size=arm.n_numbers))
+        tables.append(kinds.poses(true, kinds.joints("iiwa", rng, M), rng))
+        fits.append(identify(arm, tables[-1], parameters_of(arm)))
+    targets = [kinds.joints("iiwa", rng, T) for _ in fits]
+    given = fits, tables, tables, targets
+    both, second = seeing.sights(*given), seeing.sights(*(one[1:] for one in given))
+    assert any(name.startswith("spring") for name in lacking(arm).names)
+    for one, other in ((both.train, second.train), (both.there, second.there)):
+        np.testing.assert_array_equal(one.unheld[1], other.unheld[0])
+
+
 def test_no_bit_of_a_judgement_hangs_on_the_others():
     trains, tests, targets = zip(*map(robot, range(3)), strict=True)
-    given = [fitted(train, True) for train in trains], trains, tests, targets
+    given = [fitted(train, "terms") for train in trains], trains, tests, targets
     together = judge_many(*given)
     parts = [judge_many(*(one[some] for one in given)) for some in (slice(1), slice(1, None))]
     for name in ("held_out_p", "conformal", "discrepancy", "bare", "believed", "factor", "drift_p"):

@@ -16,7 +16,7 @@ from testbed.studies.coverage.visits import measure_robots, poses_of
 from testbed.studies.trial.play import criterion_of, select
 
 NEAR = {"rtol": 1e-9, "atol": 0.0}
-KINDS = ("rigid", "wen2022", "soft", "unmodelled")
+KINDS = ("rigid", "wen2022", "soft", "elastic", "unmodelled")
 
 
 def begun(**smaller):
@@ -64,11 +64,11 @@ def held_to_each(robots, kinds, **smaller):
 
 def test_robots_together_are_those_of_each():
     small = {"pool.size": 60, "test.poses": 20, "coverage.validation_poses": 20}
-    held_to_each(2, ("rigid", "soft"), **small)
+    held_to_each(2, ("rigid", "soft", "elastic"), **small)
 
 
 @pytest.mark.study
-def test_eight_robots_of_four_kinds_are_those_of_each():
+def test_eight_robots_of_five_kinds_are_those_of_each():
     """As the shipped scene has them."""
     held_to_each(8, KINDS)
 
