@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from calib.uncertainty.judgement import Judgement as Judgement
     from calib.uncertainty.judgement import judge as judge
 else:
+    import sys
     from importlib import import_module
 
     HOMES = {
@@ -55,7 +56,8 @@ else:
 
     def __getattr__(name):
         if name not in HOMES:
-            raise AttributeError(f"module 'calib' has no attribute '{name}'")
+            message = f"module 'calib' has no attribute '{name}'"
+            raise AttributeError(message, name=name, obj=sys.modules[__name__])  # for suggestions
         home = HOMES[name]
         if not home:
             return import_module(f"calib.{name}")

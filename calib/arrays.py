@@ -63,7 +63,8 @@ def check(spec: str, **arrays: ArrayLike) -> tuple[Array, ...]:
         for axis, (size, letter) in enumerate(zip(array.shape, wanted, strict=True)):
             expected = int(letter) if letter.isdigit() else sizes.setdefault(letter, size)
             if size != expected:
-                allowed = f"axis {axis} ({letter}) should be {expected}"
+                which = f"axis {axis}" if letter.isdigit() else f"axis {axis} ({letter})"
+                allowed = f"{which} should be {expected}"
                 raise wrong_shape(name, array.shape, allowed)
         require_finite(name, array)
         checked.append(array)
@@ -89,6 +90,13 @@ def require_finite(name: str, array: Array) -> None:
 def wrong_shape(name: str, shape: tuple[int, ...], allowed: str) -> InputError:
     """The error for an array of another shape than allowed."""
     return refuse(name, shape, allowed, code="A1", message=f"{name} has shape {shape}")
+
+
+def require_kind(name: str, value: object, kind: type, allowed: str, fix: str = "") -> None:
+    """Refuse a value of another type than wanted, where Python would only miss an attribute."""
+    if not isinstance(value, kind):
+        message = f"{name} is of the type {type(value).__name__}"
+        raise refuse(name, value, allowed, code="A3", message=message, fix=fix)
 
 
 def require_probability(probability: float, code: str = "A3") -> float:

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from calib.arrays import require_kind
 from calib.errors import refuse
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import parameters_of
@@ -14,7 +15,7 @@ from calib.identification.prior import Prior, own_prior, own_words
 from calib.identification.result import Identification
 from calib.identification.robust import Loss
 from calib.identification.start.start import Start, start_frames
-from calib.measurement.observations import Measurements
+from calib.measurement.observations import MEASURED, Measurements
 from calib.measurement.prediction import predict
 from calib.shown import ResultTable, Shown
 from calib.uncertainty.judgement import Circumstances, Judgement, judge
@@ -130,10 +131,9 @@ def calibrate(
     >>> result.identification.status.name, result.judge(test).trust.believe
     ('CONVERGED', 'region')
     """
-    if not isinstance(model, RobotModel):
-        message = f"model is of the type {type(model).__name__}"
-        fix = "a robot of truebed has it as robot.model"
-        raise refuse("model", model, "a calib.RobotModel", code="A3", message=message, fix=fix)
+    has_it = "a robot of truebed has it as robot.model"
+    require_kind("model", model, RobotModel, "a calib.RobotModel", has_it)
+    require_kind("measured", measured, Measurements, MEASURED)
     start = start_frames(model, measured, free_tool=free_tool, free_anchors=free_anchors)
     if free_tool:  # a tool that is held may be far off
         _require_likeness(model, start.position_rms)

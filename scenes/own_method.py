@@ -9,12 +9,11 @@ Run it: python scenes/own_method.py
 import numpy as np
 
 import calib
+import truebed
 from calib.arrays import Array, Index
 from testbed.laboratory.truth.laboratory import open_laboratory
 from testbed.laboratory.truth.setting import make_setting
-from testbed.scenario.read import changed
 from testbed.streams import stream
-from testbed.studies import load_scenario
 from testbed.studies.trial.compare import compare, true_step
 
 POSES = 29
@@ -34,7 +33,7 @@ def contest(robots: int = 8) -> dict[str, Array]:
     """Mean held-out error [mm] of each robot, per method."""
     errors: dict[str, list[float]] = {"DETMAX": [], "random": [], "farthest": []}
     for seed in range(robots):
-        scenario = changed(load_scenario("quick"), {"seed": seed})
+        scenario = truebed.scene("quick", {"seed": seed})
         bench = open_laboratory(scenario, make_setting(scenario))
         blocks, q = bench.design_blocks("whitened"), bench.setting.pool_q
         problem = calib.design.Problem.of_blocks(blocks, POSES, "O1")

@@ -111,6 +111,8 @@ HEAVY = (
     "manifold3d",
     "openpyxl",
 )
+DOOR = "testbed/front/truebed/"
+"""The one folder that imports `truebed`: it is that package."""
 MOST_FLOORS, MOST_LINES, MOST_FILES = 9, 320, 25
 BREACHES: set[tuple[str, str]] = set()
 """Arrows that still point the wrong way (file, module): the list may only shrink."""
@@ -231,6 +233,8 @@ def breaches(root):
         name = path.relative_to(root).as_posix()
         for module, _ in imports(path):
             top = module.split(".")[0]
+            if top == "truebed" and name.startswith(DOOR):
+                continue
             if top not in sys.stdlib_module_names and top not in ALLOWED[name.split("/")[0]]:
                 found.append(f"{name} may not import {top or module}")
             elif top in HOMES and not at_home(name, HOMES[top]):

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from calib.arrays import Array, check
-from calib.errors import refuse
+from calib.errors import InputError, refuse
 from calib.geometry.frames import (
     inverse,
     nearest_rigid,
@@ -50,12 +50,20 @@ class Chain(Shown):
     """(4, 4) tool in the flange [m]."""
 
     def __post_init__(self) -> None:
-        links, base, tool = check(
-            "n 5, 4 4, 4 4",
-            links=self.links,
-            T_world_base=self.T_world_base,
-            T_flange_tool=self.T_flange_tool,
-        )
+        try:
+            links, base, tool = check(
+                "n 5, 4 4, 4 4",
+                links=self.links,
+                T_world_base=self.T_world_base,
+                T_flange_tool=self.T_flange_tool,
+            )
+        except InputError as error:
+            if error.field == "links" and np.shape(self.links)[1:] == (4,):
+                error = refuse(
+                    "links", error.value, "theta, d, a, alpha, beta of each joint", code="A1",
+                    message=error.message, fix="add a column of zeros for beta",
+                )  # fmt: skip
+            raise error from None
         kinds = tuple(self.kinds) or ("revolute",) * len(links)
         if len(kinds) != len(links) or set(kinds) - {"revolute", "prismatic"}:
             wanted = f"{len(links)} entries, each revolute or prismatic"

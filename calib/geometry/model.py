@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from calib.arrays import Array, check
+from calib.arrays import Array, check, require_kind
 from calib.geometry.bodies import Z, bent_forward
 from calib.geometry.chain import Chain, chain_names, forward_of, joint_vectors
 from calib.geometry.fixtures import Fixtures
@@ -45,6 +45,9 @@ class RobotModel(Shown):
     joint_errors: JointErrors = NO_ERRORS
     fixtures: Fixtures = NO_FIXTURES
     """Reflectors, anchors and stations: they move no pose, but what is measured of it."""
+
+    def __post_init__(self) -> None:
+        require_kind("chain", self.chain, Chain, "a calib.Chain of the links")
 
     def __repr__(self) -> str:
         return f"RobotModel({self.chain.n_joints} joints, {self.n_numbers} numbers)"

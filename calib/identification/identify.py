@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from calib.arrays import Array
+from calib.arrays import Array, require_kind
 from calib.errors import refuse
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import Parameters
@@ -18,7 +18,7 @@ from calib.identification.robust import LOSSES, Loss, flattened
 from calib.identification.sufficiency import require_equations
 from calib.identification.tangent import NEGLIGIBLE, System
 from calib.information.reduction import Reduction, reduce
-from calib.measurement.observations import Measurements
+from calib.measurement.observations import MEASURED, Measurements
 from calib.measurement.residual import Stack, linearize, paper_stack, table_whiteners
 from calib.measurement.term_rows import TermRows
 
@@ -84,6 +84,9 @@ def identify(
     Generalized least squares with known covariance; Wen et al. 2022, eqs. (3)-(5), for paper mode;
     Huber 1981 and Holland & Welsch 1977 for the losses.
     """
+    require_kind("nominal", nominal, RobotModel, "a calib.RobotModel")
+    require_kind("measurements", measurements, Measurements, MEASURED)
+    require_kind("parameters", parameters, Parameters, "what calib.parameters_of gave")
     require_match(nominal, parameters)
     _require_whitened(mode, prior, loss)
     belief = None if prior is None else prior_rows(prior, nominal, parameters)

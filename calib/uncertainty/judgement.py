@@ -9,10 +9,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from calib.arrays import require_kind
 from calib.held_out_counts import FEWEST, fewest_poses
 from calib.identification.fit_statistics import RED
 from calib.identification.identify import Identification, Status
-from calib.measurement.observations import Measurements
+from calib.measurement.observations import MEASURED, Measurements
 from calib.measurement.remembered import remembering
 from calib.shown import ResultTable, Shown
 from calib.uncertainty.bootstrap import REPLICATES, Bootstrap, bootstrap
@@ -133,6 +134,10 @@ def judge(
     InputError
         If a held-out pose was used for the identification, too.
     """
+    own = "what calib.identify gave; calib.calibrate has it as .identification"
+    require_kind("identification", identification, Identification, own)
+    for name, rows in (("test", test), ("train", train)):
+        require_kind(name, rows, Measurements, MEASURED)
     known = Circumstances() if circumstances is None else circumstances
     seen = None
     if len(test) and not test.is_distance.any():

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from calib.arrays import Array, Index
+from calib.arrays import Array, FloatOrNan, Index
 from calib.errors import refuse
 from calib.geometry.chain import Chain
 from calib.geometry.frames import inverse
@@ -48,7 +48,7 @@ class Start(Shown):
     """Nominal links; base, tool and fixtures as the measurements have them."""
     position_rms: float
     """Root mean square of what is missed in position or distance [m]."""
-    rotation_rms: float
+    rotation_rms: FloatOrNan
     """Root mean square angle missed by the pose rows [rad]; nan without any."""
     notes: tuple[str, ...]
     """Where the frames come from, and what stayed nominal because nothing determines it."""

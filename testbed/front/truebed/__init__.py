@@ -4,12 +4,13 @@ Everything here hands on to `testbed` and is imported at first use. Lengths in m
 radians; what is written to disk is what the command of the same name writes.
 """
 
-from importlib import import_module
+from collections.abc import Mapping
 from pathlib import Path
-from types import ModuleType
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from calib.calibration import CalibratedRobot
+    from calib.geometry.model import RobotModel
     from testbed.files.session import Session
     from testbed.identify.calibration import Calibration
     from testbed.iso9283.records import CycleResult
@@ -18,19 +19,37 @@ if TYPE_CHECKING:
     from testbed.scenario.scenario import Scenario
     from testbed.store.written import WrittenFolder
     from testbed.studies.trial.records import Campaign
+    from truebed import lesson as lesson
+    from truebed import plots as plots
+else:
+    import sys
+    from importlib import import_module
 
-__all__ = ("identify", "iso9283", "load", "plan", "robot", "run")
+    def __getattr__(name):
+        """The modules beside the verbs; ``plots`` loads matplotlib where it is asked for."""
+        if name not in MODULES:
+            message = f"module 'truebed' has no attribute {name!r}"
+            raise AttributeError(message, name=name, obj=sys.modules[__name__])
+        return import_module(f"truebed.{name}")
+
+    def __dir__():
+        return sorted([*__all__, *MODULES])
 
 
-def __getattr__(name: str) -> ModuleType:
-    """The module ``plots``, which loads matplotlib where it is asked for."""
-    if name != "plots":
-        raise AttributeError(f"module 'truebed' has no attribute {name!r}")
-    return import_module("truebed.plots")
-
-
-def __dir__() -> list[str]:
-    return sorted([*__all__, "plots"])
+MODULES = ("lesson", "plots")
+"""Modules that are loaded when they are asked for."""
+__all__ = (
+    "export",
+    "identify",
+    "iso9283",
+    "load",
+    "plan",
+    "robot",
+    "run",
+    "save",
+    "scene",
+    "write_robot",
+)
 
 
 def robot(name_or_path: str | Path) -> "Robot":
@@ -38,6 +57,29 @@ def robot(name_or_path: str | Path) -> "Robot":
     from testbed.robots.catalog import load_robot
 
     return load_robot(name_or_path)
+
+
+def scene(
+    name_or_path: "str | Path | Scenario", changes: Mapping[str, Any] | None = None
+) -> "Scenario":
+    """A scenario to be run or planned: a scene that ships, or a file, with some keys changed.
+
+    Parameters
+    ----------
+    name_or_path : str, Path or Scenario
+        A scene that ships (``quick``), a scenario file, or a scenario.
+    changes : mapping, optional
+        Keys of the file, tables before the dot: ``{"seed": 2, "truth.preset": "soft"}``. What a
+        changed preset decides is decided anew, unless the file gives it.
+
+    Examples
+    --------
+    >>> scene("quick", {"seed": 2})
+    Scenario('quick', seed 2, staubli_tx60, 2 trials)
+    """
+    from testbed.scenario.read import changed
+
+    return changed(_scenario(name_or_path), changes) if changes else _scenario(name_or_path)
 
 
 def run(scenario: "str | Path | Scenario", out: str | Path | None = None) -> "Campaign":
@@ -53,6 +95,12 @@ def run(scenario: "str | Path | Scenario", out: str | Path | None = None) -> "Ca
         A scene that ships (``quick``), a scenario file, or a scenario.
     out : path, optional
         Run folder to write; without it nothing is written.
+
+    Returns
+    -------
+    Campaign
+        ``trials``, each with its ``measurements`` and ``estimates``; ``tables()`` has errors and
+        numbers.
     """
     from testbed.run.play import play_run
 
@@ -68,6 +116,11 @@ def plan(scenario: "str | Path | Scenario", out: str | Path | None = None) -> "P
         A scene that ships (``plan_tx60``), a scenario file, or a scenario.
     out : path, optional
         Folder to write; without it nothing is written.
+
+    Returns
+    -------
+    Plan
+        The chosen poses with what they promise; ``tables()`` has the stops and the goal.
     """
     from testbed.plan.folder import play_plan
     from testbed.plan.plan import plan
@@ -86,9 +139,15 @@ def identify(
     robot : str, Path or Robot
         The robot as its maker describes it.
     session : str, Path or Session
-        A session.toml, a CSV of measurements, or what `testbed.files.read.read_session` gave.
+        A session.toml, a CSV of measurements, or what `load` gave of exported measurements.
     out : path, optional
         Folder to write; without it nothing is written.
+
+    Returns
+    -------
+    Calibration
+        The models that were fitted and which one was chosen, and the statement; ``tables()`` has
+        errors and numbers.
     """
     from testbed.files.read import read_session
     from testbed.files.session import Session
@@ -114,6 +173,11 @@ def iso9283(data: str | Path, out: str | Path | None = None) -> "CycleResult":
         A table of measured cycles, or a session.toml with [cycles] or [paths].
     out : path, optional
         Folder to write; without it nothing is written.
+
+    Returns
+    -------
+    CycleResult
+        The figures with their limits; ``tables()`` has them.
     """
     from testbed.iso9283.folder import play_iso9283
     from testbed.iso9283.play import play_test
@@ -123,45 +187,96 @@ def iso9283(data: str | Path, out: str | Path | None = None) -> "CycleResult":
     return play_test(test) if out is None else play_iso9283(test, Path(out))
 
 
-def load(folder: str | Path) -> "Campaign | Calibration | Session | Robot | WrittenFolder":
+def export(campaign: "Campaign", folder: str | Path, *, overwrite: bool = False) -> None:
+    """Write what the virtual tracker saw as measurement files, as ``truebed run --export`` does.
+
+    Parameters
+    ----------
+    campaign : Campaign
+        As `run` gave it.
+    folder : path
+        New, or an exported one.
+    overwrite : bool
+        Rename what is there.
+    """
+    from testbed.run.export import export_campaign
+
+    export_campaign(campaign, robot(campaign.scenario.robot), folder, overwrite=overwrite)
+
+
+def save(result: object, path: str | Path) -> None:
+    """Write one result of `calib` to an .npz file; `load` gives it back, bit for bit.
+
+    Arrays and numbers with a checksum, nothing pickled: a file from elsewhere can do no harm.
+
+    Parameters
+    ----------
+    result : Measurements, RobotModel, CalibratedRobot, Judgement ...
+        What `calib.points` or `calib.poses`, `calib.calibrate`, `calib.judge`, `calib.compensate`
+        or `calib.design` gave. Campaigns and calibrations have folders of their own: ``out``.
+    path : path
+        File to write, ``.npz`` at its end; one that is there is replaced.
+    """
+    from truebed.saved import keep
+
+    keep(result, Path(path))
+
+
+def write_robot(
+    robot: "str | Path | Robot",
+    found: "RobotModel | CalibratedRobot",
+    folder: str | Path,
+    *,
+    overwrite: bool = False,
+) -> tuple[str, ...]:
+    """Write a robot with identified numbers as robot.toml, URDF and MJCF, each read again.
+
+    Parameters
+    ----------
+    robot : str, Path or Robot
+        The robot as its maker describes it: limits, masses, meshes.
+    found : RobotModel or CalibratedRobot
+        Its identified numbers, as `calib.calibrate` gave them.
+    folder : path
+        Made if it is not there.
+    overwrite : bool
+        Whether files of these names may be replaced.
+
+    Returns
+    -------
+    tuple of str
+        How well each file agrees with the model, and what it cannot hold, in words.
+    """
+    from calib.calibration import CalibratedRobot
+    from calib.geometry.model import RobotModel
+    from testbed.identify.handback.deliver import identified_name
+    from testbed.robots.catalog import load_robot
+    from testbed.robots.robot import Robot
+    from testbed.robots.write.folder import write_robot_folder
+    from testbed.robots.write.identified import identified_robot
+
+    arm = robot if isinstance(robot, Robot) else load_robot(robot)
+    model = found.model if isinstance(found, CalibratedRobot) else found
+    own = RobotModel(model.chain, model.joint_errors)  # what the laboratory placed stays there
+    named = identified_robot(arm, own, name=identified_name(arm.name))
+    return write_robot_folder(named, Path(folder), overwrite=overwrite)
+
+
+def load(folder: str | Path) -> "Campaign | Calibration | Session | Robot | WrittenFolder | Any":
     """What any folder that this program wrote holds; what it is stands first when it is printed.
 
     A campaign or a calibration comes back as `run` or `identify` gave it; of a plan or a test after
     ISO 9283 the numbers and tables of its files; of exported measurements the session; of the
-    folder of a robot the robot. Nothing is computed.
+    folder of a robot the robot; of a file that `save` wrote the result. Nothing is computed.
 
     Parameters
     ----------
     folder : path
-        The folder, as given by ``--out``.
+        The folder, as given by ``--out``, or the file, as given to `save`.
     """
-    from calib.errors import refuse
-    from testbed.files.read import read_session
-    from testbed.files.session_toml import SESSION_FILE
-    from testbed.gates.paths import is_there, near
-    from testbed.gates.toml import read_toml_bytes, toml_document
-    from testbed.identify.folder import load_calibration
-    from testbed.robots.catalog import ROBOT_FILE, load_robot
-    from testbed.run.play import load_run
-    from testbed.store.manifest import CALIBRATION, kind_of, read_manifest
-    from testbed.store.written import written_folder
+    from truebed.opened import opened
 
-    path = Path(folder)
-    if not is_there(path, Path.is_dir):
-        message = "is a file" if is_there(path) else "does not exist"
-        fix = "give a folder that truebed wrote"
-        fix = fix if is_there(path) else near(path, fix)
-        raise refuse("", code="D42", message=message, fix=fix, where=str(path))
-    if (written := written_folder(path)) is not None:
-        return written
-    if (path / ROBOT_FILE).is_file():
-        return load_robot(path)
-    if (file := path / SESSION_FILE).is_file():
-        document = toml_document(read_toml_bytes(file, str(file)), str(file))
-        return read_session(file, load_robot(str(document.get("robot", ""))))
-    if kind_of(read_manifest(path)) == CALIBRATION:
-        return load_calibration(path)[0]
-    return load_run(path)
+    return opened(Path(folder))
 
 
 def _scenario(scenario: "str | Path | Scenario") -> "Scenario":

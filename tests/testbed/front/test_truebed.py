@@ -108,5 +108,6 @@ def test_the_front_shows_its_verbs_and_plots_and_nothing_else():
         [sys.executable, "-c", code], capture_output=True, text=True, timeout=120, check=True
     )
     assert done.stdout.split() == [
-        "identify", "iso9283", "load", "plan", "plots", "robot", "run", "False", "True", "False",
+        "export", "identify", "iso9283", "lesson", "load", "plan", "plots", "robot", "run", "save",
+        "scene", "write_robot", "False", "True", "False",
     ]  # fmt: skip
