@@ -41,5 +41,5 @@ def test_a_value_of_another_kind_is_refused_in_words(wrong, sentence):
 def test_a_name_that_is_not_there_can_be_guessed_by_python():
     """Python's own traceback says "Did you mean" where an error has the name and the module."""
     with pytest.raises(AttributeError) as caught:
-        calib.callibrate  # noqa: B018
-    assert (caught.value.name, caught.value.obj) == ("callibrate", calib)
+        calib.calibrated  # noqa: B018
+    assert (caught.value.name, caught.value.obj) == ("calibrated", calib)
