@@ -1,5 +1,6 @@
 """The product's front: what it hands out is what the rooms make, in memory and on disk."""
 
+import os
 import subprocess
 import sys
 from dataclasses import fields
@@ -104,9 +105,11 @@ def test_the_front_shows_its_verbs_and_plots_and_nothing_else():
         "import sys, truebed; print(*dir(truebed)); print('matplotlib' in sys.modules);"
         "print(callable(truebed.plots.errors)); print(hasattr(truebed, 'plot'))"
     )
+    where = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}  # the truebed tested here
     done = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, timeout=120, check=True
-    )
+        [sys.executable, "-c", code],
+        capture_output=True, text=True, timeout=120, check=True, env=where,
+    )  # fmt: skip
     assert done.stdout.split() == [
         "export", "identify", "iso9283", "lesson", "load", "plan", "plots", "robot", "run", "save",
         "scene", "write_robot", "False", "True", "False",
