@@ -22,10 +22,11 @@ from testbed.files.observed import (
 from testbed.files.readings import Readings, copied_rows, lost_readings
 from testbed.files.refusal import no_rows
 from testbed.files.rows.kinds import own_rows, some_rows
+from testbed.files.rows.wide import one_target_a_row
 from testbed.files.session import Drift, Sources
 from testbed.files.session_toml import SessionFile
 from testbed.files.table import DataTable, table_of
-from testbed.files.text import read_sheet
+from testbed.files.text import Sheet, read_sheet
 from testbed.gates.text import FileText
 
 BEGINNING = 1000
@@ -157,12 +158,20 @@ def _nests(sources: Sources, settings: SessionFile) -> Readings | None:
     return read_observed(table, section, settings.uncertainty, drop=False)
 
 
+def _holds(sheet: Sheet, section: PointsTable, own: bool) -> bool:
+    """Whether a sheet is that of several targets in a row: its `own` section says so."""
+    return own or {column for each in section.targets.values() for column in each} <= {*sheet.head}
+
+
 def table_in(text: FileText, settings: SessionFile, *sections: FileTable | None) -> DataTable:
     """The table of a CSV under our column names."""
     dialect = settings.dialect
     if isinstance(sections[0], JointsTable) and sections[0].format == "rapid":
         return table_of(read_rapid(text), {}, decimal=".")
     sheet = read_sheet(text, separator=dialect.separator or "", header=dialect.header)
+    for k, section in enumerate(sections):
+        if isinstance(section, PointsTable) and section.targets and _holds(sheet, section, k == 0):
+            sheet = one_target_a_row(sheet, section)
     # what the first section maps must be there; the others may mean other files
     mapping = {
         own: theirs

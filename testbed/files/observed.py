@@ -121,8 +121,9 @@ def unused_columns(table: DataTable, *used: Columns, elsewhere: Collection[str] 
     `elsewhere` has the file's own names of columns that other sections read.
     """
     read = {*together(*used).names, *TEXTS}
-    left = [theirs for name, theirs in table.names.items() if name not in read]
-    shown = ", ".join(theirs for theirs in left if theirs not in elsewhere)
+    # one that is read may have a second name, for a table of another file
+    taken = {theirs for name, theirs in table.names.items() if name in read}.union(elsewhere)
+    shown = ", ".join(theirs for theirs in table.names.values() if theirs not in taken)
     return [f"{table.where}: not used: {shown}"] if shown else []
 
 

@@ -5,8 +5,7 @@ from typing import Any
 
 from calib.errors import InputError
 from testbed.gates.toml import read_toml_bytes, toml_document
-from testbed.proposal.data import Found
-from testbed.proposal.parts import Document
+from testbed.proposal.data import Document, Found
 
 MOST = 50
 """Sessions of a folder that are looked at."""

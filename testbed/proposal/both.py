@@ -10,8 +10,8 @@ from calib.errors import InputError
 from testbed.files.frames_fit import FAR, Frames, fit_frames, flange_poses, target_groups
 from testbed.files.rows.shifts import FEWEST
 from testbed.files.session import Session
+from testbed.proposal.data import Document
 from testbed.proposal.drafts import Draft
-from testbed.proposal.parts import Document
 from testbed.robots.robot import Robot
 
 OPTICAL = ("frames", "points")

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from os.path import commonpath
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal, TypeAlias
 
 from calib.errors import InputError
 from testbed.files.dialects.rapid import is_rapid, read_rapid
@@ -19,6 +19,7 @@ from testbed.gates.workbook import is_workbook, sheet_names
 from testbed.proposal.names import Meaning, meanings
 
 Kind = Literal["table", "bare", "points", "frames", "rapid"]
+Document = dict[str, Any]
 WORD = re.compile(r"[A-Za-z]")
 
 
@@ -64,6 +65,10 @@ class Found:
         table = read_rapid(self.text) if self.kind == "rapid" else read_sheet(
             self.text, header=False if self.kind == "bare" else None)  # fmt: skip
         return tuple(row[table.head.index(name)] for row in table.rows)
+
+
+Part: TypeAlias = tuple[Found, Document, tuple[str, ...], str]
+"""File, keys of its table, what was taken without being said, and the layout of a bare file."""
 
 
 def look_at(paths: Sequence[Path], root: Path) -> tuple[Found, ...]:

@@ -6,8 +6,8 @@ from itertools import product
 
 from testbed.files.columns import covariance_names
 from testbed.files.refusal import refusal
-from testbed.proposal.data import Found
-from testbed.proposal.parts import Document, Part, joint_parts, seen_parts
+from testbed.proposal.data import Document, Found, Part
+from testbed.proposal.parts import joint_parts, seen_parts
 
 MATCHED = 2000
 """Rows of several files above which they are tried with their first lines, too."""

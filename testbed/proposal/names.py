@@ -16,6 +16,10 @@ ROS = {
 JOINT = re.compile(r"(?:.*[\s_])?(?:j|a|q|joint|axis|achse|theta|ax)[\s_]*a?([1-9])")
 PLACE = re.compile(r"(?:p|pos|tcp|pt)([xyz])")
 """A coordinate that is written in one word: Px, TCPx."""
+TRANSFORM = re.compile(r"([a-z]) ?([1-4]) ?([1-4])")
+"""An entry of a transform: T11 ... T34."""
+OF_TARGET = re.compile(r"(.*?) ?([xyz]) ?(\d{0,3})")
+"""A coordinate of one of several targets: x1, P1 x, SMR A x."""
 READ = {"read", "actual", "act", "feedback", "measured", "current", "ist", "istwert"}
 """Words of a joint that was read back."""
 TARGETS = {"goal", "target", "nominal", "nom", "cmd", "command", "commanded", "ref", "set", "t",
@@ -90,6 +94,20 @@ def meanings(head: Sequence[str], units: Sequence[str] = ()) -> tuple[Meaning, .
     )
 
 
+def targets_in_a_row(head: Sequence[str]) -> dict[str, dict[str, str]]:
+    """Columns by axis of targets that stand in one row, by their labels: x1 y1 z1, x2 y2 z2."""
+    found: dict[str, dict[str, str]] = {}
+    for name in head:
+        entry = OF_TARGET.fullmatch(without_unit(name)[0])
+        label = entry and " ".join(filter(None, (entry[1], entry[3]))).strip()
+        if entry and label and not set(label.split()) & (WISHED | SPREAD | STANDARD | EXPANDED):
+            at = name.lower().find(label)
+            label = name[at : at + len(label)] if at >= 0 else label  # in its own letters
+            found.setdefault(label, {}).setdefault(entry[2], name)
+    whole = {label: columns for label, columns in found.items() if len(columns) == 3}
+    return whole if len(whole) > 1 else {}
+
+
 def is_wished(name: str) -> bool:
     """Whether a column is a coordinate that was wished for, or a difference."""
     words = without_unit(name)[0].split()
@@ -153,6 +171,13 @@ def _of_quaternion(text: str, head: Sequence[str]) -> bool:
     return last in tuple("xyzw") and {f"{before} {axis}" for axis in "xyzw"} <= others
 
 
+def _is_transform(letter: str, head: Sequence[str]) -> bool:
+    """Whether all twelve entries of a transform are there under one letter."""
+    entries = (TRANSFORM.fullmatch(without_unit(name)[0]) for name in head)
+    places = {(entry[2], entry[3]) for entry in entries if entry and entry[1] == letter}
+    return {(row, column) for row in "123" for column in "1234"} <= places
+
+
 def _coordinate(name: str, text: str, unit: str, head: Sequence[str]) -> Meaning | None:
     """A coordinate, a turn, or the uncertainty of one."""
     words = text.split()
@@ -167,6 +192,9 @@ def _coordinate(name: str, text: str, unit: str, head: Sequence[str]) -> Meaning
             return Meaning(name, f"{prefix}{words[0]}", unit)
     if _of_quaternion(text, head):
         return Meaning(name, f"q{words[-1]}", "")
+    if (entry := TRANSFORM.fullmatch(text)) and _is_transform(entry[1], head):
+        row, column = entry[2], entry[3]
+        return Meaning(name, "xyz"[int(row) - 1] if column == "4" else f"r{row}{column}", unit)
     for word in (words[-1], words[0]) if words else ():
         if word in ("x", "y", "z"):
             return Meaning(name, word, unit)

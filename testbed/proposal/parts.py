@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator, Sequence
 from itertools import product
-from typing import Any
 
 import numpy as np
 
@@ -11,9 +10,10 @@ from testbed.files.alternatives import BY_AXIS
 from testbed.files.columns import MATRIX_COLUMNS, PLAIN, QUATERNION_COLUMNS
 from testbed.files.refusal import refusal
 from testbed.files.table import number_of
-from testbed.proposal.data import Found
+from testbed.proposal.data import Document, Found, Part
+from testbed.proposal.exports import exported_parts
 from testbed.proposal.layouts import layouts
-from testbed.proposal.names import Meaning
+from testbed.proposal.names import Meaning, targets_in_a_row, without_unit
 
 FEW = 300
 """Rows whose numbers are looked at."""
@@ -30,9 +30,6 @@ BOTH_JOINTS = (
     "joints: no file says which ones count; the commanded ones are used, not those that were read "
     "back"
 )
-Document = dict[str, Any]
-Part = tuple[Found, Document, tuple[str, ...], str]
-"""File, keys of its table, what was taken without being said, and the layout of a bare file."""
 
 
 def joint_parts(look: Found, n: int) -> Iterator[Part]:
@@ -75,7 +72,7 @@ def joint_parts(look: Found, n: int) -> Iterator[Part]:
 def seen_parts(look: Found, n: int) -> Iterator[Part]:
     """[points] or [frames] of a file, in each unit and convention that is left open."""
     if look.kind in ("points", "frames"):
-        yield from _exported(look)
+        yield from exported_parts(look)
     elif look.kind == "bare":
         for layout, columns in layouts(look, n):
             if "position" in columns:
@@ -103,8 +100,29 @@ def seen_parts(look: Found, n: int) -> Iterator[Part]:
             more = _more(look) | _drives(look, n)
             for keys, notes in _readings(look, place, turns, more):
                 yield look, keys, notes, ""
+        if not place and not polar:
+            yield from _targets(look, n)
         if look.has("distance") and not polar and (not place or look.has("anchor")):
             yield from _distances(look, n)
+
+
+def _targets(look: Found, n: int) -> Iterator[Part]:
+    """[points] of a file whose rows hold several targets each, in each unit that is left open."""
+    found = targets_in_a_row(look.head)
+    names = [name for columns in found.values() for name in columns.values()]
+    units = {without_unit(name)[1] for name in names}
+    told = units - {""} if len(units) == 1 else set()
+    for unit in told or (_by_size(look, names, REACH, ("mm", "m")) if names else ()):
+        keys: Document = {
+            "section": "points",
+            "length": unit,
+            "targets": {
+                label: [columns[axis] for axis in "xyz"] for label, columns in found.items()
+            },
+        }
+        columns = _more(look) | _drives(look, n)
+        said = () if told else (f"positions: no column says its unit; taken as {unit}",)
+        yield look, keys | ({"columns": columns} if columns else {}), said, ""
 
 
 def _sum_said(place: dict[str, str]) -> str:
@@ -242,35 +260,6 @@ def _direction(gives: Document) -> str:
     """What transform was taken."""
     what = "the tracker in the tool" if gives else "the tool in the tracker"
     return f"transforms: taken as those of {what}"
-
-
-def _exported(look: Found) -> Iterator[Part]:
-    """[points] or [frames] of an export."""
-    lengths: list[Document] = [{}] if look.length else [{"length": "mm"}, {"length": "m"}]
-    for length in lengths:
-        told = f"positions: the export names no unit; taken as {length.get('length')}"
-        note = (told,) if length else ()
-        if look.kind == "points":
-            for count in look.named:
-                keys = {"section": "points", "format": "sa", "names": count, **length}
-                said = (f"names: {count} fields before the coordinates",)
-                yield look, keys, (*note, *said[: len(look.named) - 1]), ""
-            continue
-        form = {6: "euler", 7: "quaternion", 16: "matrix", 19: "matrix"}[look.width]
-        conventions: list[Document] = [{"rotation": "matrix"}]
-        if form == "quaternion":
-            conventions = [{"rotation": f"quaternion_scalar_{end}"} for end in ("first", "last")]
-        elif form == "euler":
-            forms = [*("".join(each) for each in BY_AXIS)]
-            forms.sort(key=lambda one: one != "XYZ")
-            # six sequences about moving axes, and the same backwards about fixed ones
-            fixed = [one.lower() for one in forms]
-            conventions = [{"rotation": "euler", "euler": one, "angle": unit}
-                           for unit in ("deg", "rad") for one in (*fixed, *forms)]  # fmt: skip
-        for keys in conventions:
-            taken = ", ".join(f"{key} {value}" for key, value in keys.items())
-            words = f"rotations: the export does not say how they turn; taken as {taken}"
-            yield look, {"section": "frames", "format": "sa", **keys, **length}, (*note, words), ""
 
 
 def _by_size(

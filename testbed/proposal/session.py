@@ -6,10 +6,9 @@ from pathlib import Path
 from testbed.files.refusal import no_rows, refusal
 from testbed.proposal.beside import with_origin
 from testbed.proposal.both import is_ranged, merged
-from testbed.proposal.data import Found
+from testbed.proposal.data import Document, Found
 from testbed.proposal.drafts import Draft, drafts_of
 from testbed.proposal.names import is_wished
-from testbed.proposal.parts import Document
 from testbed.proposal.tried import tried_with
 from testbed.proposal.verdict import verdict_on
 from testbed.robots.robot import Robot
@@ -121,6 +120,10 @@ def _proposed(looks: tuple[Found, ...], robot: Robot | None, root: Path) -> Prop
     if not drafts:
         wished = [name for one in looks for name in one.head if is_wished(name)]
         fix = "name the columns, or name them under columns in session.toml by hand"
+        if any(one.kind == "bare" and one.rows <= n + 12 < 2 * one.width for one in looks):
+            fix = (
+                "each row is one measurement: turn rows into columns if the table lies on its side"
+            )
         if wished:
             fix = f"{', '.join(wished[:6])} are targets or differences: give what was measured"
         raise refusal(

@@ -4,8 +4,7 @@ import shlex
 from collections.abc import Sequence
 
 from testbed.files.columns import is_known
-from testbed.proposal.data import Found
-from testbed.proposal.parts import Document
+from testbed.proposal.data import Document, Found
 from testbed.proposal.session import Proposed
 from testbed.proposal.wished import wished_lines
 from testbed.strict import toml_lines, toml_value
@@ -79,6 +78,9 @@ def _unused(section: str, document: Document, looks: Sequence[Found]) -> list[st
     if table is not mine[0]:
         return []
     read = {own for each in mine for own in each.get("columns", {}).values()}
+    read |= {
+        own for each in mine for columns in each.get("targets", {}).values() for own in columns
+    }
     look = next((one for one in looks if (one.name, one.sheet) == place), None)
     if look is None or look.kind in ("points", "frames", "rapid"):
         return []

@@ -20,8 +20,7 @@ from testbed.files.visits.probing import probed
 from testbed.files.visits.tables import CampaignFile
 from testbed.gates.mistakes import validated
 from testbed.gates.text import MAX_MB
-from testbed.proposal.data import Found
-from testbed.proposal.parts import Document
+from testbed.proposal.data import Document, Found
 from testbed.robots.robot import Robot
 
 CELLS = ("M25", "V9")

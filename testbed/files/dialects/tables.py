@@ -70,7 +70,7 @@ class OpticalTable(ObservedTable):
     format: Literal["csv", "sa"] = "csv"
     """A table with named columns, or an export of Spatial Analyzer."""
     length: Literal["mm", "m", "in"] | None = None
-    """For format = "sa", where the file does not state it."""
+    """For format = "sa", where the file does not state it; for targets, mm unless stated."""
     angle: Literal["deg", "rad"] | None = None
     """For format = "sa": of Euler angles, or of polar readings."""
 
@@ -103,6 +103,8 @@ class PointsTable(OpticalTable):
     """For format = "sa": own names of the fields after the coordinates, "" for those unused."""
     pose: Literal["target", "group", "occurrence"] | None = None
     """For format = "sa": what numbers the poses."""
+    targets: dict[Name, tuple[Name, Name, Name]] = Field(default_factory=dict)
+    """Where a row holds several targets: the file's columns of x, y and z of each, in `length`."""
     reflectors_mm: dict[Name, Place] = Field(default_factory=dict)
     """Place of each target in the tool frame, or "free" where it is to be identified."""
 

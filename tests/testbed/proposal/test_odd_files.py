@@ -61,6 +61,11 @@ ODD = {
         csv({"Nr": np.arange(M)} | joints("A{}", DATA.q) | places("{}", MM / 1e3)),
         ",", [""] + ["[rad]"] * 6 + ["(m)"] * 3,
     ),
+    "entries of transforms": csv(
+        joints("joint{}", DATA.q)
+        | {f"T{i + 1}{j + 1}": (MM[:, i] if j == 3 else DATA.T[:, i, j])
+           for i in range(3) for j in range(4)}
+    ),
     "messages of ROS": csv(
         {"stamp": 1.7e9 + np.arange(M)} | joints("joint_{}", DATA.q)
         | places("pose.position.{}", MM / 1e3, "xyz")
@@ -78,6 +83,40 @@ def test_an_odd_file_is_proposed_as_it_was_meant(text, tmp_path):
     # fifteen digits are written
     np.testing.assert_allclose(table.q, DATA.q, rtol=0, atol=1e-12)
     np.testing.assert_allclose(table.position, DATA.T[:, :3, 3], rtol=0, atol=1e-12)
+
+
+ARMS = 1e-3 * np.array([[60, 0, 0], [0, 60, 0], [0, 0, 60]])
+SEEN = DATA.T[:, None, :3, 3] + np.einsum("mij,kj->mki", DATA.T[:, :3, :3], ARMS)
+"""(m, 3, 3) of three reflectors on the tool [m]."""
+WIDE = {
+    "numbers behind the axes": ("{axis}{k}", ("1", "2", "3"), 1e3),
+    "names before the axes": ("SMR{k} {axis} [mm]", ("SMR1", "SMR2", "SMR3"), 1e3),
+    "meters by their size": ("P{k}_{axis}", ("P1", "P2", "P3"), 1.0),
+}
+
+
+@pytest.mark.parametrize(("form", "names", "lengths"), WIDE.values(), ids=WIDE)
+def test_several_targets_in_a_row_are_points_of_one_pose(form, names, lengths, tmp_path):
+    table = joints("J{}") | {
+        form.format(axis=axis, k=k + 1): lengths * SEEN[:, k, i]
+        for k in range(3) for i, axis in enumerate("xyz")
+    }  # fmt: skip
+    for name in [form.format(axis=axis, k=2) for axis in "xyz"]:  # one that was not seen
+        cells = list(map("{:.15g}".format, table[name]))
+        table[name] = [cells[0], "", *cells[2:]]
+    (tmp_path / "m.csv").write_text(csv(table))
+    said, _ = proposed(tmp_path, [tmp_path / "m.csv"], "--robot", UR10.name)
+    assert "to mend" not in said
+    assert "unused" not in said
+    read = read_session(tmp_path / "session.toml", UR10)
+    there = np.delete(np.arange(3 * M), 4)
+    assert read.reflector_names == names
+    assert len(read.pose_names) == M
+    table = read.measurements
+    np.testing.assert_array_equal(table.reflector, there % 3)
+    # fifteen digits are written
+    np.testing.assert_allclose(table.q, DATA.q[there // 3], rtol=0, atol=1e-12)
+    np.testing.assert_allclose(table.position, SEEN.reshape(-1, 3)[there], rtol=0, atol=1e-12)
 
 
 def grouped(value):
@@ -104,6 +143,14 @@ WRONG = {
         "q1_deg, and the line below the names says rad",
     ),
 }  # fmt: skip
+
+
+def test_a_table_on_its_side_is_named(tmp_path):
+    np.savetxt(tmp_path / "m.csv", np.column_stack([DEG, MM]).T, delimiter=",")
+    done = call("new", "session", tmp_path / "m.csv", "--robot", UR10.name, "--out",
+                tmp_path / "session.toml")  # fmt: skip
+    assert done.exit_code == 2
+    assert "turn rows into columns" in " ".join(done.stderr.split())
 
 
 @pytest.mark.parametrize(("table", "why"), WRONG.values(), ids=WRONG)

@@ -1,0 +1,35 @@
+"""Tables of session.toml that an export of Spatial Analyzer may be meant as."""
+
+from collections.abc import Iterator
+
+from testbed.files.alternatives import BY_AXIS
+from testbed.proposal.data import Document, Found, Part
+
+
+def exported_parts(look: Found) -> Iterator[Part]:
+    """[points] or [frames] of an export."""
+    lengths: list[Document] = [{}] if look.length else [{"length": "mm"}, {"length": "m"}]
+    for length in lengths:
+        told = f"positions: the export names no unit; taken as {length.get('length')}"
+        note = (told,) if length else ()
+        if look.kind == "points":
+            for count in look.named:
+                keys = {"section": "points", "format": "sa", "names": count, **length}
+                said = (f"names: {count} fields before the coordinates",)
+                yield look, keys, (*note, *said[: len(look.named) - 1]), ""
+            continue
+        form = {6: "euler", 7: "quaternion", 16: "matrix", 19: "matrix"}[look.width]
+        conventions: list[Document] = [{"rotation": "matrix"}]
+        if form == "quaternion":
+            conventions = [{"rotation": f"quaternion_scalar_{end}"} for end in ("first", "last")]
+        elif form == "euler":
+            forms = [*("".join(each) for each in BY_AXIS)]
+            forms.sort(key=lambda one: one != "XYZ")
+            # six sequences about moving axes, and the same backwards about fixed ones
+            fixed = [one.lower() for one in forms]
+            conventions = [{"rotation": "euler", "euler": one, "angle": unit}
+                           for unit in ("deg", "rad") for one in (*fixed, *forms)]  # fmt: skip
+        for keys in conventions:
+            taken = ", ".join(f"{key} {value}" for key, value in keys.items())
+            words = f"rotations: the export does not say how they turn; taken as {taken}"
+            yield look, {"section": "frames", "format": "sa", **keys, **length}, (*note, words), ""
