@@ -93,7 +93,8 @@ def tried_with(
         fits = [_fit(robot, session, parts) for session in sessions]
         best = _best(drafts, sessions, fits)
         if fits[best].score <= FAR:
-            same = [k for k, one in enumerate(drafts) if _seen(one) == _seen(drafts[best])]
+            same = [k for k, one in enumerate(drafts) if _seen(one) == _seen(drafts[best])
+                    and (k == best or not _same_rows(sessions[k], sessions[best]))]  # fmt: skip
             others = sorted(fits[k].score for k in same if k != best and fits[k].is_one)
             tried = _fitting(robot, fits[best].score, others, len(same) - 1, parts)
             draft, more = _of_both(drafts, sessions, fits, best, robot, read)
@@ -190,6 +191,16 @@ def _seen(draft: Draft) -> str:
     """The files that the readings of a draft come from, and their sheet."""
     tables = (draft.document.get(name, {}) for name in ("frames", "points", "ranges"))
     return repr([(each.get("file"), each.get("files"), each.get("sheet")) for each in tables])
+
+
+def _same_rows(one: Session | None, other: Session | None) -> bool:
+    """Whether two readings of files come to the same joints and the same places."""
+    if one is None or other is None:
+        return False
+    return all(
+        np.array_equal(getattr(one.measurements, name), getattr(other.measurements, name))
+        for name in ("q", "position", "rotation", "distance")
+    )
 
 
 def _fit(robot: Robot, session: Session | None, parts: int) -> _Fit:

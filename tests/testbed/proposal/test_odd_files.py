@@ -145,6 +145,20 @@ WRONG = {
 }  # fmt: skip
 
 
+def test_names_and_order_that_agree_are_one_reading(tmp_path):
+    names = {"name": [f"p{k}" for k in range(M)]}
+    (tmp_path / "joints.csv").write_text(csv(names | joints("J{}")))
+    points = [f"Group::p{k}, {x:.6f}, {y:.6f}, {z:.6f}" for k, (x, y, z) in enumerate(MM)]
+    (tmp_path / "points.txt").write_text("\n".join(["// from the tracker", *points]))
+    files = [tmp_path / "joints.csv", tmp_path / "points.txt"]
+    said, _ = proposed(tmp_path, files, "--robot", UR10.name)
+    assert "too little to tell them apart" not in said
+    assert "the k-th reading belongs" not in said
+    read = read_session(tmp_path / "session.toml", UR10).measurements
+    # six decimals of a millimeter are printed
+    np.testing.assert_allclose(read.position, DATA.T[:, :3, 3], rtol=0, atol=1e-9)
+
+
 def test_a_table_on_its_side_is_named(tmp_path):
     np.savetxt(tmp_path / "m.csv", np.column_stack([DEG, MM]).T, delimiter=",")
     done = call("new", "session", tmp_path / "m.csv", "--robot", UR10.name, "--out",
