@@ -123,6 +123,7 @@ def identify(
         from testbed.identify.calibrate import Options
         from testbed.identify.folder import check_place, play_calibration
         from testbed.identify.given import require_order
+        from testbed.identify.handback.delivered import GEOMETRIC
         from testbed.identify.session import with_test
         from testbed.identify.splitting import all_identify
         from testbed.identify.words import terminal_text
@@ -166,6 +167,8 @@ def identify(
             say()
             say(f"Report     {folder / REPORT}")
             say(f"Robot      {folder / 'robot'}")
+            if (folder / GEOMETRIC).is_dir():
+                say(f"URDF, MJCF {folder / GEOMETRIC}  fitted without joint terms")
             say(f"Next       truebed view {folder}")
 
 

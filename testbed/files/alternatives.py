@@ -261,7 +261,7 @@ def _other_sequences(numbers: Array, form: str) -> Iterator[tuple[str, str, str,
     if set(form.upper()) != set("XYZ"):
         for other in EULER:
             if other != form and len(set(other)) == 2:
-                yield f"if they turn as {other}", "", other, numbers
+                yield f"if they turn in the order {other}", "", other, numbers
         return
     by_axis = numbers[:, np.argsort(axes_of(form))]
     yield "if the three angles are a rotation vector", "", VECTOR, by_axis
@@ -269,9 +269,9 @@ def _other_sequences(numbers: Array, form: str) -> Iterator[tuple[str, str, str,
     for other in BY_AXIS:
         if other != moving:
             fixed = other[::-1].lower()
-            condition = f"if the angles turn as {other} (that is {fixed} about fixed axes)"
+            condition = f"if the angles turn in the order {other} (or {fixed} about fixed axes)"
             yield condition, "", other, by_axis[:, axes_of(other)]
     swapped = by_axis[:, ::-1]
     for other in BY_AXIS:
-        condition = f"if the angles turn as {other} and the columns rx and rz are swapped"
+        condition = f"if the angles turn in the order {other}, rx and rz swapped"
         yield condition, "swap the columns rx and rz", other, swapped[:, axes_of(other)]

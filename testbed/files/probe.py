@@ -129,16 +129,17 @@ class Probe:
             other = wrong.alternative
             raise refusal(
                 self.where, other.field,
-                f"base+tool fit leaves {stated.shown}; {wrong.misfit.shown} {other.condition}",
+                f"with base and tool fitted the readings miss the robot by {stated.shown}; only "
+                f"{wrong.misfit.shown} {other.condition}",
                 code=other.code, value=stated.position, fix=other.fix,
             )  # fmt: skip
         elif min([stated.score, *(tried.misfit.score for tried in self.tried)]) > FAR:
             raise refusal(
                 self.where, "ROBOT",
-                f"base+tool fit leaves {stated.shown}, and no other reading of the file less "
-                f"than {FAR * 1e3:g} mm", code="M32",
+                f"with base and tool fitted the readings miss the robot by {stated.shown}, and by "
+                f"{FAR * 1e3:g} mm or more however the file is read", code="M32",
                 value=stated.position,
-                allowed=f"a nominal {self.robot} leaves a few mm",
+                allowed=f"those of a {self.robot} miss it by a few mm",
                 fix="is this the robot that was measured?",
             )  # fmt: skip
 

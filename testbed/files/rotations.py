@@ -125,7 +125,7 @@ def stated_in(table: DataTable, euler: str | None) -> tuple[Stated, Columns] | N
     form = sequence_of(euler if euler is not None else table.only("euler"), table.where)
     if angles and form != VECTOR:
         if set(form.upper()) != set("XYZ"):
-            message = f'euler = "{form}" turns about one axis twice; rx, ry, rz do not fit it'
+            message = f'euler = "{form}" turns about one axis twice, which rx, ry, rz cannot name'
             fix = "name the columns e1_deg, e2_deg, e3_deg, in the order of the letters"
             raise refusal(table.where, "euler", message, code="M24", value=form, fix=fix)
         numbers = numbers[:, axes_of(form)]
@@ -150,14 +150,14 @@ def sequence_of(euler: str | None, where: str) -> str:
     if euler in MAKERS:
         return MAKERS[euler]
     if euler is None:
-        message = "three angles do not say in which order they turn"
-        fix = 'write euler = "XYZ" under [frames] in session.toml, or a column euler'
+        message = "has three angles and no euler, which says how they turn the tool"
+        fix = 'write for example euler = "kuka" under [frames] in session.toml, or a column euler'
     else:
-        message = f'euler = "{euler[:20]}" means nothing'
+        message = f'euler is "{euler[:20]}"'
         fix = choice_of(euler, (*EULER, VECTOR, *MAKERS)) if len(euler) > 3 else ""
     allowed = (
-        "XYZ ... capitals turn about axes that turn along, xyz ... small ones about fixed axes; or "
-        "rotation_vector, kuka, staubli, fanuc, ur"
+        "allowed are a controller (kuka, staubli, fanuc, ur), rotation_vector, or three axes in "
+        "the order of the turns: XYZ about x, the turned y, the turned z; xyz about fixed x, y, z"
     )
     raise refusal(where, "euler", message, code="M24", value=euler, allowed=allowed, fix=fix)
 

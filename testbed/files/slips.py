@@ -141,7 +141,7 @@ def raise_if_slipped(
             lines = [place[row] for row in rows]
             raise refusal(
                 lines[slip.rows[0]], "match", slip.sentence(lines), code="M31",
-                allowed=f"base+tool fit leaves {slip.left.shown} then", fix=slip.fix,
+                allowed=f"then the readings miss the robot by {slip.left.shown}", fix=slip.fix,
             )  # fmt: skip
 
 

@@ -10,7 +10,7 @@ from testbed.identify.calibration import Calibration
 from testbed.identify.conditions import conditions_words
 from testbed.identify.decisions import decision_words
 from testbed.identify.frames import FRAMES_ALONE
-from testbed.identify.handback.delivered import Delivered
+from testbed.identify.handback.delivered import GEOMETRIC, Delivered
 from testbed.identify.handback.states import hand_back_warnings, tool_words
 from testbed.identify.headline import HEAD, condition, deg, headline_rows, mm
 from testbed.identify.records import FittedModel
@@ -154,7 +154,7 @@ def next_step(calibration: Calibration) -> str:
             "Do not use this model: on held-out poses it is worse than the nominal one. Check the "
             "robot's description, the units and the matching of poses."
         )
-    use = "Load the identified robot from robot/, or send the corrected targets (--program CSV)."
+    use = _what_to_use(calibration)
     if calibration.elsewhere:
         return (
             "Find out first why the held-out poses stand apart: a base or a station that moved, "
@@ -186,6 +186,21 @@ def next_step(calibration: Calibration) -> str:
             else " Errors are larger than at the poses identified from: more of these may help."
         )
     return text
+
+
+def _what_to_use(calibration: Calibration) -> str:
+    """Which file to load: joint terms are in robot.toml and corrected targets alone."""
+    if calibration.choice.chosen != "extended":
+        return (
+            "Load the identified robot from robot/, or send the corrected targets (--program CSV)."
+        )
+    plain = calibration.fits[0]
+    left = mm((plain.test or plain.train).position.mean)
+    return (
+        "Send the corrected targets (--program CSV), or load robot/robot.toml: they alone have the "
+        "joint errors, and what is quoted here is theirs. A reader of URDF or MJCF takes "
+        f"{GEOMETRIC}/, whose {kind(calibration)} is {left} mm."
+    )
 
 
 def _more_poses() -> str:

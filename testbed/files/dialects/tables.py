@@ -81,7 +81,8 @@ class FramesTable(OpticalTable):
     name = "frames"
     kind = "pose"
     euler: Euler | None = None
-    """Capitals: about axes that turn along; small letters: about fixed axes."""
+    """Three axes in the order of the turns, capitals about axes that turn with the tool, small
+    letters about fixed ones; or what a controller means: kuka, staubli, fanuc, ur."""
     gives: Literal["T_tracker_tool", "T_tool_tracker"] = "T_tracker_tool"
     """Whether a row is the tool in the tracker's frame, or the inverse."""
     rotation: (

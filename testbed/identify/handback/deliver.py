@@ -17,7 +17,7 @@ from testbed.identify.applies.targets import (
 )
 from testbed.identify.calibration import Calibration
 from testbed.identify.conditions import measured
-from testbed.identify.handback.delivered import Delivered
+from testbed.identify.handback.delivered import GEOMETRIC, Delivered
 from testbed.identify.handback.least_moved import RULE
 from testbed.identify.handback.results import dh_csv, tool_csv
 from testbed.identify.handback.states import handed_robot
@@ -32,8 +32,6 @@ from testbed.robots.write.identified import identified_robot
 
 ROBOT, DH_TABLE, JOINT_MAP = "robot", "dh_table.csv", "joint_map.csv"
 TOOL_TABLE = "tool_in_use.csv"
-GEOMETRIC = "robot_geometric"
-"""Folder of the geometric model beside an extended one."""
 LONGEST_NAME = 64
 
 

@@ -9,6 +9,8 @@ from numpy.typing import NDArray
 from calib.arrays import LATER, Array, Bool
 from calib.uncertainty.statement.conformity import Conformity
 
+GEOMETRIC = "robot_geometric"
+"""Folder of the geometric model beside an extended one."""
 NOT_CORRECTED = "not corrected"
 """The place of a target that was left as written."""
 

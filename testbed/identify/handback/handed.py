@@ -24,8 +24,8 @@ class HandBack:
     why: str
     """Why the links of a geometric fit have a prior of that width; empty where they need none."""
     by_prior: Annotated[Array, "c"]
-    """(c,) part of the variance of each of the 12 + 5 n numbers of base, links and tool that comes
-    from a prior, not from the readings."""
+    """(c,) part of the variance of each of the 12 + 5 n numbers of base, links and tool, and of the
+    joint terms behind them, that comes from a prior, not from the readings."""
     limits: Annotated[Array, "n", 2]
     """(n, 2) of the joints [rad, m]."""
     in_use: ToolInUseStatement | None
@@ -56,7 +56,7 @@ def hand_back(
         What was calibrated, from what.
     links : LinkBelief
         What was believed of the links.
-    by_prior : (12 + 5 n,) array
+    by_prior : (12 + 5 n + k,) array
         As in `prior_share`.
     belief : Belief or None
         Of the identified robot.

@@ -160,7 +160,7 @@ def _poor(plain: Identification, prior: Prior, spreads: tuple[Array, Array]) -> 
 
 
 def prior_share(result: Identification, train: Measurements, n: int) -> Array:
-    """Part (12 + 5 n,) of the variance of base, links and tool that comes from any prior.
+    """Part (12 + 5 n + k,) of the variance of base, links, tool and k joint terms from any prior.
 
     One where it was not estimated: then nothing but its nominal value is known.
 
@@ -168,7 +168,7 @@ def prior_share(result: Identification, train: Measurements, n: int) -> Array:
     ----------
     C = inv(H), H = A'A + Lambda0: C A'A C comes from the readings, C Lambda0 C from the prior.
     """
-    names = result.parameters.names[: 12 + 5 * n]
+    names = result.parameters.names[: 12 + 5 * n + len(result.model.joint_errors.names)]
     if result.prior is None:
         return frozen([float(name not in result.names) for name in names])
     believed = prior_precision(result)

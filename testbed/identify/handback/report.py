@@ -18,8 +18,8 @@ def hand_back_section(calibration: Calibration) -> Section:
     blocks: list[Block] = [
         Points(hand_back_words(calibration)),
         Text(
-            "held by: measurements, where U is within the tolerance and comes from the readings; "
-            "prior, where more of it comes from nominal values and their tolerances; only "
+            "held by: measurements, where the readings tell it to within U; "
+            "prior, where its nominal value and its tolerance say more than the readings do; only "
             "together with others, where these could stand for it and no prior holds them: it has "
             "no U; nominal, where base or tool take it up and it stays."
             + f" {SPRUNG}"

@@ -100,7 +100,7 @@ def _held(row: DhRow, tolerance: float | None, believed: bool, share: float) -> 
     if row.expanded is None:
         return HandedNumber(row, tolerance, NOMINAL)
     if tolerance is None:
-        return HandedNumber(row, None, PRIOR if believed or share > HALF else MEASURED)
+        return HandedNumber(row, None, PRIOR if share > HALF else MEASURED)
     if believed and (share > HALF or row.expanded > tolerance):
         return HandedNumber(row, tolerance, PRIOR)
     if row.expanded > tolerance:

@@ -18,7 +18,7 @@ def accuracy_section(calibration: Calibration) -> Section:
     rows = "Held-out rows" if calibration.split.is_test.any() else "Rows identified from"
     caption = (
         f"{rows} by the size of their error; dashed: the means, R95: the believed radius. What "
-        "lies beyond the axis is counted in the last bar."
+        "lies beyond an axis is counted in its outer bar."
     )
     figure = Figure(caption, plots.histogram(calibration))
     return Section("accuracy", "Before and after", (figure,))

@@ -10,12 +10,14 @@ from calib.geometry.frames import inverse
 from calib.measurement.prediction import tool_poses
 from testbed.identify.calibration import Calibration
 from testbed.report.plots import (
+    CUT_OFF,
     SHADES,
     VIEWS,
     Look,
     dots,
     error_axis,
     legend_above,
+    log_ticks,
     marked_line,
     view_of,
 )
@@ -29,6 +31,8 @@ PALE = "#d9c7bb"
 """Before, where after lies over it."""
 BINS = 14
 """Stretches along an axis over which a median is drawn, at most."""
+BARS, FEWEST_BARS = 40, 5
+"""Bars of a histogram, and over how many of even width most errors after spread at least."""
 IN_A_STRETCH, LEAST = 7, 21
 """Points of which a median is drawn, and of how many at least any is."""
 MOST_DOTS = 800
@@ -51,14 +55,14 @@ def histogram(calibration: Calibration) -> str:
                 getattr(errors, name)[which] * scale
                 for errors in (calibration.before_misses, calibration.fit.misses)
             )
-            top = float(np.quantile(np.concatenate([before, after]), 0.995)) or 1.0
-            edges = np.linspace(0.0, top, 41)
+            edges = bars(before, after)
+            top = float(edges[-1])
             for values, color, label, alpha in (
                 (before, PALE, "before", 1.0),
                 (after, DARK, "after", 0.75),
             ):
                 ax.hist(
-                    np.minimum(values, top), bins=edges.tolist(), color=color, alpha=alpha,
+                    np.clip(values, edges[0], top), bins=edges.tolist(), color=color, alpha=alpha,
                     label=label, linewidth=0,
                 )  # fmt: skip
                 ax.axvline(float(values.mean()), color=SOFT if label == "before" else DARK,
@@ -67,10 +71,28 @@ def histogram(calibration: Calibration) -> str:
             if name == "position" and point is not None and point.radius_mean * scale < top:
                 text = f"R95 {micrometres(point.radius_mean)} µm"
                 marked_line(ax, point.radius_mean * scale, text, 4, color=INK, linewidth=0.9)
+            if edges[0] > 0:
+                ax.set_xscale("log")
+                log_ticks(ax.xaxis, float(edges[0]), top)
             ax.set_xlabel(f"{name} error [{unit}]")
             ax.set_ylabel("rows")
         legend_above(figure, axes[0])
         return svg_of(figure)
+
+
+def bars(before: Array, after: Array) -> Array:
+    """Edges of the bars that count errors (m,) before and after: even ones, so far as that shows.
+
+    Where most errors after would stand in a few of them, bars are of equal ratio, on a logarithmic
+    axis; what lies beyond its ends is counted in the outer ones.
+    """
+    both = np.concatenate([before, after])
+    top = float(np.quantile(both, 0.995)) or 1.0
+    low, high = np.quantile(after, [0.05, 0.95])
+    least = float(np.quantile(both, CUT_OFF))
+    if (high - low) * BARS >= FEWEST_BARS * top or least <= 0:
+        return np.linspace(0.0, top, BARS + 1)
+    return np.geomspace(max(least, 1e-4 * top), top, BARS + 1)
 
 
 def by_joint(calibration: Calibration) -> str:

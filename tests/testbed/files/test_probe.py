@@ -70,7 +70,7 @@ MISTAKES = {
         "M20",
         "joints of some rows, the first in line 22, are in rad",
     ),
-    "euler order": (lambda _: columns(made(), euler="ZYX"), "M24", "turn as ZYX"),
+    "euler order": (lambda _: columns(made(), euler="ZYX"), "M24", "in the order ZYX"),
     "fixed axes": (lambda _: columns(made(), euler="xyz"), "M24", "xyz about fixed axes"),
     "angles rad": (lambda t: scaled(t, TURNS, np.pi / 180), "M24", "in rad, not deg"),
     "quaternion x y z w": (quaternions("xyzw"), "M22", "hold x y z w"),
@@ -297,7 +297,7 @@ def test_a_file_that_gives_the_inverse_is_probed_in_its_own_terms(tmp_path):
     right = read(tmp_path, own, 'euler = "ZYX"\ngives = "T_tool_tracker"')
     probe(ROBOT, right).raise_if_wrong()
     wrong = read(tmp_path, own, 'euler = "XYZ"\ngives = "T_tool_tracker"')
-    with pytest.raises(InputError, match="turn as ZYX"):
+    with pytest.raises(InputError, match="in the order ZYX"):
         probe(ROBOT, wrong).raise_if_wrong()
     np.testing.assert_allclose(
         inverse(made().T)[0, :3, 3] * 1e3, [own[name][0] for name in PLACES], rtol=1e-12

@@ -187,7 +187,11 @@ def test_numbers_of_a_rotation_mean_that_rotation_and_stay_where_they_were(form)
     [
         (["q1_deg", "q2_deg"], [1, 2], "no column for 4 of the 6 joints"),
         (["x_mm", "y_mm", "z_mm"], [1, 2, 3], "positions without rotations"),
-        (["x_mm", "y_mm", "z_mm", "rx_deg", "ry_deg", "rz_deg"], [1] * 6, "do not say in which"),
+        (
+            ["x_mm", "y_mm", "z_mm", "rx_deg", "ry_deg", "rz_deg"],
+            [1] * 6,
+            "no euler, which says how",
+        ),
         ([*(f"q{k}_deg" for k in range(1, 7)), "status"], [1] * 7, "already"),
         ([f"q{k}_rad" for k in range(1, 7)], [40.0] * 6, "outside the limits"),
         ([f"q{k}_deg" for k in range(1, 7)], [1, 2, 3, 4, 5, "x"], "not numbers"),

@@ -144,6 +144,16 @@ def test_a_worse_model_is_not_said_to_fall_and_is_not_recommended():
     assert next_step(turned).startswith("Do not use this model")
 
 
+def test_what_is_quoted_is_not_said_of_files_that_lack_the_joint_errors():
+    found = real()
+    assert found.choice.chosen == "extended"
+    step = next_step(found)
+    alone = f"{1e3 * found.fits[0].test.position.mean:.4f} mm"
+    assert step.startswith("Send the corrected targets (--program CSV), or load robot/robot.toml:")
+    assert f"takes robot_geometric/, whose mean position error is {alone}." in step
+    assert next_step(sound()).startswith("Load the identified robot from robot/, or send")
+
+
 def without(found, **parts):
     """The calibration with another proof."""
     return replace(found, proof=replace(found.proof, **parts))
@@ -271,6 +281,24 @@ def test_errors_over_time_have_an_axis_that_can_be_read(monkeypatch, make):
     errors = make().fit.misses.position * 1e3
     assert low < np.quantile(errors, 0.05)
     assert high > errors.max()
+
+
+@pytest.mark.parametrize("ratio", [1.2, 3, 20, 300])
+def test_errors_before_and_after_stand_in_bars_enough_to_be_read(ratio):
+    rng = np.random.default_rng(3)
+    after = np.linalg.norm(rng.normal(scale=0.01, size=(200, 3)), axis=1)
+    before = np.linalg.norm(rng.normal(scale=0.01 * ratio, size=(200, 3)), axis=1)
+    edges = plots.bars(before, after)
+    counts = [np.histogram(np.clip(some, *edges[[0, -1]]), edges)[0] for some in (before, after)]
+    assert [count.sum() for count in counts] == [200, 200]  # none is left out
+    # a size of three numbers spreads over 2.5 times its middle: some five bars hold it
+    assert all((count > 2).sum() >= 5 for count in counts)
+    assert (edges[0] > 0) == (ratio >= 20)  # logarithmic only where even bars would not do
+
+
+def test_errors_of_nothing_have_bars_from_zero():
+    nothing = np.zeros(5)
+    assert plots.bars(nothing, nothing)[[0, -1]].tolist() == [0.0, 1.0]
 
 
 def test_a_figure_writes_the_radius_as_the_sentence_does(monkeypatch):

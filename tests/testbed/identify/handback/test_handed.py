@@ -12,6 +12,7 @@ from calib.identification.ladders import ladders_of
 from calib.identification.levels import with_errors
 from calib.identification.prior import Prior
 from calib.measurement.prediction import predict
+from calib.measurement.residual import linearize
 from testbed.files.programs.correct import correct_program
 from testbed.identify.applies.targets import statement_at
 from testbed.identify.calibrate import Options, calibrate
@@ -196,6 +197,38 @@ def test_a_number_beyond_its_tolerance_is_told_though_priors_hold_others():
     assert PRIOR in {one.held_by for one in far}
     (sentence,) = (text for text in hand_back_warnings(other) if "moved further" in text)
     assert "tell them only together with others" in sentence
+
+
+def test_a_joint_term_is_held_by_what_tells_it_and_not_by_its_weak_prior():
+    found = real()
+    result = found.fit.identification
+    terms = result.model.joint_errors.names
+    assert set(terms) <= set(result.prior.names)  # all have one
+    shares = dict(zip(result.parameters.names, found.handback.by_prior, strict=False))
+    # a second way: by how much a variance falls where all priors are a little narrower
+    stack = linearize(result.model, found.measurements.rows(found.is_used))
+    scale = result.parameters.free_scale
+    A = (
+        stack.A[:, result.parameters.free_index]
+        * scale
+        * np.sqrt(result.weights[stack.row_of])[:, None]
+    )
+    at = [result.names.index(name) for name in result.prior.names]
+    believed = np.zeros((len(scale),) * 2)
+    believed[np.ix_(at, at)] = np.diag((scale[at] / result.prior.sd) ** 2)
+    step = 1e-3
+    less, more = (
+        np.log(np.diag(np.linalg.inv(A.T @ A + np.exp(d) * believed))) for d in (-step, step)
+    )
+    for k, name in enumerate(result.names):
+        # central differences: the third derivative is below 1, so that 1e-6 and rounding remain
+        assert shares.get(name, 0.0) == pytest.approx((less - more)[k] / (2 * step), abs=1e-5)
+    held = {one.row.name: one.held_by for one in handed_numbers(found)}
+    assert {held[name] for name in terms} == {MEASURED}
+    assert max(shares[name] for name in terms) < 0.5
+    weak = replace(found.handback, by_prior=np.ones(len(found.handback.by_prior)))
+    held = {one.row.name: one.held_by for one in handed_numbers(replace(found, handback=weak))}
+    assert {held[name] for name in terms} == {PRIOR}
 
 
 def test_a_number_that_nothing_holds_is_told():
