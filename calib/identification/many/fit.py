@@ -148,12 +148,23 @@ def fit_many(
         start = ManyModels.of(nominal if start is None else start, len(tables), nominal)
     rows = ManyRows.of(nominal, tables, parameters.free_index, mode)
     belief = None if prior is None else ManyBeliefs.of(prior, parameters, weight)
+    return fit_rows(rows, parameters, start, belief, shared)
+
+
+def fit_rows(
+    rows: ManyRows,
+    parameters: Parameters,
+    start: ManyModels,
+    belief: ManyBeliefs | None,
+    shared: bool,
+) -> ManyFits:
+    """As `fit_many`, of rows and beliefs at hand."""
     common = _shared(rows, start.some(slice(0, 1)), belief) if shared else None
     parts = [
         _fit_block(
             parameters, rows.some(part), start.some(part), belief and belief.some(part), common
         )
-        for part in (slice(k, k + BLOCK) for k in range(0, len(tables), BLOCK))
+        for part in (slice(k, k + BLOCK) for k in range(0, len(start), BLOCK))
     ]
     return joined_fits(parts)
 

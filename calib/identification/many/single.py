@@ -14,7 +14,7 @@ from calib.identification.identify import identify
 from calib.identification.joint_models import against_gravity
 from calib.identification.lack_of_fit import lack_of_fit
 from calib.identification.least_squares import Status
-from calib.identification.many.fit import BLOCK, ManyFits, fit_many
+from calib.identification.many.fit import BLOCK, ManyFits, fit_rows
 from calib.identification.many.tables import ManyRows, ManyTables, known_to_many
 from calib.identification.many.tangents import ManyBeliefs
 from calib.identification.prior import Prior
@@ -22,8 +22,7 @@ from calib.identification.result import Identification
 from calib.information.rank import learned
 from calib.information.reduction import Reduction, reduce
 from calib.measurement.observations import Measurements
-from calib.measurement.prediction import perfect
-from calib.measurement.residual import linearize, table_whiteners
+from calib.measurement.residual import table_whiteners
 
 
 def identify_many(
@@ -82,19 +81,18 @@ def together(
     known = known_to_many(nominal, (table.conditions for table in tables))
     if many is None or len(many.q) > 1 or not known or not told:
         return [None] * R
-    told_apart = _reductions(nominal, tables[0], parameters, prior, weights)
-    kept = parameters.freeing(told_apart[0].kept) if prior is None else parameters
-    if prior is None and 6 * len(tables[0]) <= kept.n_free:
+    rows = ManyRows.of(nominal, many, parameters.free_index, "whitened")
+    told_apart = _reductions(rows, parameters, prior, weights)
+    kept, belief = parameters, None if prior is None else ManyBeliefs.of(prior, parameters, weights)
+    if len(told_apart[0].kept) < parameters.n_free and belief is None:
+        kept = parameters.freeing(told_apart[0].kept)
+        rows = ManyRows.of(nominal, many, kept.free_index, "whitened")
+    if belief is None and 6 * len(tables[0]) <= kept.n_free:
         return [None] * R
     begin = ManyModels.of(nominal, R) if starts is None else ManyModels.each(nominal, starts)
-    own = weights is not None or starts is not None
-    fits = fit_many(
-        nominal, many, kept, prior=prior, weight=weights,
-        start=begin if own else None, shared=not own,
-    )  # fmt: skip
-    rows = ManyRows.of(nominal, many, kept.free_index, "whitened")
+    fits = fit_rows(rows, kept, begin, belief, shared=weights is None and starts is None)
     residuals = zip(*(_residuals(rows, models) for models in (begin, fits.models)), strict=True)
-    costs = None if prior is None else _held(ManyBeliefs.of(prior, kept, weights), begin, fits)
+    costs = None if belief is None else _held(belief, begin, fits)
     believed = [prior] * R
     if prior is not None and weights is not None:
         believed = [prior.weighed(float(weight)) for weight in weights]
@@ -107,18 +105,15 @@ def together(
 
 
 def _reductions(
-    nominal: RobotModel,
-    table: Measurements,
-    parameters: Parameters,
-    prior: Prior | None,
-    weights: Array | None,
+    rows: ManyRows, parameters: Parameters, prior: Prior | None, weights: Array | None
 ) -> list[Reduction]:
     """What rows of these poses tell apart, once or by the weight of the prior.
 
     Of a table that sees what is predicted: it hangs on no robot.
     """
-    A = linearize(nominal, perfect(nominal, table)).A[:, parameters.free_index]
-    found = reduce(A * parameters.free_scale, parameters, model=nominal, q=table.q)
+    nominal = ManyModels.of(rows.like, 1)
+    A = rows.some(slice(0, 1)).seeing(nominal).at(nominal).A[0].T
+    found = reduce(A * parameters.free_scale, parameters, model=rows.like, q=rows.tables.q[0])
     if prior is None:
         return [found]
     sd = prior.sd[[prior.names.index(name) for name in parameters.free_names]]
