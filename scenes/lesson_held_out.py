@@ -1,14 +1,15 @@
 """What does one more held-out pose buy? A radius for "95 %" from errors alone, without a model.
 
-Run it: python scenes/lesson_held_out.py
+Run it: python scenes/lesson_held_out.py [--seed 1] [--picture held_out.png]
 """
 
 import numpy as np
+from matplotlib.axes import Axes
 
 import calib
 from calib.errors import InputError
 from testbed.streams import stream
-from truebed.lesson import calibrated, guess, laboratories, spread, true_error
+from truebed.lesson import asked, calibrated, guess, laboratories, spread, tell, true_error
 
 COUNTS, POSES, USED = (10, 18, 19, 20, 39, 59), 29, 1000
 
@@ -52,11 +53,27 @@ def answer(found: dict[int, np.ndarray | None]) -> str:
     )
 
 
+def draw(axes: Axes, found: dict[int, np.ndarray | None]) -> None:
+    """What a radius holds, draw by draw, against the number of poses that it is from."""
+    stated = {
+        count: 100 * rows[..., 1].ravel() for count, rows in found.items() if rows is not None
+    }
+    places = range(len(stated))
+    axes.violinplot(list(stated.values()), places, showextrema=False, widths=0.8)
+    axes.plot(places, [share.mean() for share in stated.values()], "o", color="#0072b2")
+    axes.axhline(95.0, color="#333333", linewidth=1.5, linestyle=":")
+    axes.set_xticks(places, [str(count) for count in stated])
+    axes.set(xlabel="held-out poses (with fewer there is no radius)", ylim=(78, 101))
+    axes.set_ylabel("true points inside [%]")
+    axes.set_title("Each draw of poses gives a radius; dots: the means")
+
+
 if __name__ == "__main__":
+    given = asked(6)
     guess(
         "How many held-out poses allow a 95 % radius without a model, and what does one more buy?"
     )
-    found = radii(range(1, 7))
+    found = radii(given.seeds)
     print("200 draws on each of six robots: mean (smallest to largest robot)")
     print(f"{'poses':>6}{'radius [um]':>20}{'true points inside [%]':>26}")
     for count, rows in found.items():
@@ -65,4 +82,5 @@ if __name__ == "__main__":
         else:
             radius, share = rows.mean(axis=1).T
             print(f"{count:6}{spread(radius):>20}{spread(100 * share, 1):>26}")
-    print(answer(found))
+    tell(answer(found))
+    given.draw(lambda axes: draw(axes, found))

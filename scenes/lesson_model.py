@@ -1,15 +1,16 @@
 """What does a wrong model do to an interval? True points inside "95 %" regions, out of 50.
 
-Run it: python scenes/lesson_model.py
+Run it: python scenes/lesson_model.py [--seed 1] [--picture model.png]
 """
 
 import numpy as np
+from matplotlib.axes import Axes
 
 import calib
 from calib.information.propagation import tool_covariance
 from calib.uncertainty.regions import inside
 from testbed.streams import stream
-from truebed.lesson import calibrated, guess, laboratories, spread, true_error
+from truebed.lesson import asked, calibrated, guess, laboratories, spread, tell, true_error
 
 COUNTS, HELD_OUT = (29, 61, 120), 20
 SAG_MDEG, UM_PER_MDEG = (0, 1, 2, 5), 11
@@ -54,16 +55,33 @@ def answer(found: dict[int, np.ndarray]) -> str:
     )
 
 
+def draw(axes: Axes, found: dict[int, np.ndarray]) -> None:
+    """Points inside against poses, a line for each sag; crosses: inside the believed region."""
+    colors = ("#0072b2", "#56b4e9", "#e69f00", "#d55e00")
+    for (sag, rows), color in zip(found.items(), colors, strict=True):
+        *alone, believed = rows.mean(axis=0)
+        label = f"sag of {sag} mdeg" if sag else "no sag"
+        axes.plot(COUNTS, alone, "o-", color=color)
+        axes.text(COUNTS[-1] + 2, alone[-1], label, color=color, va="bottom")
+        axes.plot(COUNTS[0], believed, "x", color=color, markeredgewidth=3)
+    axes.axhline(47.5, color="#333333", linewidth=1.5, linestyle=":")
+    axes.set(xlabel="poses", ylabel="true points inside, of 50", ylim=(-1, 52), xlim=(25, 143))
+    axes.set_xticks(COUNTS)
+    axes.set_title("Dotted: 95 %. Crosses: inside the believed region")
+
+
 if __name__ == "__main__":
+    given = asked(6)
     guess(
         "An arm sags by thousandths of a degree (mdeg), and the model knows nothing of it. Of 50 "
-        'true\npoints, how many lie inside "95 %" after 29 poses, and how many after 120?'
+        'true points, how many lie inside "95 %" after 29 poses, and how many after 120?'
     )
-    numbers = held(range(1, 7))
+    numbers = held(given.seeds)
     heads = [*(f"{m} poses" for m in COUNTS), "believed"]
     print("true points inside, of 50; six robots: mean (smallest to largest)")
     print(f"{'sag, and at the tool':22}" + "".join(f"{head:>15}" for head in heads))
     for sag, rows in numbers.items():
         words = f"{sag} mdeg, {sag * UM_PER_MDEG} um" if sag else "none"
         print(f"{words:22}" + "".join(f"{spread(column):>15}" for column in rows.T))
-    print(answer(numbers))
+    tell(answer(numbers))
+    given.draw(lambda axes: draw(axes, numbers))

@@ -1,12 +1,13 @@
 """Where to put the tracker? The same robot and poses, seen from near, from far and from the side.
 
-Run it: python scenes/lesson_tracker.py
+Run it: python scenes/lesson_tracker.py [--seed 1] [--picture tracker.png]
 """
 
 import numpy as np
+from matplotlib.axes import Axes
 
 from testbed.streams import stream
-from truebed.lesson import calibrated, guess, laboratories, mean_error, spread
+from truebed.lesson import asked, calibrated, guess, laboratories, mean_error, spread, tell
 
 POSES = 29
 STATIONS = {
@@ -44,14 +45,31 @@ def answer(found: dict[str, np.ndarray]) -> str:
     )
 
 
+def draw(axes: Axes, found: dict[str, np.ndarray]) -> None:
+    """Noise of a reading and error of the calibration, side by side at each station."""
+    for row, (words, color) in enumerate(
+        (("u of one reading", "#b7b7b7"), ("true error after calibration", "#0072b2"))
+    ):
+        um = np.array([values[row] for values in found.values()])
+        mean, places = um.mean(axis=1), np.arange(len(um)) + 0.4 * row - 0.2
+        reach = np.abs([um.min(axis=1) - mean, um.max(axis=1) - mean])
+        axes.bar(places, mean, 0.38, yerr=reach, capsize=5, color=color, label=words)
+    axes.set_xticks(range(len(found)), list(found))
+    axes.set_ylabel("um")
+    axes.set_title("Bars: means of six robots; lines: smallest to largest")
+    axes.legend()
+
+
 if __name__ == "__main__":
+    given = asked(6)
     guess(
         "A laser tracker measures a distance to 2 um. By what factor does the error of a "
-        "calibration\ngrow if it stands 12 m away instead of 1.5 m?"
+        "calibration grow if it stands 12 m away instead of 1.5 m?"
     )
-    um = errors(range(1, 7))
+    um = errors(given.seeds)
     print("six rigid robots [um]: mean (smallest to largest)")
     print(f"{'':16}{'u of a reading':>22}{'mean true error':>22}")
     for name, values in um.items():
         print(f"{name:16}{spread(values[0], 1):>22}{spread(values[1], 1):>22}")
-    print(answer(um))
+    tell(answer(um))
+    given.draw(lambda axes: draw(axes, um))

@@ -7,11 +7,12 @@ import json
 import re
 from pathlib import Path
 
-PAGES = ("tutorials/notebook", "tutorials/teacher")
+PAGES = ("tutorials/notebook", "tutorials/student", "tutorials/teacher")
 DOCS = Path(__file__).parents[1]
 BLOCK = re.compile(r"^```\{play\} python\n(?P<code>.*?)^```\n", re.MULTILINE | re.DOTALL)
 HIDDEN = re.compile(r"^```\{play\} \w+\n:hidden:\n.*?^```\n", re.MULTILINE | re.DOTALL)
 """What only the build checks."""
+COMMANDS = re.compile(r"^```\{play\} sh\n(:\w+:.*\n)*", re.MULTILINE)
 OPTION = re.compile(r"\A(:\w+:.*\n)+")
 ROLE = re.compile(r"\{\w+\}`(?:[^`<]*<)?/?([^`>]*)>?`")
 
@@ -19,7 +20,7 @@ ROLE = re.compile(r"\{\w+\}`(?:[^`<]*<)?/?([^`>]*)>?`")
 def cells(page: str) -> list[tuple[str, str]]:
     """Kind and text of each cell of a page: ``markdown`` or ``code``."""
     found, end = [], 0
-    page = HIDDEN.sub("", page)
+    page = COMMANDS.sub("```sh\n", HIDDEN.sub("", page))
     for block in BLOCK.finditer(page):
         found.append(("markdown", ROLE.sub(r"`\1`", page[end : block.start()]).strip()))
         found.append(("code", OPTION.sub("", block["code"]).strip()))

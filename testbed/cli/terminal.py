@@ -171,12 +171,16 @@ HEAD = (
 """Columns of the headline table: position errors on held-out poses, rms stated u (k = 1)."""
 
 
+ESTIMATORS = {"whitened": "default"}
+"""What a report calls an estimator, where that is not its key."""
+
+
 def headline_rows(result: Mapping[str, Any]) -> list[list[str]]:
     """One row per trial and estimator of a result.json."""
     return [
         [
             name,
-            mode,
+            ESTIMATORS.get(mode, mode),
             str(trial["poses"]),
             _mm(found["held_out_before"]["mean_mm"]),
             _mm(found["held_out_after"]["mean_mm"]),

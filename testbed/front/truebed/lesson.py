@@ -1,7 +1,11 @@
 """What the lessons in `scenes/` share: a question first, virtual robots, and their true errors."""
 
+import argparse
 import sys
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from textwrap import fill
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,13 +15,63 @@ import calib
 from calib.arrays import Array
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
     from calib.identification.result import Identification
     from testbed.laboratory.truth.laboratory import Laboratory
 
 
+WIDTH = 92
+"""Characters of a line that a class reads from the wall."""
+
+
+@dataclass(frozen=True, slots=True)
+class Asked:
+    """What was typed behind the name of a lesson's script."""
+
+    seeds: range
+    """Of its robots."""
+    picture: Path | None
+    """File to draw the answer into."""
+
+    def draw(self, painted: "Callable[[Axes], object]") -> None:
+        """Write the picture, if one is wanted, large enough for a projector."""
+        if self.picture is not None:
+            from truebed.plots import slide
+
+            slide(self.picture, painted)
+            sys.stdout.write(f"Picture: {self.picture}\n")
+
+
+def asked(robots: int, words: list[str] | None = None) -> Asked:
+    """Read what was typed: ``--seed 7`` plays other robots, ``--picture FILE`` draws the answer.
+
+    Parameters
+    ----------
+    robots : int
+        How many seeds the lesson plays, from the first on.
+    words : list of str, optional
+        What was typed; by default the arguments of the script.
+    """
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--seed", type=int, default=1, help="of the first robot (1)")
+    parser.add_argument("--picture", type=Path, help="draw the answer: FILE.png, .svg or .pdf")
+    found = parser.parse_args(words)
+    if found.seed < 0:
+        parser.error("--seed is 0 or more")
+    if found.picture and found.picture.suffix not in (".png", ".svg", ".pdf"):
+        parser.error("--picture ends in .png, .svg or .pdf")
+    return Asked(range(found.seed, found.seed + robots), found.picture)
+
+
+def tell(answer: str) -> None:
+    """Print an answer, folded into lines."""
+    sys.stdout.write(f"\n{fill(answer, WIDTH)}\n")
+
+
 def guess(question: str) -> None:
     """Put a question; where somebody sits at the terminal, wait for the guess."""
-    sys.stdout.write(f"{question}\n")
+    sys.stdout.write(f"{fill(question, WIDTH)}\n")
     sys.stdout.flush()
     if sys.stdin is not None and sys.stdin.isatty():
         input("Guess before you look, then press Enter: ")

@@ -3,7 +3,7 @@
 Blue is what came out, vermilion what was before or falls short; both are told apart in gray.
 """
 
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -17,7 +17,8 @@ from testbed.report.svg import INK, SOFT
 from testbed.report.svg import MIDDLE as BEFORE
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Callable, Mapping
+    from pathlib import Path
 
     from matplotlib.axes import Axes
 
@@ -191,6 +192,27 @@ def coverage(axes: "Axes", result: Tabular, *, level: float = 0.95) -> "Axes":
     axes.invert_yaxis()
     axes.legend()
     return axes
+
+
+def slide(path: "Path", painted: "Callable[[Axes], object]") -> None:
+    """Draw one picture for a projector: large letters, thick lines.
+
+    Parameters
+    ----------
+    path : path
+        File to write, by its end ``.png``, ``.svg`` or ``.pdf``.
+    painted : callable
+        Draws on the axes that it is given.
+    """
+    from matplotlib import rc_context
+    from matplotlib.figure import Figure
+
+    large: Any = {"font.size": 17, "lines.linewidth": 3, "lines.markersize": 10, "axes.grid": True}
+    large |= {"axes.axisbelow": True, "grid.alpha": 0.35, "legend.frameon": False}
+    with rc_context(large):
+        figure = Figure(figsize=(12, 6.75), layout="constrained")
+        painted(figure.add_subplot())
+        figure.savefig(path, dpi=120)
 
 
 def _table(result: Tabular, names: tuple[str, ...], column: str) -> "ResultTable":

@@ -10,7 +10,7 @@ from calib.design import random_selection
 from calib.information.propagation import point_uncertainty, tool_covariance
 from testbed.assets import scenes
 from tests.testbed.cli.test_scenes import script
-from truebed.lesson import calibrated, guess, laboratories, spread
+from truebed.lesson import asked, calibrated, guess, laboratories, spread, tell
 
 ONE = range(1, 2)
 
@@ -151,3 +151,43 @@ def test_every_lesson_is_tested_and_listed():
     assert len(names) == 5
     listed = (scenes() / "README.md").read_text(encoding="utf-8")
     assert {name for name in names if f"`{name}.py`" in listed} == names
+
+
+PAINTED = {
+    "poses": {kind: np.linspace(100, 20, 10).reshape(2, 5) for kind in ("rigid", "soft")},
+    "o1": {(kind, name): np.array([-5.0, 3.0]) for kind in ("rigid", "soft") for name in "OV"},
+    "model": {sag: np.array([[48.0, 40, 30, 50], [46, 38, 28, 50]]) for sag in (0, 1, 2, 5)},
+    "held_out": {18: None, 19: np.random.default_rng(0).uniform(0.9, 1, (2, 30, 2))},
+    "tracker": {name: np.array([[14.0, 15], [6, 7]]) for name in ("near", "far")},
+}
+
+
+@pytest.mark.parametrize("name", PAINTED)
+def test_a_picture_for_the_wall_is_written_with_both_axes_named(name, tmp_path, capsys):
+    made, seen = script(f"lesson_{name}"), []
+
+    def painted(axes):
+        made.draw(axes, PAINTED[name])
+        seen.append(axes)
+
+    asked(2, ["--picture", str(tmp_path / "a.png"), "--seed", "4"]).draw(painted)
+    assert (tmp_path / "a.png").stat().st_size > 10_000
+    assert f"Picture: {tmp_path / 'a.png'}" in capsys.readouterr().out
+    assert seen[0].get_ylabel()
+    assert seen[0].get_title()
+    assert all(label.get_text() for label in seen[0].get_xticklabels())
+
+
+def test_what_is_typed_behind_a_lesson_is_its_seed_and_its_picture(capsys):
+    assert asked(6, ["--seed", "7"]).seeds == range(7, 13)
+    assert asked(6, []).seeds == range(1, 7)
+    asked(6, []).draw(pytest.fail)
+    for words, sentence in (
+        (["--seed", "-1"], "--seed is 0 or more"),
+        (["--picture", "a.txt"], "--picture ends in .png, .svg or .pdf"),
+    ):
+        with pytest.raises(SystemExit):
+            asked(6, words)
+        assert sentence in capsys.readouterr().err
+    tell("word " * 60)
+    assert max(map(len, capsys.readouterr().out.splitlines())) <= 92
