@@ -15,8 +15,6 @@ import calib
 from calib.arrays import Array
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
     from calib.identification.result import Identification
     from testbed.laboratory.truth.laboratory import Laboratory
 
@@ -34,8 +32,8 @@ class Asked:
     picture: Path | None
     """File to draw the answer into."""
 
-    def draw(self, painted: "Callable[[Axes], object]") -> None:
-        """Write the picture, if one is wanted, large enough for a projector."""
+    def draw(self, painted: Callable[[Any], object]) -> None:
+        """Write the picture, if one is wanted, large enough for a projector; `painted` gets axes."""
         if self.picture is not None:
             from truebed.plots import slide
 
