@@ -15,6 +15,8 @@ from testbed.strict import name_meant, some
 PLAN, ISO9283, SESSION, ROBOT, SEVERAL = "plan", "iso9283", "session", "robot", "several"
 MARKS = {layout.PLAN: PLAN, layout.ISO9283: ISO9283, "robot.toml": ROBOT, "session.toml": SESSION}
 """Files that tell what a folder is, beside the manifest of a run."""
+PRINTED = {PLAN: "plan_report.html", ISO9283: layout.REPORT}
+"""Reports that are printed as they were written."""
 AGAIN = (CAMPAIGN, CALIBRATION)
 """What has records, from which its report and recording are made again."""
 MOST = 1000
@@ -60,11 +62,11 @@ def unusable(path: Path, found: str) -> InputError:
     match found:
         case "plan":
             told, allowed = f"is {layout.OWNERS[layout.PLAN]}", WRITTEN
-            fix = f"open {path / 'plan_report.html'}, or type truebed view {quoted}"
+            fix = f"open {path / PRINTED[found]}, or type truebed view {quoted}"
         case "iso9283":
             told = f"is {layout.OWNERS[layout.ISO9283]}"
             allowed = "its report was written with it and is not made again"
-            fix = f"open {path / layout.REPORT}, or type truebed view {quoted}"
+            fix = f"open {path / PRINTED[found]}, or type truebed view {quoted}"
         case "session":
             told, allowed = "holds measurements to identify a robot from", ""
             fix = f"truebed identify ROBOT {quoted}"
@@ -87,6 +89,21 @@ def require(path: Path, kinds: Collection[str]) -> str:
     if found not in kinds:
         raise unusable(path, found)
     return found
+
+
+def report_in(path: Path, found: str) -> Path:
+    """The report of a plan or a test, as it was written with it.
+
+    Raises
+    ------
+    InputError
+        D42: it is not there any more.
+    """
+    page = path / PRINTED[found]
+    if not is_there(page, Path.is_file):
+        fix = "plan or test again with another --out"
+        raise refuse("", None, code="D42", message="is not there", fix=fix, where=str(page))
+    return page
 
 
 def recording_in(path: Path, trial: str | None) -> Path:

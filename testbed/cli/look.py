@@ -133,12 +133,15 @@ def report(
     """Write result.json, arrays.npz and report.html again from the records."""
     with exit_codes(debug=debug, plain=plain) as end:
         from testbed.cli import handout
-        from testbed.cli.folders import AGAIN, require
+        from testbed.cli.folders import AGAIN, PRINTED, report_in, require
         from testbed.run.play import recording_of
         from testbed.store.layout import ARRAYS, REPORT, RESULT
 
-        require(folder, AGAIN)
+        found = require(folder, (*AGAIN, *PRINTED) if pdf and not embed else AGAIN)
         printer = handout.require_browser() if pdf else ""
+        if found in PRINTED:  # as it was written: no records of it are kept
+            say(str(handout.print_pdf(report_in(folder, found), printer)))
+            return
         end.folder = folder
         derive_again(folder, (RESULT, ARRAYS, REPORT))
         page = folder / REPORT

@@ -9,7 +9,7 @@ from typer.testing import CliRunner
 
 import truebed
 from calib.errors import InputError
-from testbed.cli import app, viewer
+from testbed.cli import app, handout, viewer
 from testbed.cli.compared import COLUMNS, document, figure, rows
 from testbed.store.npz import pretty_json
 
@@ -241,3 +241,20 @@ def test_a_damaged_file_is_told(here):
     assert "runs/plan/plan.json" in done.stderr
     assert figure({"a": 1}, "a/b") is None
     assert document("iso9283", Path("runs/iso"))["test"] == "cycles"
+
+
+@pytest.mark.parametrize(("folder", "name"), [("plan", "plan_report"), ("iso", "report")])
+def test_the_report_of_a_plan_or_a_test_is_printed_as_it_was_written(
+    folder, name, here, monkeypatch
+):
+    monkeypatch.setattr(handout, "require_browser", lambda: "printer")
+    monkeypatch.setattr(handout, "print_pdf", lambda page, by: page.with_suffix(f".{by}"))
+    page = Path("runs", folder, f"{name}.html")
+    assert (
+        f"{page}: is not there; plan or test again" in call("report", page.parent, "--pdf").stderr
+    )
+    page.write_text("written")
+    done = call("report", page.parent, "--pdf")
+    assert (done.exit_code, done.stdout) == (0, f"runs/{folder}/{name}.printer\n")
+    assert page.read_text() == "written"
+    assert "not made again" in call("report", page.parent, "--pdf", "--embed").stderr
