@@ -42,7 +42,7 @@ def session(
     with exit_codes(debug=debug, plain=plain):
         from testbed.proposal.data import look_at
         from testbed.proposal.session import propose_session
-        from testbed.proposal.text import session_text
+        from testbed.proposal.text import next_command, session_text
         from testbed.proposal.write import require_new, write_new
         from testbed.robots.catalog import load_robot
         from testbed.schemas.editor import schema_beside
@@ -66,7 +66,7 @@ def session(
             say()
             say(f"Session    {out}")
             tell_schema(out, line)
-            say(f"Next       truebed identify {robot or 'ROBOT'} {out}")
+            say(f"Next       {next_command(proposed, str(out), robot)}")
 
 
 @new.command()

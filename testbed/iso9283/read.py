@@ -59,10 +59,12 @@ def read_test(
         raise refuse("cycles", code="S37", message=message, fix=fix, where=str(file))
     root = file.parent if toml is None else Path(toml).parent
     sources = Sources(root, None if toml == file else file, options.max_mb, {})
-    return _test(settings, sources, first, file, Path(toml or file).name, drop=options.drop_invalid)
+    return test_of(
+        settings, sources, first, file, Path(toml or file).name, drop=options.drop_invalid
+    )
 
 
-def _test(
+def test_of(
     settings: SessionFile,
     sources: Sources,
     first: list[SourceFile],
@@ -71,7 +73,7 @@ def _test(
     *,
     drop: bool,
 ) -> CycleTest:
-    """What the files hold."""
+    """The test that a session.toml describes, `where` in messages."""
     visits: Visits | None = None
     paths, parts, notes = list[PathRuns](), list[Rows](), list[str]()
     for key, section, rows in _tables(settings, sources, drop=drop):

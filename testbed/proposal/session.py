@@ -6,6 +6,7 @@ from pathlib import Path
 from testbed.files.refusal import no_rows, refusal
 from testbed.proposal.beside import with_origin
 from testbed.proposal.both import is_ranged, merged
+from testbed.proposal.cycles import cycles_in
 from testbed.proposal.data import Document, Found
 from testbed.proposal.drafts import Draft, drafts_of
 from testbed.proposal.names import is_wished
@@ -37,6 +38,8 @@ class Proposed:
     """What `identify` will refuse, in its words."""
     odd: tuple[str, ...] = ()
     """What it will leave out, or warn of."""
+    is_test: bool = False
+    """Whether it is for `iso9283`, not for `identify`."""
 
 
 def propose_session(looks: tuple[Found, ...], robot: Robot | None, root: Path) -> Proposed:
@@ -60,6 +63,12 @@ def propose_session(looks: tuple[Found, ...], robot: Robot | None, root: Path) -
     for one in looks:
         if not one.rows:
             raise no_rows(str(one.path))
+    cycles = cycles_in(looks, root)
+    if cycles is not None and cycles.document is not None:
+        return Proposed(
+            cycles.document, cycles.assumed, cycles.sentence, fits=False,
+            to_mend=cycles.refused, odd=cycles.odd, is_test=True,
+        )  # fmt: skip
     proposed = _of_visits(_proposed(looks, robot, root), looks)
     proposed = replace(proposed, document=with_origin(proposed.document, looks))
     read = {
@@ -71,7 +80,8 @@ def propose_session(looks: tuple[Found, ...], robot: Robot | None, root: Path) -
     }
     unused = tuple(one.called for one in looks if (one.name, one.sheet) not in read)
     said = verdict_on(proposed.document, looks, robot, root, fits=proposed.fits)
-    return replace(proposed, unused=(*unused, *said.unread), to_mend=said.refused, odd=said.odd)
+    odd = said.odd if cycles is None else (*said.odd, cycles.sentence)
+    return replace(proposed, unused=(*unused, *said.unread), to_mend=said.refused, odd=odd)
 
 
 def _of_visits(proposed: Proposed, looks: tuple[Found, ...]) -> Proposed:

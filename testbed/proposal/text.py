@@ -45,6 +45,7 @@ def session_text(
     proposed: Proposed, looks: Sequence[Found], name: str, robot: str | None, model: str | None
 ) -> str:
     """The text of a session.toml, of a name; `robot` is how the user called the robot `model`."""
+    verb = "iso9283" if proposed.is_test else "identify"
     files = ", ".join(f"{look.called} ({counted(look.rows, 'row')})" for look in looks)
     lines = [f"# Proposed by truebed new session from {files}", f"# {proposed.tried}."]
     if proposed.assumed:
@@ -53,19 +54,26 @@ def session_text(
     for title, told in (
         ("Not used", proposed.unused),
         ("Odd", proposed.odd),
-        ("To be mended before identify takes these files", proposed.to_mend),
+        (f"To be mended before {verb} takes these files", proposed.to_mend),
     ):
         if told:
             lines.append(f"# {title}:")
             lines += [f"#   {line}" for sentence in told for line in sentence.splitlines()]
-    arm = shlex.quote(robot) if robot is not None else "ROBOT"
-    lines += [f"# Then: truebed identify {arm} {name}", "format = 1"]
+    lines += [f"# Then: {next_command(proposed, name, robot)}", "format = 1"]
     lines += [f"robot = {toml_value(model)}"] if model is not None else []
     for line in toml_lines(proposed.document):
         if line.startswith("["):
             lines += _unused(line.strip("[]"), proposed.document, looks)
         lines.append(line)
     return "\n".join(lines) + "\n" + MAY
+
+
+def next_command(proposed: Proposed, name: str, robot: str | None) -> str:
+    """What to type next, of a session.toml of a name."""
+    if proposed.is_test:
+        return f"truebed iso9283 {name}"
+    arm = shlex.quote(robot) if robot is not None else "ROBOT"
+    return f"truebed identify {arm} {name}"
 
 
 def _unused(section: str, document: Document, looks: Sequence[Found]) -> list[str]:
@@ -84,7 +92,7 @@ def _unused(section: str, document: Document, looks: Sequence[Found]) -> list[st
     look = next((one for one in looks if (one.name, one.sheet) == place), None)
     if look is None or look.kind in ("points", "frames", "rapid"):
         return []
-    said, known = wished_lines(look)
+    said, known = wished_lines(look) if section != "cycles" else ([], set[str]())
     left = [name for name in look.head if name not in read | known and not is_known(name)]
     told = [f"not used: {', '.join(map(toml_value, left))}"] if left else []
     return [f"# {line}" for line in (*said, *told)]

@@ -1,0 +1,123 @@
+"""Rows that visit a few poses many times in turn: what a test after ISO 9283 measures."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from calib.errors import InputError
+from testbed.files.session import Sources
+from testbed.files.session_toml import SESSION_FILE
+from testbed.files.table import number_of
+from testbed.files.visits.tables import CampaignFile
+from testbed.gates.mistakes import validated
+from testbed.gates.text import MAX_MB
+from testbed.iso9283.read import test_of
+from testbed.proposal.data import Document, Found
+from testbed.proposal.names import Meaning
+from testbed.units import counted
+
+MOST_POSES, FEWEST_CYCLES = 10, 10
+"""Poses of a test, and how often each is visited; to calibrate from, ten poses are too few."""
+IN_TURN = 0.9
+"""Part of the rows after which the same pose comes again one cycle later."""
+CYCLE = {"cycle", "cycle no", "cycle nr", "run", "loop", "zyklus"}
+"""What a column is called that counts the cycles."""
+REACH = 20.0
+"""Positions never lie so far where they are in meters [m]."""
+TARGET, SEEN = ("command_x", "command_y", "command_z"), ("x", "y", "z")
+TURNS = ("rx", "ry", "rz")
+
+
+@dataclass(frozen=True, slots=True)
+class Cycles:
+    """A session for `truebed iso9283`, or why there is none though rows come in cycles."""
+
+    document: Document | None
+    sentence: str
+    """What rows show."""
+    assumed: tuple[str, ...] = ()
+    refused: tuple[str, ...] = ()
+    """What iso9283 will refuse, in its words."""
+    odd: tuple[str, ...] = ()
+
+
+def cycles_in(looks: Sequence[Found], root: Path) -> Cycles | None:
+    """The test that the only table of some files is likely to be; None if it shows no cycles."""
+    if len(looks) != 1 or looks[0].kind != "table" or not looks[0].has(*SEEN):
+        return None
+    look = looks[0]
+    commanded = look.has(*TARGET)
+    names = [look.stems[stem].theirs for stem in TARGET] if commanded else [_pose(look)]
+    if not names[0]:
+        return None
+    rows = list(zip(*map(look.column, names), strict=True))
+    poses = list(dict.fromkeys(rows))
+    counts = sorted(map(rows.count, poses)) if len(poses) <= MOST_POSES else [0]
+    later = [a == b for a, b in zip(rows, rows[len(poses) :], strict=False)]
+    if counts[0] < FEWEST_CYCLES or np.mean(later) < IN_TURN:
+        return None
+    often = f"{counts[0]} times" + " or more" * (counts[0] < counts[-1])
+    sentence = f"{counted(len(poses), 'pose')} in turn, each {often}"
+    if not commanded:
+        sentence += (
+            f': for truebed iso9283 write [cycles] with file = "{look.name}" and commanded = a '
+            "table of pose_id, x_mm, y_mm, z_mm"
+        )
+        return Cycles(None, sentence)
+    return _proposed(look, rows, sentence, root)
+
+
+def _proposed(look: Found, rows: list[tuple[str, ...]], sentence: str, root: Path) -> Cycles:
+    """[cycles] of a table whose rows say where the robot was sent."""
+    columns, assumed = dict[str, str](), list[str]()
+    for stems, what in ((SEEN, "positions"), (TARGET, "commands")):
+        means = [look.stems[stem] for stem in stems]
+        unit = _by_size(look, means)
+        open_ = [one for one in means if not one.known]
+        if any(not one.unit for one in open_):
+            assumed.append(f"{what}: no column says its unit; taken as {unit}")
+        columns |= {f"{one.stem}_{one.unit or unit}": one.theirs for one in open_}
+    pose = _pose(look, rows)
+    cycle = next((name for name in look.head if name.strip().lower() in CYCLE), "")
+    for own, theirs in (("pose_id", pose), ("cycle", cycle)):
+        if theirs and theirs != own:
+            columns[own] = theirs
+    section: Document = {"file": look.name} | ({"sheet": look.sheet} if look.sheet else {})
+    if look.has(*TURNS) and look.stems["rx"].known and "euler" not in look.head:
+        section["euler"] = "XYZ"
+        assumed.append("rotations: no file says how the three angles turn; taken as XYZ")
+    document: Document = {"cycles": section | ({"columns": columns} if columns else {})}
+    settings = validated(document, CampaignFile, SESSION_FILE)
+    sources = Sources(root, None, MAX_MB, {(root / look.name, look.sheet): look.text})
+    said = f"{sentence}: read as a test after ISO 9283"
+    try:
+        test = test_of(settings, sources, [], root / SESSION_FILE, SESSION_FILE, drop=False)
+    except InputError as error:
+        return Cycles(document, said, tuple(assumed), (str(error),))
+    if not test.uncertainty:
+        floor = "position_um under [uncertainty] gives the repeatability a floor"
+        assumed.append(f"uncertainty: none is stated; {floor}")
+    return Cycles(document, said, tuple(assumed), (), test.warnings)
+
+
+def _pose(look: Found, rows: list[tuple[str, ...]] | None = None) -> str:
+    """The column that names the pose of each row, one name for each command of `rows`."""
+    named = [look.stems["pose_id"].theirs] if look.has("pose_id") else []
+    if rows is None:
+        return next(iter(named), "")
+    moved = {look.stems[stem].theirs for stem in (*SEEN, *TARGET)}
+    count = len(set(rows))
+    for name in (*named, *(name for name in look.head if name not in moved)):
+        cells = look.column(name)
+        if len(set(cells)) == count == len(set(zip(cells, rows, strict=True))):
+            return name
+    return ""
+
+
+def _by_size(look: Found, means: Sequence[Meaning]) -> str:
+    """The unit that the size of some columns speaks for."""
+    cells = [cell.replace(",", ".") for one in means for cell in look.column(one.theirs)]
+    sizes = np.nan_to_num(np.abs([number_of(cell) for cell in cells]))
+    return "mm" if sizes.max(initial=0.0) > REACH else "m"

@@ -1,0 +1,96 @@
+"""Poses that are visited again and again in turn are proposed as a test after ISO 9283."""
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from testbed.cli import app
+from testbed.files.read import session_file
+from testbed.iso9283.read import read_test
+
+PLACES = {f"P{k}": 500.0 + 100 * np.array([k, (-1) ** k, k % 3]) for k in range(1, 6)}
+AXES = "xyz"
+
+
+def rows(cycles, poses=5):
+    """Name, cycle, command and reading of each visit [mm]."""
+    rng = np.random.default_rng(2)
+    for cycle in range(1, cycles + 1):
+        for name in list(PLACES)[:poses]:
+            yield name, cycle, PLACES[name], PLACES[name] + rng.normal(scale=0.03, size=3)
+
+
+def written(path, head, lines, mark=","):
+    text = "\n".join(mark.join(map(str, line)) for line in (head, *lines))
+    path.write_text(text.replace(".", ",") if mark == ";" else text)
+
+
+def proposed(folder, monkeypatch):
+    monkeypatch.chdir(folder)
+    done = CliRunner().invoke(app, ["new", "session", "a.csv"])
+    assert done.exit_code == 0, done.stderr
+    return done.stdout
+
+
+def own(folder, cycles=30, poses=5):
+    head = ["pose_id", "cycle", *(f"command_{a}_mm" for a in AXES), *(f"{a}_mm" for a in AXES)]
+    lines = [(name, k, *sent, *seen) for name, k, sent, seen in rows(cycles, poses)]
+    written(folder / "a.csv", head, lines)
+
+
+def test_columns_of_ours_need_no_more_than_the_file(tmp_path, monkeypatch):
+    own(tmp_path)
+    said = proposed(tmp_path, monkeypatch)
+    assert said.startswith("5 poses in turn, each 30 times: read as a test after ISO 9283.")
+    assert said.endswith("Next       truebed iso9283 session.toml\n")
+    text = (tmp_path / "session.toml").read_text()
+    assert '\n[cycles]\nfile = "a.csv"\n\n' in text
+    assert "\n[joints]" not in text
+
+
+def test_foreign_columns_are_mapped_and_a_running_number_is_no_name_of_a_pose(
+    tmp_path, monkeypatch
+):
+    own(tmp_path)
+    plain = read_test(tmp_path / "a.csv").visits
+    head = ["Nr", "Point", "Zyklus", *(f"Target {a} [m]" for a in "XYZ"), *"XYZ"]
+    lines = [
+        (k, name, cycle, *(sent / 1e3), *seen)
+        for k, (name, cycle, sent, seen) in enumerate(rows(30))
+    ]
+    written(tmp_path / "a.csv", head, lines, ";")
+    said = proposed(tmp_path, monkeypatch)
+    assert "positions: no column says its unit; taken as mm" in said
+    found = read_test(session_file(tmp_path)).visits
+    assert found.pose == plain.pose
+    # both are read from the same decimal digits, in m and in mm
+    np.testing.assert_allclose(found.position, plain.position, rtol=1e-15)
+    np.testing.assert_allclose(found.command, plain.command, rtol=1e-15)
+
+
+def test_without_commands_it_says_what_iso9283_needs(tmp_path, monkeypatch):
+    head = ["pose_id", *(f"q{k}_deg" for k in range(1, 7)), *(f"{a}_mm" for a in AXES)]
+    lines = [(name, *[10 * int(name[1])] * 6, *seen) for name, _, _, seen in rows(12)]
+    written(tmp_path / "a.csv", head, lines)
+    said = proposed(tmp_path, monkeypatch)
+    assert "5 poses in turn, each 12 times: for truebed iso9283 write [cycles]" in said
+    assert said.endswith("truebed identify ROBOT session.toml\n")
+
+
+@pytest.mark.parametrize("shuffled", [False, True])
+def test_a_few_visits_or_no_order_are_no_cycles(shuffled, tmp_path, monkeypatch):
+    own(tmp_path, cycles=30 if shuffled else 9)
+    if shuffled:
+        head, *lines = (tmp_path / "a.csv").read_text().splitlines()
+        mixed = np.random.default_rng(1).permutation(lines)
+        (tmp_path / "a.csv").write_text("\n".join([head, *mixed]))
+    assert "ISO" not in proposed(tmp_path, monkeypatch)
+
+
+def test_a_cycle_that_is_not_whole_is_to_be_mended(tmp_path, monkeypatch):
+    own(tmp_path)
+    lines = (tmp_path / "a.csv").read_text().splitlines()
+    (tmp_path / "a.csv").write_text("\n".join(lines[:77] + lines[78:]))
+    said = proposed(tmp_path, monkeypatch)
+    assert "to mend" in said
+    assert "[M31]" in said
