@@ -9,6 +9,7 @@ from scipy.special import chdtri, stdtrit
 from calib.arrays import Array, frozen
 from calib.measurement.cycles import cycles_of, length_moments
 from calib.measurement.iso9283 import IsoFigure
+from calib.measurement.iso_memory import CycleMemory, wider
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -23,15 +24,15 @@ class Limits:
     """(...,) effective degrees of freedom."""
 
 
-def mean_limits(figure: IsoFigure, dof: int, *, probability: float = 0.95) -> Limits:
+def mean_limits(figure: IsoFigure, dof: float, *, probability: float = 0.95) -> Limits:
     """Limits of AP, AD, vAP: the value and t times its standard uncertainty on both sides.
 
     Parameters
     ----------
     figure : IsoFigure
         Of n cycles.
-    dof : int
-        n - 1, of vAP 2 (n - 1).
+    dof : float
+        n - 1, of vAP 2 (n - 1); fewer where cycles follow their neighbors.
     probability : float
         That the limits hold the truth, where the figure is well above its floor; near the floor it
         is larger than the truth on average.
@@ -41,12 +42,18 @@ def mean_limits(figure: IsoFigure, dof: int, *, probability: float = 0.95) -> Li
     return Limits(frozen(lower), frozen(figure.value + half), _all(dof, half))
 
 
-def spread_limits(value: ArrayLike, n: int, *, probability: float = 0.95) -> Limits:
+def spread_limits(
+    value: ArrayLike, n: int, *, probability: float = 0.95, memory: CycleMemory | None = None
+) -> Limits:
     """Limits of RD and of the RP of angles: three standard deviations of n normal numbers."""
-    return _chi_square(np.asarray(value, dtype=np.float64), np.asarray(n - 1.0), probability)
+    dof = n - 1.0 if memory is None else memory.freedom(n - 1)
+    value = wider(np.asarray(value, dtype=np.float64), memory)
+    return _chi_square(value, np.asarray(dof), probability)
 
 
-def repeatability_limits(position: ArrayLike, *, probability: float = 0.95) -> Limits:
+def repeatability_limits(
+    position: ArrayLike, *, probability: float = 0.95, memory: CycleMemory | None = None
+) -> Limits:
     """Limits of the RP, and of the RT of one path point, that endlessly many cycles would show.
 
     Parameters
@@ -55,6 +62,8 @@ def repeatability_limits(position: ArrayLike, *, probability: float = 0.95) -> L
         Attained positions [m].
     probability : float
         That the limits hold it.
+    memory : CycleMemory, optional
+        Of the cycles, where they follow each other: then they count as fewer.
 
     Notes
     -----
@@ -77,7 +86,9 @@ def repeatability_limits(position: ArrayLike, *, probability: float = 0.95) -> L
     with np.errstate(invalid="ignore", divide="ignore"):
         relative = sd**2 * (1 + 9 * (kurtosis - 1) / 4 + 3 * skew) / (mean + 3 * sd) ** 2
         dof = np.where(sd > 0, (n - 1) / (2 * relative), n - 1.0)
-    return _chi_square(value * np.sqrt(n / (n - 1)), dof, probability)
+    if memory is not None:
+        dof = np.maximum(dof * memory.freedom(n - 1) / (n - 1), 1.0)
+    return _chi_square(wider(value * np.sqrt(n / (n - 1)), memory), dof, probability)
 
 
 def _chi_square(value: Array, dof: Array, probability: float) -> Limits:

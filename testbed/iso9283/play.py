@@ -24,6 +24,7 @@ from calib.measurement.iso_limits import (
     repeatability_limits,
     spread_limits,
 )
+from calib.measurement.iso_memory import CycleMemory, cycle_memory
 from calib.measurement.iso_paths import path_figures, resampled
 from calib.measurement.iso_rotations import rotation_accuracy, rotation_repeatability
 from testbed.files.refusal import refusal
@@ -87,18 +88,19 @@ def play_test(test: CycleTest) -> CycleResult:
     shared = Shared(test, T)
     figures, shown = list[StatedFigure](), list[PathShown]()
     drifts: tuple[PoseDrift, ...] = ()
-    p_value = float("nan")
+    p_value, memory = float("nan"), None
     if moved.visits is not None:
-        figures += _poses(moved.visits, shared)
-        figures += _directions(moved.visits)
-        figures += _distances(moved.visits, shared)
+        memory = cycle_memory(moved.visits.position[:, in_time(moved.visits)])
+        figures += _poses(moved.visits, shared, memory)
+        figures += _directions(moved.visits, memory)
+        figures += _distances(moved.visits, shared, memory)
         changes, drifts, p_value = _drifts(moved.visits)
         figures += changes
     for path in moved.paths:
         one, picture = _path(path, shared)
         figures += one
         shown.append(picture)
-    return CycleResult(moved, _alike(figures), drifts, p_value, tuple(shown), frame)
+    return CycleResult(moved, _alike(figures), drifts, p_value, tuple(shown), frame, memory)
 
 
 def _alike(figures: Sequence[StatedFigure]) -> tuple[StatedFigure, ...]:
@@ -110,21 +112,34 @@ def _alike(figures: Sequence[StatedFigure]) -> tuple[StatedFigure, ...]:
     return tuple(replace(figure, typical_u=typical[figure.name]) for figure in figures)
 
 
-def _poses(visits: Visits, shared: Shared) -> Iterator[StatedFigure]:
+def in_time(visits: Visits) -> Index:
+    """Cycles (n,) in the order of their times, else as they are numbered.
+
+    One order for all poses: what they share in a cycle stays together.
+    """
+    if visits.time is None:
+        return np.arange(visits.cycles)
+    return np.argsort(visits.time.mean(axis=0), kind="stable")
+
+
+def _poses(visits: Visits, shared: Shared, memory: CycleMemory) -> Iterator[StatedFigure]:
     """AP and RP of every entry, and of its orientation."""
     x, c, n, names = visits.position, visits.command, visits.cycles, visits.names
     common = shared.covariance(x.mean(axis=1))
     AP, RP = accuracy(x, c, common=common), repeatability(x, noise=visits.noise)
-    apart = _shared_part(AP, accuracy(x, c))
-    yield from _figures("AP", names, AP, mean_limits(AP, n - 1), n, shared=apart)
-    yield from _parts(names, x.mean(axis=1) - c, x.var(axis=1, ddof=1) / n, common, n)
-    yield from _figures("RP", names, RP, repeatability_limits(x), n)
+    apart, dof = _shared_part(AP, accuracy(x, c)), memory.freedom(n - 1)
+    AP, RP = memory.of_mean(AP, apart), memory.of_scatter(RP)
+    yield from _figures("AP", names, AP, mean_limits(AP, dof), n, shared=apart)
+    variance = x.var(axis=1, ddof=1) / (memory.worth * memory.shrunk)
+    yield from _parts(names, x.mean(axis=1) - c, variance, common, n, dof)
+    yield from _figures("RP", names, RP, repeatability_limits(x, memory=memory), n)
     if visits.rotation is None or visits.command_rotation is None:
         return
     turn = rotation_accuracy(visits.rotation, visits.command_rotation)
     spread = rotation_repeatability(visits.rotation, noise=visits.turn_noise)
-    yield from _figures("AP_angle", names, turn, mean_limits(turn, n - 1), n, angle=True)
-    limits = spread_limits(spread.value, n)
+    turn, spread = memory.of_mean(turn), memory.of_scatter(spread)
+    yield from _figures("AP_angle", names, turn, mean_limits(turn, dof), n, angle=True)
+    limits = spread_limits(spread.value, n, memory=memory)
     for k, axis in enumerate("xyz"):
         own = IsoFigure(spread.value[:, k], spread.uncertainty[:, k], spread.floor[:, k])
         part = Limits(limits.lower[:, k], limits.upper[:, k], limits.dof[:, k])
@@ -132,12 +147,12 @@ def _poses(visits: Visits, shared: Shared) -> Iterator[StatedFigure]:
 
 
 def _parts(
-    names: tuple[str, ...], off: Array, variance: Array, common: Array | None, n: int
+    names: tuple[str, ...], off: Array, variance: Array, common: Array | None, n: int, dof: float
 ) -> Iterator[StatedFigure]:
     """AP along each axis, with its sign."""
     shared = 0.0 if common is None else np.diagonal(common, axis1=1, axis2=2)
     u = np.sqrt(variance + shared)
-    half = stdtrit(n - 1, (1 + PROBABILITY) / 2) * u
+    half = stdtrit(dof, (1 + PROBABILITY) / 2) * u
     for k, axis in enumerate("xyz"):
         for e, name in enumerate(names):
             value, width = float(off[e, k]), float(half[e, k])
@@ -147,17 +162,18 @@ def _parts(
             )  # fmt: skip
 
 
-def _directions(visits: Visits) -> Iterator[StatedFigure]:
+def _directions(visits: Visits, memory: CycleMemory) -> Iterator[StatedFigure]:
     """Multi-directional variation of every pose that was reached from several directions."""
     n = visits.cycles
     for pose in dict.fromkeys(visits.pose):
         own = [e for e, name in enumerate(visits.pose) if name == pose]
         if len(own) > 1:
-            found = approaches(visits.position[own])
-            yield from _figures("vAP", (pose,), found, mean_limits(found, 2 * (n - 1)), n)
+            found = memory.of_mean(approaches(visits.position[own]))
+            limits = mean_limits(found, 2 * memory.freedom(n - 1))
+            yield from _figures("vAP", (pose,), found, limits, n)
 
 
-def _distances(visits: Visits, shared: Shared) -> Iterator[StatedFigure]:
+def _distances(visits: Visits, shared: Shared, memory: CycleMemory) -> Iterator[StatedFigure]:
     """AD with its sign and RD of pairs of poses reached from the same direction."""
     x, c, n = visits.position, visits.command, visits.cycles
     for one, two in _pairs(visits):
@@ -166,17 +182,18 @@ def _distances(visits: Visits, shared: Shared) -> Iterator[StatedFigure]:
             continue
         D = np.linalg.norm(x[two] - x[one], axis=1)
         common = shared.of_distance(x[one].mean(axis=0), x[two].mean(axis=0))
-        AD = distance_accuracy(x[one], x[two], wanted, common=common)
+        AD = memory.of_mean(distance_accuracy(x[one], x[two], wanted, common=common), common)
         value, u = float(D.mean() - wanted), float(AD.uncertainty)
-        half = float(stdtrit(n - 1, (1 + PROBABILITY) / 2)) * u
+        half = float(stdtrit(memory.freedom(n - 1), (1 + PROBABILITY) / 2)) * u
         where = f"{visits.names[one]} to {visits.names[two]}"
         floor = float(AD.floor)
         yield StatedFigure(
             "AD", where, value, value - half, value + half, u, floor, n, shared=common
         )
         noise = None if visits.noise is None else visits.noise[one] + visits.noise[two]
-        RD = distance_repeatability(x[one], x[two], noise=noise)
-        yield from _figures("RD", (where,), RD, spread_limits(RD.value, n), n)
+        RD = memory.of_scatter(distance_repeatability(x[one], x[two], noise=noise))
+        limits = spread_limits(RD.value, n, memory=memory)
+        yield from _figures("RD", (where,), RD, limits, n)
 
 
 def _pairs(visits: Visits) -> Iterator[tuple[int, int]]:
@@ -192,8 +209,7 @@ def _drifts(visits: Visits) -> tuple[list[StatedFigure], tuple[PoseDrift, ...], 
     n = visits.cycles
     if visits.time is None or n // BLOCK < 2:
         return [], (), float("nan")
-    # one order for all: what a cycle's poses share stays together
-    order = np.argsort(visits.time.mean(axis=0), kind="stable")
+    order = in_time(visits)
     x, time = visits.position[:, order], visits.time[:, order] / 3600
     found = drift(x, visits.command)
     parts = np.split(np.arange(n), [BLOCK * k for k in range(1, n // BLOCK)])

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from calib.arrays import Array
+from calib.measurement.iso_memory import CycleMemory
 from calib.shown import ResultTable, Shown
 from testbed.gates.text import SourceFile
 from testbed.jobsheet.sheet import JobSheet
@@ -205,6 +206,8 @@ class CycleResult(Shown):
     paths: tuple[PathShown, ...]
     frame: str
     """How the frames of readings and commands go together, in words."""
+    memory: CycleMemory | None = None
+    """Whether cycles follow their neighbors; None without poses."""
 
     def __repr__(self) -> str:
         worst = ((name, self.worst(name)) for name in ("AP", "RP"))

@@ -38,9 +38,9 @@ LIMITS = (
     "with degrees of freedom from the shape of the scatter. floor: what the figure would read on "
     "average if its true value were zero. PASS: every upper limit is within the limit, at a risk "
     "of 2.5 %; FAIL: a lower limit is beyond it, at 2.5 % for each figure; of RP, RD and RT "
-    "even without what the stated noise of the instrument adds to them. All limits take cycles as "
-    "independent and their scatter as normal: where one cycle follows the one before, or single "
-    "cycles stray, they are too narrow."
+    "even without what the stated noise of the instrument adds to them. All limits take scatter as "
+    "normal: where single cycles stray, they are too narrow, and the first section names one. Of "
+    "poses, cycles that are like those before them count as fewer."
 )
 
 

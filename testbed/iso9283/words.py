@@ -6,6 +6,7 @@ import numpy as np
 from scipy.special import stdtrit
 
 from calib.measurement.iso_drift import BLOCK
+from testbed.iso9283.cycle_words import cycle_words
 from testbed.iso9283.figure_words import equal, limit_um, place, show, um, unit
 from testbed.iso9283.records import (
     PATH_CYCLES,
@@ -184,6 +185,7 @@ def reasons(result: CycleResult) -> tuple[str, ...]:
     texts = [one.sentence for one in decisions(result)]
     texts += _too_few(result)
     texts += _drifting(result)
+    texts += cycle_words(result)
     near = [f for f in result.figures if f.name in SCATTERS and f.size < NEAR * f.floor]
     if near:
         worst = min(near, key=lambda figure: figure.size / figure.floor)
@@ -273,8 +275,7 @@ def _drifting(result: CycleResult) -> list[str]:
     name = ("AP", "RP")[k]
     return [
         f"{name} of {place(own)} changes by {change} um; in 95 % of random orders of the "
-        f"same cycles it changes by less than {usual} um. "
-        "The 95 % limits assume independent cycles and are too narrow under drift"
+        f"same cycles it changes by less than {usual} um. The limits are of the hours measured"
     ]
 
 

@@ -162,6 +162,24 @@ def test_a_drift_is_read_and_said_and_its_absence_is_too(tmp_path):
     assert "rift" not in verdict(untimed)
 
 
+def test_cycles_that_follow_each_other_or_stray_are_said_and_widen_the_limits(tmp_path):
+    e = np.random.default_rng(12).standard_normal((30, 3))
+    for k in range(1, 30):
+        e[k] = 0.9 * e[k - 1] + np.sqrt(1 - 0.9**2) * e[k]
+    rows = [
+        {key: value for key, value in row.items() if key != "time_s"}
+        | {f"{a}_mm": row[f"{a}_mm"] + 0.02 * e[row["cycle"] - 1, i] for i, a in enumerate("xyz")}
+        for row in pose_rows(n=30, sd=2.0)
+    ]
+    slow, calm = played(tmp_path, rows), played(tmp_path, pose_rows(n=30, sd=20.0))
+    assert "Cycles are like those before them (p = 0.001" in " ".join(reasons(slow))
+    assert "Cycles are like those" not in " ".join(reasons(calm))
+    wide, usual = (one.of("AP")[0].upper - one.of("AP")[0].lower for one in (slow, calm))
+    assert wide > 2 * usual
+    rows[40]["x_mm"] += 0.3
+    assert "Cycle 9 of pose P1 strays" in " ".join(reasons(played(tmp_path, rows)))
+
+
 def test_paths_beside_their_command_give_at_and_rt_by_hand(tmp_path):
     shifts = np.array([[0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1], [0, 0, 0.0]]) * 0.05
     result = played(tmp_path, path_rows(n=5, shifts=shifts))

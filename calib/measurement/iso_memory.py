@@ -1,0 +1,127 @@
+"""Whether cycles follow their neighbors, and what limits then are: those of fewer cycles."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from calib.arrays import Array, frozen
+from calib.errors import refuse
+from calib.measurement.cycles import cycles_of
+from calib.measurement.iso9283 import IsoFigure
+from calib.measurement.iso_drift import DRAWS, MOST
+
+SURE = 0.01
+"""Chance of cycles as alike as these in any order, below which they count as following each other:
+one good test in a hundred."""
+FEWEST = 10
+"""Cycles below which nobody can tell."""
+LARGEST = 0.98
+"""Of what a cycle keeps: more of them would be one cycle."""
+
+
+@dataclass(frozen=True, slots=True)
+class CycleMemory:
+    """How much of a deviation from the mean the next cycle keeps, and what that does to limits.
+
+    References
+    ----------
+    AR(1): var(mean) = (sigma^2 / n) V and E s^2 = sigma^2 (n - V) / (n - 1), V = 1 + 2 sum_k
+    (1 - k/n) kept^k. The degrees of freedom of s^2 follow from the same sum of kept^2. Bartlett
+    1946; the bias of the lag-one correlation, -(1 + 4 kept) / n: Kendall 1954.
+    """
+
+    kept: float
+    """Share of a deviation, zero where chance explains what there is."""
+    p_value: float
+    """Chance of cycles so alike to their neighbors, in any order; nan of too few cycles."""
+    cycles: int
+
+    @property
+    def worth(self) -> float:
+        """How many independent cycles tell the mean as well."""
+        return self.cycles / self._sum(self.kept)
+
+    @property
+    def shrunk(self) -> float:
+        """Part of the variance that the scatter of these cycles shows."""
+        return (self.cycles - self._sum(self.kept)) / (self.cycles - 1)
+
+    def freedom(self, dof: int) -> float:
+        """Degrees of freedom of a scatter that has `dof` where cycles are independent."""
+        own = self.cycles / self._sum(self.kept**2) - 1
+        return max(dof * own / (self.cycles - 1), 1.0)
+
+    def of_mean(self, figure: IsoFigure, shared: ArrayLike = 0.0) -> IsoFigure:
+        """A figure of barycenters with the uncertainty that these cycles leave.
+
+        `shared` is the part of it that is the instrument's, which no order changes.
+        """
+        if not self.kept:
+            return figure
+        common = np.square(shared)
+        own = np.maximum(figure.uncertainty**2 - common, 0.0)
+        wide = own * self.cycles / (self.worth * self.shrunk)
+        return replace(figure, uncertainty=frozen(np.sqrt(wide + common)))
+
+    def of_scatter(self, figure: IsoFigure) -> IsoFigure:
+        """A figure of scatter with the uncertainty that these cycles leave."""
+        if not self.kept:
+            return figure
+        fewer = (self.cycles - 1) / (self.freedom(self.cycles - 1) * self.shrunk)
+        return replace(figure, uncertainty=frozen(figure.uncertainty * np.sqrt(fewer)))
+
+    @property
+    def sentence(self) -> str:
+        """The result in words; empty where the order tells nothing."""
+        if not self.kept:
+            return ""
+        return (
+            f"cycles are like those before them (p = {self.p_value:.3f}, correlation "
+            f"{self.kept:.2f}): the limits are wider, as about {self.worth:.2g} independent cycles "
+            f"in place of {self.cycles} tell the means; pauses between cycles, or more of them, "
+            "narrow the limits"
+        )
+
+    def _sum(self, kept: float) -> float:
+        """V, at least one."""
+        lag = np.arange(1, self.cycles)
+        return 1.0 + 2.0 * float(((1 - lag / self.cycles) * kept**lag).sum())
+
+
+def cycle_memory(position: ArrayLike) -> CycleMemory:
+    """Ask whether cycles in the order of time are more like their neighbors than chance makes them.
+
+    Parameters
+    ----------
+    position : (e, n, 3) array_like
+        Attained positions of e poses [m].
+
+    Notes
+    -----
+    Without memory any order of whole cycles is as likely as the measured one, as in
+    `iso_drift.drift`. Every pose and axis counts alike.
+    """
+    x = cycles_of(position)
+    if x.ndim != 3:
+        raise refuse("position", x.shape, "(e, n, 3) positions", code="A3")
+    n = x.shape[1]
+    away = x - x.mean(axis=1, keepdims=True)
+    size = np.sqrt((away**2).mean(axis=1, keepdims=True))
+    away = np.where(size > 0, away / np.where(size > 0, size, 1.0), 0.0)
+    square = float((away**2).sum())
+    if n < FEWEST or not square:
+        return CycleMemory(0.0, float("nan"), n)
+    products = np.einsum("eki,eli->kl", away, away) / square
+    rng = np.random.default_rng(9283)
+    draws = max(min(DRAWS, MOST // n), 99)
+    orders = np.stack([np.arange(n), *(rng.permutation(n) for _ in range(draws))])
+    alike = products[orders[:, 1:], orders[:, :-1]].sum(axis=1)
+    p = float((alike >= alike[0] - 1e-12).mean())
+    kept = float((alike[0] + 1 / n) / (1 - 4 / n))
+    return CycleMemory(min(max(kept, 0.0), LARGEST) if p < SURE else 0.0, p, n)
+
+
+def wider(value: Array, memory: CycleMemory | None) -> Array:
+    """A scatter as endlessly many cycles would show it, of those that there are."""
+    return value if memory is None else np.asarray(value / np.sqrt(memory.shrunk))

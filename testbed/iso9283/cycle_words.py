@@ -1,0 +1,22 @@
+"""What the limits take for granted of the cycles, and where these speak against it."""
+
+from calib.measurement.iso_straying import straying_cycle
+from testbed.iso9283.records import CycleResult
+
+
+def cycle_words(result: CycleResult) -> list[str]:
+    """That cycles follow their neighbors, and that one strays; each where it is so."""
+    texts, visits = list[str](), result.test.visits
+    if result.memory is not None and result.memory.sentence:
+        texts.append(result.memory.sentence)
+    if visits is None:
+        return texts
+    far = straying_cycle(visits.position)
+    if far.strays:
+        texts.append(
+            f"cycle {far.cycle + 1} of pose {visits.names[far.pose]} strays further than normal "
+            f"scatter does (p = {far.p_value:.2g}): the limits of RP and RD take scatter as normal "
+            "and are too narrow where single cycles stray; look for what happened there, or "
+            "measure more cycles"
+        )
+    return texts

@@ -1,0 +1,123 @@
+"""Limits of cycles that follow their neighbors, and cycles that stray, by truths drawn here."""
+
+import numpy as np
+import pytest
+
+from calib.measurement.iso9283 import accuracy, repeatability
+from calib.measurement.iso_limits import mean_limits, repeatability_limits, spread_limits
+from calib.measurement.iso_memory import CycleMemory, cycle_memory
+from calib.measurement.iso_straying import straying_cycle
+
+SD = np.array([8.0, 5.0, 3.0]) * 1e-6
+CYCLES, POSES = 30, 5
+
+
+def remembering(rng, kept, poses=POSES, together=False):
+    """Scatter (poses, n, 3) of AR(1) cycles, each pose with its own or all with the same [m]."""
+    e = rng.standard_normal((1 if together else poses, CYCLES, 3))
+    for k in range(1, CYCLES):
+        e[:, k] = kept * e[:, k - 1] + np.sqrt(1 - kept**2) * e[:, k]
+    return SD * np.broadcast_to(e, (poses, CYCLES, 3))
+
+
+def held(kept, campaigns, together=False, seed=4):
+    """How often limits hold AP and RP, as they are and of independent cycles; robots as one."""
+    rng, found = np.random.default_rng(seed), []
+    away = np.linalg.norm(rng.standard_normal((400_000, 3)) * SD, axis=1)
+    RP = away.mean() + 3 * away.std()
+    for _ in range(campaigns):
+        bias = 60e-6 * rng.standard_normal((POSES, 3))
+        x = bias[:, None] + remembering(rng, kept, together=together)
+        memory, plain = cycle_memory(x), accuracy(x, np.zeros((POSES, 3)))
+        true = np.linalg.norm(bias, axis=1)
+        of_mean = mean_limits(memory.of_mean(plain), memory.freedom(CYCLES - 1))
+        naive = mean_limits(plain, CYCLES - 1)
+        scatter = repeatability_limits(x, memory=memory)
+        found.append(
+            [
+                ((one.lower <= value) & (value <= one.upper)).mean()
+                for one, value in ((of_mean, true), (scatter, RP), (naive, true))
+            ]
+        )
+    return np.mean(found, axis=0)
+
+
+@pytest.mark.parametrize("together", [False, True])
+def test_limits_of_cycles_that_follow_their_neighbors_hold_the_truth(together):
+    """AP of a robot whose cycles keep eight tenths of their deviation: plain limits hold half."""
+    of_mean, of_scatter, naive = held(0.8, 60, together)
+    # 300 poses, or 60 where all share their cycles: 0.95 +- 0.013, +- 0.028, three of them
+    room = 3 * (0.028 if together else 0.013)
+    assert of_mean > 0.95 - room
+    assert of_scatter > 0.95 - room
+    assert naive < 0.65
+
+
+def test_independent_cycles_keep_their_limits():
+    rng = np.random.default_rng(1)
+    asked = [cycle_memory(SD * rng.standard_normal((POSES, CYCLES, 3))) for _ in range(200)]
+    # one in a hundred each: more than 8 of 200 come up once in 3000
+    assert sum(one.kept > 0 for one in asked) <= 8
+    x = SD * rng.standard_normal((POSES, CYCLES, 3))
+    free = CycleMemory(0.0, 0.5, CYCLES)
+    figure, spread = accuracy(x, np.zeros(3)), repeatability(x)
+    assert free.of_mean(figure) is figure
+    assert free.of_scatter(spread) is spread
+    assert free.freedom(CYCLES - 1) == CYCLES - 1
+    for memory in (free, None):
+        again = repeatability_limits(x, memory=memory)
+        np.testing.assert_array_equal(again.upper, repeatability_limits(x).upper)
+        of_one = spread_limits(1.0, CYCLES, memory=memory)
+        assert of_one.upper == spread_limits(1.0, CYCLES).upper
+
+
+def test_what_cycles_keep_is_found_without_bias():
+    rng = np.random.default_rng(2)
+    kept = [cycle_memory(remembering(rng, 0.6)).kept for _ in range(60)]
+    # lag-one correlations of 30 cycles, 15 series: sd 0.04 each
+    assert np.mean(kept) == pytest.approx(0.6, abs=0.03)
+
+
+def test_the_mean_of_cycles_that_follow_each_other_scatters_as_is_said():
+    rng, memory = np.random.default_rng(3), CycleMemory(0.8, 0.001, CYCLES)
+    x = remembering(rng, 0.8, poses=4000)
+    # 12000 variances of one number each: 1.3 %, of s^2 less
+    spread = (x.mean(axis=1) / SD).var()
+    assert spread == pytest.approx(1 / memory.worth, rel=0.05)
+    assert (x.var(axis=1, ddof=1) / SD**2).mean() == pytest.approx(memory.shrunk, rel=0.03)
+
+
+def test_cycles_that_alternate_between_two_places_are_not_fewer():
+    side = np.where(np.arange(CYCLES) % 2, 1.0, -1.0)[None, :, None]
+    x = 2e-6 * np.random.default_rng(5).standard_normal((POSES, CYCLES, 3)) + 12e-6 * side
+    assert cycle_memory(x).kept == 0
+
+
+def test_what_the_instrument_shares_is_not_widened():
+    memory, rng = CycleMemory(0.8, 0.001, CYCLES), np.random.default_rng(6)
+    x, common = SD * rng.standard_normal((1, CYCLES, 3)), 1e-8 * np.eye(3)
+    alone, whole = accuracy(x, np.ones(3)), accuracy(x, np.ones(3), common=common)
+    wide = memory.of_mean(whole, np.sqrt(whole.uncertainty**2 - alone.uncertainty**2))
+    own = memory.of_mean(alone).uncertainty
+    np.testing.assert_allclose(wide.uncertainty**2, own**2 + 1e-8, rtol=1e-9)
+
+
+def test_few_cycles_or_none_that_scatter_tell_nothing():
+    few = np.random.default_rng(7).standard_normal((2, 5, 3))
+    assert np.isnan(cycle_memory(few).p_value)
+    assert np.isnan(straying_cycle(few).p_value)
+    still = np.zeros((2, CYCLES, 3))
+    assert cycle_memory(still).kept == 0
+    assert not straying_cycle(still).strays
+
+
+def test_a_cycle_that_strays_is_found_and_normal_ones_are_not():
+    rng = np.random.default_rng(8)
+    x = SD * rng.standard_normal((POSES, CYCLES, 3))
+    alarms = [straying_cycle(SD * rng.standard_normal(x.shape)).strays for _ in range(500)]
+    # one in a thousand: five of 500 come up once in 5000
+    assert sum(alarms) < 5
+    x[3, 11] += [60e-6, 0, 0]
+    far = straying_cycle(x)
+    assert (far.pose, far.cycle) == (3, 11)
+    assert far.strays
