@@ -204,7 +204,7 @@ class ManyModels(Shown):
         """
         turn, slide = self._moves(joints + bends[:, Z])
         one, none = np.ones((1, 1)), np.zeros((1, 1))
-        cosine, sine, found = np.cos(bends), np.sin(bends), list[Link]()
+        cosine, sine, found = np.cos(bends[:, :Z]), np.sin(bends[:, :Z]), list[Link]()
         for i, (c, s) in enumerate(zip(np.cos(turn), np.sin(turn), strict=True)):
             gives = cosine[i, X], sine[i, X], cosine[i, Y], sine[i, Y]
             found.append((c, s, none if slide is None else slide[i], none, *gives))

@@ -1,9 +1,9 @@
 """Many true robots of one kind as arrays: where they stop, without a body tree of each.
 
-Chains with sums of waves in their joints and play: rigid robots, and those of wen2022, soft and
-unmodelled. Arms on springs, in motion or warming up are played one by one, by MuJoCo: a robot of a
-study, some 170 poses, takes 14 ms on springs and 2.7 s in motion; by arrays 2 to 4, drawing it
-included.
+Chains with sums of waves in their joints and play, stiff or at rest on their springs: rigid robots,
+and those of wen2022, soft, unmodelled and elastic. Arms in motion, warming up or under payloads
+that change are played one by one, by MuJoCo: a robot of a study, some 170 poses, takes 14 ms on
+springs and 2.7 s in motion; by arrays 2 to 4, drawing it included.
 """
 
 from collections.abc import Sequence
@@ -12,7 +12,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from calib.arrays import Array
-from calib.geometry.many import ManyModels
+from calib.geometry.many import ManyModels, poses_of
+from testbed.laboratory.truth.many_springs import ManyTrueSprings
 from testbed.laboratory.truth.robot import TrueRobot
 from testbed.laboratory.truth.terms import Backlash
 
@@ -29,6 +30,8 @@ class ManyTrueRobots:
     joint_repeatability: Array
     """(R, n) standard deviation of each joint at each approach [rad or m]."""
     backlash: Backlash | None
+    springs: ManyTrueSprings | None
+    """On which they rest; None of stiff ones."""
 
     @classmethod
     def of(cls, robots: Sequence[TrueRobot]) -> "ManyTrueRobots | None":
@@ -36,8 +39,10 @@ class ManyTrueRobots:
         first = robots[0]
         for one in robots:
             errors, beyond = one.model.joint_errors, one.unmodelled
-            bare = beyond.springs is None and beyond.thermal is None and errors.springs is None
+            bare = beyond.motion is None and beyond.thermal is None and errors.springs is None
             alike = errors.terms == first.model.joint_errors.terms
+            alike &= (beyond.springs is None) == (first.unmodelled.springs is None)
+            bare &= beyond.springs is None or not len(beyond.springs.payloads)
             if not (bare and alike and _same_play(beyond.backlash, first.unmodelled.backlash)):
                 return None
         chains = [one.model.chain for one in robots]
@@ -49,7 +54,9 @@ class ManyTrueRobots:
             np.array([one.model.joint_errors.coefficients for one in robots]),
         )
         scatter = np.array([one.joint_repeatability for one in robots])
-        return cls(models, scatter, first.unmodelled.backlash)
+        own = [one.unmodelled.springs for one in robots if one.unmodelled.springs is not None]
+        springs = ManyTrueSprings.of(own) if own else None
+        return cls(models, scatter, first.unmodelled.backlash, springs)
 
     def __len__(self) -> int:
         return len(self.models)
@@ -69,12 +76,16 @@ class ManyTrueRobots:
         if normal is not None:
             scatter = normal * self.joint_repeatability[:, None]
             reached = reached + np.moveaxis(scatter, 2, 0)
-        return self.models.poses_at(reached)
+        if self.springs is None:
+            return self.models.poses_at(reached)
+        return poses_of(*self.models.frames(self.springs.links(self.models, reached)))
 
     def require_same(self, robot: TrueRobot, q: Array, k: int = 0) -> None:
         """Let the body tree of robot k stand at q (m, n) too, and hold the arrays to it."""
         previous = np.vstack([np.zeros((1, q.shape[1])), q[:-1]])
-        one = replace(self, models=self.models.some(slice(k, k + 1)))
+        own = slice(k, k + 1)
+        springs = self.springs and self.springs.some(own)
+        one = replace(self, models=self.models.some(own), springs=springs)
         off = np.abs(one.poses(q[None])[0] - robot.poses(q, previous=previous)).max()
         if off > SAME:
             raise RuntimeError(f"arrays and the body tree of a robot differ by {off:.1e}")

@@ -1,7 +1,7 @@
 """Robots drawn and measured: identification, validation and judging poses, each from its streams.
 
-Robots of a kind that arrays know are measured over the robot axis, the others one by one: those on
-springs, in motion, drifting, or used otherwise than they were measured.
+Robots of a kind that arrays know are measured over the robot axis, the others one by one: those
+under changing payloads, in motion, drifting, or used otherwise than they were measured.
 """
 
 from collections.abc import Iterable, Sequence

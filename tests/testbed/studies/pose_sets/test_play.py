@@ -96,9 +96,11 @@ def test_robots_played_in_pieces_are_those_played_at_once(crowd):
     assert_same(gather(parts), population_of(crowd))
 
 
-def test_robots_played_together_are_those_played_alone(crowd):
+@pytest.mark.parametrize("truth", ["wen2022", "elastic"])
+def test_robots_played_together_are_those_played_alone(crowd, truth):
     """Fits end within 1e-10 standard deviations, and points of a few meters are rounded."""
-    laboratory = open_laboratory(crowd.scenario, crowd.setting)
+    scenario = changed(crowd.scenario, {"truth": {"preset": truth}})
+    laboratory = open_laboratory(scenario, crowd.setting)
     given = crowd.trials, laboratory.design_blocks("whitened"), v_of(goals_of(laboratory))
     assert crowd.scenario.identification.estimators == ("whitened", "paper")
     many = play_together(laboratory, *given, range(3))
@@ -109,7 +111,7 @@ def test_robots_played_together_are_those_played_alone(crowd):
 
 
 def test_what_arrays_do_not_know_is_played_one_by_one(crowd):
-    for keys in ({"truth": {"preset": "elastic"}}, {"identification.model": "choose"}):
+    for keys in ({"truth": {"preset": "payloads"}}, {"identification.model": "choose"}):
         scenario = changed(crowd.scenario, keys)
         laboratory = open_laboratory(scenario, crowd.setting)
         given = crowd.trials, laboratory.design_blocks("whitened"), v_of(goals_of(laboratory))
