@@ -33,7 +33,7 @@ class Asked:
     """File to draw the answer into."""
 
     def draw(self, painted: Callable[[Any], object]) -> None:
-        """Write the picture, if one is wanted, large enough for a projector; `painted` gets axes."""
+        """Write the picture, if one is wanted, for a projector; `painted` is handed its axes."""
         if self.picture is not None:
             from truebed.plots import slide
 
