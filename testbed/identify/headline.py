@@ -11,6 +11,13 @@ HEAD = (
 )  # fmt: skip
 
 
+def headline_cells(calibration: Calibration) -> tuple[tuple[str, ...], tuple[tuple[str, ...], ...]]:
+    """Head and rows without the columns that say nothing of these readings."""
+    rows = headline_rows(calibration)
+    told = [k for k in range(len(HEAD)) if any(row[k] != "–" for row in rows)]
+    return tuple(HEAD[k] for k in told), tuple(tuple(row[k] for k in told) for row in rows)
+
+
 def headline_rows(calibration: Calibration) -> tuple[tuple[str, ...], ...]:
     """Before, and each model: figures at the held-out rows, else at the training rows."""
     before = _figures(calibration.before_test, calibration.before_train)

@@ -116,7 +116,8 @@ def summary(calibration: Calibration) -> str:
         "",
     ]
     lines += [
-        f"- {row[0]}: mean {row[1]}, p95 {row[4]}, largest {row[5]} mm; mean {row[6]} deg"
+        f"- {row[0]}: mean {row[1]}, p95 {row[4]}, largest {row[5]} mm"
+        + (f"; mean {row[6]} deg" if row[6] != "–" else "")
         for row in headline_rows(calibration)
     ]
     return "\n".join(lines)

@@ -95,8 +95,8 @@ def _compared(calibration: Calibration, other: str) -> list[StatedRadius]:
     if proof.conformal is not None:
         low, high = proof.conformal.content_range()
         what = (
-            f"{100 * proof.conformal.probability:g} % of measured points, without any model (this "
-            f"set: {100 * low:.0f} to {100 * high:.0f} %); contains the measuring noise"
+            f"{100 * proof.conformal.probability:g} % of measured points, noise included, without "
+            f"any model (this set: {100 * low:.0f} to {100 * high:.0f} %)"
         )
         why = other if proof.belief is not None else "what is left"
         found.append(

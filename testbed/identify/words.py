@@ -12,7 +12,7 @@ from testbed.identify.decisions import decision_words
 from testbed.identify.frames import FRAMES_ALONE
 from testbed.identify.handback.delivered import GEOMETRIC, Delivered
 from testbed.identify.handback.states import hand_back_warnings, tool_words
-from testbed.identify.headline import HEAD, condition, deg, headline_rows, mm
+from testbed.identify.headline import condition, deg, headline_cells, mm
 from testbed.identify.records import FittedModel
 from testbed.identify.visits.report import judges_called, visit_words
 from testbed.jobsheet.report import Row, job_rows
@@ -252,11 +252,9 @@ def terminal_text(calibration: Calibration, delivered: Delivered) -> str:
     """What the command prints: notice, errors, verdict, reasons."""
     from testbed.report.text import table, verdict_lines
 
-    head = tuple(name.replace("χ²", "chi2") for name in HEAD)
-    rows = [
-        [cell.replace("−", "-").replace("–", "-") for cell in row]
-        for row in headline_rows(calibration)
-    ]
+    names, cells = headline_cells(calibration)
+    head = tuple(name.replace("χ²", "chi2") for name in names)
+    rows = [[cell.replace("−", "-").replace("–", "-") for cell in row] for row in cells]
     held = calibration.split.is_test.any()
     title = f"{calibration.source.name}: errors at {'held-out rows' if held else 'the rows used'}"
     parts = [notice(calibration), table(title, head, rows), ""]

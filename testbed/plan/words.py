@@ -34,6 +34,8 @@ from testbed.units import (
 
 CLOSE = 0.01
 """Stations whose uncertainty differs by less than this part are called equally good."""
+WARNING = "Warning: "
+"""Begins a sentence on what was not asked of a plan."""
 PROMISED = (3, 4, 5, 6)
 """Rows of the headline that say what will come out."""
 
@@ -116,7 +118,9 @@ def mark(plan: Plan) -> str:
         tested = f"{tested}, is in {tracker} line of sight"
     *first, last = tested.split(", ")
     listed = f"{', '.join(first)} and {last}" if first else last
-    return f"{'!' if untested(plan) else '✓'} Every pose {listed}, and every move is free"
+    whole = f"Every pose {listed}, and every move is free"
+    open_ = [text.removeprefix(WARNING).partition(",")[0] for text in untested(plan)]
+    return f"! {whole}; but {' and '.join(open_)}" if open_ else f"✓ {whole}"
 
 
 def tests_cone(plan: Plan) -> bool:
@@ -137,13 +141,13 @@ def untested(plan: Plan) -> tuple[str, ...]:
     said = []
     if plan.scenario.tracker.measures == "pose" and not tests_cone(plan):
         said.append(
-            "Warning: whether the probe faces the tracker was not tested, since [tracker] "
+            f"{WARNING}whether the probe faces the tracker was not tested, since [tracker] "
             "acceptance_deg is 180; write what the probe can take, such as 60, or some of these "
             "poses cannot be measured"
         )
     if not plan.scenario.pool.line_of_sight:
         said.append(
-            "Warning: whether the beam is blocked was not tested, since [pool] line_of_sight is "
+            f"{WARNING}whether the beam is blocked was not tested, since [pool] line_of_sight is "
             "false; some of these poses may be hidden"
         )
     return tuple(said)

@@ -18,6 +18,8 @@ preset = "rigid"
 
 [tracker]  # the instrument: noise and systematic errors of its data sheet
 preset = "at960"
+systematic = true  # what more poses do not lower: range, encoders, target, level
+# acceptance_deg = 60.0  # how far a 6-D probe may look away from the tracker; asked before a plan
 station_mm = {station}  # where its beam starts, base frame: {origin}
 
 [pool]  # candidate poses in a box where the robot works

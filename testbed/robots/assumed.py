@@ -51,6 +51,21 @@ def bodies(joints: Sequence[Joint], chain: Chain) -> tuple[Array, Array, Array]:
     return np.array(masses), np.array(centers), np.array(moments)
 
 
+def assumed_sources(joints: Sequence[Joint]) -> dict[str, str]:
+    """Where numbers come from that no joint states."""
+    if any(joint.scatter is not None for joint in joints):
+        return {}
+    return {"repeatability": scatter_source()}
+
+
+def scatter_source() -> str:
+    """Where a repeatability comes from that no file states."""
+    return (
+        f"assumed: {TURN_SCATTER * 1e6:g} urad for joints that turn, {SLIDE_SCATTER * 1e6:g} um "
+        "for those that slide"
+    )
+
+
 def assumed(joints: Sequence[Joint]) -> tuple[str, ...]:
     """Notes on what the joints leave open."""
     bare = [f"joint {k + 1}" for k, joint in enumerate(joints) if joint.mass_kg is None]

@@ -23,6 +23,7 @@ from testbed.robots.assumed import (
     TURN_SCATTER,
     TURN_SPEED,
     assumed,
+    assumed_sources,
     bodies,
 )
 from testbed.robots.file import (
@@ -110,7 +111,7 @@ def load_robot(
         base_offset=data.floor_mm / 1e3,
         exclusions=tuple((body_name(a), body_name(b)) for a, b in data.never_collide),
         free_sets=MappingProxyType(dict(data.free_sets)),
-        sources=MappingProxyType(dict(data.sources)),
+        sources=MappingProxyType(assumed_sources(data.joints) | dict(data.sources)),
         workspace=_workspace(data.workspace),
         reflectors=tuple(_reflector(entry) for entry in data.reflectors),
         notes=(*data.notes, *assumed(data.joints)),

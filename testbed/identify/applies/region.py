@@ -57,7 +57,7 @@ def joint_table(calibration: Calibration) -> Table:
         rows.append((*cells, *_range(limits)))
     return Table(
         caption="The calibrated region of the joints",
-        head=("joint", "unit", "identified from", "to", "proven from", "to", "limit", "limit"),
+        head=("joint", "unit", "identified from", "to", "proven from", "to", "limit", "to"),
         rows=tuple(rows),
         align="llrrrrrr",
         note="proven: over the held-out poses. Nothing was tested where no joint was: what a model "

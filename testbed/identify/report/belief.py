@@ -5,6 +5,9 @@ from testbed.identify.statements import statements_of
 from testbed.report.page import Block, Section, Table
 from testbed.units import UM, probability, significant
 
+FIXED = "\u00a0"
+"""A space at which no line ends: the sentences between short cells have the room."""
+
 
 def belief_section(calibration: Calibration) -> Section | None:
     """Every statement on a new pose, what it promises, and whether it is believed."""
@@ -16,9 +19,15 @@ def belief_section(calibration: Calibration) -> Section | None:
                 caption="Statements on the tool point at a new pose like the "
                 f"{len(calibration.stated_q)} "
                 f"{'identified from' if calibration.elsewhere else 'judged here'}",
-                head=("statement", "R95 µm", "what it holds", "status"),
+                head=("statement", f"R95{FIXED}µm", "what it holds", "status"),
                 rows=tuple(
-                    (one.name, significant(one.radius * UM), one.promise, one.use) for one in found
+                    (
+                        one.name,
+                        significant(one.radius * UM),
+                        one.promise,
+                        one.use.replace(" ", FIXED),
+                    )
+                    for one in found
                 ),
                 align="lrll",
                 strong=tuple(k for k, one in enumerate(found) if one.key.startswith("region")),

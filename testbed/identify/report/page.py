@@ -8,7 +8,7 @@ from testbed.identify.conditions import conditions_words
 from testbed.identify.decisions import decided_at, decision_section, decision_words
 from testbed.identify.handback.delivered import Delivered
 from testbed.identify.handback.report import hand_back_section
-from testbed.identify.headline import HEAD, headline_rows
+from testbed.identify.headline import headline_cells
 from testbed.identify.report.belief import belief_section
 from testbed.identify.report.errors import (
     accuracy_section,
@@ -70,9 +70,8 @@ def page_of(calibration: Calibration, delivered: Delivered, versions: Mapping[st
     )
     return Page(
         banner=notice(calibration),
-        title=f"{source.robot_title}: {source.name}",
-        subtitle=f"Session {source.name}, robot {source.robot}, seed {calibration.split.seed}; "
-        f"{calibration.split.sentence}.",
+        title=f"Calibration of {source.robot}: {source.name}",
+        subtitle=f"{calibration.split.sentence}.",
         believable=calibration.believable,
         mark=mark(calibration),
         verdict=typeset(" ".join((verdict(calibration), *decided[:1]))),
@@ -89,10 +88,11 @@ def headline(calibration: Calibration) -> Table:
     chosen = 1 + [fit.model for fit in calibration.fits].index(calibration.choice.chosen)
     held = calibration.split.is_test.any()
     where = "held-out rows, never used for identification" if held else "the rows identified from"
+    head, rows = headline_cells(calibration)
     return Table(
         caption=f"Errors at {where}: seen minus predicted",
-        head=HEAD,
-        rows=headline_rows(calibration),
+        head=head,
+        rows=rows,
         strong=(chosen,),
         size="small",
         note="Measuring noise is in the errors; a pose of several rows counts once. First row: the "

@@ -1,16 +1,19 @@
 """A calibration report's section on numbers: old and new with their U, and fixtures."""
 
+from collections.abc import Iterable
+
 import numpy as np
 
 from calib.geometry.fixtures import POINT_AXES
 from calib.geometry.frames import log_so3
+from calib.geometry.joint_errors import JointTerm
 from testbed.identify.calibration import Calibration
 from testbed.identify.handback.states import HandedNumber, handed_numbers
 from testbed.report.page import Block, Section, Table, Text
 from testbed.units import DEG, MM, counted, decimals, fixed, with_uncertainty
 
 HIGHEST_LISTED = 4
-"""Waves a turn up to which the numbers of a joint are listed."""
+"""Waves a turn up to which the numbers of a joint are listed, where none has more."""
 NO_DELTA = 1e-9
 """A change that is rounding [mm, deg]."""
 UNSEEN = 5e-5
@@ -37,11 +40,7 @@ def parameter_section(calibration: Calibration) -> Section:
             "noise: it says how well the numbers of this model are known from poses like these, "
             "not that the model is right"
         )
-    waves = {
-        t.name
-        for t in result.model.joint_errors.terms
-        if t.name.startswith("harmonic") and t.order > HIGHEST_LISTED
-    }
+    drawn = drawn_waves(result.model.joint_errors.terms)
     blocks: list[Block] = [
         Text(
             f"U = 2 u covers one number with 95.4 %, {how}; misfit hidden by the noise is in the "
@@ -55,7 +54,7 @@ def parameter_section(calibration: Calibration) -> Section:
             rows=tuple(
                 _cells(one)
                 for one in handed_numbers(calibration)
-                if one.row.name not in waves and not still(one)
+                if one.row.name not in drawn and not still(one)
             ),
             align="llrrrrl",
             size="small",
@@ -63,9 +62,9 @@ def parameter_section(calibration: Calibration) -> Section:
             "base and tool as fitted to them. base, tool: position and rotation vector in the "
             "measuring frame and in the flange. held by: see What is handed back."
             + (
-                f" {counted(len(waves), 'wave')} of joint maps are drawn under Joint errors "
+                f" {counted(len(drawn), 'number')} of joint maps are drawn under Joint errors "
                 "instead and stand in dh_table.csv."
-                if waves
+                if drawn
                 else ""
             ),
         ),
@@ -73,6 +72,13 @@ def parameter_section(calibration: Calibration) -> Section:
     if result.model.fixtures.n_numbers:
         blocks.append(fixture_table(calibration))
     return Section("parameters", "Parameters", tuple(blocks))
+
+
+def drawn_waves(terms: Iterable[JointTerm]) -> set[str]:
+    """Names of the waves of joints that have a map: it is drawn, and nobody reads its numbers."""
+    waves = [one for one in terms if one.name.startswith("harmonic")]
+    mapped = {one.joint for one in waves if one.order > HIGHEST_LISTED}
+    return {one.name for one in waves if one.joint in mapped}
 
 
 def fixture_table(calibration: Calibration) -> Table:

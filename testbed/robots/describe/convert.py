@@ -23,6 +23,7 @@ from testbed.robots.assumed import (
     TURN_SPEED,
     no_mass,
     rod_moments,
+    scatter_source,
 )
 from testbed.robots.describe.description import Body, Description, plain_name
 from testbed.robots.describe.xml_gate import FileOptions, read_xml
@@ -95,8 +96,7 @@ def robot_of(description: Description) -> Robot:
                 f"equal those of {description.reader} to {agreement:.1g} m",
                 "limits": description.path.name,
                 "masses": f"{description.path.name}, unless noted",
-                "repeatability": f"assumed: {TURN_SCATTER * 1e6:g} urad for joints that turn, "
-                f"{SLIDE_SCATTER * 1e6:g} um for those that slide",
+                "repeatability": scatter_source(),
             }
         ),
         joint_names=description.joint_names,

@@ -8,17 +8,18 @@ from functools import cache
 import numpy as np
 import pytest
 
+from calib.geometry.joint_errors import harmonic_terms
 from calib.identification.identify import Status
 from calib.uncertainty.regions import coverage_factor
 from calib.uncertainty.tool_point import tool_statement
 from calib.uncertainty.trust import Trust
 from testbed.identify.handback.delivered import Delivered
 from testbed.identify.handback.states import HandedNumber, handed_numbers
-from testbed.identify.headline import deg
+from testbed.identify.headline import deg, headline_cells
 from testbed.identify.report import plots
 from testbed.identify.report.errors import residual_section
 from testbed.identify.report.page import page_of
-from testbed.identify.report.parameters import _cells
+from testbed.identify.report.parameters import _cells, drawn_waves
 from testbed.identify.statements import statements_of
 from testbed.identify.words import (
     ELSEWHERE,
@@ -118,6 +119,30 @@ def test_every_number_of_the_robot_has_a_row_with_its_u_or_says_held():
     a2 = next(one.row for one in handed_numbers(found) if one.row.name == "a2")
     place = found.fit.identification.names.index("a2")
     assert a2.expanded == pytest.approx(2e3 * np.sqrt(found.covariance[place, place]), rel=1e-12)
+
+
+def test_waves_of_a_joint_with_a_map_are_drawn_and_have_no_rows():
+    """Few waves are numbers that a person reads; dozens a joint fill pages and say nothing."""
+    few = harmonic_terms(6)
+    many = [one for one in harmonic_terms(6, tuple(range(1, 33))) if one.joint == 2]
+    assert drawn_waves(few) == set()
+    rest = [one for one in few if one.joint != 2]
+    assert drawn_waves([*rest, *many]) == {one.name for one in many}
+
+
+def test_columns_that_say_nothing_of_points_are_left_out():
+    found = sound()
+    head, rows = headline_cells(found)
+    assert "mean deg" in head
+    alone = [replace(one, test=replace(one.test, rotation=None)) for one in found.fits]
+    points = replace(
+        found, fits=tuple(alone), before_test=replace(found.before_test, rotation=None)
+    )
+    fewer, cells = headline_cells(points)
+    assert set(head) - set(fewer) == {"mean deg", "p95 deg", "max deg"}
+    assert {len(row) for row in cells} == {len(fewer)}
+    assert [row[0] for row in cells] == [row[0] for row in rows]
+    assert "deg" not in terminal_text(points, DELIVERED).split("Verdict")[0]
 
 
 def test_sections_are_linked_and_drawn():

@@ -32,6 +32,12 @@ def test_the_plan_proposed_for_a_robot_is_read_and_keeps_to_the_ranges_of_its_wo
     assert scenario.pool.joint_ranges_deg == (place.joint_ranges_deg if place else ())
 
 
+def test_the_scene_proposed_counts_the_errors_that_its_comment_promises():
+    """Those of the station and the target are most of a plan's u; without them it is too small."""
+    assert "systematic errors of its data sheet" in scene_text(load_robot("staubli_tx60"), "x", "a")
+    assert proposed("staubli_tx60").tracker.systematic
+
+
 def test_a_plan_of_a_ur10_searches_for_no_way_in_vain(monkeypatch):
     searched, told = [], []
     search = Mover._search

@@ -72,7 +72,9 @@ def test_what_was_not_tested_is_a_warning_and_not_in_the_tick():
     loose = changed(made.scenario, {"tracker.acceptance_deg": 180.0, "pool.line_of_sight": False})
     page = plan_report_html(replace(made, scenario=loose), ROBOT, versions=VERSIONS)
     text = " ".join(read(page).text)
-    assert "! Every pose is free of collisions, and every move is free" in text
+    doubts = ("whether the probe faces the tracker", "whether the beam is blocked")
+    free = "! Every pose is free of collisions, and every move is free"
+    assert f"{free}; but {' was not tested and '.join(doubts)} was not tested" in text
     assert "acceptance_deg is 180" in text
     assert "line_of_sight is false" in text
     assert "acceptance_deg is 180" in terminal_text(replace(made, scenario=loose))

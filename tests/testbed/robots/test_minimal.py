@@ -41,6 +41,14 @@ def test_link_numbers_and_limits_are_enough(tmp_path):
     )
 
 
+def test_a_repeatability_that_no_joint_states_has_its_source_called_assumed(tmp_path):
+    """Reports quote the source: what the program took is not the robot's description."""
+    bare = load_robot(robot_file(tmp_path, (0, 400, 90)))
+    assert bare.sources["repeatability"].startswith("assumed: 14.5 urad")
+    stated = load_robot(robot_file(tmp_path, (0, 400, 90), more="repeatability_urad = 30\n"))
+    assert "repeatability" not in stated.sources
+
+
 def test_what_needs_masses_asks_for_them(tmp_path):
     file = robot_file(tmp_path, *[(100, 200, 90)] * 6)
     scenario = load_scenario("quick")
