@@ -5,12 +5,14 @@ to block. A block that fails fails the build, so that no page shows what does no
 """
 
 import os
+import select
 import shutil
 import subprocess
 import sys
 import tempfile
 import textwrap
 import time
+import tty
 from contextlib import chdir, redirect_stdout
 from dataclasses import dataclass, field
 from io import StringIO
@@ -52,21 +54,48 @@ def page_of(pages: dict[str, Page], name: str) -> Page:
 
 
 def shell(text: str, folder: Path) -> str:
-    """What a shell script prints in a folder, with the truebed of this Python before others."""
+    """What a shell script prints in a folder, with the truebed of this Python before others.
+
+    It prints into a terminal of a page's width, so that tables fold as a reader's would, and into a
+    dumb one, so that nothing moves or has a color.
+    """
     environment = os.environ | {
         "PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}",
         "PYTHONPATH": os.pathsep.join(sys.path[:3]),
         "OPENBLAS_NUM_THREADS": "1",
-        "COLUMNS": "100",
+        "COLUMNS": str(WIDTH),
+        "TERM": "dumb",
         "NO_COLOR": "1",
     }
-    ran = subprocess.run(
-        ["bash", "-euo", "pipefail", "-c", text], cwd=folder, env=environment, text=True,
-        stdout=subprocess.PIPE, stderr=subprocess.STDOUT, timeout=LONGEST_S, check=False,
-    )  # fmt: skip
+    reader, terminal = os.openpty()
+    tty.setraw(terminal)  # ends of lines stay as they are printed
+    with subprocess.Popen(
+        ["bash", "-euo", "pipefail", "-c", text], cwd=folder, env=environment,
+        stdin=subprocess.DEVNULL, stdout=terminal, stderr=terminal,
+    ) as ran:  # fmt: skip
+        os.close(terminal)
+        printed = _all_of(reader, ran)
     if ran.returncode:
-        raise RuntimeError(f"exit code {ran.returncode}\n{ran.stdout}")
-    return ran.stdout
+        raise RuntimeError(f"exit code {ran.returncode}\n{printed}")
+    return printed
+
+
+def _all_of(reader: int, ran: "subprocess.Popen[bytes]") -> str:
+    """What a process prints into a terminal until it ends."""
+    parts, end = list[bytes](), time.monotonic() + LONGEST_S
+    with os.fdopen(reader, "rb", buffering=0) as shown:
+        while select.select([shown], [], [], max(end - time.monotonic(), 0.0))[0]:
+            try:
+                part = shown.read(65536)
+            except OSError:  # the other end is closed
+                break
+            if not part:
+                break
+            parts.append(part)
+        else:
+            ran.kill()
+            raise TimeoutError(f"took longer than {LONGEST_S} s")
+    return b"".join(parts).decode().expandtabs()
 
 
 def folded(line: str) -> list[str]:

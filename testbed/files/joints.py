@@ -9,7 +9,7 @@ import numpy as np
 from calib.arrays import Array, Bool, Index
 from calib.errors import InputError
 from calib.uncertainty.statement.conditions import Conditions
-from testbed.files.columns import NUMBERS, UNITS
+from testbed.files.columns import NUMBERS, UNITS, unit_of
 from testbed.files.conditions import CENTERS, conditions_of
 from testbed.files.refusal import refusal
 from testbed.files.rows.beside import BesideJoints, beside_of, drive_columns
@@ -239,10 +239,12 @@ def _stems(robot: Robot) -> list[tuple[str, str]]:
 
 def _missing(table: DataTable, robot: Robot, tail: str) -> InputError:
     """The error where joints have no column."""
+    found = {stem: table.find(kind, f"{stem}{tail}") for stem, kind in _stems(robot)}
+    said = {kind: found[stem] for stem, kind in _stems(robot) if found[stem]}
     missing = [
-        f"{stem}{tail}_{'mm' if kind == 'length' else 'deg'}"
+        f"{stem}{tail}_{_unit_beside(said.get(kind), kind)}"
         for stem, kind in _stems(robot)
-        if not table.find(kind, f"{stem}{tail}")
+        if not found[stem]
     ]
     return refusal(
         table.where, "joints",
@@ -252,6 +254,11 @@ def _missing(table: DataTable, robot: Robot, tail: str) -> InputError:
         allowed=f"needed: {', '.join(missing)}; {table.found(120)}",
         fix="name the columns so, with the unit, or let `truebed new session` propose them",
     )  # fmt: skip
+
+
+def _unit_beside(columns: Columns | None, kind: str) -> str:
+    """The unit of another joint of a kind, or the usual one."""
+    return unit_of(columns.names[0]) if columns else "mm" if kind == "length" else "deg"
 
 
 def _check_limits(

@@ -16,7 +16,7 @@ from testbed.files.matching import Match, by_cycle, by_order, by_pose, by_row
 from testbed.files.observed import (
     unused_columns,
 )
-from testbed.files.refusal import no_session, refusal, require_names
+from testbed.files.refusal import how_to_read, no_session, refusal, require_names
 from testbed.files.rows.strays import mismatched_rows
 from testbed.files.session import Session, Sources
 from testbed.files.session_toml import (
@@ -90,7 +90,7 @@ def read_session(
     options = ReadOptions() if options is None else options
     file = session_file(Path(data))
     real(file, field="measurements", code="S37")
-    toml = file if config is None and file.suffix.lower() == ".toml" else config
+    toml = how_to_read(file, config)
     settings, first = CampaignFile(), list[SourceFile]()
     if toml is not None:
         content = read_toml_bytes(Path(toml), str(toml))
@@ -227,7 +227,8 @@ def read_held_out(
     file, main = session_file(test), session_file(data)
     own = config is not None or file.suffix.lower() == ".toml" or main.suffix.lower() != ".toml"
     if own:
-        return read_session(test, robot, config=config, options=options)
+        how = None if file.suffix.lower() == ".toml" else config
+        return read_session(test, robot, config=how, options=options)
     try:
         return read_session(file, robot, config=main, options=options, alone=True)
     except InputError as error:

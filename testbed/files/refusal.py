@@ -49,6 +49,22 @@ def require_names(column: str, names: Sequence[str], place: Sequence[str]) -> No
         raise refusal(where, column, f"{column} is empty", code="M25", fix=fix)
 
 
+def how_to_read(file: Path, config: str | Path | None) -> str | Path | None:
+    """The session.toml on how to read a file: `config`, or the file itself; None if neither is one.
+
+    Raises
+    ------
+    InputError
+        C41: both are.
+    """
+    if file.suffix.lower() != ".toml":
+        return config
+    if config is not None and Path(config) != file:
+        message = "says itself how its files are read, and --config is given"
+        raise refusal(str(file), "--config", message, code="C41", fix="leave one of them out")
+    return file
+
+
 def no_rows(where: str) -> InputError:
     """The error of a table that has names of columns and nothing below them."""
     return refusal(

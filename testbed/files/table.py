@@ -9,7 +9,7 @@ import numpy as np
 from calib.arrays import Array
 from calib.errors import InputError
 from testbed.bounds import FACTORS
-from testbed.files.columns import TEXTS, UNITS, close_to, is_known, misspelling, unit_of
+from testbed.files.columns import AXES, TEXTS, UNITS, close_to, is_known, misspelling, unit_of
 from testbed.files.refusal import refusal
 from testbed.files.text import Sheet
 from testbed.strict import choice_of
@@ -99,7 +99,8 @@ class DataTable:
         Raises
         ------
         InputError
-            M35: one is there in two units, or some are there and some are not.
+            M35: one is there in two units, some are there and some are not, or the coordinates of
+            a point differ in their units.
         """
         units = UNITS[kind]
         there = {stem: [f"{stem}_{u}" for u in units if f"{stem}_{u}" in self] for stem in stems}
@@ -114,6 +115,9 @@ class DataTable:
         if missing:
             fix = misspelling(self.names) or "give all of them or none"
             raise self.incomplete(found[0], missing, fix)
+        if stems == AXES[:3] and len({unit_of(name) for name in found}) > 1:
+            message, fix = f"{', '.join(found)} have different units", "give them in one unit"
+            raise refusal(self.where, stems[0], message, fix=fix)
         return Columns(found)
 
     def incomplete(

@@ -28,6 +28,10 @@ BEGUN = "truebed new scene {} begins one for it"
 TABLES = (".csv", ".tsv", ".txt", ".xlsx")
 DESCRIPTIONS = (".urdf", ".xml", ".mjcf", ".xacro")
 """Endings of files that are tables, and of those that describe a robot as URDF or MJCF."""
+NO_TABLES = {
+    **dict.fromkeys(DESCRIPTIONS, CALLED["description"]),
+    **{ending: f"a {ending[1:].upper()} file" for ending in (".toml", ".json", ".yaml", ".yml")},
+}
 OF_SESSIONS = {
     "joints", "frames", "points", "ranges", "drift", "dialect", "match", "session", "cycles",
     "paths", "iso9283", "job", "conditions",
@@ -82,8 +86,8 @@ def require_table(path: Path, where: str) -> None:
     InputError
         S39: it ends as a TOML file does, or as URDF and MJCF do.
     """
-    told = CALLED["description"] if kind_of_name(path) == "description" else "a TOML file"
-    if path.is_file() and (told != "a TOML file" or path.suffix.lower() == ".toml"):
+    told = NO_TABLES.get(path.suffix.lower(), "")
+    if told and path.is_file():
         message, fix = f"is {told}, and a table is wanted here", "give a CSV, or a workbook (xlsx)"
         raise refuse("file", code="S39", message=message, fix=fix, where=where)
 

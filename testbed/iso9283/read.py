@@ -9,6 +9,7 @@ import numpy as np
 from calib.errors import refuse
 from testbed.files.dialects.tables import CyclesTable
 from testbed.files.read import ReadOptions, session_file
+from testbed.files.refusal import how_to_read
 from testbed.files.session import Sources
 from testbed.files.session_toml import SESSION_FILE, SessionFile
 from testbed.files.visits.tables import CampaignFile
@@ -45,7 +46,7 @@ def read_test(
     path = Path(data)
     file = session_file(path)
     real(file, field="DATA", code="S37")
-    toml = file if config is None and file.suffix.lower() == ".toml" else config
+    toml = how_to_read(file, config)
     settings: SessionFile = SessionFile()
     first = list[SourceFile]()
     if toml is not None:

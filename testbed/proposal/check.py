@@ -6,7 +6,9 @@ from typing import Any
 
 from calib.errors import InputError, refuse
 from testbed.assets import scene_names
+from testbed.files.columns import is_known
 from testbed.files.read import read_session
+from testbed.files.refusal import no_rows
 from testbed.files.session_toml import SESSION_FILE
 from testbed.files.visits.probing import probed, tried_words
 from testbed.files.visits.tables import CampaignFile
@@ -102,7 +104,10 @@ def _scenario(file: Path) -> list[str]:
     from testbed.studies import load_scenario
 
     scenario = load_scenario(file)
-    arm = load_robot(scenario.robot)
+    try:
+        arm = load_robot(scenario.robot)
+    except InputError as error:
+        raise error.located(str(file)) from error
     check_robot(scenario, arm, where=str(file))
     try:
         check_trials(scenario)
@@ -157,8 +162,11 @@ def _read(file: Path, arm: Robot) -> list[str]:
 
 def _table(file: Path, arm: Robot | None) -> list[str]:
     """Sentences on a table or an export."""
-    said = []
+    said, ours = list[str](), True
     for one in look_at([file], file.parent):
+        if not one.rows:
+            raise no_rows(str(file))
+        ours = ours and one.kind == "table" and all(map(is_known, one.head))
         kind = {
             "table": "a table", "bare": "a table whose columns have no names",
             "points": "an export of points", "frames": "an export of frames",
@@ -174,6 +182,8 @@ def _table(file: Path, arm: Robot | None) -> list[str]:
     except InputError as error:
         of_a_line = error.where.rpartition(":")[2].isdigit()
         if of_a_line or error.code not in ("M24", "M33", "M35"):
+            raise
+        if ours and error.code == "M35":
             raise
         # not in the layout of the project: a session.toml says what is meant
         return [*said, f"identify needs a session.toml: truebed new session {file} --robot ROBOT"]

@@ -80,8 +80,10 @@ def look_at(paths: Sequence[Path], root: Path) -> tuple[Found, ...]:
         R6: a file does not lie in the folder of the session; or it cannot be read as any of these.
     """
     found = []
-    for path in paths:
+    for k, path in enumerate(paths):
         where = str(path)
+        if path in paths[:k]:
+            raise refusal(where, "DATA", "is given twice", code="S37", fix="give each file once")
         at = real(path, field="DATA", code="S37")
         if is_there(at, Path.is_dir):
             fix = "give the files in it"

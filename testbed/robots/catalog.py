@@ -90,6 +90,9 @@ def load_robot(
     if tip is not None:
         allowed, fix = "a robot.toml says itself where its tool is", "leave the tip out"
         raise refuse("tip", tip, allowed, code="S37", fix=fix, where=str(path))
+    if mesh_root is not None:
+        allowed, fix = "the meshes of a robot.toml lie beside it", "leave the mesh root out"
+        raise refuse("mesh root", mesh_root, allowed, code="S37", fix=fix, where=str(path))
     data = read_toml(path, RobotFile, "robot")
     chain = robot_chain(data)
     model = RobotModel(chain, joint_errors(path, data))

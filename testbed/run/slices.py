@@ -98,6 +98,9 @@ def merge_runs(
             fix="to go on with one: truebed run FOLDER --out FOLDER --resume",
         )  # fmt: skip
     first, *others = (Path(folder) for folder in folders)
+    if first in others:
+        fix = "give each folder once"
+        raise refuse("merge", code="C41", message="is given twice", fix=fix, where=str(first))
     scenario, robot = scenario_in(first)
     check_same_run(first, scenario_hash(scenario, robot))
     for other in others:

@@ -354,7 +354,7 @@ def test_held_out_rows_in_a_csv_are_read_as_the_session_says(tmp_path, named):
     with pytest.raises(InputError, match="uncertaint"):
         read_held_out(test.parent, ROBOT, tmp_path)
     # a CSV beside a CSV is read by --config, or as it stands
-    with pytest.raises(InputError, match="in which order they turn"):
+    with pytest.raises(InputError, match="how they turn the tool"):
         read_held_out(test, ROBOT, tmp_path / "a.csv")
     config = tmp_path / "config.toml"
     config.write_text('[frames]\neuler = "XYZ"\n' + own)

@@ -1,0 +1,71 @@
+"""What people give by mistake: one sentence says what is wrong, where, and what to do."""
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from testbed.cli import app
+from tests.testbed.files.made import columns, csv, made
+
+SESSION = '[joints]\nfile = "a.csv"\n[frames]\nfile = "a.csv"\n'
+
+
+def said(*words):
+    done = CliRunner().invoke(app, list(map(str, words)))
+    assert done.exit_code == 2, done.output
+    (line,) = done.stderr.splitlines()
+    return line
+
+
+@pytest.fixture
+def here(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    rows = columns(made(), form="none") | {f"u{axis}_mm": [0.02] * 29 for axis in "xyz"}
+    (tmp_path / "a.csv").write_text(csv(rows))
+    (tmp_path / "s.toml").write_text(SESSION)
+    (tmp_path / "other.toml").write_text(SESSION)
+    (tmp_path / "data.json").write_text("{}")
+    (tmp_path / "head.csv").write_text("pose_id,x_mm\n")
+    mixed = {name: rows[name] for name in rows if name != "x_mm"}
+    mixed |= {"x_m": (np.array(rows["x_mm"], dtype=float) / 1e3).tolist()}
+    (tmp_path / "mixed.csv").write_text(csv(mixed))
+    radians = {name.replace("_deg", "_rad"): values for name, values in rows.items()}
+    del radians["q6_rad"]
+    (tmp_path / "five.csv").write_text(csv(radians))
+    (tmp_path / "scene.toml").write_text(
+        'format = 1\nname = "a"\nrobot = "gone.toml"\n[[trial]]\nname = "a"\nmethod = "random"\n'
+        "poses = 20\n"
+    )
+    return tmp_path
+
+
+TX60 = "staubli_tx60"
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (["identify", TX60, "s.toml", "--config", "other.toml"], "s.toml: says itself how its f"),
+        (["identify", TX60, "s.toml", "--mesh-root", "."], "lie beside it; leave the mesh root"),
+        (["identify", TX60, "mixed.csv"], "have different units; give them in one unit. [M35]"),
+        (["identify", TX60, "five.csv"], "1 of the 6 joints of staubli_tx60; needed: q6_rad;"),
+        (["identify", TX60, "data.json"], "data.json: is a JSON file, and a table is wanted"),
+        (["iso9283", "s.toml", "--config", "other.toml"], "--config is given; leave one of them"),
+        (["new", "session", "a.csv", "a.csv"], "a.csv: is given twice; give each file once. [S"),
+        (["check", "scene.toml"], "scene.toml: there is no robot"),
+        (["check", "data.json"], "data.json: is a JSON file, and a table is wanted here; give a"),
+        (["check", "head.csv"], "head.csv: names its columns and has no rows below them;"),
+        (["check", "a.csv", "--robot", "kuka_iiwa7"], "no column for 1 of the 7 joints of kuka"),
+        (["merge", "a", "a", "--out", "b"], "a: is given twice; give each folder once. [C41]"),
+    ],
+)
+def test_it_is_said_in_one_sentence(words, told, here):
+    before = sorted(here.rglob("*"))
+    assert told in said(*words)
+    assert sorted(here.rglob("*")) == before  # and nothing was written
+
+
+def test_the_same_session_by_config_is_no_second_one(here):
+    """Whoever names the file twice means one; it then reads as usual."""
+    line = said("identify", TX60, "s.toml", "--config", "s.toml", "--out", "out")
+    assert "--config" not in line
