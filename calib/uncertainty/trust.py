@@ -15,7 +15,7 @@ from calib.uncertainty.statement.belief import Belief
 from calib.uncertainty.statement.drifting import Drifting
 from calib.uncertainty.statement.other_frame import OtherFrame
 from calib.uncertainty.statement.places import steps_words
-from calib.uncertainty.statement.questions import Questions
+from calib.uncertainty.statement.questions import LEVEL, Questions
 from calib.uncertainty.statement.stated_point import StatedPoint
 from calib.uncertainty.validation import LinearCheck
 
@@ -177,7 +177,8 @@ def _unrefuted(questions: Questions, held_out: HeldOut | None, frame: OtherFrame
             said = said.replace(FRAME, "a motion that explains the held-out errors in part")
         elif frame is not None and not frame.found:
             said = said.replace(FRAME, f"{FRAME}, by less than the region holds")
-        return f"A test of the {of} answers: {said} ({p})"
+        least = max(p for p in questions.adjusted if p < LEVEL)
+        return f"A test of the {of} answers: {said} (p {_chance(least)})"
     if not questions.agree:
         return f"The {of} together are larger than the stated noise makes likely ({p})"
     return f"No test of the {of} contradicts the stated noise ({p}), which is no proof"
