@@ -2,6 +2,7 @@
 
 import shlex
 from collections.abc import Sequence
+from pathlib import Path
 
 from testbed.files.columns import is_known
 from testbed.proposal.data import Document, Found
@@ -44,7 +45,7 @@ MAY = """
 def session_text(
     proposed: Proposed, looks: Sequence[Found], name: str, robot: str | None, model: str | None
 ) -> str:
-    """The text of a session.toml, of a name; `robot` is how the user called the robot `model`."""
+    """The text of a session.toml at path `name`; `robot` is how the user called `model`."""
     verb = "iso9283" if proposed.is_test else "identify"
     files = ", ".join(f"{look.called} ({counted(look.rows, 'row')})" for look in looks)
     lines = [f"# Proposed by truebed new session from {files}", f"# {proposed.tried}."]
@@ -60,6 +61,7 @@ def session_text(
             lines.append(f"# {title}:")
             lines += [f"#   {line}" for sentence in told for line in sentence.splitlines()]
     lines += [f"# Then: {next_command(proposed, name, robot)}", "format = 1"]
+    lines += [f"name = {toml_value(called)}"] if (called := _called(looks, name)) else []
     lines += [f"robot = {toml_value(model)}"] if model is not None else []
     for line in toml_lines(proposed.document):
         if line.startswith("["):
@@ -74,6 +76,13 @@ def next_command(proposed: Proposed, name: str, robot: str | None) -> str:
         return f"truebed iso9283 {name}"
     arm = shlex.quote(robot) if robot is not None else "ROBOT"
     return f"truebed identify {arm} {name}"
+
+
+def _called(looks: Sequence[Found], name: str) -> str:
+    """What the session is called: as its file of data, or as the folder of several."""
+    files = {look.name for look in looks}
+    alone = len(files) == 1
+    return Path(files.pop()).stem if alone else Path(name).absolute().parent.name
 
 
 def _unused(section: str, document: Document, looks: Sequence[Found]) -> list[str]:

@@ -83,7 +83,7 @@ def sa_lines(text: FileText) -> Lines:
 
 def _apart(fields: Sequence[str]) -> tuple[str, ...]:
     """Fields of a line, a name as Collection::Group::Target in its parts."""
-    return (*fields[0].split("::"), *fields[1:])
+    return (*(part for first in fields[:1] for part in first.split("::")), *fields[1:])
 
 
 def unit_of(

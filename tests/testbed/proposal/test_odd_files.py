@@ -109,6 +109,7 @@ def test_several_targets_in_a_row_are_points_of_one_pose(form, names, lengths, t
     assert "to mend" not in said
     assert "unused" not in said
     read = read_session(tmp_path / "session.toml", UR10)
+    assert read.name == "m"  # as the file is called
     there = np.delete(np.arange(3 * M), 4)
     assert read.reflector_names == names
     assert len(read.pose_names) == M
@@ -154,7 +155,9 @@ def test_names_and_order_that_agree_are_one_reading(tmp_path):
     said, _ = proposed(tmp_path, files, "--robot", UR10.name)
     assert "too little to tell them apart" not in said
     assert "the k-th reading belongs" not in said
-    read = read_session(tmp_path / "session.toml", UR10).measurements
+    session = read_session(tmp_path / "session.toml", UR10)
+    assert session.name == tmp_path.name  # as their folder is called
+    read = session.measurements
     # six decimals of a millimeter are printed
     np.testing.assert_allclose(read.position, DATA.T[:, :3, 3], rtol=0, atol=1e-9)
 
