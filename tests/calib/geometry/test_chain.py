@@ -169,7 +169,7 @@ def test_names_follow_the_columns():
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda: Chain(np.zeros((6, 4))), r"links has shape \(6, 4\).*axis 1 \(5\) should be 5"),
+        (lambda: Chain(np.zeros((6, 4))), r"shape \(6, 4\).*add a column of zeros for beta"),
         (lambda: Chain(np.full((1, 5), np.nan)), r"links\[0, 0\] is nan"),
         (lambda: Chain(np.zeros((2, 5)), ("revolute",)), "2 entries"),
         (lambda: Chain(np.zeros((1, 5)), T_world_base=-np.eye(4)), "not a rigid transform"),
