@@ -84,7 +84,7 @@ def assemble(
         settings.conditions,
         len(q),
     )
-    table, names, odd = one_stop(table, conditions, names)
+    table, names, odd = one_stop(table, conditions, names, robot.model.chain.prismatic > 0)
     files = [_rows(part) for part in parts]
     operating, said, notes = operating_conditions(
         files, conditions, robot, settings.identification.order,

@@ -5,16 +5,23 @@ from dataclasses import replace
 
 import numpy as np
 
-from calib.arrays import Array, Index
+from calib.arrays import Array, Bool, Index
 from calib.measurement.observations import Measurements, first_met, united
 from calib.uncertainty.statement.conditions import Conditions
 from testbed.files.matching import visits_of
 from testbed.files.rows.operating import SAME_JOINTS
 from testbed.units import counted
 
+NEAR, NEAR_SLIDE = float(np.radians(0.05)), 5e-5
+"""How far joints may lie apart where the arm was sent to one place, as those that were read back:
+controllers leave a hundredth of a degree, and no misfit changes within that [rad, m]."""
+
 
 def one_stop(
-    table: Measurements, conditions: Conditions, names: tuple[str, ...]
+    table: Measurements,
+    conditions: Conditions,
+    names: tuple[str, ...],
+    slides: Bool,
 ) -> tuple[Measurements, tuple[str, ...], tuple[str, ...]]:
     """The table with one pose for all rows at the same joints, names of poses, and what is odd.
 
@@ -29,8 +36,11 @@ def one_stop(
         Of its rows.
     names : tuple of str
         Name of each pose by its number.
+    slides : (n,) array of bool
+        Which joints slide.
     """
-    same = np.column_stack([at_joints(table.q), *_loads(conditions)]).astype(np.float64)
+    there = near_joints(table.q, np.where(slides, NEAR_SLIDE, NEAR))
+    same = np.column_stack([there, *_loads(conditions)]).astype(np.float64)
     called = first_met(table.pose_id[:, None])
     group = united(called, first_met(same))
     if np.array_equal(group, called):
@@ -41,28 +51,42 @@ def one_stop(
     several = np.isin(pose, pose[pose != table.pose_id])
     _, seen = np.unique(table.target_key, axis=0, return_inverse=True)
     counts = visits_of(zip(pose.tolist(), seen.ravel().tolist(), strict=True))
-    there = set(pose.tolist())
+    left = set(pose.tolist())
     odd = (
         f"{counted(int(several.sum()), 'row')} stand at the same joints under different pose_ids: "
         f"they count as {_poses(len(np.unique(pose[several])))}"
     )
     return (
         replace(table, pose_id=pose, repeat=np.where(several, counts, table.repeat)),
-        tuple(name if k in there else "" for k, name in enumerate(names)),
+        tuple(name if k in left else "" for k, name in enumerate(names)),
         (odd,),
     )
 
 
-def at_joints(q: Array) -> Index:
-    """Group (m,) of rows q (m, n): those that gaps above `SAME_JOINTS` part in some joint differ.
+def near_joints(q: Array, near: Array) -> Index:
+    """Group (m,) of rows q (m, n) that lie within `near` (n,) of each other.
+
+    A chain of rows, each near the next one, is a path and no stop: of it the same joints alone are.
+    """
+    group, there = at_joints(q, near), at_joints(q)
+    count = int(group.max()) + 1
+    low, high = np.full((count, q.shape[1]), np.inf), np.full((count, q.shape[1]), -np.inf)
+    np.minimum.at(low, group, q)
+    np.maximum.at(high, group, q)
+    path = ((high - low) > near).any(axis=1)
+    return np.where(path[group], count + there, group)
+
+
+def at_joints(q: Array, gap: Array | float = SAME_JOINTS) -> Index:
+    """Group (m,) of rows q (m, n): those that gaps above `gap` part in some joint differ.
 
     Within a group each joint is parted at its gaps, joint after joint, until nothing parts.
     """
     group, count = np.zeros(len(q), dtype=np.int64), 0
     while True:
-        for joint in q.T:
+        for joint, least in zip(q.T, np.broadcast_to(gap, q.shape[1:]), strict=True):
             order = np.lexsort((joint, group))
-            parts = (np.diff(joint[order]) > SAME_JOINTS) | (np.diff(group[order]) > 0)
+            parts = (np.diff(joint[order]) > least) | (np.diff(group[order]) > 0)
             group[order] = np.concatenate([[0], np.cumsum(parts)])
         if group[order[-1]] == count:
             return group

@@ -6,7 +6,7 @@ import pytest
 from calib.errors import InputError
 from calib.uncertainty.statement.repeats import repeated
 from testbed.files.read import read_session
-from testbed.files.rows.stops import at_joints
+from testbed.files.rows.stops import NEAR, NEAR_SLIDE, at_joints, near_joints
 from testbed.identify.session import with_test
 from testbed.identify.visits.split import split_of_session
 from tests.testbed.files.made import ROBOT, N, columns, csv, made, with_spread
@@ -117,3 +117,44 @@ def test_joints_are_parted_at_gaps_as_by_brute_force():
         near = (np.abs(q[:, None] - q).max(axis=2) <= 1e-6).astype(int)
         found = at_joints(q)
         assert np.array_equal(found[:, None] == found, near > 0)
+
+
+def read_back(poses, visits, jitter, seed=1):
+    """Joints (visits * poses, N) of poses visited in rounds, each time `jitter` off."""
+    rng = np.random.default_rng(seed)
+    q = np.tile(rng.uniform(-2, 2, (poses, N)), (visits, 1))
+    return q + jitter * rng.uniform(-1, 1, q.shape)
+
+
+def test_joints_that_were_read_back_are_one_stop_and_a_path_is_none():
+    near = np.full(N, NEAR)
+    q = read_back(20, 3, NEAR / 4)
+    assert np.array_equal(near_joints(q, near) % 20, np.tile(near_joints(q, near)[:20], 3) % 20)
+    assert len(np.unique(near_joints(q, near))) == 20
+    assert len(np.unique(near_joints(read_back(20, 3, 4 * NEAR), near))) == 60
+    # a path in steps that are smaller still keeps its points
+    along = np.linspace(0, 1, 3000)[:, None] * np.ones(N)
+    assert len(np.unique(near_joints(along, near))) == 3000
+    slow = np.array([NEAR_SLIDE] + [NEAR] * (N - 1))
+    apart = np.zeros((2, N))
+    apart[1, 0] = (NEAR + NEAR_SLIDE) / 2
+    assert len(np.unique(near_joints(apart, near))) == 1
+    assert len(np.unique(near_joints(apart, slow))) == 2
+
+
+def test_poses_that_were_read_back_are_held_out_with_all_their_visits(tmp_path):
+    """Else the proof stands on poses that identify: R95 then held 88 to 90 % of true points."""
+    M, rng = 30, np.random.default_rng(2)
+    seen = [columns(made(0, M, noise)) for noise in (1e-5, 2e-5, 3e-5)]
+    rounds = {k: np.concatenate([one[k] for one in seen]) for k in seen[0]}
+    for i in range(1, N + 1):
+        rounds[f"q{i}_deg"] = rounds[f"q{i}_deg"] + 1e-3 * rng.uniform(-1, 1, 3 * M)
+    rows = with_spread(rounds) | {"euler": ["XYZ"] * (3 * M)}
+    rows.pop("pose_id", None)
+    session = read(tmp_path, rows)
+    assert session.measurements.n_poses == M
+    assert session.measurements.repeat.tolist() == [0] * M + [1] * M + [2] * M
+    split = split_of_session(session, train=None, held_out=9, seed=3)
+    pose = np.tile(np.arange(M), 3)
+    assert not set(pose[split.is_test]) & set(pose[split.is_train])
+    assert split.is_test.sum() == 27
