@@ -13,6 +13,7 @@ from calib.measurement.observations import Measurements
 from calib.uncertainty.circumstances import Circumstances, MeasuredNoise
 from calib.uncertainty.statement.belief import Belief, adding, believe
 from calib.uncertainty.statement.drifting import Drifting, drifting
+from calib.uncertainty.statement.misfit import loud_turns
 from calib.uncertainty.statement.other_frame import (
     FEWEST,
     OtherFrame,
@@ -43,14 +44,19 @@ def proven_belief(
     quiet : MeasuredNoise
         Of both tables; see `measured_noise`.
     """
+    turned = loud_turns(fit, train, test)
 
     def believed(held_out: Measurements | None) -> Belief:
         less = (quiet.train, None if held_out is None else quiet.test)
-        return believe(
+        found = believe(
             fit, train, held_out, covariance=numbers, shared=known.shared, repeats=quiet.repeats,
             probability=probability, target=known.target, drawn=known.drawn,
             quiet=None if quiet.train is train else less,
         )  # fmt: skip
+        if turned is None:
+            return found
+        guards = held_out if held_out is None or quiet.train is train else quiet.test
+        return replace(adding(found, turned.covariance, guards), turned=turned.size)
 
     use: Measurements | None = test if len(test) else None
     belief = believed(use)

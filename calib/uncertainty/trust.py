@@ -4,6 +4,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
+import numpy as np
+
 from calib.held_out_counts import fewest_poses
 from calib.identification.fit_statistics import RED
 from calib.identification.identify import Identification, Status
@@ -113,6 +115,12 @@ def _believed(
     if point.move_sentence:
         words.append(_capital(point.move_sentence))
     words.append(_capital(belief.misfit.told(MISFIT in questions.said)))
+    if belief.turned:
+        words.append(
+            f"The angles are up to {1e3 * np.degrees(belief.turned):.2g} mdeg per axis further off "
+            "than their stated noise and the misfit explain; what that pulls the tool point by is "
+            "in the region"
+        )
     if belief.n_guards:
         words.append(f"{belief.n_guards} held-out poses guard the factor, k = {belief.factor:.2f}")
     else:

@@ -25,7 +25,7 @@ from calib.uncertainty.statement.applicability import BEYOND, BEYOND_SLIDE, Appl
 from calib.uncertainty.statement.distance import SPARE, distance_radius
 from calib.uncertainty.statement.drifting import ORDERED, SEED
 from calib.uncertainty.statement.memory import REMEMBERS, drift, interchangeable
-from calib.uncertainty.statement.misfit import DROP
+from calib.uncertainty.statement.misfit import DROP, angles_apart, are_loud
 from calib.uncertainty.statement.shape import MisfitShape
 
 Drifts = dict[int, Array]
@@ -86,6 +86,7 @@ def judge_many(
     size = misfits(seen, gains, DROP)
     alone = ~np.isfinite(size.upper)
     upper = np.where(alone, 1.0, size.upper)
+    alone |= _turned_apart(seen, gains)
     alone |= motion_chances(seen, gains, seen.covariance, upper) < RED
     drift_p, drifts = _drifts(seen, trains, tests, gains, size)
     growth, *_ = _over(gains.left[0], gains)
@@ -99,6 +100,16 @@ def judge_many(
         _region(gains, drifts, seen.there, gains.spread[1], sizes), factor,
         seen.there.rows[:, :, :3], _applicability(seen, gains), drift_p, alone,
     )  # fmt: skip
+
+
+def _turned_apart(seen: ManySights, gains: ManyGains) -> Bool:
+    """Robots (R,) whose angles are further off than stated; see `misfit.loud_turns`."""
+    both = seen.train, seen.test
+    residual, rows, covariance = (
+        np.concatenate([getattr(table, name) for table in both], axis=1)
+        for name in ("residual", "rows", "covariance")
+    )
+    return are_loud(*angles_apart(residual, gains.shapes(rows[:, :, 3:]), covariance))
 
 
 def _held_out(seen: ManySights, spread: Array) -> tuple[Array, Array]:

@@ -51,6 +51,9 @@ class Belief(Shown):
     probability: float
     proven: Proven
     """Where the proof stands; elsewhere the region grows."""
+    turned: float = 0.0
+    """How far angles are off beyond what is stated of them, per axis; what that leaves in the
+    numbers is in `covariance` [rad]."""
 
     def __repr__(self) -> str:
         return (

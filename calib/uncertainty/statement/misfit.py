@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import chdtrc
 
-from calib.arrays import Array, FloatOrNan
+from calib.arrays import Array, Bool, FloatOrNan, frozen
 from calib.errors import refuse
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import Parameters
@@ -36,6 +36,13 @@ UNGUARDED_DROP = 1.353
 """The same for 95 %, where too few held-out poses guard the factor of the region."""
 SHOWN = 0.01
 """A p-value below which the readings show a misfit, in words."""
+LOUD = 1e-4
+"""Chance of angles so far off below which they are further off than stated."""
+WRIST = 3.0
+"""How much more angles may be off than joints that are all equally wrong make them, for positions
+as wrong as these: those of the wrist move the target little."""
+TURNS = np.concatenate([[0.0], np.geomspace(0.01, 1000.0, 200)])
+"""Errors of angles that are tried, in their stated standard deviations."""
 NO_WHITE_NOISE = 1.25
 """What a real misfit, smooth over the poses, needs more than white noise of its size to be seen."""
 
@@ -205,3 +212,81 @@ def misfit_covariance(
     np.add.at(moved, pose.ravel(), each)
     root = np.moveaxis(moved, 0, 1).reshape(each.shape[1], -1)
     return of_all_numbers(identification, root @ root.T)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LoudTurns:
+    """Errors of angles beyond what is stated of them, and what they pull the numbers by.
+
+    The estimate follows angles that no evidence of positions looks at.
+    """
+
+    size: float
+    """Upper limit per axis, anew at each pose [rad]."""
+    covariance: Array
+    """(P, P) that they leave in all numbers [m, rad]."""
+
+
+def loud_turns(
+    identification: Identification, train: Measurements, held_out: Measurements
+) -> LoudTurns | None:
+    """How far angles are off beyond their noise and the misfit of positions; None where not at all.
+
+    References
+    ----------
+    t by its profile likelihood, its limit as that of the misfit; C = t^2 sum over poses of F F', F
+    the gain of the angles of a pose.
+    """
+    tables = [table for table in (train, held_out) if table.is_pose.any()]
+    if not tables:
+        return None
+    model = identification.model
+    shape = misfit_shape(model, held_out if len(held_out) else train)
+    seen = [(predict(model, table), table.is_pose) for table in tables]
+    variance, square = angles_apart(
+        np.concatenate([one.residual[some] for one, some in seen]),
+        np.concatenate([shape.rows(one.rows[some, 3:]) for one, some in seen]),
+        np.concatenate([table.covariance[table.is_pose] for table in tables]),
+    )
+    if not are_loud(variance, square):
+        return None
+    unit = float(np.sqrt(variance.mean()))
+    whole = variance + (unit * TURNS[:, None]) ** 2
+    value = -(np.log(whole) + square / whole).sum(axis=1) / 2
+    last = int(np.flatnonzero(value >= value.max() - DROP)[-1])
+    size = unit * float(TURNS[min(last + 1, len(TURNS) - 1)])
+    pull = estimator_gain(identification, train)[:, :, 3:]
+    _, pose = np.unique(train.pose_id, return_inverse=True)
+    moved = np.zeros((int(pose.max()) + 1, *pull.shape[1:]))
+    np.add.at(moved, pose.ravel(), pull)
+    root = size * np.moveaxis(moved, 0, 1).reshape(pull.shape[1], -1)
+    return LoudTurns(size, frozen(of_all_numbers(identification, root @ root.T)))
+
+
+def angles_apart(residual: Array, B: Array, covariance: Array) -> tuple[Array, Array]:
+    """Variances (..., 3 n) of angles along their principal axes, and squares of what they read.
+
+    Parameters
+    ----------
+    residual : (..., n, 6) array
+        Of full poses [m, rad].
+    B : (..., n, 3, k) array
+        Root of the misfit's shape in their angles, of 1 m per axis.
+    covariance : (..., n, 6, 6) array
+        Of the noise [m, rad].
+
+    References
+    ----------
+    r ~ N(0, N + (3 s)^2 D), s the root mean square of the position residuals: a bound of the
+    misfit.
+    """
+    size = WRIST**2 * (residual[..., :3] ** 2).mean(axis=(-2, -1))[..., None, None, None]
+    values, axes = np.linalg.eigh(covariance[..., 3:, 3:] + size * (B @ np.swapaxes(B, -1, -2)))
+    along = (np.swapaxes(axes, -1, -2) @ residual[..., 3:, None])[..., 0]
+    flat = (*values.shape[:-2], -1)
+    return values.reshape(flat), (along**2).reshape(flat)
+
+
+def are_loud(variance: Array, square: Array) -> Bool:
+    """Whether squares (..., n) are larger than their variances make likely."""
+    return np.asarray(chdtrc(square.shape[-1], (square / variance).sum(axis=-1)) < LOUD)

@@ -52,9 +52,12 @@ def one_stop(
     _, seen = np.unique(table.target_key, axis=0, return_inverse=True)
     counts = visits_of(zip(pose.tolist(), seen.ravel().tolist(), strict=True))
     left = set(pose.tolist())
+    where = "at the same joints under different pose_ids"
+    if not np.array_equal(there, at_joints(table.q)):
+        where = "within 0.05 deg (50 um where they slide) of each other in all joints"
     odd = (
-        f"{counted(int(several.sum()), 'row')} stand at the same joints under different pose_ids: "
-        f"they count as {_poses(len(np.unique(pose[several])))}"
+        f"{counted(int(several.sum()), 'row')} stand {where}: they count as "
+        f"{_poses(len(np.unique(pose[several])))}"
     )
     return (
         replace(table, pose_id=pose, repeat=np.where(several, counts, table.repeat)),
