@@ -20,7 +20,8 @@ AHEAD, AHEAD_SLIDE = np.radians(5.0), 0.02
 def beyond_words(calibration: Calibration) -> tuple[str, ...]:
     """Whether held-out poses are missed much further than training poses left out in turn, and why.
 
-    Both were no part of a fit when it was judged by them: where they differ, the place does.
+    Both were no part of a fit when it was judged by them: where they differ, the place does, unless
+    a few shots far off make the mean.
     """
     test, turn = calibration.fit.test, calibration.choice.confirmation
     split = calibration.split
@@ -29,6 +30,13 @@ def beyond_words(calibration: Calibration) -> tuple[str, ...]:
     left_out = float(turn[int(calibration.choice.chosen == "extended")])
     if test.position.mean < FARTHER * left_out:
         return ()
+    far = calibration.gross.held_out_sentences
+    if far and test.median < FARTHER * left_out:
+        more = f" ({len(far) - 1} more like it)" if len(far) > 1 else ""
+        return (
+            f"Shots that are far off make the radius as wide as it is: {far[0]}{more}; if a shot "
+            "is found to be bad, take its row out or shoot it again",
+        )
     text = (
         f"Held-out poses are missed {significant(test.position.mean / left_out, 2)} times as far "
         f"as training poses left out in turn ({fixed(test.position.mean * MM, 3)} against "

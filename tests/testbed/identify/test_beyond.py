@@ -21,9 +21,10 @@ Q[25:, 2] = np.radians(4)
 GEOMETRIC = SimpleNamespace(confirmation=np.array([9e-4, 1e-4]), chosen="geometric")
 
 
-def calibration(missed, left_out=(9e-4, 1e-4), held_out=12, **more):
+def calibration(missed, left_out=(9e-4, 1e-4), held_out=12, median=None, far=(), **more):
     is_test = np.arange(30) >= 30 - held_out
-    figures = SimpleNamespace(position=SimpleNamespace(mean=missed))
+    median = missed if median is None else median
+    figures = SimpleNamespace(position=SimpleNamespace(mean=missed), median=median)
     model = SimpleNamespace(model=SimpleNamespace(chain=ARM))
     known = {
         "fit": SimpleNamespace(test=figures, identification=model),
@@ -31,6 +32,7 @@ def calibration(missed, left_out=(9e-4, 1e-4), held_out=12, **more):
         "split": SimpleNamespace(is_test=is_test, is_train=~is_test),
         "measurements": SimpleNamespace(q=Q),
         "elsewhere": False,
+        "gross": SimpleNamespace(held_out_sentences=far),
     }
     return SimpleNamespace(**known | more)
 
@@ -51,6 +53,19 @@ def test_poses_in_the_same_place_are_not_said_to_lie_elsewhere():
     (text,) = beyond_words(calibration(7e-4, measurements=same))
     assert "no joint goes beyond its training poses; either they lie where" in text
     assert text.endswith("bumped, otherwise loaded, or not this one")
+
+
+def test_one_shot_far_off_is_named_and_the_place_is_not_blamed():
+    """A reflector that was bumped by 10 mm made the mean 30 times that of the training poses."""
+    far = ("held-out pose 7 is missed by 10 mm, 100 times the median", "held-out pose 9 is missed")
+    (text,) = beyond_words(calibration(30e-4, median=1.1e-4, far=far))
+    assert f"{far[0]} (1 more like it)" in text
+    assert "joint" not in text
+    (alone,) = beyond_words(calibration(30e-4, median=1.1e-4, far=far[:1]))
+    assert "like it" not in alone
+    # all of them off by as much as the typical one: that is the place, whatever else is far off
+    (place,) = beyond_words(calibration(30e-4, median=9e-4, far=far))
+    assert "times as far as training poses" in place
 
 
 @pytest.mark.parametrize(
