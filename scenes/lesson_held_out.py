@@ -4,11 +4,11 @@ Run it: python scenes/lesson_held_out.py [--seed 1] [--picture held_out.png]
 """
 
 import numpy as np
-from matplotlib.axes import Axes
 
 import calib
 from calib.errors import InputError
 from testbed.streams import stream
+from truebed import plots_lessons as plots
 from truebed.lesson import asked, calibrated, guess, laboratories, spread, tell, true_error
 
 COUNTS, POSES, USED = (10, 18, 19, 20, 39, 59), 29, 1000
@@ -53,21 +53,6 @@ def answer(found: dict[int, np.ndarray | None]) -> str:
     )
 
 
-def draw(axes: Axes, found: dict[int, np.ndarray | None]) -> None:
-    """What a radius holds, draw by draw, against the number of poses that it is from."""
-    stated = {
-        count: 100 * rows[..., 1].ravel() for count, rows in found.items() if rows is not None
-    }
-    places = range(len(stated))
-    axes.violinplot(list(stated.values()), places, showextrema=False, widths=0.8)
-    axes.plot(places, [share.mean() for share in stated.values()], "o", color="#0072b2")
-    axes.axhline(95.0, color="#333333", linewidth=1.5, linestyle=":")
-    axes.set_xticks(places, [str(count) for count in stated])
-    axes.set(xlabel="held-out poses (with fewer there is no radius)", ylim=(78, 101))
-    axes.set_ylabel("true points inside [%]")
-    axes.set_title("Each draw of poses gives a radius; dots: the means")
-
-
 if __name__ == "__main__":
     given = asked(6)
     guess(
@@ -83,4 +68,4 @@ if __name__ == "__main__":
             radius, share = rows.mean(axis=1).T
             print(f"{count:6}{spread(radius):>20}{spread(100 * share, 1):>26}")
     tell(answer(found))
-    given.draw(lambda axes: draw(axes, found))
+    given.draw(lambda axes: plots.share_by_held_out(axes, found))

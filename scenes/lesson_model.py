@@ -4,12 +4,12 @@ Run it: python scenes/lesson_model.py [--seed 1] [--picture model.png]
 """
 
 import numpy as np
-from matplotlib.axes import Axes
 
 import calib
 from calib.information.propagation import tool_covariance
 from calib.uncertainty.regions import inside
 from testbed.streams import stream
+from truebed import plots_lessons as plots
 from truebed.lesson import asked, calibrated, guess, laboratories, spread, tell, true_error
 
 COUNTS, HELD_OUT = (29, 61, 120), 20
@@ -55,21 +55,6 @@ def answer(found: dict[int, np.ndarray]) -> str:
     )
 
 
-def draw(axes: Axes, found: dict[int, np.ndarray]) -> None:
-    """Points inside against poses, a line for each sag; crosses: inside the believed region."""
-    colors = ("#0072b2", "#56b4e9", "#e69f00", "#d55e00")
-    for (sag, rows), color in zip(found.items(), colors, strict=True):
-        *alone, believed = rows.mean(axis=0)
-        label = f"sag of {sag} mdeg" if sag else "no sag"
-        axes.plot(COUNTS, alone, "o-", color=color)
-        axes.text(COUNTS[-1] + 2, alone[-1], label, color=color, va="bottom")
-        axes.plot(COUNTS[0], believed, "x", color=color, markeredgewidth=3)
-    axes.axhline(47.5, color="#333333", linewidth=1.5, linestyle=":")
-    axes.set(xlabel="poses", ylabel="true points inside, of 50", ylim=(-1, 52), xlim=(25, 143))
-    axes.set_xticks(COUNTS)
-    axes.set_title("Dotted: 95 %. Crosses: inside the believed region")
-
-
 if __name__ == "__main__":
     given = asked(6)
     guess(
@@ -84,4 +69,4 @@ if __name__ == "__main__":
         words = f"{sag} mdeg, {sag * UM_PER_MDEG} um" if sag else "none"
         print(f"{words:22}" + "".join(f"{spread(column):>15}" for column in rows.T))
     tell(answer(numbers))
-    given.draw(lambda axes: draw(axes, numbers))
+    given.draw(lambda axes: plots.inside_by_poses(axes, COUNTS, numbers))

@@ -4,12 +4,12 @@ Run it: python scenes/lesson_o1.py [--seed 1] [--picture o1.png]
 """
 
 import numpy as np
-from matplotlib.axes import Axes
 
 import calib
 from calib.arrays import Index
 from testbed.laboratory.truth.laboratory import Laboratory
 from testbed.streams import stream
+from truebed import plots_lessons as plots
 from truebed.lesson import asked, calibrated, guess, laboratories, mean_error, spread, tell
 
 POSES, RANDOM = 29, 5
@@ -20,9 +20,8 @@ def chosen(bench: Laboratory) -> dict[str, Index]:
     """Places in the pool of the O1 set and of the V set."""
     seed, q = bench.scenario.seed, bench.setting.pool_q
     noise = 17.5e-6, np.radians(0.011)  # of the tracker in this scene [m, rad]
-    problem = calib.design.Problem
-    o1 = problem.of_blocks(bench.design_blocks("whitened"), POSES, "O1")
-    v = problem.of_poses(
+    o1 = calib.design.Problem.of_blocks(bench.design_blocks("whitened"), POSES, "O1")
+    v = calib.design.Problem.of_poses(
         bench.setting.nominal, q, poses=POSES, criterion="V", goals=q[::10], noise=noise
     )
     return {
@@ -64,28 +63,13 @@ def answer(found: dict[tuple[str, str], np.ndarray]) -> str:
     )
 
 
-def draw(axes: Axes, found: dict[tuple[str, str], np.ndarray]) -> None:
-    """A dot for each seed, a bar at the mean; below the line the chosen poses are better."""
-    for place, ((kind, _), percent) in enumerate(found.items()):
-        color = "#0072b2" if kind == "rigid" else "#d55e00"
-        axes.plot(np.full(len(percent), place), percent, "o", color=color, alpha=0.5)
-        axes.plot([place - 0.25, place + 0.25], 2 * [percent.mean()], "-", color=color)
-    axes.axhline(0.0, color="#333333", linewidth=1.5)
-    axes.set_xticks(range(len(found)), [f"{name}, {KINDS[kind]}" for kind, name in found])
-    axes.set_ylabel("error against random poses [%]")
-    axes.set_title("Above the line: worse than random")
-
-
 if __name__ == "__main__":
     given = asked(10)
-    guess(
-        "O1 makes the information of 29 poses as large as it gets. By how many percent is the "
-        "error smaller than after random sets?"
-    )
-    print("O1: the information of all numbers together. V: the uncertainty of the tool point.")
+    guess("How much smaller [%] is the error after 29 poses chosen by O1 than after random ones?")
     percent = against_random(given.seeds)
+    print("O1: by the information of all numbers. V: by the uncertainty of the tool point.")
     print("error against random sets [%], four robots at each of ten seeds: mean (range of seeds)")
     for (kind, name), values in percent.items():
         print(f"{KINDS[kind]:6} {name:3} {spread(values, 1):>24}")
     tell(answer(percent))
-    given.draw(lambda axes: draw(axes, percent))
+    given.draw(lambda axes: plots.against_random(axes, percent, KINDS))

@@ -4,10 +4,10 @@ Run it: python scenes/lesson_poses.py [--seed 1] [--picture poses.png]
 """
 
 import numpy as np
-from matplotlib.axes import Axes
 
 import calib
 from testbed.streams import stream
+from truebed import plots_lessons as plots
 from truebed.lesson import asked, calibrated, guess, laboratories, mean_error, spread, tell
 
 COUNTS, WANTED = (10, 15, 29, 61, 120), 61
@@ -54,22 +54,6 @@ def answer(found: dict[str, np.ndarray]) -> str:
     )
 
 
-def draw(axes: Axes, found: dict[str, np.ndarray]) -> None:
-    """The errors against the number of poses, and where noise alone would bring them."""
-    for (kind, um), color in zip(found.items(), ("#0072b2", "#d55e00"), strict=True):
-        axes.fill_between(COUNTS, um.min(axis=0), um.max(axis=0), color=color, alpha=0.2)
-        axes.plot(COUNTS, um.mean(axis=0), "o-", color=color, label=KINDS[kind])
-        alone = um.mean(axis=0)[COUNTS.index(29)] * (29 / np.array(COUNTS)) ** 0.5
-        axes.plot(COUNTS, alone, ":", color=color)
-    axes.set(xlabel="poses", ylabel="mean true error [um]", xscale="log", yscale="log")
-    axes.set_xticks(COUNTS, [str(count) for count in COUNTS], minor=False)
-    um = (5, 10, 20, 50, 100, 200, 400)
-    axes.set_yticks(um, [str(one) for one in um], minor=False)
-    axes.minorticks_off()
-    axes.set_title("Dotted: if all that is left after 29 poses were noise")
-    axes.legend()
-
-
 if __name__ == "__main__":
     given = asked(6)
     guess("A paper uses 61 poses. By how many percent is the error smaller than after 29?")
@@ -80,4 +64,4 @@ if __name__ == "__main__":
         print(f"{count:6}" + "".join(f"{spread(rows[:, i]):>20}" for rows in um.values()))
     print(f"O1 settles at {spread(settled(given.seeds))} poses: that is where 61 comes from.")
     tell(answer(um))
-    given.draw(lambda axes: draw(axes, um))
+    given.draw(lambda axes: plots.error_by_poses(axes, COUNTS, um, KINDS))

@@ -4,9 +4,9 @@ Run it: python scenes/lesson_tracker.py [--seed 1] [--picture tracker.png]
 """
 
 import numpy as np
-from matplotlib.axes import Axes
 
 from testbed.streams import stream
+from truebed import plots_lessons as plots
 from truebed.lesson import asked, calibrated, guess, laboratories, mean_error, spread, tell
 
 POSES = 29
@@ -45,21 +45,6 @@ def answer(found: dict[str, np.ndarray]) -> str:
     )
 
 
-def draw(axes: Axes, found: dict[str, np.ndarray]) -> None:
-    """Noise of a reading and error of the calibration, side by side at each station."""
-    for row, (words, color) in enumerate(
-        (("u of one reading", "#b7b7b7"), ("true error after calibration", "#0072b2"))
-    ):
-        um = np.array([values[row] for values in found.values()])
-        mean, places = um.mean(axis=1), np.arange(len(um)) + 0.4 * row - 0.2
-        reach = np.abs([um.min(axis=1) - mean, um.max(axis=1) - mean])
-        axes.bar(places, mean, 0.38, yerr=reach, capsize=5, color=color, label=words)
-    axes.set_xticks(range(len(found)), list(found))
-    axes.set_ylabel("um")
-    axes.set_title("Bars: means of six robots; lines: smallest to largest")
-    axes.legend()
-
-
 if __name__ == "__main__":
     given = asked(6)
     guess(
@@ -72,4 +57,4 @@ if __name__ == "__main__":
     for name, values in um.items():
         print(f"{name:16}{spread(values[0], 1):>22}{spread(values[1], 1):>22}")
     tell(answer(um))
-    given.draw(lambda axes: draw(axes, um))
+    given.draw(lambda axes: plots.noise_and_error(axes, um))

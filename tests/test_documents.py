@@ -233,3 +233,8 @@ def test_what_measured_arms_reach_is_what_their_study_found():
     figures = set(re.findall(r"0\.\d{3}", page))
     assert len(figures) > 8
     assert not [figure for figure in figures if figure not in (arms.__doc__ or "")]
+
+
+def test_the_readme_is_read_in_a_few_minutes():
+    """What a newcomer needs stands there; the rest is in docs/."""
+    assert len((ROOT / "README.md").read_text(encoding="utf-8").split()) <= 1800

@@ -8,6 +8,7 @@ GLOSSARY = (
     "R95: radius about the predicted point that holds the true one with 95 % probability, at poses "
     "like the held-out ones.",
     "Region: the ellipsoid that does so at one pose, of k = 2.80 (2-D 2.45, 1-D 1.96).",
+    "Held-out pose: one that nothing was identified from.",
     "Guard: 19 or more held-out poses, whose errors may raise k.",
     "Misfit: error of the robot that the model cannot describe, per axis; the region holds it up "
     "to a limit.",

@@ -184,7 +184,7 @@ def toward(ax: "Axes", station: Array) -> None:
         va="center",
         fontsize=6.5,
         color=INK,
-        bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.8},
+        gid=HALO,
         arrowprops={"arrowstyle": "->", "color": INK, "linewidth": 0.8, "shrinkA": 2},
     )
 

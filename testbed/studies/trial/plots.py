@@ -32,6 +32,8 @@ MOST_PANELS = 6
 """Trials shown in one figure; the tables hold all."""
 UNCERTAINTIES = ("A", "V", "G")
 """Criteria whose figure is a standard uncertainty, smaller is better; the others are indices."""
+PALE = "#ecc9b4"
+"""Of random sets in a histogram: pale vermilion, as the marks of theirs are vermilion."""
 TOP = 102.0
 """Upper end of axes of shares [%]."""
 MOST_VIEWS = 4
@@ -206,10 +208,10 @@ def random_sets(sets: Sequence[RandomSets]) -> str:
     with drawing(1, len(sets), height=1.9) as (figure, axes):
         for ax, one in zip(axes, sets, strict=True):
             scale, name = unit_factor(one.unit, one.criterion)
-            ax.hist(one.values * scale, bins=14, **BARS)
+            ax.hist(one.values * scale, bins=14, **BARS | {"color": PALE})
             marked_line(
                 ax, one.chosen_value * scale, "chosen set", -3 if one.larger_is_better else 3,
-                height=0.96, color=MIDDLE, linewidth=1.6,
+                height=0.96, color=DARK, linewidth=1.6,
             )  # fmt: skip
             title = f"{one.trial}: {one.n_poses} poses"
             ax.set(title=title, xlabel=name, ylabel="random sets")

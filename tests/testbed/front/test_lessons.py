@@ -10,6 +10,7 @@ from calib.design import random_selection
 from calib.information.propagation import point_uncertainty, tool_covariance
 from testbed.assets import scenes
 from tests.testbed.cli.test_scenes import script
+from truebed import plots_lessons
 from truebed.lesson import asked, calibrated, guess, laboratories, spread, tell
 
 ONE = range(1, 2)
@@ -164,11 +165,18 @@ PAINTED = {
 
 @pytest.mark.parametrize("name", PAINTED)
 def test_a_picture_for_the_wall_is_written_with_both_axes_named(name, tmp_path, capsys):
-    made, seen = script(f"lesson_{name}"), []
+    seen, found = [], PAINTED[name]
+    kinds, counts = {"rigid": "rigid", "soft": "sags"}, (10, 15, 29, 61, 120)
 
     def painted(axes):
-        made.draw(axes, PAINTED[name])
         seen.append(axes)
+        {
+            "poses": lambda: plots_lessons.error_by_poses(axes, counts, found, kinds),
+            "o1": lambda: plots_lessons.against_random(axes, found, kinds),
+            "model": lambda: plots_lessons.inside_by_poses(axes, (29, 61, 120), found),
+            "held_out": lambda: plots_lessons.share_by_held_out(axes, found),
+            "tracker": lambda: plots_lessons.noise_and_error(axes, found),
+        }[name]()
 
     asked(2, ["--picture", str(tmp_path / "a.png"), "--seed", "4"]).draw(painted)
     assert (tmp_path / "a.png").stat().st_size > 10_000
