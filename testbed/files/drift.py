@@ -150,6 +150,10 @@ def _shots(readings: Readings, nests: Sequence[str]) -> Index:
     """
     names = np.array(readings.target)
     counts = Counter(readings.target)
+    if not counts:
+        message = f"has no row of a nest, and [drift] names {', '.join(nests)}"
+        fix = "name what each row is of in a column target, or take [drift] out"
+        raise refusal(readings.where, "drift.nests", message, fix=fix)
     if all(counts[nest] for nest in nests) and len(set(counts.values())) == 1:
         return np.stack([np.flatnonzero(names == nest) for nest in nests], axis=1)
     found = [_in_turn(readings, nests, apart=apart) for apart in (True, False)]

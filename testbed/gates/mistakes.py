@@ -2,7 +2,7 @@
 
 import json
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any, TypeVar, get_args
 
 from pydantic import ValidationError
@@ -43,9 +43,14 @@ UNITS = {
     "um_per_sqrt_h": "um/sqrt(h)", "um_per_m_k": "um/(m K)", "um_per_m": "um/m",
     "nm_per_mrad": "N m/mrad", "kg_m2": "kg m2", "deg_s": "deg/s", "mm_s": "mm/s",
     "mm_deg": "", "k": "K", "hpa": "hPa", "percent": "%",
-    **{unit: unit for unit in ("um", "mm", "mdeg", "deg", "urad", "kg", "s", "h")},
+    **{unit: unit for unit in ("um", "mm", "mdeg", "deg", "urad", "kg", "s", "h", "degC")},
 }  # fmt: skip
 """Ends of keys that tell a unit, the longer ones first, and how it is written."""
+SIZES = {"um": 1e-6, "mm": 1e-3, "m": 1.0, "mdeg": 1e-3, "deg": 1.0, "rad": 180 / math.pi}
+"""Unit suffixes of keys; lengths in meters, angles in degrees."""
+OF_LENGTHS = ("um", "mm", "m")
+ALIASES = {"noise": "position", "sigma": "position"}
+"""Words people write for a quantity, and the word used here."""
 NAMES = {
     r"^[a-z0-9][a-z0-9_.-]{0,63}$": "are small letters, digits, - _ and .",
     r"^[a-z][a-z0-9_]*$": "are small letters, digits and _, a letter first",
@@ -126,6 +131,25 @@ def shown(value: object) -> str:
     return _cut(json.dumps(value, ensure_ascii=False, default=str))
 
 
+def right_unit(key: str, value: object, known: Collection[str]) -> str:
+    """The fix for a key whose word is known in another unit, its value converted if it can be.
+
+    Examples
+    --------
+    >>> right_unit("position_mm", 0.01, ["position_um"])
+    'write position_um = 10'
+    """
+    stem, _, unit = key.rpartition("_")
+    for right in known if unit in SIZES else ():
+        word, _, wanted = right.rpartition("_")
+        if word == ALIASES.get(stem, stem) and wanted in SIZES and (wanted != unit or word != stem):
+            same = (unit in OF_LENGTHS) == (wanted in OF_LENGTHS)
+            if same and isinstance(value, int | float) and not isinstance(value, bool):
+                return f"write {right} = {value * SIZES[unit] / SIZES[wanted]:g}"
+            return f'the key is "{right}": give the value in {wanted}'
+    return ""
+
+
 def _unit_at(path: tuple[str | int, ...]) -> str:
     """Unit of a number, after a space: `` um`` at position_um; nothing where no key tells one."""
     for key in path[::-1]:
@@ -175,7 +199,7 @@ def _fault(schema: type[Strict], mistake: Mapping[str, Any]) -> Fault:
     table, key, known = _place(schema, loc[:-2] if is_name else loc)
     at = key if table == FILE and key else f"{table} {key}".strip()
     if kind == "extra_forbidden":
-        fix = choice_of(str(loc[-1]), known)
+        fix = right_unit(str(loc[-1]), value, known) or choice_of(str(loc[-1]), known)
         return Fault(loc, f'{table} has no key "{key}"', fix=fix, value=value)
     if kind == "missing" and isinstance(loc[-1], int):
         table, key, _ = _place(schema, loc[:-1])

@@ -1,6 +1,7 @@
 """Bytes of a text file into lines and cells; sizes are bounded and nothing is ever unpacked."""
 
 import csv
+import os
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -118,7 +119,7 @@ def read_text(path: Path, where: str, *, max_mb: float = MAX_MB, larger: str = L
     except UnicodeDecodeError:
         text, encoding = data.decode("latin-1"), "Latin-1"
     if not text.strip():
-        raise _refused(where, "is empty", fix="measure something")
+        raise _refused(where, "is empty", fix="give a file with rows")
     return FileText(where, tuple(text.split("\n")), encoding, SourceFile(path, digest))
 
 
@@ -134,7 +135,10 @@ def _bytes(path: Path, where: str, max_mb: float, larger: str) -> bytes:
     if not is_file:
         if path.exists():
             raise _refused(where, "is not a file", fix="check the path")
-        raise _refused(where, "does not exist", fix=near(path))
+        fix = near(path)
+        if where == path.name:  # as a session names it, beside itself
+            fix = fix.replace(f'"{path.parent}{os.sep}', '"')
+        raise _refused(where, "does not exist", fix=fix)
     if size > max_mb * 1e6:
         raise _refused(
             where, f"is {size / 1e6:.3g} MB", code="M36", value=size,

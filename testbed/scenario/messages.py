@@ -1,12 +1,11 @@
 """Validation errors of a scenario in the words of the file: table, key, value, likely fix."""
 
-import math
 from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
 from pydantic import ValidationError
 
-from testbed.gates.mistakes import WANTED, in_words, shown
+from testbed.gates.mistakes import WANTED, in_words, right_unit, shown
 from testbed.scenario.scenario import Scenario, ScenarioFile
 from testbed.scenario.tables import PRIOR
 from testbed.strict import MOST, Fault, KeyPath, Strict, did_you_mean, models_in
@@ -25,11 +24,6 @@ NUMBERS = tuple(
     )
 )
 """Keys that hold one number or one per joint."""
-UNITS = {"um": 1e-6, "mm": 1e-3, "m": 1.0, "mdeg": 1e-3, "deg": 1.0, "rad": 180 / math.pi}
-"""Unit suffixes of keys; lengths in metres, angles in degrees."""
-LENGTHS = ("um", "mm", "m")
-ALIASES = {"noise": "position", "sigma": "position"}
-"""Words people write for a quantity, and the word used here."""
 WANTED_AT: dict[KeyPath, tuple[str, str]] = {
     **dict.fromkeys(TEXTS, ("text or a list of texts", "put names in quotes")),
     **dict.fromkeys(
@@ -172,21 +166,8 @@ def _unknown_key(path: KeyPath, value: object, file: ScenarioFile) -> Fault:
             return Fault(path, message, fix=f'it belongs to {word} = "{other}"', value=value)
     known = branches[tag]
     homes = [name for name, kinds in tables.items() if key in kinds.get("", ())]
-    fix = _right_unit(key, value, known) or did_you_mean(key, known)
+    fix = right_unit(key, value, known) or did_you_mean(key, known)
     if not fix and homes:
         fix = f"move it to {f'[{homes[0]}]' if homes[0] else 'the top of the file'}"
     allowed = "" if fix else f"known are {', '.join(known)}"
     return Fault(path, message, "S37", allowed, fix or "remove it", value)
-
-
-def _right_unit(key: str, value: object, known: Collection[str]) -> str:
-    """The fix for a key whose word is known in another unit, its value converted if it can be."""
-    stem, _, unit = key.rpartition("_")
-    for right in known if unit in UNITS else ():
-        word, _, wanted = right.rpartition("_")
-        if word == ALIASES.get(stem, stem) and wanted in UNITS and wanted != unit:
-            same = (unit in LENGTHS) == (wanted in LENGTHS)
-            if same and isinstance(value, int | float) and not isinstance(value, bool):
-                return f"write {right} = {value * UNITS[unit] / UNITS[wanted]:g}"
-            return f'the key is "{right}": give the value in {wanted}'
-    return ""

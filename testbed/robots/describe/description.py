@@ -136,7 +136,7 @@ def check_count(moving: int, tip: str, path: Path) -> None:
     """R16: some joints move on the way to the tip, and not endlessly many."""
     if not 1 <= moving <= MOST_JOINTS:
         message = f"{moving or 'no'} joint{'s' * (moving > 1)} move{'s' * (moving < 1)} {tip}"
-        allowed = f"1 to {MOST_JOINTS}" if moving else ""
+        allowed = f"an arm has 1 to {MOST_JOINTS}"
         raise refuse("tip", tip, allowed, code="R16", message=message, where=str(path))
 
 

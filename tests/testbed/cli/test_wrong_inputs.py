@@ -65,6 +65,22 @@ def test_it_is_said_in_one_sentence(words, told, here):
     assert sorted(here.rglob("*")) == before  # and nothing was written
 
 
+@pytest.mark.parametrize(
+    ("lines", "told"),
+    [
+        ("[uncertainty]\nposition_mm = 0.01", 'has no key "position_mm"; write position_um = 10.'),
+        ("[uncertainty]\nnoise_um = 10", 'has no key "noise_um"; write position_um = 10. [S37]'),
+        ("[conditions]\ntemperature_degC = 293", "is 293; it must be 150 degC or smaller;"),
+        ('[drift]\nnests = ["B1"]', "has no row of a nest, and [drift] names B1; name what each"),
+        ('[uncertainty]\nposition_um = 9\n[points]\nfile = "aa.csv"', 'did you mean "a.csv"? [M'),
+    ],
+)
+def test_a_key_of_a_session_that_is_not_meant_so_is_mended_in_the_message(lines, told, here):
+    seen = "" if "[points]" in lines else '[points]\nfile = "a.csv"\n'
+    (here / "s.toml").write_text(f'[joints]\nfile = "a.csv"\n{seen}{lines}\n')
+    assert told in said("check", "s.toml", "--robot", TX60)
+
+
 def test_the_same_session_by_config_is_no_second_one(here):
     """Whoever names the file twice means one; it then reads as usual."""
     line = said("identify", TX60, "s.toml", "--config", "s.toml", "--out", "out")
