@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from calib.errors import InputError, refuse
 from testbed.cli.app import Debug, Json, Plain, Quiet, app, scenes_like
 from testbed.cli.exit_codes import MACHINE, SOME_FAILED, exit_codes
 from testbed.cli.output import say, say_found, say_json, warn
@@ -65,10 +66,7 @@ def run(
         words = ["truebed", "run", scene, "--out", str(folder)]
         words += [] if seed is None else ["--seed", str(seed)]
         if export is not None:
-            from testbed.files.session_toml import SESSION_FILE
-            from testbed.store.whole_folder import check_free
-
-            check_free(export, SESSION_FILE, overwrite=overwrite)
+            require_export(export, folder, overwrite=overwrite)
             words += ["--export", str(export)]
         engine, more = engine_asked(workers, scheduler, quiet=quiet or as_json)
         words += more
@@ -117,6 +115,7 @@ def run(
             )
         end.code = SOME_FAILED if outcome.failed else end.code
         if export is not None:
+            from testbed.files.session_toml import SESSION_FILE
             from testbed.run.export import export_campaign
 
             arm = robot_of(scenario, where)
@@ -150,6 +149,32 @@ def merge(
             outcome = merge_runs(runs, out, overwrite=overwrite, progress=report, engine=engine)
         end.code = SOME_FAILED if outcome.failed else end.code
         tell(out, quiet=quiet, as_json=as_json)
+
+
+def require_export(export: Path, folder: Path, *, overwrite: bool) -> None:
+    """Refuse a folder for the measurements that cannot be written, before anything is computed.
+
+    Raises
+    ------
+    InputError
+        C40: it is that of the run, or what `check_free` says.
+    """
+    from testbed.files.session_toml import SESSION_FILE
+    from testbed.gates.paths import real
+    from testbed.store.whole_folder import check_free
+
+    places = [real(path, field="--export", code="C40") for path in (export, folder)]
+    if places[0] == places[1]:
+        fix = "choose another --export"
+        raise refuse("--export", code="C40", message=f"--export {export} is --out, too", fix=fix)
+    try:
+        check_free(export, SESSION_FILE, overwrite=overwrite)
+    except InputError as error:
+        fix = error.fix.replace("--out", "--export")
+        raise refuse(
+            "--export", error.value, error.allowed, code=error.code, message=error.message,
+            fix=fix, where=error.where,
+        ) from error  # fmt: skip
 
 
 def tell(folder: Path, *, quiet: bool, as_json: bool, exported: Path | None = None) -> None:
@@ -208,8 +233,6 @@ def engine_asked(workers: str, scheduler: str | None, *, quiet: bool) -> "tuple[
 
 def alone(*, overwrite: bool, export: Path | None) -> None:
     """Refuse what a slice cannot do: it is one of several, and no whole run."""
-    from calib.errors import refuse
-
     given = "--overwrite" if overwrite else "--export" if export is not None else ""
     if given:
         raise refuse(

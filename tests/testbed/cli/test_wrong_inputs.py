@@ -25,6 +25,8 @@ def here(tmp_path, monkeypatch):
     (tmp_path / "s.toml").write_text(SESSION)
     (tmp_path / "other.toml").write_text(SESSION)
     (tmp_path / "data.json").write_text("{}")
+    (tmp_path / "full").mkdir()
+    (tmp_path / "full" / "session.toml").write_text(SESSION)
     (tmp_path / "head.csv").write_text("pose_id,x_mm\n")
     mixed = {name: rows[name] for name in rows if name != "x_mm"}
     mixed |= {"x_m": (np.array(rows["x_mm"], dtype=float) / 1e3).tolist()}
@@ -56,6 +58,8 @@ TX60 = "staubli_tx60"
         (["check", "data.json"], "data.json: is a JSON file, and a table is wanted here; give a"),
         (["check", "head.csv"], "head.csv: names its columns and has no rows below them;"),
         (["check", "a.csv", "--robot", "kuka_iiwa7"], "no column for 1 of the 7 joints of kuka"),
+        (["run", "quick", "--export", "full"], "choose another --export, or rename the old one"),
+        (["run", "quick", "--out", "b", "--export", "b"], "--export b is --out, too; choose anoth"),
         (["merge", "a", "a", "--out", "b"], "a: is given twice; give each folder once. [C41]"),
     ],
 )
