@@ -11,14 +11,13 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from calib.calibration import CalibratedRobot
     from calib.geometry.model import RobotModel
-    from testbed.files.session import Session
-    from testbed.identify.calibration import Calibration
-    from testbed.iso9283.records import CycleResult
-    from testbed.plan.records import Plan
-    from testbed.robots.robot import Robot
-    from testbed.scenario.scenario import Scenario
-    from testbed.store.written import WrittenFolder
-    from testbed.studies.trial.records import Campaign
+    from testbed.files.session import Session as Session
+    from testbed.identify.calibration import Calibration as Calibration
+    from testbed.iso9283.records import CycleResult as CycleResult
+    from testbed.plan.records import Plan as Plan
+    from testbed.robots.robot import Robot as Robot
+    from testbed.scenario.scenario import Scenario as Scenario
+    from testbed.studies.trial.records import Campaign as Campaign
     from truebed import lesson as lesson
     from truebed import plots as plots
 else:
@@ -26,16 +25,28 @@ else:
     from importlib import import_module
 
     def __getattr__(name):
-        """The modules beside the verbs; ``plots`` loads matplotlib where it is asked for."""
-        if name not in MODULES:
-            message = f"module 'truebed' has no attribute {name!r}"
-            raise AttributeError(message, name=name, obj=sys.modules[__name__])
-        return import_module(f"truebed.{name}")
+        """Modules and kinds of results, when asked for; ``plots`` loads matplotlib."""
+        if name in MODULES:
+            return import_module(f"truebed.{name}")
+        if name in KINDS:
+            return getattr(import_module(KINDS[name]), name)
+        message = f"module 'truebed' has no attribute {name!r}"
+        raise AttributeError(message, name=name, obj=sys.modules[__name__])
 
     def __dir__():
-        return sorted([*__all__, *MODULES])
+        return sorted([*__all__, *MODULES, *KINDS])
 
 
+KINDS = {
+    "Calibration": "testbed.identify.calibration",
+    "Campaign": "testbed.studies.trial.records",
+    "CycleResult": "testbed.iso9283.records",
+    "Plan": "testbed.plan.records",
+    "Robot": "testbed.robots.robot",
+    "Scenario": "testbed.scenario.scenario",
+    "Session": "testbed.files.session",
+}
+"""What the verbs take and give, to be named in annotations, and where each lives."""
 MODULES = ("lesson", "plots")
 """Modules that are loaded when they are asked for."""
 __all__ = (
@@ -262,12 +273,13 @@ def write_robot(
     return write_robot_folder(named, Path(folder), overwrite=overwrite)
 
 
-def load(folder: str | Path) -> "Campaign | Calibration | Session | Robot | WrittenFolder | Any":
+def load(folder: str | Path) -> Any:
     """What any folder that this program wrote holds; what it is stands first when it is printed.
 
     A campaign or a calibration comes back as `run` or `identify` gave it; of a plan or a test after
     ISO 9283 the numbers and tables of its files; of exported measurements the session; of the
-    folder of a robot the robot; of a file that `save` wrote the result. Nothing is computed.
+    folder of a robot the robot; of a file that `save` wrote the result. Nothing is computed. What
+    it is only the folder knows: annotate it, ``campaign: truebed.Campaign = truebed.load(...)``.
 
     Parameters
     ----------

@@ -108,3 +108,14 @@ def test_a_robot_is_written_with_numbers_from_arrays(tmp_path):
     other = truebed.robot("kuka_iiwa7")
     with pytest.raises(InputError, match="those of kuka_iiwa7"):
         truebed.write_robot(other, found.model, tmp_path / "no")
+
+
+def test_what_the_verbs_give_has_a_name_for_annotations(campaign):
+    for name in truebed.KINDS:
+        assert isinstance(getattr(truebed, name), type), name
+    assert isinstance(campaign, truebed.Campaign)
+    assert isinstance(campaign.scenario, truebed.Scenario)
+    assert isinstance(ROBOT, truebed.Robot)
+    with pytest.raises(AttributeError) as caught:
+        truebed.Campaigns  # noqa: B018
+    assert (caught.value.name, caught.value.obj) == ("Campaigns", truebed)
