@@ -58,7 +58,7 @@ def scene_text(robot: Robot, named: str, name: str) -> str:
     return SCENE.format(
         title=robot.title,
         name=toml_value(name),
-        about=toml_value(f"{robot.title[:100]}, designed poses against random ones"),
+        about=toml_value(f"{robot.title[:100]}: what a calibration would bring"),
         robot=toml_value(named),
         station=list(place.station_mm),
         origin="as the robot's file says" if robot.workspace else "derived from its reach",
