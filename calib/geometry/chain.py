@@ -153,7 +153,13 @@ def grown_lengths(chain: Chain, growth: Array | None) -> tuple[Array, Array]:
 
 def joint_vectors(chain: Chain, q: ArrayLike) -> Array:
     """Joint vectors (m, n) [rad, m] checked against the chain: the border of all kinematics."""
-    (q,) = check("m n", q=q)
+    try:
+        (q,) = check("m n", q=q)
+    except InputError as error:
+        if error.value != (chain.n_joints,):
+            raise
+        wanted, fix = f"expected (m, {chain.n_joints})", "one pose is a table of one row: [q]"
+        raise refuse("q", error.value, wanted, code="A1", message=error.message, fix=fix) from None
     if q.shape[1] != chain.n_joints:
         wanted = f"axis 1 should be {chain.n_joints}, the joints of the chain"
         raise refuse("q", q.shape, wanted, code="A1", message=f"q has shape {q.shape}")

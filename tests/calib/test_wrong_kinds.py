@@ -30,6 +30,11 @@ TRAIN, TEST = SEEN.split(held_out=20)
             lambda: calib.Chain(np.zeros((3, 4))),
             r"links has shape \(3, 4\); theta, d, a, alpha, beta of each joint; add a column of ",
         ),
+        (
+            lambda: ARM.poses(np.zeros(3)),
+            r"q has shape \(3,\); expected \(m, 3\); one pose is a table of one row: \[q\]",
+        ),
+        (lambda: ARM.poses(np.zeros(5)), r"q has shape \(5,\); expected \(m, n\)"),
         (lambda: calib.Chain(np.zeros((3, 6))), r"\(3, 6\); axis 1 should be 5\."),
     ],
 )
