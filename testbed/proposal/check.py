@@ -18,6 +18,7 @@ from testbed.gates.paths import is_there, near, real
 from testbed.gates.toml import read_toml, read_toml_bytes, toml_document
 from testbed.iso9283.read import read_test
 from testbed.iso9283.words import extent
+from testbed.proposal.cycles import cycles_in
 from testbed.proposal.data import look_at
 from testbed.robots.catalog import ROBOT_FILE, TRACKER_FILE, load_robot, robot_names
 from testbed.robots.file import TrackerFile
@@ -163,7 +164,8 @@ def _read(file: Path, arm: Robot) -> list[str]:
 def _table(file: Path, arm: Robot | None) -> list[str]:
     """Sentences on a table or an export."""
     said, ours = list[str](), True
-    for one in look_at([file], file.parent):
+    looks = look_at([file], file.parent)
+    for one in looks:
         if not one.rows:
             raise no_rows(str(file))
         ours = ours and one.kind == "table" and all(map(is_known, one.head))
@@ -175,6 +177,12 @@ def _table(file: Path, arm: Robot | None) -> list[str]:
         place = f" in sheet {one.sheet}" if one.sheet else ""
         said.append(f"{kind}{place}, {counted(one.rows, 'row')}")
         said += _columns(one.head, {m.theirs: m.plain for m in one.meanings}, one.kind)
+    cycles = cycles_in(looks, file.parent)
+    if cycles is not None:
+        said.append(cycles.sentence)
+        if cycles.document is not None:
+            verb = "iso9283" if ours else "new session"
+            return [*said, f"type truebed {verb} {file}"]
     if arm is None:
         return [*said, "units and conventions were not tried: name the robot by --robot"]
     try:
@@ -193,7 +201,10 @@ def _columns(head: Sequence[str], known: dict[str, str], kind: str) -> list[str]
     """What the columns are taken for."""
     if kind in ("bare", "points", "frames"):
         return []
-    told = [f"{name} as {known[name]}" for name in head if name in known]
+    own = [name for name in head if is_known(name)]
+    told = [f"{name} as {known[name]}" for name in head if name in known and name not in own]
+    if own:
+        told.append(f"{len(own)} under names of this program")
     left = [name for name in head if name not in known]
     said = [f"columns: {', '.join(told)}"] if told else []
     return said + ([f"not known: {', '.join(left)}"] if left else [])

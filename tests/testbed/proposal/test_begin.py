@@ -125,7 +125,8 @@ def test_check_tells_sessions_and_tables(tmp_path):
     assert "base and tool alone leave 0." in said
     (tmp_path / "b.csv").write_text(poses_csv().replace("q1_deg", "J1"))
     said = call("check", tmp_path / "b.csv", "--robot", "staubli_tx60").stdout
-    assert "J1 as q1" in said
+    own = len(poses_csv().splitlines()[0].split(","))
+    assert f"columns: J1 as q1, {own - 1} under names of this program\n" in said
     assert "identify needs a session.toml: truebed new session" in said
     (tmp_path / "session.toml").write_text('[frames]\nfile = "a.csv"\n')
     said = call("check", tmp_path).stdout

@@ -68,6 +68,14 @@ def test_foreign_columns_are_mapped_and_a_running_number_is_no_name_of_a_pose(
     np.testing.assert_allclose(found.command, plain.command, rtol=1e-15)
 
 
+def test_check_says_the_same(tmp_path):
+    own(tmp_path)
+    for words in ([], ["--robot", "staubli_tx60"]):
+        said = CliRunner().invoke(app, ["check", str(tmp_path / "a.csv"), *words]).stdout
+        assert "\n  5 poses in turn, each 30 times: read as a test after ISO 9283\n" in said
+        assert said.endswith(f"\n  type truebed iso9283 {tmp_path / 'a.csv'}\n")
+
+
 def test_without_commands_it_says_what_iso9283_needs(tmp_path, monkeypatch):
     head = ["pose_id", *(f"q{k}_deg" for k in range(1, 7)), *(f"{a}_mm" for a in AXES)]
     lines = [(name, *[10 * int(name[1])] * 6, *seen) for name, _, _, seen in rows(12)]
