@@ -24,7 +24,7 @@ from calib.information.propagation import propagated
 from calib.measurement.observations import Measurements
 from calib.measurement.prediction import predict
 from calib.shown import Shown
-from calib.uncertainty.statement.gain import estimator_gain
+from calib.uncertainty.statement.gain import estimator_gain, untold
 
 WARNED, REFUSED = 4.0, 9.0
 """Transfer or leverage above which a target is at the edge, and above which it is outside."""
@@ -94,7 +94,7 @@ class Proven:
     absorbed: Annotated[Array, "P", "k + 1"]
     """(P, k + 1) how the estimate follows a unit of each term, and of a foot that yields."""
     covariance: Annotated[Array, "P", "P"]
-    """(P, P) of all numbers, from the noise."""
+    """(P, P) of all numbers, from the noise, and what no reading tells of them."""
     usual: Annotated[Array, 3]
     """(3,) means over the held-out poses: what is left of the terms, of the foot, of the noise."""
     low: Annotated[Array, "n"]
@@ -125,6 +125,12 @@ class Proven:
         """(N, n) joints that stand between the steps that all poses kept."""
         steps = (q - self.low) / np.where(self.step > 0, self.step, np.inf)
         return np.asarray(np.abs(steps - np.round(steps)) > ON_STEP)
+
+    def own_rows(self, q: Array) -> Array:
+        """Derivative (N, 3, P) of the stated point by the numbers of the model."""
+        T, J = self.wide.poses_and_jacobian(q, AS_USUAL)
+        at_target = np.broadcast_to(self.target, (len(T), 3))
+        return np.asarray(reflector_rows(T, J, at_target)[1][:, :, self.own])
 
     def left(self, q: Array, at: OperatingConditions = AS_USUAL) -> Array:
         """(3, N) variance of the target left by a unit of every term, by the foot, by the noise."""
@@ -166,8 +172,10 @@ def proven_at(
         target=target,
         up=up,
     )
+    open_root = untold(identification, train, proven.own_rows(np.asarray(q, dtype=np.float64)))
+    whole = frozen(proven.covariance + open_root @ open_root.T)
     stood = np.concatenate([train.q, np.asarray(q, dtype=np.float64)])
-    return replace(proven, step=steps_of(stood, proven.wide.chain.prismatic))
+    return replace(proven, covariance=whole, step=steps_of(stood, proven.wide.chain.prismatic))
 
 
 def steps_of(q: Array, prismatic: Array) -> Array:

@@ -6,8 +6,12 @@ from calib.arrays import Array, frozen
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import Parameters
 from calib.identification.identify import Identification
+from calib.information.rank import RANK_TOLERANCE, triangle
 from calib.measurement.observations import Measurements
 from calib.measurement.prediction import predict
+
+LENGTH, ANGLE = 0.6e-3, float(np.radians(0.1))
+"""What link numbers are taken to be off by, where no reading tells [m, rad]."""
 
 
 def least_squares_gain(
@@ -84,3 +88,27 @@ def prior_precision(identification: Identification) -> Array:
         scale = parameters.free_scale[at]
         precision[np.ix_(at, at)] = prior.precision * scale[:, None] * scale
     return precision
+
+
+def untold(identification: Identification, table: Measurements, there: Array) -> Array:
+    """Root (P, k) of what no row tells of link numbers, and no point whose rows are `there` shows.
+
+    A joint that never moved hides how its link stands: there the estimate keeps what was nominal,
+    with no variance at all. `there` (n, 3, P) are derivatives of the points that are stated.
+
+    References
+    ----------
+    Null space of both in units of `LENGTH` and `ANGLE`, about what arms are off by.
+    """
+    model, lengths = identification.model, identification.parameters.is_length
+    usual = np.where(lengths, LENGTH, ANGLE)
+    usual[np.isin(model.names, model.joint_errors.names)] = 0.0  # nothing tells how large they are
+    seen = predict(model, table)
+    rows = np.where(seen.filled[:, :, None], seen.rows, 0.0).reshape(-1, model.n_numbers)
+    A = np.concatenate([rows, there.reshape(-1, model.n_numbers)]) * usual
+    some = np.flatnonzero(usual)
+    _, singular, axes = np.linalg.svd(triangle(A[:, some]), full_matrices=True)
+    rank = int((singular > RANK_TOLERANCE * singular[0]).sum())
+    root = np.zeros((model.n_numbers, len(some) - rank))
+    root[some] = usual[some, None] * axes[rank:].T
+    return root
