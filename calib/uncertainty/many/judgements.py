@@ -25,8 +25,8 @@ from calib.uncertainty.statement.applicability import BEYOND, BEYOND_SLIDE, Appl
 from calib.uncertainty.statement.distance import SPARE, distance_radius
 from calib.uncertainty.statement.drifting import ORDERED, SEED
 from calib.uncertainty.statement.memory import REMEMBERS, drift, interchangeable
-from calib.uncertainty.statement.misfit import DROP, angles_apart, are_loud
-from calib.uncertainty.statement.shape import MisfitShape
+from calib.uncertainty.statement.misfit import DROP
+from calib.uncertainty.statement.shape import MisfitShape, angles_apart, are_loud
 
 Drifts = dict[int, Array]
 """Covariances (f, f) that a drift leaves in the numbers of some robots."""

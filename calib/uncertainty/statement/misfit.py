@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import chdtrc
 
-from calib.arrays import Array, Bool, FloatOrNan, frozen
+from calib.arrays import Array, FloatOrNan, frozen
 from calib.errors import refuse
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import Parameters
@@ -28,7 +28,13 @@ from calib.uncertainty.statement.evidence import (
 )
 from calib.uncertainty.statement.gain import estimator_gain, of_all_numbers
 from calib.uncertainty.statement.likelihood import likelihood
-from calib.uncertainty.statement.shape import MisfitShape, misfit_shape
+from calib.uncertainty.statement.shape import (
+    MisfitShape,
+    angles_apart,
+    are_loud,
+    misfit_shape,
+    wrong_shots,
+)
 
 DROP = 0.821
 """Fall of the log-likelihood at the one-sided upper 90 % limit: half the 80 % point of chi2_1."""
@@ -36,13 +42,10 @@ UNGUARDED_DROP = 1.353
 """The same for 95 %, where too few held-out poses guard the factor of the region."""
 SHOWN = 0.01
 """A p-value below which the readings show a misfit, in words."""
-LOUD = 1e-4
-"""Chance of angles so far off below which they are further off than stated."""
-WRIST = 3.0
-"""How much more angles may be off than joints that are all equally wrong make them, for positions
-as wrong as these: those of the wrist move the target little."""
 TURNS = np.concatenate([[0.0], np.geomspace(0.01, 1000.0, 200)])
 """Errors of angles that are tried, in their stated standard deviations."""
+ROUNDS = 10
+"""Searches for wrong shots among angles that are all further off than stated; two or three do."""
 NO_WHITE_NOISE = 1.25
 """What a real misfit, smooth over the poses, needs more than white noise of its size to be seen."""
 
@@ -250,43 +253,19 @@ def loud_turns(
     )
     if not are_loud(variance, square):
         return None
-    unit = float(np.sqrt(variance.mean()))
-    whole = variance + (unit * TURNS[:, None]) ** 2
-    value = -(np.log(whole) + square / whole).sum(axis=1) / 2
+    tried = float(np.sqrt(variance.mean())) * TURNS
+    wrong = wrong_shots(variance, square)
+    for _ in range(ROUNDS):  # what is far off for the noise may be none for these errors
+        whole = (variance + tried[:, None, None] ** 2)[:, ~wrong]
+        value = -(np.log(whole) + square[~wrong] / whole).sum(axis=(1, 2)) / 2
+        before, wrong = wrong, wrong_shots(variance + tried[value.argmax()] ** 2, square)
+        if np.array_equal(wrong, before):
+            break
     last = int(np.flatnonzero(value >= value.max() - DROP)[-1])
-    size = unit * float(TURNS[min(last + 1, len(TURNS) - 1)])
+    size = float(tried[min(last + 1, len(tried) - 1)])
     pull = estimator_gain(identification, train)[:, :, 3:]
     _, pose = np.unique(train.pose_id, return_inverse=True)
     moved = np.zeros((int(pose.max()) + 1, *pull.shape[1:]))
     np.add.at(moved, pose.ravel(), pull)
     root = size * np.moveaxis(moved, 0, 1).reshape(pull.shape[1], -1)
     return LoudTurns(size, frozen(of_all_numbers(identification, root @ root.T)))
-
-
-def angles_apart(residual: Array, B: Array, covariance: Array) -> tuple[Array, Array]:
-    """Variances (..., 3 n) of angles along their principal axes, and squares of what they read.
-
-    Parameters
-    ----------
-    residual : (..., n, 6) array
-        Of full poses [m, rad].
-    B : (..., n, 3, k) array
-        Root of the misfit's shape in their angles, of 1 m per axis.
-    covariance : (..., n, 6, 6) array
-        Of the noise [m, rad].
-
-    References
-    ----------
-    r ~ N(0, N + (3 s)^2 D), s the root mean square of the position residuals: a bound of the
-    misfit.
-    """
-    size = WRIST**2 * (residual[..., :3] ** 2).mean(axis=(-2, -1))[..., None, None, None]
-    values, axes = np.linalg.eigh(covariance[..., 3:, 3:] + size * (B @ np.swapaxes(B, -1, -2)))
-    along = (np.swapaxes(axes, -1, -2) @ residual[..., 3:, None])[..., 0]
-    flat = (*values.shape[:-2], -1)
-    return values.reshape(flat), (along**2).reshape(flat)
-
-
-def are_loud(variance: Array, square: Array) -> Bool:
-    """Whether squares (..., n) are larger than their variances make likely."""
-    return np.asarray(chdtrc(square.shape[-1], (square / variance).sum(axis=-1)) < LOUD)

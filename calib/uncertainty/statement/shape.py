@@ -1,15 +1,27 @@
-"""What a misfit looks like: half in the joints, half at the target, one draw for each pose."""
+"""What a misfit looks like: half in the joints, half at the target, one draw for each pose.
+
+And which angles are further off than that and their noise make them.
+"""
 
 from dataclasses import dataclass
 from typing import Annotated
 
 import numpy as np
+from scipy.special import chdtrc
 
-from calib.arrays import Array, Index, frozen
+from calib.arrays import Array, Bool, Index, frozen
 from calib.geometry.jacobian import joint_columns
 from calib.geometry.model import RobotModel
 from calib.measurement.observations import Measurements
 from calib.measurement.prediction import predict
+
+LOUD = 1e-4
+"""Chance of angles so far off below which they are further off than stated."""
+WRIST = 3.0
+"""How much more angles may be off than joints that are all equally wrong make them, for positions
+as wrong as these: those of the wrist move the target little."""
+FEW = 0.1
+"""Part of the poses that may be wrong shots, and be left out of what angles say."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -88,3 +100,44 @@ def of_poses(shape: MisfitShape, size: float, rows: Array, covariance: Array) ->
         part = slice(3 * j, 3 * j + 3)
         V[:, part, part] += covariance[:, j, :3, :3]
     return np.asarray(V)
+
+
+def angles_apart(residual: Array, B: Array, covariance: Array) -> tuple[Array, Array]:
+    """Variances (..., n, 3) of angles along their principal axes, and squares of what they read.
+
+    Parameters
+    ----------
+    residual : (..., n, 6) array
+        Of full poses [m, rad].
+    B : (..., n, 3, k) array
+        Root of the misfit's shape in their angles, of 1 m per axis.
+    covariance : (..., n, 6, 6) array
+        Of the noise [m, rad].
+
+    References
+    ----------
+    r ~ N(0, N + (3 s)^2 D), s the root mean square of the position residuals: a bound of the
+    misfit.
+    """
+    size = WRIST**2 * (residual[..., :3] ** 2).mean(axis=(-2, -1))[..., None, None, None]
+    values, axes = np.linalg.eigh(covariance[..., 3:, 3:] + size * (B @ np.swapaxes(B, -1, -2)))
+    along = (np.swapaxes(axes, -1, -2) @ residual[..., 3:, None])[..., 0]
+    return values, along**2
+
+
+def are_loud(variance: Array, square: Array) -> Bool:
+    """Whether squares (..., n, 3) are larger than their variances make likely.
+
+    A few wrong shots tell nothing of the others: they do not count.
+    """
+    sound = ~wrong_shots(variance, square)
+    each = (square / variance).sum(axis=-1)
+    return np.asarray(chdtrc(3 * sound.sum(axis=-1), (each * sound).sum(axis=-1)) < LOUD)
+
+
+def wrong_shots(variance: Array, square: Array) -> Bool:
+    """Which poses (..., n) lie so far off that chance does not make them, at most `FEW` of all."""
+    each = (square / variance).sum(axis=-1)
+    place = np.argsort(np.argsort(-each, axis=-1, kind="stable"), axis=-1, kind="stable")
+    n = each.shape[-1]
+    return np.asarray((chdtrc(3, each) < LOUD / n) & (place < int(FEW * n)))

@@ -3,13 +3,14 @@
 The tracker's angles lean with the direction of the beam on the target, as those of a camera do.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import pytest
 
 from calib.uncertainty.judgement import Circumstances, judge
 from calib.uncertainty.many.judgements import judge_many
+from calib.uncertainty.statement.misfit import loud_turns
 from tests.truth.foreign import candidates, turn
 from tests.truth.foreign_cells import TARGETS, Cell, drawn, readings
 from tests.truth.foreign_tracker import JOINT_SD, STATION, ForeignTracker
@@ -65,6 +66,24 @@ def test_angles_as_stated_change_nothing_nor_does_a_misfit_of_the_joints(cell):
     for robot in range(4):
         *found, _, _ = measured(robot, 0.0, cell)
         assert belief_of(*found).belief.turned == 0
+
+
+def with_wrong_shots(table, count):
+    """The same with the target of the first rows turned by a degree more."""
+    rotation = table.rotation.copy()
+    rotation[:count] = rotation[:count] @ turn(np.full((count, 3), np.radians(1.0)))
+    return replace(table, rotation=rotation)
+
+
+def test_a_few_wrong_shots_are_no_loud_angles():
+    for robot in range(3):
+        fit, train, test, *_ = measured(robot, 0.0)
+        assert loud_turns(fit, train, with_wrong_shots(test, 3)) is None
+        plain = loud_turns(*measured(robot, LEAN)[:3])
+        fit, train, test, *_ = measured(robot, LEAN)
+        among = loud_turns(fit, train, with_wrong_shots(test, 3))
+        # one step of the sizes that are tried is 6 %
+        assert among.size == pytest.approx(plain.size, rel=0.2)
 
 
 def test_a_robot_with_loud_angles_is_judged_by_itself():

@@ -17,7 +17,7 @@ SERIES = {
     "C": ("measurements_random_poses.csv", 2773, 0.90, 0.46, 0.145),
     "D": ("measurements_iso_cubes.csv", 632, 0.72, 0.37, 0.20),
 }
-"""File, poses (B holds two copies besides), mean error before, of the published geometric fit, and
+"""File, rows (B holds two copies besides), mean error before, of the published geometric fit, and
 what must be reached [mm]."""
 CONFIG = """
 name = "series {series}"

@@ -114,7 +114,7 @@ class Statement(Shown):
     combined_u: float
     """All of them together: the parameters alone [m]."""
     larger_noise_u: float
-    """What repeats ask for beyond the stated noise, at the tool; zero for nothing [m]."""
+    """What repeats or angles ask for beyond the stated noise, at the tool; zero for nothing [m]."""
     drift_u: float
     """What a drift may leave there; zero where none is in the region [m]."""
     misfit_u: float

@@ -34,9 +34,9 @@ REFUTED = "✗"
 TINY = re.compile(r"p (= [0-9.]+e-[0-9]+|< 1e-300)")
 """A p-value that nobody reads."""
 BUDGET_NOTE = (
-    "Over the held-out poses (3-D, k = 1, rms). noise beyond the stated: as repeats show. "
-    "believed: the sum, enlarged where held-out poses require a larger k. discrepancy: what these "
-    "show beyond the parameters alone; not part of the sum."
+    "Over the held-out poses (3-D, k = 1, rms). noise beyond the stated: as repeats or angles "
+    "show. believed: the sum, enlarged where held-out poses require a larger k. discrepancy: what "
+    "these show beyond the parameters alone; not part of the sum."
 )
 QUESTIONS = {"misfit": "misfit p", "another frame": "another frame p", "drift": "drift p"}
 LEAST_SOURCES = 3
@@ -207,8 +207,8 @@ def reasons(statement: Statement, *, brief: bool = False) -> tuple[str, ...]:
             "all visits fitted together show no misfit beyond the scatter of repeats (F = "
             f"{lack.ratio:.2f}, p = {significant(lack.p_value, 2)})"
         )
-    if statement.larger_noise_u and statement.belief is not None:
-        factor = statement.belief.misfit.larger_noise
+    belief = statement.belief
+    if belief is not None and (factor := belief.misfit.larger_noise) > 1:
         texts.append(
             f"readings and repeats show {factor:.2f} times the stated noise: the region has it"
         )

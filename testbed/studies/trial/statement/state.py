@@ -215,7 +215,7 @@ def beyond_sources(
 ) -> tuple[float, float, float]:
     """What is believed beyond the stated sources, 3-D at the tool, RMS over q (N, n) [m].
 
-    Noise larger than stated, where repeats show it; a drift; the largest hidden misfit.
+    Noise larger than stated, where repeats or angles show it; a drift; the largest hidden misfit.
     """
     if belief is None:
         return 0.0, 0.0, 0.0
@@ -228,7 +228,7 @@ def beyond_sources(
     drift = 0.0 if slow is None else variance(slow.covariance)
     parameters = variance(belief.covariance)
     noise = 0.0
-    if belief.misfit.larger_noise > 1:
+    if belief.misfit.larger_noise > 1 or belief.turned:
         noise = parameters - drift - variance(whole.full_covariance)
     every = float(np.mean(belief.regions(q, target=target).point ** 2))
     parts = noise, drift, every - parameters
