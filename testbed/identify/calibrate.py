@@ -44,6 +44,7 @@ from testbed.identify.proof import (
     standing_warnings,
     stated_target,
     target_warnings,
+    turn_warnings,
 )
 from testbed.identify.records import HeldOutSplit, OutlierRows
 from testbed.identify.session import origin_of, row_names, with_scatter
@@ -262,6 +263,7 @@ def _calibrated(
             *warnings_of(models[0], chosen, train),
             *guard_warnings(session, measurements.rows(split.is_test)),
             *standing_warnings(session, chosen.identification),
+            *turn_warnings(session, measurements),
             *(() if handback.in_use else target_warnings(measurements)),
             *held_out_warnings(session.conditions, session.set_up, used, split.is_test),
         ),

@@ -101,6 +101,23 @@ def target_warnings(measurements: Measurements) -> tuple[str, ...]:
     return ()
 
 
+def turn_warnings(session: Session, measurements: Measurements) -> tuple[str, ...]:
+    """That distances from one or two points leave a turn of the whole robot about them.
+
+    Such a turn moves every tool point in the base and changes no reading.
+    """
+    anchors = len(np.unique(measurements.anchor))
+    alone = len(measurements) > 0 and bool(measurements.is_distance.all())
+    if not alone or anchors > 2 or session.wanted.base != "free":
+        return ()
+    points, about = ("one point", "it") if anchors == 1 else ("two points", "both")
+    return (
+        f"distances from {points} let the whole robot turn about {about}: the radius is of the "
+        "tool point but for such a turn of the base, which no reading shows; measure from three "
+        "points or more that lie on no line",
+    )
+
+
 def standing_warnings(session: Session, result: Identification) -> tuple[str, ...]:
     """That repeats may be readings of one stop, which make a misfit of how joints come back."""
     lack = result.lack_of_fit

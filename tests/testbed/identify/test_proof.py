@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from functools import cache
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -17,6 +18,7 @@ from testbed.identify.proof import (
     repeatability,
     stated_target,
     target_warnings,
+    turn_warnings,
 )
 from testbed.identify.report.belief import questions_table
 from testbed.identify.session import with_test
@@ -181,6 +183,21 @@ def test_of_one_point_nothing_is_said_of_another():
     assert target_warnings(joined([one, other])) == ()
     assert target_warnings(sound_session().measurements) == ()
     assert "found with the robot" in target_warnings(tables.points(q, xyz, sd=1e-5, reflector=0))[0]
+
+
+@pytest.mark.parametrize(
+    ("count", "base", "said"),
+    [(1, "free", "turn about it:"), (2, "free", "turn about both:"), (3, "free", ""),
+     (1, "fixed", "")],
+)  # fmt: skip
+def test_distances_from_one_or_two_points_leave_a_turn_of_the_whole_robot(count, base, said):
+    """Of one point 3 to 12 mm were the true error of points stated within 63 um."""
+    rows = tables.distances(np.zeros((6, 6)), np.ones(6), sd=1e-5, anchor=np.arange(6) % count)
+    session = SimpleNamespace(wanted=SimpleNamespace(base=base))
+    (text,) = turn_warnings(session, rows) or ("",)
+    assert said in text
+    assert ("which no reading shows" in text) == bool(said)
+    assert not turn_warnings(session, rows.rows([]))
 
 
 def wanting(session, **wanted):
