@@ -106,6 +106,7 @@ def test_a_scheduler_without_the_program_is_named_though_its_workers_have_it(das
     name, kit = "not_at_the_scheduler", ToyKit(dask.folder)
     monkeypatch.syspath_prepend(str(dask.folder / "modules"))
     with of(dask, importlib.import_module(name).play) as engine:
+        engine._client.wait_for_workers(2, timeout=60)
         assert list(engine._client.run(has, name).values()) == [True, True]
         assert not engine._client.run_on_scheduler(has, name)
         with pytest.raises(InputError, match="in this version, with the scheduler and all workers"):
