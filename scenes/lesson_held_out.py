@@ -7,9 +7,8 @@ import numpy as np
 
 import calib
 from calib.errors import InputError
-from testbed.streams import stream
 from truebed import plots_lessons as plots
-from truebed.lesson import asked, calibrated, guess, laboratories, spread, tell, true_error
+from truebed.lesson import asked, calibrated, guess, laboratories, spread, tell
 
 COUNTS, POSES, USED = (10, 18, 19, 20, 39, 59), 29, 1000
 
@@ -20,10 +19,10 @@ def radii(seeds: range, draws: int = 200) -> dict[int, np.ndarray | None]:
     The share is of a thousand other poses, against the truth; None where no radius can be stated.
     """
     found: dict[int, list[np.ndarray] | None] = {count: [] for count in COUNTS}
-    for bench in laboratories(seeds, "soft", test__poses=USED):
-        rng = stream(bench.scenario.seed, "lesson")
-        fit = calibrated(bench, rng.permutation(len(bench.pool_q))[:POSES], "29")
-        um = 1e6 * np.linalg.norm(true_error(bench, fit), axis=1)
+    for lab in laboratories(seeds, "soft", test__poses=USED):
+        rng = lab.rng("lesson")
+        fit = calibrated(lab, rng.permutation(len(lab.poses))[:POSES], "29")
+        um = 1e6 * np.linalg.norm(lab.errors(fit), axis=1)
         for count in COUNTS:
             rows = []
             for _ in range(draws):

@@ -8,9 +8,8 @@ import numpy as np
 import calib
 from calib.information.propagation import tool_covariance
 from calib.uncertainty.regions import inside
-from testbed.streams import stream
 from truebed import plots_lessons as plots
-from truebed.lesson import asked, calibrated, guess, laboratories, spread, tell, true_error
+from truebed.lesson import asked, calibrated, guess, laboratories, spread, tell
 
 COUNTS, HELD_OUT = (29, 61, 120), 20
 SAG_MDEG, UM_PER_MDEG = (0, 1, 2, 5), 11
@@ -27,17 +26,17 @@ def held(seeds: range) -> dict[int, np.ndarray]:
     found: dict[int, list[list[float]]] = {sag: [] for sag in SAG_MDEG}
     for sag, rows in found.items():
         gravity = [sag, 0.6 * sag, 1.2 * sag]  # in the proportions of the preset soft
-        for bench in laboratories(seeds, "rigid", truth__gravity_mdeg=gravity):
-            order = stream(bench.scenario.seed, "lesson").permutation(len(bench.pool_q))
-            q, judges, row = bench.setting.test_q, bench.measure_pool(order[-HELD_OUT:], "test"), []
-            fits = [calibrated(bench, order[:m], f"{m}") for m in COUNTS]
+        for lab in laboratories(seeds, "rigid", truth__gravity_mdeg=gravity):
+            order, q = lab.rng("lesson").permutation(len(lab.poses)), lab.held_out
+            judges, row = lab.measure(order[-HELD_OUT:], "test"), []
+            fits = [calibrated(lab, order[:m], f"{m}") for m in COUNTS]
             for fit in fits:
                 S = tool_covariance(fit.model, q, fit.full_covariance)[:, :3, :3]
-                row.append(inside(true_error(bench, fit), S).sum())
-            train = bench.measure_pool(order[: COUNTS[0]], f"{COUNTS[0]}")
+                row.append(inside(lab.errors(fit), S).sum())
+            train = lab.measure(order[: COUNTS[0]], f"{COUNTS[0]}")
             belief = calib.judge(fits[0], judges, train=train).belief
             there = None if belief is None else belief.regions(q)
-            row.append(0 if there is None else there.covers(true_error(bench, fits[0])).sum())
+            row.append(0 if there is None else there.covers(lab.errors(fits[0])).sum())
             rows.append(row)
     return {sag: np.array(rows) for sag, rows in found.items()}
 

@@ -7,43 +7,41 @@ import numpy as np
 
 import calib
 from calib.arrays import Index
-from testbed.laboratory.truth.laboratory import Laboratory
-from testbed.streams import stream
+from truebed import VirtualLaboratory
 from truebed import plots_lessons as plots
-from truebed.lesson import asked, calibrated, guess, laboratories, mean_error, spread, tell
+from truebed.lesson import asked, error_um, guess, laboratories, spread, tell
 
 POSES, RANDOM = 29, 5
 KINDS = {"rigid": "rigid", "soft": "sags"}
 
 
-def chosen(bench: Laboratory) -> dict[str, Index]:
+def chosen(lab: VirtualLaboratory) -> dict[str, Index]:
     """Places in the pool of the O1 set and of the V set."""
-    seed, q = bench.scenario.seed, bench.setting.pool_q
     noise = 17.5e-6, np.radians(0.011)  # of the tracker in this scene [m, rad]
-    o1 = calib.design.Problem.of_blocks(bench.design_blocks("whitened"), POSES, "O1")
+    o1 = calib.design.Problem.of_blocks(lab.rows(), POSES, "O1")
     v = calib.design.Problem.of_poses(
-        bench.setting.nominal, q, poses=POSES, criterion="V", goals=q[::10], noise=noise
+        lab.nominal, lab.poses, poses=POSES, criterion="V", goals=lab.poses[::10], noise=noise
     )
     return {
-        "O1": calib.design.detmax(o1, stream(seed, "O1")).indices,
-        "V": calib.design.exchange(v, stream(seed, "V"), restarts=1).indices,
+        "O1": calib.design.detmax(o1, lab.rng("O1")).indices,
+        "V": calib.design.exchange(v, lab.rng("V"), restarts=1).indices,
     }
 
 
-def log_error(arm: Laboratory, places: Index, name: str) -> float:
+def log_error(arm: VirtualLaboratory, places: Index, name: str) -> float:
     """Logarithm of the mean true error after a calibration from these poses."""
-    return float(np.log(mean_error(arm, calibrated(arm, places, name))))
+    return float(np.log(error_um(arm, places, name)))
 
 
 def against_random(seeds: range, robots: int = 4) -> dict[tuple[str, str], np.ndarray]:
     """Error of a set against random ones [%], per kind and set: a mean over robots per seed."""
     found: dict[tuple[str, str], list[float]] = {}
     for kind in KINDS:
-        for bench in laboratories(seeds, kind):
-            sets, seed, count = chosen(bench), bench.scenario.seed, len(bench.pool_q)
+        for lab in laboratories(seeds, kind):
+            sets, count = chosen(lab), len(lab.poses)
             ratios: dict[str, list[float]] = {name: [] for name in sets}
             for k in range(robots):
-                arm, rng = bench.with_robot(bench.scenario.truth, "lesson", k), stream(seed, k)
+                arm, rng = lab.another("lesson", k), lab.rng(k)
                 random = [calib.design.random_selection(count, POSES, rng) for _ in range(RANDOM)]
                 base = np.mean([log_error(arm, set_, f"{k} {i}") for i, set_ in enumerate(random)])
                 for name, places in sets.items():

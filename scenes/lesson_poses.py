@@ -6,9 +6,8 @@ Run it: python scenes/lesson_poses.py [--seed 1] [--picture poses.png]
 import numpy as np
 
 import calib
-from testbed.streams import stream
 from truebed import plots_lessons as plots
-from truebed.lesson import asked, calibrated, guess, laboratories, mean_error, spread, tell
+from truebed.lesson import asked, error_um, guess, laboratories, spread, tell
 
 COUNTS, WANTED = (10, 15, 29, 61, 120), 61
 KINDS = {"rigid": "rigid robot", "soft": "one that sags"}
@@ -18,19 +17,18 @@ def errors(seeds: range) -> dict[str, np.ndarray]:
     """Mean true error (seeds, counts) [um] at 50 held-out poses, per kind of robot."""
     found: dict[str, list[list[float]]] = {kind: [] for kind in KINDS}
     for kind, rows in found.items():
-        for bench in laboratories(seeds, kind):
-            order = stream(bench.scenario.seed, "lesson").permutation(len(bench.pool_q))
-            fits = (calibrated(bench, order[:m], f"first {m}") for m in COUNTS)
-            rows.append([mean_error(bench, fit) for fit in fits])
+        for lab in laboratories(seeds, kind):
+            order = lab.rng("lesson").permutation(len(lab.poses))
+            rows.append([error_um(lab, order[:m], f"first {m}") for m in COUNTS])
     return {kind: np.array(rows) for kind, rows in found.items()}
 
 
 def settled(seeds: range, sets: int = 50) -> list[float]:
     """Number of poses from which O1 hardly rises any more, by the rule of Wen et al. 2022."""
     found = []
-    for bench in laboratories(seeds, "rigid"):
-        problem = calib.design.Problem.of_blocks(bench.design_blocks("paper"), 80, "O1")
-        rng = np.random.default_rng(bench.scenario.seed)
+    for lab in laboratories(seeds, "rigid"):
+        problem = calib.design.Problem.of_blocks(lab.rows("paper"), 80, "O1")
+        rng = np.random.default_rng(lab.scenario.seed)
         count = calib.design.pose_count(problem, rng, sets=sets)[0].chosen
         found.append(float("nan") if count is None else float(count))
     return found

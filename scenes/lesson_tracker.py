@@ -5,9 +5,8 @@ Run it: python scenes/lesson_tracker.py [--seed 1] [--picture tracker.png]
 
 import numpy as np
 
-from testbed.streams import stream
 from truebed import plots_lessons as plots
-from truebed.lesson import asked, calibrated, guess, laboratories, mean_error, spread, tell
+from truebed.lesson import asked, error_um, guess, laboratories, spread, tell
 
 POSES = 29
 STATIONS = {
@@ -24,11 +23,11 @@ def errors(seeds: range) -> dict[str, np.ndarray]:
     found: dict[str, list[tuple[float, float]]] = {name: [] for name in STATIONS}
     for name, station in STATIONS.items():
         tracker = {"preset": "at960", "station_mm": station}
-        for bench in laboratories(seeds, "rigid", tracker=tracker):
-            places = stream(bench.scenario.seed, "lesson").permutation(len(bench.pool_q))[:POSES]
-            seen = bench.measure_pool(places, "29").covariance[:, :3, :3]
+        for lab in laboratories(seeds, "rigid", tracker=tracker):
+            places = lab.rng("lesson").permutation(len(lab.poses))[:POSES]
+            seen = lab.measure(places, "29").covariance[:, :3, :3]
             u = 1e6 * np.sqrt(np.trace(seen, axis1=1, axis2=2).mean())
-            found[name].append((float(u), mean_error(bench, calibrated(bench, places, "29"))))
+            found[name].append((float(u), error_um(lab, places, "29")))
     return {name: np.array(um).T for name, um in found.items()}
 
 

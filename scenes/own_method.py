@@ -11,10 +11,6 @@ import numpy as np
 import calib
 import truebed
 from calib.arrays import Array, Index
-from testbed.laboratory.truth.laboratory import open_laboratory
-from testbed.laboratory.truth.setting import make_setting
-from testbed.streams import stream
-from testbed.studies.trial.compare import compare, true_step
 
 POSES = 29
 
@@ -33,21 +29,16 @@ def contest(robots: int = 8) -> dict[str, Array]:
     """Mean held-out error [mm] of each robot, per method."""
     errors: dict[str, list[float]] = {"DETMAX": [], "random": [], "farthest": []}
     for seed in range(robots):
-        scenario = truebed.scene("quick", {"seed": seed})
-        bench = open_laboratory(scenario, make_setting(scenario))
-        blocks, q = bench.design_blocks("whitened"), bench.setting.pool_q
-        problem = calib.design.Problem.of_blocks(blocks, POSES, "O1")
+        lab = truebed.laboratory("quick", {"seed": seed})
+        problem = calib.design.Problem.of_blocks(lab.rows(), POSES, "O1")
         sets = {
-            "DETMAX": calib.design.detmax(problem, stream(seed, "DETMAX")).indices,
-            "random": calib.design.random_selection(len(q), POSES, stream(seed, "random")),
-            "farthest": farthest(q, POSES, stream(seed, "farthest")),
+            "DETMAX": calib.design.detmax(problem, lab.rng("DETMAX")).indices,
+            "random": calib.design.random_selection(len(lab.poses), POSES, lab.rng("random")),
+            "farthest": farthest(lab.poses, POSES, lab.rng("farthest")),
         }
         for name, chosen in sets.items():
-            seen = bench.measure_pool(chosen, name)
-            result = calib.identify(bench.setting.nominal, seen, bench.free("whitened"))
-            truth = true_step(bench.setting, result, seen)
-            judged = compare(bench.setting, result, seen, truth)
-            errors[name].append(judged.accuracy_after.mean * 1e3)
+            result = calib.identify(lab.nominal, lab.measure(chosen, name), lab.free)
+            errors[name].append(lab.mean_error(result) * 1e3)
     return {name: np.array(values) for name, values in errors.items()}
 
 

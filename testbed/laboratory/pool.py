@@ -156,17 +156,19 @@ class Candidates:
             n_drawn=int(end),
         )
 
-    def first_fault(self, q: Array) -> Index:
+    def first_fault(self, q: Array, *, box: bool = True) -> Index:
         """Index (m,) into `REASONS` of the first test each pose q (m, n) fails, -1 if none.
 
-        Cheap tests first; a later test looks only at what the earlier ones left.
+        Cheap tests first; a later test looks only at what the earlier ones left. Without `box` the
+        tool may be anywhere.
         """
-        return self._simulated_fault(q, self._cheap_fault(q))
+        return self._simulated_fault(q, self._cheap_fault(q, box=box))
 
-    def _cheap_fault(self, q: Array) -> Index:
+    def _cheap_fault(self, q: Array, *, box: bool = True) -> Index:
         """The same (m,) of the tests that arrays make."""
         reason = np.full(len(q), -1, dtype=np.int64)
-        reason[~self._in_box(q)] = BOX
+        if box:
+            reason[~self._in_box(q)] = BOX
         reason[(reason < 0) & ~self._keeps_margin(q)] = LIMITS
         left = np.flatnonzero(reason < 0)
         reason[left[~self.faces(q[left])]] = CONE

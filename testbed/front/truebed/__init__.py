@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from testbed.studies.trial.records import Campaign as Campaign
     from truebed import lesson as lesson
     from truebed import plots as plots
+    from truebed.virtual import VirtualLaboratory as VirtualLaboratory
 else:
     import sys
     from importlib import import_module
@@ -45,6 +46,7 @@ KINDS = {
     "Robot": "testbed.robots.robot",
     "Scenario": "testbed.scenario.scenario",
     "Session": "testbed.files.session",
+    "VirtualLaboratory": "truebed.virtual",
 }
 """What the verbs take and give, to be named in annotations, and where each lives."""
 MODULES = ("lesson", "plots")
@@ -53,6 +55,7 @@ __all__ = (
     "export",
     "identify",
     "iso9283",
+    "laboratory",
     "load",
     "plan",
     "robot",
@@ -118,6 +121,28 @@ def run(scenario: "str | Path | Scenario", out: str | Path | None = None) -> "Ca
     return play_run(_scenario(scenario), out).campaign
 
 
+def laboratory(
+    scenario: "str | Path | Scenario", changes: Mapping[str, Any] | None = None
+) -> "VirtualLaboratory":
+    """Open the virtual laboratory of a scenario, for a method of your own; arguments as in `scene`.
+
+    It holds a robot whose true geometry is secret, candidate poses, and a tracker: choose poses,
+    ``measure`` them, identify, and ask for the true ``errors`` of the result.
+
+    Examples
+    --------
+    >>> import calib
+    >>> lab = laboratory("quick", {"pool.size": 60, "test.poses": 20})
+    >>> seen = lab.measure(range(29), "first 29")
+    >>> found = calib.identify(lab.nominal, seen, lab.free)
+    >>> lab.mean_error(lab.nominal) > 5 * lab.mean_error(found)
+    True
+    """
+    from truebed.virtual import opened
+
+    return opened(scene(scenario, changes))
+
+
 def plan(scenario: "str | Path | Scenario", out: str | Path | None = None) -> "Plan":
     """Plan the measurement of a real robot, as ``truebed plan`` does.
 
@@ -160,19 +185,9 @@ def identify(
         The models that were fitted and which one was chosen, and the statement; ``tables()`` has
         errors and numbers.
     """
-    from testbed.files.read import read_session
-    from testbed.files.session import Session
-    from testbed.identify.calibrate import calibrate
-    from testbed.identify.folder import play_calibration
-    from testbed.identify.given import require_order
-    from testbed.robots.catalog import load_robot
-    from testbed.robots.robot import Robot
+    from truebed.verbs import identified
 
-    if not isinstance(robot, Robot) and not isinstance(session, Session):
-        require_order(str(robot), Path(session))
-    arm = robot if isinstance(robot, Robot) else load_robot(robot)
-    seen = session if isinstance(session, Session) else read_session(session, arm)
-    return calibrate(arm, seen) if out is None else play_calibration(arm, seen, Path(out))[0]
+    return identified(robot, session, None if out is None else Path(out))
 
 
 def iso9283(data: str | Path, out: str | Path | None = None) -> "CycleResult":
@@ -190,25 +205,15 @@ def iso9283(data: str | Path, out: str | Path | None = None) -> "CycleResult":
     CycleResult
         The figures with their limits; ``tables()`` has them.
     """
-    from testbed.iso9283.folder import play_iso9283
-    from testbed.iso9283.play import play_test
-    from testbed.iso9283.read import read_test
+    from truebed.verbs import cycled
 
-    test = read_test(data)
-    return play_test(test) if out is None else play_iso9283(test, Path(out))
+    return cycled(data, None if out is None else Path(out))
 
 
 def export(campaign: "Campaign", folder: str | Path, *, overwrite: bool = False) -> None:
     """Write what the virtual tracker saw as measurement files, as ``truebed run --export`` does.
 
-    Parameters
-    ----------
-    campaign : Campaign
-        As `run` gave it.
-    folder : path
-        New, or an exported one.
-    overwrite : bool
-        Rename what is there.
+    `folder` is new, or an exported one; with `overwrite` what is there is renamed.
     """
     from testbed.run.export import export_campaign
 
@@ -258,19 +263,9 @@ def write_robot(
     tuple of str
         How well each file agrees with the model, and what it cannot hold, in words.
     """
-    from calib.calibration import CalibratedRobot
-    from calib.geometry.model import RobotModel
-    from testbed.identify.handback.deliver import identified_name
-    from testbed.robots.catalog import load_robot
-    from testbed.robots.robot import Robot
-    from testbed.robots.write.folder import write_robot_folder
-    from testbed.robots.write.identified import identified_robot
+    from truebed.verbs import written
 
-    arm = robot if isinstance(robot, Robot) else load_robot(robot)
-    model = found.model if isinstance(found, CalibratedRobot) else found
-    own = RobotModel(model.chain, model.joint_errors)  # what the laboratory placed stays there
-    named = identified_robot(arm, own, name=identified_name(arm.name))
-    return write_robot_folder(named, Path(folder), overwrite=overwrite)
+    return written(robot, found, Path(folder), overwrite=overwrite)
 
 
 def load(folder: str | Path) -> Any:

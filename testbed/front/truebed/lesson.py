@@ -12,11 +12,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 import calib
-from calib.arrays import Array
 
 if TYPE_CHECKING:
     from calib.identification.result import Identification
-    from testbed.laboratory.truth.laboratory import Laboratory
+    from truebed.virtual import VirtualLaboratory
 
 
 WIDTH = 92
@@ -75,8 +74,10 @@ def guess(question: str) -> None:
         input("Guess before you look, then press Enter: ")
 
 
-def laboratories(seeds: Iterable[int], preset: str, **changes: Any) -> "Iterator[Laboratory]":
-    """The scene `quick` with a robot of a preset, once for each seed.
+def laboratories(
+    seeds: Iterable[int], preset: str, **changes: Any
+) -> "Iterator[VirtualLaboratory]":
+    """The laboratory of the scene `quick` with a robot of a preset, once for each seed.
 
     Parameters
     ----------
@@ -87,32 +88,21 @@ def laboratories(seeds: Iterable[int], preset: str, **changes: Any) -> "Iterator
     **changes : Any
         Keys of the scenario with ``__`` for a dot.
     """
-    from testbed.laboratory.truth.laboratory import open_laboratory
-    from testbed.laboratory.truth.setting import make_setting
-    from testbed.scenario.read import changed
-    from testbed.studies import load_scenario
+    from truebed import laboratory
 
     keys = {name.replace("__", "."): value for name, value in changes.items()}
     for seed in seeds:
-        scenario = changed(load_scenario("quick"), {"seed": seed, "truth.preset": preset} | keys)
-        yield open_laboratory(scenario, make_setting(scenario))
+        yield laboratory("quick", {"seed": seed, "truth.preset": preset} | keys)
 
 
-def calibrated(bench: "Laboratory", places: ArrayLike, name: str) -> "Identification":
-    """Measure poses of the pool and identify what they can tell; `name` draws the noise."""
-    seen = bench.measure_pool(np.asarray(places), name)
-    return calib.identify(bench.setting.nominal, seen, bench.free("whitened"))
+def calibrated(lab: "VirtualLaboratory", places: ArrayLike, name: str) -> "Identification":
+    """Measure candidates and identify what they can tell; `name` draws the noise."""
+    return calib.identify(lab.nominal, lab.measure(places, name), lab.free)
 
 
-def true_error(bench: "Laboratory", result: "Identification") -> Array:
-    """What the identified robot is off at the held-out poses (t, 3), against the truth [m]."""
-    q = bench.setting.test_q
-    return bench.held_out(q)[:, :3, 3] - result.model.poses(q)[:, :3, 3]
-
-
-def mean_error(bench: "Laboratory", result: "Identification") -> float:
-    """The mean distance of it [um]."""
-    return float(1e6 * np.linalg.norm(true_error(bench, result), axis=1).mean())
+def error_um(lab: "VirtualLaboratory", places: ArrayLike, name: str) -> float:
+    """Mean true error after that at the held-out poses [um]."""
+    return 1e6 * lab.mean_error(calibrated(lab, places, name))
 
 
 def spread(values: ArrayLike, digits: int = 0) -> str:

@@ -53,15 +53,15 @@ def test_more_poses_help_a_rigid_robot_more_than_one_that_sags(small):
 def test_o1_and_v_make_small_what_noise_causes():
     """What they cost where the model is wrong takes many robots to see: that is in the study."""
     made = script("lesson_o1")
-    (bench,) = laboratories(ONE, "rigid", pool__size=60)
-    sets = made.chosen(bench)
+    (lab,) = laboratories(ONE, "rigid", pool__size=60)
+    sets = made.chosen(lab)
     for k in range(4):
         rng = np.random.default_rng(k)
-        sets[f"random {k}"] = random_selection(len(bench.pool_q), made.POSES, rng)
+        sets[f"random {k}"] = random_selection(len(lab.poses), made.POSES, rng)
     u = {}
     for name, places in sets.items():
-        fit = calibrated(bench, places, name)
-        S = tool_covariance(fit.model, bench.setting.test_q, fit.full_covariance)
+        fit = calibrated(lab, places, name)
+        S = tool_covariance(fit.model, lab.held_out, fit.full_covariance)
         u[name] = point_uncertainty(S).mean()
     random = min(u[f"random {k}"] for k in range(4))
     assert u["O1"] < random
@@ -85,8 +85,7 @@ def test_the_lesson_says_how_far_a_sag_moves_the_tool():
         mdeg = [sag, 0.6 * sag, 1.2 * sag]
         (stiff,) = laboratories(ONE, "rigid", **scene)
         (soft,) = laboratories(ONE, "rigid", truth__gravity_mdeg=mdeg, **scene)
-        q = stiff.setting.test_q
-        moved = (soft.held_out(q) - stiff.held_out(q))[:, :3, 3]
+        moved = soft.errors(soft.nominal) - stiff.errors(stiff.nominal)
         # six robots and sets of held-out poses lie between 9.6 and 11.7 um per mdeg
         um = 1e6 * np.linalg.norm(moved, axis=1).mean() / sag
         assert um == pytest.approx(made.UM_PER_MDEG, abs=1.5)

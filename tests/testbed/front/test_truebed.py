@@ -112,6 +112,6 @@ def test_the_front_shows_its_verbs_and_plots_and_nothing_else():
     )  # fmt: skip
     assert done.stdout.split() == [
         "Calibration", "Campaign", "CycleResult", "Plan", "Robot", "Scenario", "Session",
-        "export", "identify", "iso9283", "lesson", "load", "plan", "plots", "robot", "run", "save",
-        "scene", "write_robot", "False", "True", "False",
+        "VirtualLaboratory", "export", "identify", "iso9283", "laboratory", "lesson", "load",
+        "plan", "plots", "robot", "run", "save", "scene", "write_robot", "False", "True", "False",
     ]  # fmt: skip

@@ -1,0 +1,53 @@
+"""What verbs of the front do, with all that they load: imported when one of them is called."""
+
+from pathlib import Path
+
+from calib.calibration import CalibratedRobot
+from calib.geometry.model import RobotModel
+from testbed.files.read import read_session
+from testbed.files.session import Session
+from testbed.identify.calibrate import calibrate
+from testbed.identify.calibration import Calibration
+from testbed.identify.folder import play_calibration
+from testbed.identify.given import require_order
+from testbed.identify.handback.deliver import identified_name
+from testbed.iso9283.folder import play_iso9283
+from testbed.iso9283.play import play_test
+from testbed.iso9283.read import read_test
+from testbed.iso9283.records import CycleResult
+from testbed.robots.catalog import load_robot
+from testbed.robots.robot import Robot
+from testbed.robots.write.folder import write_robot_folder
+from testbed.robots.write.identified import identified_robot
+
+
+def identified(
+    robot: str | Path | Robot, session: str | Path | Session, out: Path | None
+) -> Calibration:
+    """What `truebed.identify` does."""
+    if not isinstance(robot, Robot) and not isinstance(session, Session):
+        require_order(str(robot), Path(session))
+    arm = robot if isinstance(robot, Robot) else load_robot(robot)
+    seen = session if isinstance(session, Session) else read_session(session, arm)
+    return calibrate(arm, seen) if out is None else play_calibration(arm, seen, out)[0]
+
+
+def cycled(data: str | Path, out: Path | None) -> CycleResult:
+    """What `truebed.iso9283` does."""
+    test = read_test(data)
+    return play_test(test) if out is None else play_iso9283(test, out)
+
+
+def written(
+    robot: str | Path | Robot,
+    found: RobotModel | CalibratedRobot,
+    folder: Path,
+    *,
+    overwrite: bool,
+) -> tuple[str, ...]:
+    """What `truebed.write_robot` does."""
+    arm = robot if isinstance(robot, Robot) else load_robot(robot)
+    model = found.model if isinstance(found, CalibratedRobot) else found
+    own = RobotModel(model.chain, model.joint_errors)  # what the laboratory placed stays there
+    named = identified_robot(arm, own, name=identified_name(arm.name))
+    return write_robot_folder(named, folder, overwrite=overwrite)

@@ -1,0 +1,180 @@
+"""The virtual laboratory in a script's hands: what it measures, and how far off a result is."""
+
+from dataclasses import dataclass
+from typing import Protocol, Self
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from calib.arrays import Array, Index, check
+from calib.errors import InputError, refuse
+from calib.geometry.model import RobotModel
+from calib.geometry.parameters import Parameters
+from calib.identification.result import Identification
+from calib.measurement.accuracy import point_distances, target_points
+from calib.measurement.observations import Measurements
+from testbed.laboratory.pool import REASONS
+from testbed.laboratory.truth.laboratory import Laboratory, open_laboratory
+from testbed.laboratory.truth.setting import in_turn, make_setting
+from testbed.scenario.scenario import Scenario
+from testbed.streams import stream
+from testbed.studies.trial.compare import true_step
+
+
+class HasModel(Protocol):
+    """What was identified: of `calib.identify`, `calib.calibrate` or `truebed.identify`."""
+
+    @property
+    def model(self) -> RobotModel:
+        """The identified robot."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class VirtualLaboratory:
+    """A robot whose true geometry is secret, a tracker that measures it, poses to choose from.
+
+    The truth answers one question only: how far off a result is. Every random number comes from a
+    stream of the scenario's seed with a name, so that a method that draws more moves no other's.
+    """
+
+    inside: Laboratory
+    """What stands behind this door: rooms of `testbed`, whose names may change."""
+
+    def __repr__(self) -> str:
+        return f"VirtualLaboratory({self.scenario!r}, {len(self.poses)} poses)"
+
+    @property
+    def scenario(self) -> Scenario:
+        """What it was opened with."""
+        return self.inside.scenario
+
+    @property
+    def nominal(self) -> RobotModel:
+        """The robot as its maker describes it."""
+        return self.inside.setting.nominal
+
+    @property
+    def free(self) -> Parameters:
+        """The numbers of it that the scenario lets an estimator move."""
+        return self.inside.free("whitened")
+
+    @property
+    def poses(self) -> Array:
+        """(N, n) candidates to choose from: joints that hit nothing and are seen [rad, m]."""
+        return self.inside.pool_q
+
+    @property
+    def held_out(self) -> Array:
+        """(t, n) poses that no trial measures, at which results are judged [rad, m]."""
+        return self.inside.setting.test_q
+
+    def rows(self, kind: str = "whitened") -> Array:
+        """Blocks (N, r, p) of the candidates, for `calib.design.Problem.of_blocks`.
+
+        Parameters
+        ----------
+        kind : {"whitened", "paper"}
+            Rows over their stated noise, columns scaled; or those of Wen et al. 2022.
+        """
+        if kind not in ("whitened", "paper"):
+            raise refuse("kind", kind, "whitened or paper", code="A3")
+        return self.inside.design_blocks(kind)
+
+    def rng(self, *names: str | int) -> np.random.Generator:
+        """Random numbers of your own, the same whenever asked for by the same names."""
+        return stream(self.scenario.seed, *names)
+
+    def another(self, *names: str | int) -> Self:
+        """Another robot of the same kind with the same candidates, drawn under these names."""
+        robot = self.inside.with_robot(self.scenario.truth, *names)
+        return type(self)(robot)
+
+    def measure(self, poses: ArrayLike, name: str, *, repeat: int = 0) -> Measurements:
+        """What the tracker reads, with the noise that it states.
+
+        Parameters
+        ----------
+        poses : (m,) array_like of int, or (m, n) array_like
+            Places among the candidates, or joints of your own [rad, m]; visited in this order.
+        name : str
+            Names the noise: the same name at the same poses reads the same.
+        repeat : int
+            Number of the visit; each has noise of its own, and scatter of the robot.
+
+        Raises
+        ------
+        InputError
+            A place that is none, or joints that the robot cannot take or the tracker not see.
+        """
+        given = np.asarray(poses)
+        if not given.size:
+            raise refuse("poses", "empty", "one pose or more", code="A3")
+        if given.ndim == 1 and np.issubdtype(given.dtype, np.integer):
+            return self.inside.measure_pool(self._places(given), name, repeat=repeat)
+        q = self._reachable(given)
+        return self.inside.measure(q, np.arange(len(q)), name, repeat=repeat)
+
+    def errors(self, found: RobotModel | HasModel, q: ArrayLike | None = None) -> Array:
+        """True minus predicted tool points (m, 3), the mean of many moves, world axes [m].
+
+        Parameters
+        ----------
+        found : RobotModel, or a result that has one as ``model``
+            Of `calib.identify`, `calib.calibrate`, `truebed.identify`; or `nominal`.
+        q : (m, n) array_like, optional
+            Joints; the held-out poses by default [rad, m].
+        """
+        model = found if isinstance(found, RobotModel) else getattr(found, "model", None)
+        if not isinstance(model, RobotModel):
+            allowed = "a calib.RobotModel, or a result that has one as .model"
+            message = f"found is of the type {type(found).__name__}"
+            raise refuse("found", found, allowed, code="A3", message=message)
+        at = self.held_out if q is None else self._joints(q=q)
+        true, said = self.inside.held_out(at), model.poses(at, in_turn(at))
+        target = self.inside.setting.target
+        return np.asarray(target_points(true, target) - target_points(said, target))
+
+    def mean_error(self, found: RobotModel | HasModel, q: ArrayLike | None = None) -> float:
+        """Mean length of these errors [m]."""
+        return float(point_distances(self.errors(found, q), np.zeros(3)).mean())
+
+    def true_step(self, found: Identification, seen: Measurements) -> Array:
+        """True minus nominal values (f,) of the estimated numbers, as the estimate keeps them.
+
+        Parameters
+        ----------
+        found : Identification
+            Its ``step`` is to be compared with this, its ``covariance`` with the difference.
+        seen : Measurements
+            What it was identified from.
+        """
+        return true_step(self.inside.setting, found, seen, self.inside.truth.unmodelled)
+
+    def _places(self, places: Index) -> Index:
+        """Places among the candidates, if they are."""
+        wrong = (places < 0) | (places >= len(self.poses))
+        if wrong.any():
+            raise refuse("poses", int(places[wrong][0]), f"0 to {len(self.poses) - 1}", code="A3")
+        return places.astype(np.int64)
+
+    def _joints(self, **named: ArrayLike) -> Array:
+        """Joints (m, n) of this robot, under the name that an error calls them by."""
+        return check(f"m {self.nominal.chain.n_joints}", **named)[0]
+
+    def _reachable(self, q: ArrayLike) -> Array:
+        """Joints (m, n) that the robot can take, and where the tracker sees it."""
+        q = self._joints(poses=q)
+        fault = self.inside.candidates().first_fault(q, box=False)
+        if (fault >= 0).any():
+            first = int(np.flatnonzero(fault >= 0)[0])
+            message = f"pose {first} cannot be measured: {REASONS[fault[first]]}"
+            raise refuse("poses", first, code="A3", message=message)
+        return q
+
+
+def opened(scenario: Scenario) -> VirtualLaboratory:
+    """The laboratory of a scenario, with its robot drawn."""
+    try:
+        return VirtualLaboratory(open_laboratory(scenario, make_setting(scenario)))
+    except InputError as error:
+        raise error.located(f'scenario "{scenario.name}"') from error
