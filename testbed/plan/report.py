@@ -104,8 +104,10 @@ def headline(plan: Plan) -> Table:
         note="The tool point is the mean of many moves to a posture; the repeatability of one move "
         "comes on top. u: its standard uncertainty, root of the summed variances along x, y, z. "
         f"Included are the scatter of tracker and joints{counted_too(plan)}, as the identified "
-        "numbers carry them to the tool. What the model leaves out (sag, harmonics, backlash) is "
-        "not included; the smallest misfit that the measurements would show stands in the table.",
+        "numbers carry them to the tool, where each reading is weighed by its noise along and "
+        "across the beam; weighed by one number for all directions it is a few percent more. What "
+        "the model leaves out (sag, harmonics, backlash) is not included; the smallest misfit that "
+        "the measurements would show stands in the table.",
     )
 
 
