@@ -1,5 +1,6 @@
 """Readings of the files that may be meant, tables of a session.toml each."""
 
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import product
@@ -15,6 +16,8 @@ PARTS = (1, 3)
 """Parts of the rows of which the best one counts."""
 ASSUMED = {"position_um": 30, "distance_um": 30, "rotation_mdeg": 10}
 """Standard uncertainties where no file has any: of a laser tracker at some meters."""
+SCATTER = re.compile(r"(?<![a-z])(std|stdev|stddev|sd|sigma|rms)(?![a-z])", re.IGNORECASE)
+"""In names of columns that say how readings scatter."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,11 +115,21 @@ def _uncertainty(look: Found, section: str) -> tuple[Document, tuple[str, ...]]:
         for key, axes in missing.items()
         if not any(look.has(*(f"{u}{axis}" for axis in axes)) for u in ("u", "U95"))
     }
-    return stated, tuple(
-        f"uncertainty: no column has it; {key} = {value} is assumed: your instrument's certificate "
-        "knows"
+    scatter = [name for name in look.head if SCATTER.search(name)]
+    found = "is named so" if scatter else "has it"
+    notes = [
+        f"uncertainty: no column {found}; {key} = {value} is assumed: your instrument's "
+        "certificate knows"
         for key, value in stated.items()
-    )
+    ]
+    if stated and scatter:
+        more = f" and {len(scatter) - 1} more are" if scatter[1:] else " is"
+        own = "u_distance_mm" if section == "ranges" else "ux_mm"
+        notes.append(
+            f"uncertainty: {scatter[0]}{more} not used: scatter within a reading is less than its "
+            f'uncertainty; where it is that, write [{section}.columns] {own} = "{scatter[0]}"'
+        )
+    return stated, tuple(notes)
 
 
 def _where(look: Found) -> Document:

@@ -375,3 +375,25 @@ def test_a_few_distances_do_not_win_over_many_points(backwards, tmp_path):
     assert f"to mend  {tmp_path}/{sentence}" in said
     done = call("identify", "staubli_tx60", tmp_path / "session.toml", "--out", tmp_path / "out")
     assert sentence in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("names", "said"),
+    [
+        ((), "uncertainty: no column has it; position_um = 30 is assumed"),
+        (
+            ("std_x", "std_y", "std_z"),
+            "uncertainty: std_x and 2 more are not used: scatter within a reading is less than its "
+            'uncertainty; where it is that, write [points.columns] ux_mm = "std_x"',
+        ),
+        (("Sigma",), "uncertainty: Sigma is not used: scatter within a reading"),
+        (("standard", "stdx"), "uncertainty: no column has it; position_um = 30 is assumed"),
+    ],
+)
+def test_columns_of_scatter_are_named_where_uncertainty_is_assumed(tmp_path, names, said):
+    table = joints(*JOINTS) | places("x_mm", "y_mm", "z_mm") | dict.fromkeys(names, np.ones(M))
+    (file,) = write(tmp_path, a__csv=csv(table))
+    out = tmp_path / "session.toml"
+    shown = CliRunner().invoke(app, ["new", "session", str(file), "--out", str(out)])
+    assert shown.exit_code == 0, shown.output
+    assert said in out.read_text(encoding="utf-8")
