@@ -25,6 +25,8 @@ KEYS = {
 }
 """Keys of a turning joint, and what people call them."""
 NEEDED = ("d_mm", "a_mm", "alpha_deg")
+NUMBERED = ("joint", "axis", "link", "i", "j", "no", "nr", "#", "")
+"""What a column is called that only numbers the joints."""
 TO = {"mm": {"mm": 1.0, "m": 1e3, "in": 25.4}, "deg": {"deg": 1.0, "rad": 180 / np.pi}}
 LONG, TURN = 8.0, 6.4
 """Sizes above which lengths are no meters and angles no radians."""
@@ -118,7 +120,7 @@ def _rows(sheet: Sheet) -> tuple[list[dict[str, float]], tuple[str, ...]]:
             if name != key and size:
                 assumed.append(f"{name} is in {unit}, by its size")
         columns[key] = [float(f"{value * TO[kind][unit]:.12g}") for value in values]
-    left = [name for name in sheet.head if name not in used]
+    left = [name for name in sheet.head if name not in used and name.lower() not in NUMBERED]
     if left:
         assumed.append(f"not used: {', '.join(left)}")
     return [{key: columns[key][k] for key in KEYS if key in columns}

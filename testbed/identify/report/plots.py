@@ -31,8 +31,9 @@ PALE = "#d9c7bb"
 """Before, where after lies over it."""
 BINS = 14
 """Stretches along an axis over which a median is drawn, at most."""
-BARS, FEWEST_BARS = 40, 5
-"""Bars of a histogram, and over how many of even width most errors after spread at least."""
+BARS, FEW_BARS, FEWEST_BARS = 40, 12, 5
+"""Bars of a histogram at most, of few rows, and over how many of even width most errors after
+spread at least."""
 IN_A_STRETCH, LEAST = 7, 21
 """Points of which a median is drawn, and of how many at least any is."""
 MOST_DOTS = 800
@@ -84,15 +85,16 @@ def bars(before: Array, after: Array) -> Array:
     """Edges of the bars that count errors (m,) before and after: even ones, so far as that shows.
 
     Where most errors after would stand in a few of them, bars are of equal ratio, on a logarithmic
-    axis; what lies beyond its ends is counted in the outer ones.
+    axis; what lies beyond its ends is counted in the outer ones. Few rows have few bars.
     """
+    count = int(np.clip(3 * np.sqrt(len(after)), FEW_BARS, BARS))
     both = np.concatenate([before, after])
     top = float(np.quantile(both, 0.995)) or 1.0
     low, high = np.quantile(after, [0.05, 0.95])
     least = float(np.quantile(both, CUT_OFF))
-    if (high - low) * BARS >= FEWEST_BARS * top or least <= 0:
-        return np.linspace(0.0, top, BARS + 1)
-    return np.geomspace(max(least, 1e-4 * top), top, BARS + 1)
+    if (high - low) * count >= FEWEST_BARS * top or least <= 0:
+        return np.linspace(0.0, top, count + 1)
+    return np.geomspace(max(least, 1e-4 * top), top, count + 1)
 
 
 def by_joint(calibration: Calibration) -> str:

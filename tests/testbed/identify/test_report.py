@@ -321,6 +321,12 @@ def test_errors_before_and_after_stand_in_bars_enough_to_be_read(ratio):
     assert (edges[0] > 0) == (ratio >= 20)  # logarithmic only where even bars would not do
 
 
+@pytest.mark.parametrize(("rows", "bars"), [(5, 12), (20, 13), (100, 30), (1000, 40)])
+def test_few_rows_have_few_bars(rows, bars):
+    errors = np.random.default_rng(5).uniform(1.0, 2.0, rows)
+    assert len(plots.bars(1.5 * errors, errors)) - 1 == bars
+
+
 def test_errors_of_nothing_have_bars_from_zero():
     nothing = np.zeros(5)
     assert plots.bars(nothing, nothing)[[0, -1]].tolist() == [0.0, 1.0]

@@ -69,6 +69,14 @@ def test_a_line_of_units_below_the_names_says_those_of_the_links(tmp_path):
     )  # fmt: skip
 
 
+def test_a_column_that_numbers_the_joints_is_no_assumption(tmp_path):
+    table = tmp_path / "links.csv"
+    table.write_text("Joint,maker,theta_deg,d_mm,a_mm,alpha_deg\n1,x,0,100,300,90\n2,y,0,0,200,0\n")
+    said = call("new", "robot", table, "--out", tmp_path / "robot.toml").stdout
+    assert "not used: maker" in said
+    assert "Joint," not in said
+
+
 def test_a_robot_to_fill_in_is_told_as_such(tmp_path):
     out = tmp_path / "robot.toml"
     assert "every link number is 0" in call("new", "robot", "--joints", 7, "--out", out).stdout
