@@ -16,6 +16,7 @@ from calib.measurement.observations import Measurements
 from testbed.laboratory.pool import REASONS
 from testbed.laboratory.truth.laboratory import Laboratory, open_laboratory
 from testbed.laboratory.truth.setting import in_turn, make_setting
+from testbed.run.play import robot_of
 from testbed.scenario.scenario import Scenario
 from testbed.streams import stream
 from testbed.studies.trial.compare import true_step
@@ -174,7 +175,9 @@ class VirtualLaboratory:
 
 def opened(scenario: Scenario) -> VirtualLaboratory:
     """The laboratory of a scenario, with its robot drawn."""
+    where = f'scenario "{scenario.name}"'
+    robot_of(scenario, where)
     try:
         return VirtualLaboratory(open_laboratory(scenario, make_setting(scenario)))
     except InputError as error:
-        raise error.located(f'scenario "{scenario.name}"') from error
+        raise error.located(where) from error

@@ -93,3 +93,7 @@ def test_a_scenario_that_cannot_be_played_is_refused_by_its_name():
     with pytest.raises(InputError) as caught:
         truebed.laboratory("quick", SMALL | {"pool.box_center_mm": [9000.0, 0.0, 0.0]})
     assert 'scenario "quick"' in str(caught.value)
+    with pytest.raises(InputError) as caught:
+        truebed.laboratory("quick", SMALL | {"robot": "universal_ur10"})
+    assert 'scenario "quick"' in str(caught.value)
+    assert "wen2022" in str(caught.value)
