@@ -54,11 +54,8 @@ def waited(how: str, damping: float, friction: float, *, robots: int, poses: int
 
 def table(*, robots: int = 5, poses: int = 12) -> list[tuple[str, float, float, np.ndarray]]:
     """Per kind of arm: how it comes, damping, friction, and what `waited` found."""
-    return [
-        (how, damping, friction, waited(how, damping, friction, robots=robots, poses=poses))
-        for how in ARMS
-        for damping, friction in KINDS
-    ]
+    kinds = [(how, *kind) for how in ARMS for kind in KINDS]
+    return [(*kind, waited(*kind, robots=robots, poses=poses)) for kind in kinds]
 
 
 if __name__ == "__main__":
@@ -67,9 +64,10 @@ if __name__ == "__main__":
     print(f"{'':14}damping friction{times}{'other side':>13}")
     for how, damping, friction, um in table():
         mean, most = um.mean(axis=(0, 2)), um.max(axis=(0, 2))
-        row = "".join(f"{a:7.1f} ({b:4.0f})" for a, b in zip(mean, most, strict=True))
-        print(f"{how:14}{damping:7g}{friction:9g}{row}")
+        worst = [f"{b:4.0f}" if b >= 0.5 else " <.5" for b in most]
+        row = (f"{a:7.1f} ({b})" for a, b in zip(mean, worst, strict=True))
+        print(f"{how:14}{damping:7g}{friction:9g}", *row, sep="")
         if how == "fast":
-            name = f"damping {damping:g}, friction {friction:g}: "
-            drawn[name] = mean[:-1] / 1e6, most[:-1] / 1e6
+            kind = f"damping {damping:g}, friction {friction:g}: "
+            drawn[kind] = mean[:-1] / 1e6, most[:-1] / 1e6
     Path("dwell.svg").write_text(dying_away(np.array(DWELLS_S), drawn), encoding="utf-8")

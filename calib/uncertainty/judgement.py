@@ -126,7 +126,7 @@ def judge(
     rejected_too : bool
         Whether to play them for a fit that did not converge, or that its residuals or the held-out
         poses reject, too: there they decide nothing.
-    linear : Validation, optional
+    linear : LinearCheck, optional
         Linear propagation against Monte Carlo.
 
     Raises

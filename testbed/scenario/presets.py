@@ -51,7 +51,7 @@ TRUTH_PRESETS: dict[str, dict[str, object]] = {
     "moving": ELASTIC
     | {"motion": True, "friction_nm": [3.0, 3.0, 1.5, 0.5, 0.35, 0.2]},  # 1 % of rated torque
 }
-"""What differs between the presets; the rest is common (project specification, section 5)."""
+"""What differs between the presets; magnitudes are assumed after published fits."""
 ALONG = (
     "harmonic_mdeg",
     "transmission_mdeg",
