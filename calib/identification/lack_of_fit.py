@@ -28,7 +28,8 @@ def lack_of_fit(
 ) -> LackOfFit | None:
     """Compare what is left of a fit with what repeats of one pose scatter among themselves.
 
-    Repeats are rows of one kind, reflector and station at the same commanded joints. If the robot
+    Repeats are rows of one kind, reflector and station at the same commanded joints, under one
+    payload: what the model misses between loads is no scatter. If the robot
     did not leave and approach the pose anew, they share its joint error and scatter too little.
 
     Parameters
@@ -53,7 +54,9 @@ def lack_of_fit(
     """
     if count_distinct(measurements.q) == len(measurements):
         return None
-    key = np.column_stack([measurements.q, measurements.target_key])
+    hung = measurements.conditions.moments
+    loads = np.zeros((len(measurements), 0)) if hung is None else hung
+    key = np.column_stack([measurements.q, measurements.target_key, loads])
     distinct, group, visits = np.unique(key, axis=0, return_inverse=True, return_counts=True)
     if len(distinct) == len(key):
         return None

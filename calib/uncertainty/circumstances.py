@@ -3,8 +3,12 @@
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
-from calib.arrays import Array, Index
+import numpy as np
+
+from calib.arrays import Array, Index, check
+from calib.errors import refuse
 from calib.geometry.model import RobotModel
+from calib.identification.identify import Identification
 from calib.measurement.observations import Measurements, joined
 from calib.uncertainty.statement.evidence import NoiseRepeats
 from calib.uncertainty.statement.repeats import noise_repeats
@@ -35,6 +39,44 @@ class Circumstances:
     """Whether each station is a visit of its own, which may stand in another frame by itself."""
     unmodelled: tuple[str, ...] = ()
     """What is known to be in no covariance: then a drift is looked for whatever a test says."""
+
+    def require_fitting(
+        self, identification: Identification, train: Measurements, test: Measurements
+    ) -> None:
+        """Refuse what is not of these rows: of `train`, which identified, and of `test`.
+
+        Raises
+        ------
+        InputError
+            A3: other numbers of rows or joints, a negative repeatability, or more doubted noise
+            than there is.
+        """
+        weighed = len(identification.weights) > 0  # each row; else each equation has a residual
+        seen = len(train) if weighed else int(train.equations.sum())
+        rows = len(identification.weights if weighed else identification.residual)
+        if rows != seen and identification.mode == "whitened":  # the paper has twelve of a pose
+            what = "rows" if weighed else "equations"
+            message = f"train has {seen} {what}, and the identification is from {rows}"
+            fix = "give the rows that it was identified from"
+            raise refuse("train", seen, code="A3", message=message, fix=fix)
+        counts = len(train), len(test)
+        if self.order is not None:
+            check(f"{counts[0]}, {counts[1]}", train_order=self.order[0], test_order=self.order[1])
+        joints = identification.model.chain.n_joints
+        if self.repeatability is not None:
+            (sd,) = check(f"{joints}", repeatability=self.repeatability)
+            if (sd < 0).any():
+                raise refuse("repeatability", float(sd.min()), "zero or more", code="A3")
+        if self.doubted is None:
+            return
+        shapes = ", ".join(f"{m} 6 6" for m in counts)
+        parts = check(shapes, doubted_of_train=self.doubted[0], doubted_of_test=self.doubted[1])
+        for table, part in zip((train, test), parts, strict=True):
+            left = np.linalg.eigvalsh((table.covariance - part)[:, :3, :3])
+            if len(table) and left.min() <= 0:
+                message = "doubted is all of the noise of a row, or more"
+                allowed = "a part of it: what is left must scatter in every direction"
+                raise refuse("doubted", float(left.min()), allowed, code="A3", message=message)
 
 
 class MeasuredNoise(NamedTuple):

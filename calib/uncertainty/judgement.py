@@ -21,7 +21,13 @@ from calib.uncertainty.circumstances import Circumstances as Circumstances
 from calib.uncertainty.circumstances import measured_noise
 from calib.uncertainty.conformal import Conformal, conformal
 from calib.uncertainty.discrepancy import Discrepancy, discrepancy
-from calib.uncertainty.held_out import HeldOut, errors_of_poses, first_of_pose, held_out
+from calib.uncertainty.held_out import (
+    HeldOut,
+    errors_of_poses,
+    first_of_pose,
+    held_out,
+    require_disjoint,
+)
 from calib.uncertainty.proven_belief import proven_belief, stated_radius
 from calib.uncertainty.refit import unknown_to_loops
 from calib.uncertainty.statement.belief import Belief
@@ -45,7 +51,7 @@ class Judgement(Shown):
     questions: Questions
     """Tests, together."""
     held_out: HeldOut | None
-    """Errors at the held-out poses, one row each; None without such poses, or for distances."""
+    """Errors at the held-out poses, one row each; None where no pose or point was held out."""
     frame: OtherFrame | None
     """Whether they stand in another frame; None below `other_frame.FEWEST` poses."""
     drifting: Drifting | None
@@ -132,17 +138,20 @@ def judge(
     Raises
     ------
     InputError
-        If a held-out pose was used for the identification, too.
+        If a held-out pose was used for the identification, too, or what is known of the campaign
+        is not of these rows.
     """
     own = "what calib.identify gave; calib.calibrate has it as .identification"
     require_kind("identification", identification, Identification, own)
     for name, rows in (("test", test), ("train", train)):
         require_kind(name, rows, Measurements, MEASURED)
     known = Circumstances() if circumstances is None else circumstances
-    seen = None
-    if len(test) and not test.is_distance.any():
+    known.require_fitting(identification, train, test)
+    require_disjoint(test.q, train.q)
+    seen, points = None, test.rows(~test.is_distance)
+    if len(points):
         model, covariance = identification.model, identification.full_covariance
-        seen = held_out(model, covariance, first_of_pose(test), train.q)
+        seen = held_out(model, covariance, first_of_pose(points), train.q)
     spread = discrepancy(seen) if seen is not None and len(seen) >= FEWEST else None
     errors = errors_of_poses(identification.model, test)
     radius = None

@@ -151,6 +151,11 @@ def _nothing(fit: Identification, nonlinear: list[str], conformal: Conformal | N
     return words
 
 
+def _freedom(fit: Identification) -> float:
+    """Degrees of freedom of its chi-square, which a prior may leave below one."""
+    return fit.dof_effective if np.isfinite(fit.dof_effective) else float(fit.dof)
+
+
 def _against(fit: Identification, held_out: HeldOut | None) -> list[str]:
     """What contradicts the interval from the parameters alone."""
     reasons = []
@@ -159,7 +164,7 @@ def _against(fit: Identification, held_out: HeldOut | None) -> list[str]:
     if fit.p_value < RED:
         reasons.append(
             f"the residuals are larger than the stated noise (chi-square "
-            f"{fit.chi_square / fit.dof:.2f} per degree of freedom, p {_chance(fit.p_value)})"
+            f"{fit.chi_square / _freedom(fit):.2f} per degree of freedom, p {_chance(fit.p_value)})"
         )
     lack = fit.lack_of_fit
     if lack is not None and lack.p_value < RED:

@@ -58,7 +58,8 @@ def foresight(
     u, scale = goal_u(M, rows), parameters.free_scale
     train, apart = planned_rows(bench, q), planned_rows(bench, held_out)
     gain = least_squares_gain(bench.robot.model, parameters, train)
-    _, evidence = evidence_rows(bench.robot.model, parameters, train, apart, np.ones(len(train)))
+    every = np.ones(len(train), dtype=np.bool_)
+    _, evidence = evidence_rows(bench.robot.model, parameters, train, apart, every)
     proven = proof(bench, goal, parameters, gain, train, held_out)
     reach = None if proven is None else proven.applies(goal.q)
     return Foresight(

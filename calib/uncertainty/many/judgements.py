@@ -11,17 +11,24 @@ import numpy as np
 from scipy.special import chdtrc, chdtri
 
 from calib.arrays import Array, Bool, frozen
+from calib.geometry.operating import STILL
 from calib.identification.fit_statistics import RED
 from calib.identification.identify import Identification
 from calib.measurement.observations import Measurements
 from calib.uncertainty.conformal import conformal
+from calib.uncertainty.held_out import require_disjoint
 from calib.uncertainty.many.frames import motion_chances
 from calib.uncertainty.many.gains import ManyGains, gains_of, halved, many_whiteners, propagated
 from calib.uncertainty.many.memories import memory_chances
 from calib.uncertainty.many.misfits import ManyMisfits, misfits
 from calib.uncertainty.many.sights import ManyRowsSeen, ManySights, sights
 from calib.uncertainty.regions import coverage_factor, mahalanobis_squared
-from calib.uncertainty.statement.applicability import BEYOND, BEYOND_SLIDE, Applicability
+from calib.uncertainty.statement.applicability import (
+    BEYOND,
+    BEYOND_SLIDE,
+    Applicability,
+    steps_of,
+)
 from calib.uncertainty.statement.distance import SPARE, distance_radius
 from calib.uncertainty.statement.drifting import ORDERED, SEED
 from calib.uncertainty.statement.memory import REMEMBERS, drift, interchangeable
@@ -81,12 +88,14 @@ def judge_many(
     probability : float
         Content of every statement.
     """
+    for train, test in zip(trains, tests, strict=True):
+        require_disjoint(test.q, train.q)
     seen = sights(fits, trains, tests, targets)
     gains = gains_of(seen)
     size = misfits(seen, gains, DROP)
     alone = ~np.isfinite(size.upper)
     upper = np.where(alone, 1.0, size.upper)
-    alone |= _turned_apart(seen, gains)
+    alone |= _turned_apart(seen, gains) | _stood_or_stepped(seen)
     alone |= motion_chances(seen, gains, seen.covariance, upper) < RED
     drift_p, drifts = _drifts(seen, trains, tests, gains, size)
     growth, *_ = _over(gains.left[0], gains)
@@ -110,6 +119,14 @@ def _turned_apart(seen: ManySights, gains: ManyGains) -> Bool:
         for name in ("residual", "rows", "covariance")
     )
     return are_loud(*angles_apart(residual, gains.shapes(rows[:, :, 3:]), covariance))
+
+
+def _stood_or_stepped(seen: ManySights) -> Bool:
+    """Robots (R,) of which a joint never moved or kept a step, where `Proven` knows more."""
+    train, prismatic = seen.train.q, seen.fits[0].model.chain.prismatic
+    both = np.concatenate([train, seen.test.q], axis=1)
+    stepped = [bool(steps_of(q, prismatic).any()) for q in both]
+    return np.asarray((np.ptp(train, axis=1) < STILL).any(axis=1) | np.array(stepped))
 
 
 def _held_out(seen: ManySights, spread: Array) -> tuple[Array, Array]:
@@ -203,7 +220,7 @@ def _drifts(
     near, p = memory_chances((joints, residual), order, SEED, alike)
     p = np.where(near < ORDERED, np.nan, p)
     found = Drifts()
-    for k in np.flatnonzero(p < REMEMBERS).tolist():
+    for k in np.flatnonzero((p < REMEMBERS) & np.isfinite(size.best)).tolist():
         shape = MisfitShape(frozen(gains.columns, np.int64), frozen(gains.sd[k]))
         slow = drift(
             seen.fits[k], trains[k], order[:m], tests[k], order[m:],

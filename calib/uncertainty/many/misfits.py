@@ -39,7 +39,7 @@ def misfits(seen: ManySights, gains: ManyGains, drop: float) -> ManyMisfits:
     found = np.full((2, len(seen)), [[np.nan], [np.inf]])
     for k, fit in enumerate(seen.fits):
         rows = PositionRows(X[k, :, :-1], X[k, :, -1], lam[k], float(noise[k]))
-        unit = rows.noise_sd
+        unit = rows.unit
         values = likelihood_between(rows, unit, believed_before(fit, seen.precision[k]))
         if values is not None:
             best = values.size[np.argmax(values.value)]

@@ -10,7 +10,7 @@ import numpy as np
 from calib.arrays import FloatOrNan, Index
 from calib.identification.identify import Identification
 from calib.measurement.observations import Measurements, joined
-from calib.uncertainty.statement.evidence import COUNTS
+from calib.uncertainty.statement.evidence import sound_rows
 from calib.uncertainty.statement.memory import (
     REMEMBERS,
     SlowDrift,
@@ -96,9 +96,7 @@ def drifting(
     whatever : bool
         Whether to state what a drift may leave even if none is seen.
     """
-    counts = np.ones(len(train), dtype=np.bool_)
-    if len(identification.weights):
-        counts = identification.weights > COUNTS
+    counts = sound_rows(identification, len(train))
     some = train.rows(counts)
     both = joined([some, held_out]) if len(held_out) else some
     if both.is_distance.any() or len(both) < FEWEST:
@@ -114,8 +112,8 @@ def drifting(
         memory_p(values, order, np.random.default_rng(SEED), alike) for values in (joints, residual)
     )
     p = np.nan if near < ORDERED else p
-    if not p < REMEMBERS and not whatever:
-        return Drifting(p, None)
+    if (not p < REMEMBERS and not whatever) or np.isnan(hidden.best):
+        return Drifting(p, None)  # where the rows bound no misfit, they bound no drift beside it
     slow = drift(
         identification, train, train_order, held_out, held_out_order,
         shape=hidden.shape, misfit=hidden.best,

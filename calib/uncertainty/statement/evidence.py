@@ -17,10 +17,19 @@ from calib.measurement.prediction import predict
 from calib.uncertainty.statement.gain import prior_precision
 from calib.uncertainty.statement.shape import MisfitShape
 
-COUNTS = 1e-5
-"""Weight of a row below which it is no evidence: its noise would be all the noise there is."""
+SOUND = 0.1
+"""Weight by a robust loss below which a row is no evidence: it is a gross error (beyond 7 standard
+deviations by "cauchy", 13 by "huber"), and would pass for noise. Others count as they are."""
+UNEVEN = 3.0
+"""Stated noise over that of the rows that show misfit, up to which it is the unit of sizes."""
 SEEN, POWER = 0.001, 0.95
 """A misfit counts as one that would have been seen if a test at this level had this power."""
+
+
+def sound_rows(identification: Identification, m: int) -> Bool:
+    """Which (m,) of the rows identified from are evidence, and no gross errors."""
+    weights = identification.weights
+    return weights > SOUND if len(weights) else np.ones(m, dtype=np.bool_)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -70,6 +79,15 @@ class PositionRows:
         """Stated noise, root mean square per axis [m]."""
         return float(np.sqrt(self.noise / len(self.lam)))
 
+    @property
+    def unit(self) -> float:
+        """Size of misfit that about equals the noise of the rows that show it best [m].
+
+        The stated noise, unless it is mostly that of rows much coarser than others.
+        """
+        quiet = float(np.mean(self.lam)) ** -0.5 if self.lam.any() else np.inf
+        return min(self.noise_sd, UNEVEN * quiet)
+
     def joined(self, other: "PositionRows") -> "PositionRows":
         """Rows of both."""
         return PositionRows(
@@ -85,17 +103,19 @@ def position_rows(
     parameters: Parameters,
     table: Measurements,
     shape: MisfitShape,
-    weights: Array,
+    sound: Bool,
 ) -> PositionRows:
-    """Turn the position rows of each pose by U' inv(L): N = L L', inv(L) D inv(L)' = U lam U'."""
+    """Turn the `sound` position rows (m,) of each pose so that noise and misfit are diagonal.
+
+    By U' inv(L), where N = L L' and inv(L) D inv(L)' = U lam U'.
+    """
     seen = predict(model, table)
     A = seen.rows[:, :3, parameters.free_index] * parameters.free_scale
     B, y, at = shape.rows(seen.rows[:, :3]), seen.residual[:, :3], seen.filled[:, :3]
-    heavy = weights > COUNTS
-    N = table.covariance[:, :3, :3] / np.where(heavy, weights, 1.0)[:, None, None]
+    N = table.covariance[:, :3, :3]
     _, pose = np.unique(table.pose_id, return_inverse=True)
     found = PositionRows(np.zeros((0, A.shape[2])), np.zeros(0), np.zeros(0), 0.0)
-    for rows in _alike(pose.ravel(), at, heavy):  # (poses, rows of each)
+    for rows in _alike(pose.ravel(), at, sound):  # (poses, rows of each)
         some = at[rows].reshape(len(rows), -1)
         pick = np.flatnonzero(some[0])
 
@@ -161,11 +181,11 @@ def detectable(lam: Array, n_numbers: int) -> float:
     return float(np.sqrt(t[seen[0]])) if len(seen) else np.nan
 
 
-def _alike(pose: Index, at: Bool, heavy: Bool) -> list[Index]:
-    """Rows (poses, k) of the poses that have k rows with the same equations filled."""
+def _alike(pose: Index, at: Bool, sound: Bool) -> list[Index]:
+    """Sound rows (poses, k) of the poses that have k of them with the same equations filled."""
     groups: dict[tuple[int, ...], list[Index]] = {}
     for p in range(int(pose.max(initial=-1)) + 1):
-        rows = np.flatnonzero((pose == p) & heavy)
+        rows = np.flatnonzero((pose == p) & sound)
         if len(rows):
             groups.setdefault(tuple(at[rows].sum(axis=1)), []).append(rows)
     return [np.array(rows) for rows in groups.values()]

@@ -18,7 +18,7 @@ from calib.measurement.observations import Measurements, joined
 from calib.measurement.prediction import predict
 from calib.shown import Shown
 from calib.uncertainty.statement.beside_drift import beside_drift
-from calib.uncertainty.statement.evidence import believed_before, reduced
+from calib.uncertainty.statement.evidence import believed_before, reduced, sound_rows
 from calib.uncertainty.statement.gain import estimator_gain, of_all_numbers
 from calib.uncertainty.statement.misfit import DROP
 from calib.uncertainty.statement.shape import MisfitShape
@@ -173,12 +173,14 @@ def drift(
     s^2 L within `DROP` of the largest restricted likelihood. In the estimate
     F (s^2 exp(-|j - k| / L) x I3) F'.
     """
-    both = joined([train, held_out]) if len(held_out) else train
+    counts = sound_rows(identification, len(train))
+    looked_at = train.rows(counts)
+    both = joined([looked_at, held_out]) if len(held_out) else looked_at
     if both.is_distance.any():
         raise refuse("train", code="A3", message="distances show no drift of the station",
                      allowed="poses and points")  # fmt: skip
-    order = np.concatenate([train_order, held_out_order])
-    pose = np.concatenate([train.pose_id, -1 - held_out.pose_id])  # numbered apart
+    order = np.concatenate([train_order[counts], held_out_order])
+    pose = np.concatenate([looked_at.pose_id, -1 - held_out.pose_id])  # numbered apart
     some = stretches(order)
     both, pose = both.rows(some), pose[some]
     parameters = identification.parameters

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import chdtrc
 
-from calib.arrays import Array, FloatOrNan, frozen
+from calib.arrays import Array, Bool, FloatOrNan, frozen
 from calib.errors import refuse
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import Parameters
@@ -25,6 +25,7 @@ from calib.uncertainty.statement.evidence import (
     believed_before,
     detectable,
     position_rows,
+    sound_rows,
 )
 from calib.uncertainty.statement.gain import estimator_gain, of_all_numbers
 from calib.uncertainty.statement.likelihood import likelihood
@@ -155,14 +156,14 @@ def misfit(
             "identification", identification.mode, "an estimate by stated noise", code="A3",
             message="the unweighted fit knows no noise behind which a misfit could hide",
         )  # fmt: skip
-    weights = identification.weights if len(identification.weights) else np.ones(len(train))
+    sound = sound_rows(identification, len(train))
     shape, rows = evidence_rows(
-        identification.model, identification.parameters, train, held_out, weights
+        identification.model, identification.parameters, train, held_out, sound
     )
-    unit = rows.noise_sd
+    unit, noise_sd = rows.unit, rows.noise_sd
     found = likelihood(rows, unit, repeats, believed_before(identification))
     if found is None:
-        return HiddenMisfit(shape, np.nan, np.inf, np.nan, 0.0, 1.0, unit, repeats is not None)
+        return HiddenMisfit(shape, np.nan, np.inf, np.nan, 0.0, 1.0, noise_sd, repeats is not None)
     best = int(np.argmax(found.value))
     return HiddenMisfit(
         shape,
@@ -171,7 +172,7 @@ def misfit(
         detectable=detectable_size(rows),
         ratio=float(2 * (found.value[best] - found.value[0])),
         noise_scale=float(found.noise_scale[best]),
-        noise_sd=unit,
+        noise_sd=noise_sd,
         repeated=repeats is not None,
     )
 
@@ -181,15 +182,18 @@ def evidence_rows(
     parameters: Parameters,
     train: Measurements,
     held_out: Measurements | None,
-    weights: Array,
+    sound: Bool,
 ) -> tuple[MisfitShape, PositionRows]:
-    """Shape of a misfit where the robot is used, and the position rows that may show it."""
+    """Shape of a misfit where the robot is used, and the position rows that may show it.
+
+    Of the rows of `train` those that are `sound` (m,).
+    """
     if held_out is None or not len(held_out):
         shape = misfit_shape(model, train)
-        return shape, position_rows(model, parameters, train, shape, weights)
+        return shape, position_rows(model, parameters, train, shape, sound)
     shape = misfit_shape(model, held_out)
-    rows = position_rows(model, parameters, train, shape, weights)
-    more = position_rows(model, parameters, held_out, shape, np.ones(len(held_out)))
+    rows = position_rows(model, parameters, train, shape, sound)
+    more = position_rows(model, parameters, held_out, shape, np.ones(len(held_out), np.bool_))
     return shape, rows.joined(more)
 
 

@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 from scipy.stats import f as fisher
 
+from calib.geometry.operating import OperatingConditions
 from calib.geometry.parameters import parameters_of
 from calib.identification.identify import Identification, identify
 from calib.identification.prior import weak_prior
-from calib.measurement.observations import POINT, POSE, Measurements, count_distinct
+from calib.measurement.observations import POINT, POSE, Measurements, count_distinct, joined
 from calib.measurement.residual import linearize, table_whiteners
 from tests.reference import DEG, WEN24, pool_r, rigid_truth, tx60
 from tests.truth.measuring import measured
@@ -123,3 +124,17 @@ def test_with_a_prior_only_numbers_learned_are_counted():
     assert plain.lack_of_fit is not None
     assert found.lack_of_fit.dof_model == pytest.approx(72 - (216 - found.dof_effective), abs=1e-9)
     assert found.lack_of_fit.ratio == pytest.approx(plain.lack_of_fit.ratio, rel=0.01)
+
+
+def test_rows_under_another_payload_are_no_repeats():
+    """What the model misses between loads would pass for scatter, and hide that it misses."""
+    light, heavy = repeated(3, visits=2), repeated(3, visits=2, noise=1.0)
+    sag = np.array([0.0, 0.0, -150e-6])
+    heavy = replace(heavy, position=heavy.position + sag, pose_id=heavy.pose_id + 1000)
+    loads = np.repeat([0.0, 5.0], [len(light), len(heavy)])
+    both = joined([light, heavy])
+    unsaid = fitted(both).lack_of_fit
+    said = fitted(replace(both, conditions=OperatingConditions(payload=loads))).lack_of_fit
+    assert said.dof_error < unsaid.dof_error
+    # scatter within a load is noise alone; between them 150 um at each pose
+    assert said.ratio > 3 * unsaid.ratio

@@ -91,7 +91,7 @@ def test_likelihood_of_mixed_rows_is_the_dense_one():
     )
     fit = replace(fit, model=true)
     shape = misfit_shape(true, table)
-    rows = position_rows(fit.model, fit.parameters, table, shape, np.ones(len(table)))
+    rows = position_rows(fit.model, fit.parameters, table, shape, np.ones(len(table), bool))
     unit = 2.0 * kinds.NOISE
     found = likelihood(rows, unit, None)
     assert found is not None
@@ -119,7 +119,7 @@ def test_numbers_with_a_prior_are_random_with_its_covariance(repeats, off):
     free = [*fitted(train).names, *prior.names]
     fit = identify(wide, train, parameters_of(wide, free), prior=prior)
     shape = misfit_shape(fit.model, train)
-    rows = position_rows(fit.model, fit.parameters, train, shape, np.ones(len(train)))
+    rows = position_rows(fit.model, fit.parameters, train, shape, np.ones(len(train), bool))
     unit = kinds.NOISE
     found = likelihood(rows, unit, repeats, believed_before(fit))
     assert found is not None
@@ -334,7 +334,7 @@ def test_repeats_of_one_pose_share_its_misfit():
     copies = joined([replace(held_out, repeat=np.full(len(held_out), k)) for k in range(10)])
     apart = replace(copies, pose_id=1000 + np.arange(len(copies)))
     shape = misfit_shape(fit.model, held_out)
-    ones = np.ones(len(copies))
+    ones = np.ones(len(copies), dtype=bool)
     together = position_rows(fit.model, fit.parameters, copies, shape, ones)
     alone = position_rows(fit.model, fit.parameters, apart, shape, ones)
     # a draw for each pose moves its ten rows as one: three directions, ten times the variance
