@@ -105,7 +105,7 @@ class ManyModels(Shown):
 
     def widened(self, wide: RobotModel) -> "ManyModels":
         """The same robots with more joint errors, as `wide` has them beside those of one."""
-        coefficients = np.tile(wide.joint_errors.coefficients, (len(self), 1))
+        coefficients = np.repeat(wide.joint_errors.coefficients[None], len(self), axis=0)
         held = np.isin(wide.joint_errors.names, self.like.joint_errors.names)
         coefficients[:, held] = self.coefficients
         return replace(self, like=wide, coefficients=coefficients)

@@ -27,6 +27,7 @@ from calib.uncertainty.statement.applicability import (
     BEYOND,
     BEYOND_SLIDE,
     Applicability,
+    over_usual,
     steps_of,
 )
 from calib.uncertainty.statement.distance import SPARE, distance_radius
@@ -150,7 +151,7 @@ def _held_out(seen: ManySights, spread: Array) -> tuple[Array, Array]:
 
 def _over(found: Array, gains: ManyGains) -> tuple[Array, Array, Array]:
     """Growth, transfer and leverage (R, N) of what is left (R, 3, N); see `Applicability`."""
-    of_terms, of_foot, leverage = np.moveaxis(found / gains.usual[:, :, None], 1, 0)
+    of_terms, of_foot, leverage = np.moveaxis(over_usual(found, gains.usual), 1, 0)
     transfer = np.maximum(of_terms, of_foot)
     return np.maximum(1.0, transfer), transfer, leverage
 

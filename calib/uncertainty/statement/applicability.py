@@ -113,7 +113,7 @@ class Proven:
     def applies(self, q: ArrayLike, at: OperatingConditions = AS_USUAL) -> Applicability:
         """Whether the statement reaches joints q (N, n) [rad, m] under some conditions."""
         (q,) = check(f"N {len(self.low)}", q=q)
-        of_terms, of_foot, leverage = self.left(q, at) / self.usual[:, None]
+        of_terms, of_foot, leverage = over_usual(self.left(q, at), self.usual)
         room = self.room
         return Applicability(
             frozen(np.maximum(of_terms, of_foot)),
@@ -176,6 +176,14 @@ def proven_at(
     whole = frozen(proven.covariance + open_root @ open_root.T)
     stood = np.concatenate([train.q, np.asarray(q, dtype=np.float64)])
     return replace(proven, covariance=whole, step=steps_of(stood, proven.wide.chain.prismatic))
+
+
+def over_usual(left: Array, usual: Array) -> Array:
+    """What is left (..., 3, N) of terms, foot and noise, over its means (..., 3).
+
+    What has no effect counts as zero: there are no terms where no joint turns.
+    """
+    return np.asarray(left / np.where(usual > 0, usual, np.inf)[..., None])
 
 
 def steps_of(q: Array, prismatic: Array) -> Array:
@@ -275,11 +283,14 @@ def unheld_columns(wide: RobotModel, columns: Index, up: Array, p: Array, rows: 
 
 
 def lacking(model: RobotModel) -> RobotModel:
-    """The model with joint errors beyond it: gravity and two waves, or where it has these, more."""
+    """The model with joint errors beyond it: gravity and two waves, or where it has these, more.
+
+    None where all joints slide: slides have no waves.
+    """
     # whatever tool it carries: the closed form of gravity is that of the arm
     wide, order = extended_model(model, replace(model.chain, T_flange_tool=np.eye(4))), 3
     turning = [kind == "revolute" for kind in model.chain.kinds]
-    while len(wide.names) == len(model.names):
+    while any(turning) and len(wide.names) == len(model.names):
         known = set(wide.joint_errors.names)
         more = [t for t in harmonic_terms(model.chain.n_joints, (order,)) if turning[t.joint]]
         added = JointErrors(tuple(t for t in more if t.name not in known))
