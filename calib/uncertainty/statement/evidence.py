@@ -24,6 +24,11 @@ UNEVEN = 3.0
 """Stated noise over that of the rows that show misfit, up to which it is the unit of sizes."""
 SEEN, POWER = 0.001, 0.95
 """A misfit counts as one that would have been seen if a test at this level had this power."""
+MOST_OVER_MEDIAN = (np.inf, 4.0, 3.0, 2.0, 1.0)
+"""Limits on lam, over its median, that tests are tried with: poses read many times, to which a few
+rows belong, would govern a test without limit, and it would see less than one without them."""
+NOTHING = 1e-6
+"""Part of the largest lam below which a row shows no misfit: it compares readings of one pose."""
 
 
 def sound_rows(identification: Identification, m: int) -> Bool:
@@ -167,11 +172,24 @@ def believed_before(identification: Identification, precision: Array | None = No
 def detectable(lam: Array, n_numbers: int) -> float:
     """Size, in noise sd, that a score test at `SEEN` finds with `POWER`; nan where it finds none.
 
+    That of the best of some tests, each with another limit on lam: a row that tells more counts as
+    if its noise were larger, so that each of them has its power.
+
     References
     ----------
     sqrt(c) t sum lam^2 = z_a sqrt(2 sum lam^2) + z_b sqrt(2 sum lam^2 (1 + t lam)^2), t = size^2
     and c = 1 - numbers / rows.
     """
+    showing = lam[lam > NOTHING * lam.max(initial=0.0)]
+    if not len(showing):
+        return np.nan
+    limits = float(np.median(showing)) * np.array(MOST_OVER_MEDIAN)
+    sizes = [_found_by_all(np.minimum(lam, limit), n_numbers) for limit in limits]
+    return float(np.fmin.reduce(sizes))
+
+
+def _found_by_all(lam: Array, n_numbers: int) -> float:
+    """Size that a test finds to which each row counts by its lam."""
     t = np.geomspace(1e-4, 1e8, 2000)
     square, cube, fourth = ((lam**k).sum() for k in (2, 3, 4))
     gain = np.sqrt(max(1 - n_numbers / len(lam), 0.0)) * t * square
