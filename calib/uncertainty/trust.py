@@ -87,7 +87,8 @@ def trust(
     if frame is not None and (frame.found or frame.in_part):
         words.append(_capital(frame.sentence))
     if belief is None or point is None:
-        words += _nothing(identification, nonlinear, conformal)
+        settled = bootstrap is not None and bootstrap.settled  # then its covariance was used
+        words += _nothing(identification, [] if settled else nonlinear, conformal)
     else:
         words += _believed(belief, point, questions, drifting)
     if reasons:

@@ -120,7 +120,7 @@ class Belief(Shown):
         In the axes of each row's station: what is uncertain of its frames is in them.
         """
         rows = predict(self.model, table).rows[:, :3]
-        sigma = _region(self, rows, self.proven.applies(table.q).growth)
+        sigma = _region(self, rows, self.proven.applies(table.q, table.conditions).growth)
         position = predicted_positions(self.model, table)
         return ToolStatement(frozen(position), frozen(sigma), self.factor, self.probability)
 

@@ -154,3 +154,20 @@ def test_a_drift_is_in_the_region_and_one_that_is_known_is_looked_for_whatever_a
     seen = judge(refit, there, train=walked, circumstances=Circumstances(order=order))
     assert seen.drifting.p_value < 0.05
     assert "follow their neighbors in time" in seen.trust.sentence
+
+
+def test_where_virtual_calibrations_settled_it_is_the_misfit_that_bounds_nothing():
+    """Theirs is the covariance then: that they bend is no reason to state nothing."""
+    _, fit, train, test = campaign(3)
+    made = judge(fit, test, train=train, rng=np.random.default_rng(0), replicates=100)
+    bent = dataclasses.replace(made.bootstrap, ratio=3.0 * np.ones_like(made.bootstrap.ratio))
+    said = {
+        off: trust(
+            fit, belief=None, point=None, questions=made.questions,
+            bootstrap=dataclasses.replace(bent, unconverged=off),
+        ).sentences[0]
+        for off in (0, 100)
+    }  # fmt: skip
+    assert not bent.agrees
+    assert said[0].endswith("too few measurements to bound what the model may miss")
+    assert "linear propagation does not hold" in said[100]
