@@ -160,7 +160,7 @@ def test_where_virtual_calibrations_settled_it_is_the_misfit_that_bounds_nothing
     """Theirs is the covariance then: that they bend is no reason to state nothing."""
     _, fit, train, test = campaign(3)
     made = judge(fit, test, train=train, rng=np.random.default_rng(0), replicates=100)
-    bent = dataclasses.replace(made.bootstrap, ratio=3.0 * np.ones_like(made.bootstrap.ratio))
+    bent = dataclasses.replace(made.bootstrap, estimates=3.0 * made.bootstrap.estimates)
     said = {
         off: trust(
             fit, belief=None, point=None, questions=made.questions,
