@@ -263,7 +263,7 @@ def _calibrated(
             *warnings_of(models[0], chosen, train),
             *guard_warnings(session, measurements.rows(split.is_test)),
             *standing_warnings(session, chosen.identification),
-            *turn_warnings(session, measurements),
+            *turn_warnings(session, measurements, chosen.identification.model.fixtures.anchors),
             *(() if handback.in_use else target_warnings(measurements)),
             *held_out_warnings(session.conditions, session.set_up, used, split.is_test),
         ),

@@ -19,6 +19,9 @@ REPLICATES = 400
 """Virtual calibrations that check whether linear propagation holds; 4 % in each deviation."""
 MOST_ROWS = 300
 """Larger tables are not replicated: their linear intervals are tight enough to be linear."""
+ON_LINE = 1e-3
+"""Part of their spread by which points lie off a line at most: places are known to some tenths of a
+millimeter over meters, so that these errors would tell the turn about it, and no reading."""
 
 
 def proof_of(
@@ -101,20 +104,26 @@ def target_warnings(measurements: Measurements) -> tuple[str, ...]:
     return ()
 
 
-def turn_warnings(session: Session, measurements: Measurements) -> tuple[str, ...]:
-    """That distances from one or two points leave a turn of the whole robot about them.
+def turn_warnings(session: Session, measurements: Measurements, anchors: Array) -> tuple[str, ...]:
+    """That distances from points on one line leave a turn of the whole robot about them.
 
-    Such a turn moves every tool point in the base and changes no reading.
+    Such a turn moves every tool point in the base and changes no reading. The places of all anchors
+    are `anchors` (s, 3) [m].
     """
-    anchors = len(np.unique(measurements.anchor))
     alone = len(measurements) > 0 and bool(measurements.is_distance.all())
-    if not alone or anchors > 2 or session.wanted.base != "free":
+    if not alone or session.wanted.base != "free":
         return ()
-    points, about = ("one point", "it") if anchors == 1 else ("two points", "both")
+    used = np.unique(anchors[np.unique(measurements.anchor)], axis=0)
+    spread = np.linalg.svd(used - used.mean(axis=0), compute_uv=False)
+    if len(used) > 2 and spread[1] > ON_LINE * spread[0]:
+        return ()
+    points, about = {1: ("one point", "it"), 2: ("two points", "both")}.get(
+        len(used), (f"{len(used)} points that lie on one line", "that line")
+    )
     return (
         f"distances from {points} let the whole robot turn about {about}: the radius is of the "
         "tool point but for such a turn of the base, which no reading shows; measure from three "
-        "points or more that lie on no line",
+        "points or more that do not lie on one line",
     )
 
 
