@@ -4,10 +4,10 @@ Studies at full size, run by hand: `pytest -m study tests/real`, nine minutes.
 The bars are what independent sketches of such models reached, with 5 to 15 % of room. Found, means
 over three draws of the training poses (UR10 B 100: five), held-out mean in mm:
 
-* UR10, 100 poses: B 0.137 (0.125 to 0.160), C 0.128, D 0.137; 400: B 0.107, C 0.103, D 0.100;
+* UR10, 100 poses: B 0.136 (0.129 to 0.149), C 0.128, D 0.144; 400: B 0.103, C 0.103, D 0.098;
 * UR5, at 20 random poses: 50 grid poses 0.076, 100 0.068, 200 0.064; on the rest of its grid 0.076,
   0.064, 0.058;
-* carried over, geometric and chosen: B to C 0.590 and 0.404, B to D 0.524 and 0.207, C to B 0.864
+* carried over, geometric and chosen: B to C 0.607 and 0.418, B to D 0.552 and 0.216, C to B 0.864
   and 0.397, C to D 0.659 and 0.392.
 """
 

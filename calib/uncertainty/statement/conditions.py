@@ -32,6 +32,8 @@ UNTIL = {
     "temperature": "rows that vary the temperature as far have identified a term for it",
 }
 """What must be done before a statement reaches such targets."""
+ARM = 0.1
+"""Where the tolerance of a payload hangs, when centers of mass are compared [m]."""
 MOST_NAMED = 10
 """Targets named in one sentence."""
 
@@ -87,8 +89,21 @@ class Conditions(Shown):
             names = list(dict.fromkeys(values.tolist()))
             more = [f"{len(names) - MOST_NAMED} more"] * (len(names) > MOST_NAMED)
             return " and ".join([*names[:MOST_NAMED], *more])
-        ends = dict.fromkeys(f"{end:.4g}" for end in (values.min(), values.max()))
-        return f"{' to '.join(ends)} {UNITS[kind]}"
+        return f"{_range(values)} {UNITS[kind]}"
+
+    @property
+    def center_words(self) -> str:
+        """Where the payload's center of mass is: ``at 0, 0, 40 to 60 mm``; empty if not stated."""
+        if self.center is None:
+            return ""
+        return f"at {', '.join(_range(1e3 * axis) for axis in self.center.T)} mm"
+
+    @property
+    def moments(self) -> Array | None:
+        """(N, 3) first moments of the payload about the flange; None without centers [kg m]."""
+        if self.payload is None or self.center is None:
+            return None
+        return np.asarray(np.asarray(self.payload)[:, None] * self.center)
 
     @property
     def phrase(self) -> str:
@@ -165,8 +180,11 @@ class Departure(Shown):
             verb = one if len(rows) == 1 else many
             if kind == "tool" and len(set(self.targets.rows(rows).tool or ())) == 1:
                 verb = verb.removesuffix("s")
-            there = self.targets.rows(rows).words(kind)
-            said[kind] = f"{who(rows)} {verb} {there}; {data} {did} {self.data.words(kind)}"
+            some = self.targets.rows(rows)
+            there, here = some.words(kind), self.data.words(kind)
+            if kind == "payload" and some.center is not None and self.data.center is not None:
+                there, here = f"{there} {some.center_words}", f"{here} {self.data.center_words}"
+            said[kind] = f"{who(rows)} {verb} {there}; {data} {did} {here}"
         return said
 
     @property
@@ -180,8 +198,9 @@ def departure(
     """Compare the conditions of targets with those of the data.
 
     A payload or temperature is outside where it lies further than the tolerance outside the range
-    of the data, a tool where no row of the data has it. A kind that either side does not state
-    refuses nothing.
+    of the data, and a payload whose center of mass both sides state where its moment about the
+    flange lies further outside than that of the tolerance at `ARM`; a tool where no row of the data
+    has it. A kind that either side does not state refuses nothing.
 
     Parameters
     ----------
@@ -208,12 +227,26 @@ def departure(
         else:
             values, there = check("m, n", data=getattr(data, kind), targets=there)
             room = getattr(tolerance, kind)
-            off = (there < values.min() - room) | (there > values.max() + room)
+            off = _beyond(there, values, room)
+            if kind == "payload" and data.moments is not None and targets.moments is not None:
+                off |= _beyond(targets.moments, data.moments, room * ARM).any(axis=1)
         other[kind] = frozen(off, np.bool_)
     outside = np.zeros(count, dtype=np.bool_)
     for off in other.values():
         outside |= off
     return Departure(data, targets, other, frozen(outside, np.bool_))
+
+
+def _beyond(there: Array, values: Array, room: float) -> Bool:
+    """Whether each of `there` (n, ...) lies further than `room` outside the range of `values`."""
+    low, high = values.min(axis=0) - room, values.max(axis=0) + room
+    return np.asarray((there < low) | (there > high))
+
+
+def _range(values: Array) -> str:
+    """Smallest and largest of some values, or the one there is."""
+    ends = dict.fromkeys(f"{end + 0.0:.4g}" for end in (values.min(), values.max()))
+    return " to ".join(ends)
 
 
 def counted(noun: str, rows: Index) -> str:

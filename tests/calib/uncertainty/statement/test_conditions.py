@@ -169,3 +169,21 @@ def test_a_column_of_another_length_is_refused():
         departure(PAYLOAD, PAYLOAD, 2)
     with pytest.raises(InputError, match=r"targets\[1\] is nan"):
         departure(PAYLOAD, Conditions(payload=np.array([0.0, np.nan])), 2)
+
+
+def test_a_payload_of_the_same_mass_that_hangs_elsewhere_is_another_one():
+    """Half a kilogram at 100 mm is the room: 5 kg may hang 10 mm elsewhere, and no more."""
+
+    def hung(*x_mm):
+        center = np.array([[x, 0.0, 50.0] for x in x_mm]) / 1e3
+        return Conditions(payload=np.full(len(x_mm), 5.0), center=center)
+
+    found = departure(hung(0.0, 20.0), hung(-9.0, 29.0, 31.0, 520.0), 4)
+    assert found.other["payload"].tolist() == [False, False, True, True]
+    assert found.sentences[0].startswith(
+        "targets 3 and 4 carry 5 kg at 31 to 520, 0, 50 mm; the measurements carried 5 kg at 0 to "
+        "20, 0, 50 mm: no statement reaches there"
+    )
+    unsaid = Conditions(payload=np.full(4, 5.0))
+    assert not departure(hung(0.0), unsaid, 4).outside.any()
+    assert not departure(unsaid, hung(0.0, 0.0, 0.0, 900.0), 4).outside.any()
