@@ -48,8 +48,7 @@ class Decided:
     @property
     def risk(self) -> float | None:
         """Largest probability that a point that passed is out of tolerance; None if none passed."""
-        passed = self.by.risk[self.by.outcome == "pass"]
-        return float(passed.max()) if len(passed) else None
+        return self.by.largest_risk
 
 
 def at_held_out(calibration: Calibration, q: Array) -> tuple[Conformity, Conformity] | None:
@@ -132,7 +131,7 @@ def decision_words(calibration: Calibration, delivered: Delivered) -> tuple[str,
 def would_decide(calibration: Calibration) -> str:
     """What would let a corrected robot pass whose tolerance is below R95; empty where it is not."""
     belief, asked, shared = calibration.proof.belief, calibration.decision, calibration.shared
-    if belief is None or asked is None or calibration.elsewhere or asked.rule == "simple":
+    if belief is None or asked is None or calibration.elsewhere:
         return ""
     found = what_decides(
         belief, calibration.stated_q, asked.tolerance,
@@ -188,9 +187,10 @@ def decision_section(found: tuple[Decided, ...]) -> Section | None:
         "is possible. A pass has a risk of at most 5 % that the point is out of tolerance."
         if guarded
         else "Simple acceptance, as asked for: pass where the predicted mean point lies within the "
-        "tolerance, without a guard band. A pass near the limit may have a risk of about 50 %."
+        "tolerance, without a guard band. The table says how large the risk of a pass is; at the "
+        "limit it is 50 % or more."
     )
-    if guarded and any((one.by.guard > one.by.tolerance).any() for one in found):
+    if any(one.by.hopeless.any() for one in found):
         told += (
             " At some points the tolerance is smaller than R95: no pass is possible there at all."
         )

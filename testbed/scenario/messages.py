@@ -44,7 +44,7 @@ EXAMPLES = {
     "kind": 'kind = "box" or kind = "mesh"',
     "position_um": "position_um = 100",
     "rule": 'rule = "guarded" (a pass keeps R95 away from the limit) or rule = "simple" (no guard '
-    "band: the risk of a pass may reach about 50 %)",
+    "band: at the limit a pass has a risk of 50 % or more)",
 }
 """Lines that mend a missing key."""
 

@@ -29,7 +29,8 @@ class ToleranceTable(Strict):
     position_um: Annotated[float, CELL.size("um")]
     """Largest distance of the mean tool point from where it should be."""
     rule: Rule | None = None
-    """guarded: pass where R95 still fits within the tolerance; simple: no guard band."""
+    """guarded: pass where R95 still fits within the tolerance; simple: no guard band, but no pass
+    where R95 alone is larger than the tolerance."""
 
     @model_validator(mode="after")
     def _by_a_rule(self) -> "ToleranceTable":
@@ -38,7 +39,7 @@ class ToleranceTable(Strict):
             raise ValueError(
                 f"position_um is {self.position_um:g}, and no rule says how that is decided; write "
                 'rule = "guarded" (a pass keeps R95 away from the limit) or rule = "simple" (no '
-                "guard band: the risk of a pass may reach about 50 %)"
+                "guard band: at the limit a pass has a risk of 50 % or more)"
             )
         return self
 

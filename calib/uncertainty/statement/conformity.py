@@ -6,13 +6,14 @@ from typing import Annotated, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from calib.arrays import Array, check, frozen, require_probability
+from calib.arrays import LATER, Array, Bool, check, frozen, require_probability
 from calib.errors import refuse
 from calib.shown import ResultTable, Shown
 from calib.uncertainty.statement.distance import distance_radius, probability_within
 
 Rule = Literal["guarded", "simple"]
 RULES: tuple[Rule, ...] = ("guarded", "simple")
+SIMPLE = "simple acceptance without a guard band"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -20,7 +21,8 @@ class Conformity(Shown):
     """Decisions on N tool points against one tolerance."""
 
     rule: Rule
-    """"guarded": a guard band of R95 on both sides of the limit; "simple": none, on request."""
+    """"guarded": a guard band of R95 on both sides of the limit; "simple": none, on request, where
+    R95 fits within the limit."""
     tolerance: float
     """Largest distance from the nominal point that conforms [m]."""
     probability: float
@@ -33,6 +35,8 @@ class Conformity(Shown):
     """(N,) specific consumer's risk: probability that the point is out of tolerance."""
     outcome: Annotated[NDArray[np.str_], "N"]
     """(N,) "pass", "fail" or "undecided"."""
+    radius: Annotated[Array | None, LATER] = None
+    """(N,) R95 of the region, whatever the rule [m]; None counts as the guard band."""
 
     def __repr__(self) -> str:
         return f"Conformity({', '.join(f'{n} {word}' for word, n in self.counts.items())})"
@@ -49,24 +53,33 @@ class Conformity(Shown):
         return {word: count for word, count in found.items() if count}
 
     @property
+    def hopeless(self) -> Bool:
+        """(N,) where the tolerance is smaller than R95: no pass is possible by any rule."""
+        radius = self.guard if self.radius is None else self.radius
+        return np.asarray(radius > self.tolerance)
+
+    @property
+    def largest_risk(self) -> float | None:
+        """Largest risk of a point that passed; None if none did."""
+        passed = self.risk[self.outcome == "pass"]
+        return float(passed.max()) if len(passed) else None
+
+    @property
     def sentence(self) -> str:
         """The decisions in words; which rule, and how large the risk of a pass is."""
         counted = ", ".join(f"{count} {word}" for word, count in self.counts.items())
-        limit = f"tolerance {1e6 * self.tolerance:.0f} um"
-        passed = self.risk[self.outcome == "pass"]
-        largest = f", largest risk of a pass {100 * passed.max():.2g} %" if len(passed) else ""
-        if self.rule == "simple":
-            return (
-                f"{counted} ({limit}, simple acceptance without a guard band: the risk of a pass "
-                f"may reach about 50 %{largest})"
+        limit, radius = f"tolerance {1e6 * self.tolerance:.0f} um", self.radius
+        risk, band = self.largest_risk, f"R{100 * self.probability:g}"
+        largest = "" if risk is None else f", largest risk of a pass {100 * risk:.2g} %"
+        rule = f"guard band {band}" if self.rule == "guarded" else SIMPLE
+        small, said = int(self.hopeless.sum()), ""
+        if small:
+            widest = float((self.guard if radius is None else radius).max())
+            said = (
+                f"; at {small} of {len(self.guard)} points no pass is possible: the tolerance is "
+                f"smaller than the uncertainty, {band} up to {1e6 * widest:.0f} um"
             )
-        band = f"guard band R{100 * self.probability:g}"
-        small = int((self.guard > self.tolerance).sum())
-        hopeless = (
-            f"; at {small} of {len(self.guard)} points no pass is possible: the tolerance is "
-            f"smaller than the uncertainty, {band} up to {1e6 * self.guard.max():.0f} um"
-        )
-        return f"{counted} ({limit}, {band}{largest}{hopeless if small else ''})"
+        return f"{counted} ({limit}, {rule}{largest}{said})"
 
 
 def conformity(
@@ -83,6 +96,10 @@ def conformity(
     so that the risk is at most 1 - probability whatever the shape of the region. A guarded fail
     needs |d| >= T + R95. In between nothing is decided.
 
+    The simple rule passes |d| <= T and fails all else, but decides as the guarded one where R95 is
+    larger than T: there no reading shows that a point conforms. A point at the limit has a risk of
+    one half at least, as the tolerance then lies on one side of it.
+
     Parameters
     ----------
     deviation : (N, 3) array_like
@@ -93,7 +110,7 @@ def conformity(
     tolerance : float
         T, above zero [m].
     rule : {"guarded", "simple"}
-        The simple rule passes |d| <= T and fails all else.
+        Whether a guard band stands between a pass and the limit.
     probability : float
         Content of the guard band.
 
@@ -108,13 +125,15 @@ def conformity(
         raise refuse("tolerance", tolerance, "above zero [m]", code="A3")
     d, S = check("n 3, n 3 3", deviation=deviation, covariance=covariance)
     distance = np.linalg.norm(d, axis=1)
-    guarded = rule == "guarded"
-    band = distance_radius(S, probability) if guarded else np.zeros(len(S))
+    radius = distance_radius(S, probability)
+    guarded = np.full(len(S), rule == "guarded")
+    band = np.where(guarded | (radius > tolerance), radius, 0.0)
     risk = 1 - probability_within(np.full(len(S), tolerance), S, d)
     outcome = np.full(len(S), "undecided")
     outcome[distance <= tolerance - band] = "pass"
-    outcome[distance >= tolerance + band if guarded else distance > tolerance] = "fail"
+    outcome[np.where(band > 0, distance >= tolerance + band, distance > tolerance)] = "fail"
     return Conformity(
-        rule, float(tolerance), probability, frozen(distance), frozen(band),
-        frozen(np.clip(risk, 0.0, 1.0)), frozen(outcome, np.str_),
+        rule, float(tolerance), probability, frozen(distance),
+        frozen(np.where(guarded, radius, 0.0)), frozen(np.clip(risk, 0.0, 1.0)),
+        frozen(outcome, np.str_), frozen(radius),
     )  # fmt: skip

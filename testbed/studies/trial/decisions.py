@@ -69,14 +69,13 @@ def decision_section(campaign: Campaign) -> Section | None:
     for trial, estimate in campaign.estimates:
         for name, found in decide(campaign, estimate).items():
             made, counts = found.made, found.made.counts
-            passed = made.risk[made.outcome == "pass"]
             rows.append(
                 (
                     trial.name if name == "before" else "",
                     PROGRAMS[name],
                     *(str(counts.get(word, 0)) for word in ("pass", "undecided", "fail")),
                     micrometres(float(np.median(made.guard))) if made.guard.any() else "none",
-                    percent(float(passed.max())) if len(passed) else "–",
+                    "–" if made.largest_risk is None else percent(made.largest_risk),
                     str(found.wrong),
                 )
             )
@@ -109,8 +108,9 @@ def rule_in_words(by: Decision) -> str:
     if by.rule == "simple":
         return (
             f"Tolerance {limit_um:g} µm on the distance of the mean tool point from the nominal "
-            "one, simple acceptance without a guard band, as the scenario asks: the risk of a pass "
-            "may reach about 50 %."
+            "one, simple acceptance without a guard band, as the scenario asks: at the limit a "
+            "pass has a risk of 50 % or more. Where the tolerance is smaller than R95 (95 %, 3-D) "
+            "of the believed region, no pass is possible."
         )
     return (
         f"Tolerance {limit_um:g} µm on the distance of the mean tool point from the nominal one, "
@@ -136,12 +136,11 @@ def published(campaign: Campaign, estimate: Estimate) -> list[Quantity]:
     settings, out = campaign.scenario.tolerance, []
     for name, found in decide(campaign, estimate).items():
         made = found.made
-        passed = made.risk[made.outcome == "pass"]
         figures = [
             *(Quantity(word, made.counts.get(word, 0)) for word in ("pass", "undecided", "fail")),
             Quantity("wrong", found.wrong),
             Quantity("guard_median_um", float(np.median(made.guard)), METRE),
-            Quantity("largest_risk_of_a_pass", float(passed.max()) if len(passed) else None),
+            Quantity("largest_risk_of_a_pass", made.largest_risk),
         ]
         out += below(f"decisions/{name}", figures)
     if out and settings is not None:

@@ -76,7 +76,9 @@ def test_what_all_readings_share_no_number_of_poses_lowers():
         (40, "guarded", ["robot corrected: UNDECIDED (", "no smaller tolerance can be decided now",
                          "times as many poses", "times quieter (of each pose the mean of "]),
         (0.01, "guarded", ["UNDECIDED", "Neither more poses nor quieter readings would decide it"]),
-        (0.01, "simple", ["robot corrected: PASS (20 pass, simple acceptance)"]),
+        (5000, "simple", ["robot corrected: PASS (20 pass, simple acceptance)"]),
+        (40, "simple", ["robot corrected: UNDECIDED (", "times as many poses"]),
+        (0.01, "simple", ["UNDECIDED", "Neither more poses nor quieter readings would decide it"]),
     ],
 )  # fmt: skip
 def test_the_decision_is_said_in_words(limit_um, rule, words):

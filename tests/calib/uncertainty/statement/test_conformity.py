@@ -58,9 +58,43 @@ def test_simple_acceptance_says_what_it_is():
     assert found.outcome.tolist() == ["pass", "fail"]
     assert 0.4 < found.risk[0] < 0.52
     assert "simple acceptance" in found.sentence
+    assert f"largest risk of a pass {100 * found.risk[0]:.2g} %" in found.sentence
+    assert "about 50 %" not in found.sentence
+    assert "no pass is possible" not in found.sentence
     assert "guard band R95" not in found.sentence
     assert found.guard.tolist() == [0, 0]
     assert repr(found) == "Conformity(1 pass, 1 fail)"
+
+
+def test_by_no_rule_a_point_passes_whose_uncertainty_is_larger_than_the_tolerance():
+    """Of 20 points 98 % are out of tolerance, as draws say: simple acceptance passed them all."""
+    regions = np.tile(np.eye(3) * (25e-6) ** 2, (20, 1, 1))
+    found = conformity(np.zeros((20, 3)), regions, 10e-6, rule="simple")
+    assert found.counts == {"undecided": 20}
+    assert found.largest_risk is None
+    drawn = np.random.default_rng(5).normal(scale=25e-6, size=(40_000, 3))
+    out = np.mean(np.linalg.norm(drawn, axis=1) > 10e-6)
+    assert found.risk[0] == pytest.approx(out, abs=0.004)  # 5 standard deviations of the draws
+    guarded = conformity(np.zeros((20, 3)), regions, 10e-6)
+    said = "at 20 of 20 points no pass is possible: the tolerance is smaller than the uncertainty"
+    for one in (found, guarded):
+        assert f"{said}, R95 up to 70 um" in one.sentence
+        assert one.hopeless.all()
+    # what lies out of it by more than that still fails
+    far = conformity([[1e-3, 0, 0], [75e-6, 0, 0]], regions[:2], 10e-6, rule="simple")
+    assert far.outcome.tolist() == ["fail", "undecided"]
+
+
+def test_a_pass_at_the_limit_has_a_risk_of_one_half_or_more():
+    rng = np.random.default_rng(6)
+    regions = turned(rng, 40)
+    away = rng.normal(size=(40, 3))
+    away /= np.linalg.norm(away, axis=1, keepdims=True)
+    limit = 1.2 * float(distance_radius(regions).max())
+    found = conformity((1 - 1e-9) * limit * away, regions, limit, rule="simple")
+    assert found.counts == {"pass": 40}
+    assert found.risk.min() >= 0.5 - 1e-6
+    assert found.largest_risk == found.risk.max()
 
 
 @pytest.mark.parametrize("tolerance", [0.0, -1.0, np.nan, np.inf])
