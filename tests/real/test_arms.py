@@ -4,7 +4,8 @@ Studies at full size, run by hand: `pytest -m study tests/real`, nine minutes.
 The bars are what independent sketches of such models reached, with 5 to 15 % of room. Found, means
 over three draws of the training poses (UR10 B 100: five), held-out mean in mm:
 
-* UR10, 100 poses: B 0.136 (0.129 to 0.149), C 0.128, D 0.144; 400: B 0.103, C 0.103, D 0.098;
+* UR10, 100 poses: B 0.136 (0.129 to 0.149), C 0.128 (0.127 to 0.130), D 0.144 (0.136 to 0.149);
+  400: B 0.103 (0.102 to 0.105), C 0.103 (0.102 to 0.104), D 0.098 (0.096 to 0.099);
 * UR5, at 20 random poses: 50 grid poses 0.076, 100 0.068, 200 0.064; on the rest of its grid 0.076,
   0.064, 0.058;
 * carried over, geometric and chosen: B to C 0.607 and 0.418, B to D 0.552 and 0.216, C to B 0.864
