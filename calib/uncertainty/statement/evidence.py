@@ -27,6 +27,8 @@ SEEN, POWER = 0.001, 0.95
 MOST_OVER_MEDIAN = (np.inf, 4.0, 3.0, 2.0, 1.0)
 """Limits on lam, over its median, that tests are tried with: poses read many times, to which a few
 rows belong, would govern a test without limit, and it would see less than one without them."""
+VARIANCES, HALVINGS = (-14, 27), 16
+"""Powers of two of the variances tried, in that of the noise; then halvings between two of them."""
 NOTHING = 1e-6
 """Part of the largest lam below which a row shows no misfit: it compares readings of one pose."""
 
@@ -169,34 +171,63 @@ def believed_before(identification: Identification, precision: Array | None = No
     return PositionRows(A, A @ expected, np.zeros(len(at)), 0.0)
 
 
-def detectable(lam: Array, n_numbers: int) -> float:
-    """Size, in noise sd, that a score test at `SEEN` finds with `POWER`; nan where it finds none.
+def detectable(lam: Array, n_numbers: int, doubt: float) -> float:
+    """Size, in noise sd, that a likelihood ratio shows at `SEEN` with `POWER`; nan where none does.
 
     That of the best of some tests, each with another limit on lam: a row that tells more counts as
     if its noise were larger, so that each of them has its power.
 
-    References
+    Parameters
     ----------
-    sqrt(c) t sum lam^2 = z_a sqrt(2 sum lam^2) + z_b sqrt(2 sum lam^2 (1 + t lam)^2), t = size^2
-    and c = 1 - numbers / rows.
+    lam : (n,) array
+        Variance per size^2 of misfit in each row, that of the noise is 1.
+    n_numbers : int
+        Numbers fitted to the rows.
+    doubt : float
+        Standard deviation of the logarithm of the noise scale, as far as anything else tells it;
+        infinite where the rows alone do.
     """
     showing = lam[lam > NOTHING * lam.max(initial=0.0)]
-    if not len(showing):
+    share = 1 - n_numbers / max(len(lam), 1)
+    if not len(showing) or share <= 0:
         return np.nan
     limits = float(np.median(showing)) * np.array(MOST_OVER_MEDIAN)
-    sizes = [_found_by_all(np.minimum(lam, limit), n_numbers) for limit in limits]
+    sizes = [_found_by_all(np.minimum(lam, limit), share, doubt) for limit in limits]
     return float(np.fmin.reduce(sizes))
 
 
-def _found_by_all(lam: Array, n_numbers: int) -> float:
-    """Size that a test finds to which each row counts by its lam."""
-    t = np.geomspace(1e-4, 1e8, 2000)
-    square, cube, fourth = ((lam**k).sum() for k in (2, 3, 4))
-    gain = np.sqrt(max(1 - n_numbers / len(lam), 0.0)) * t * square
-    need = ndtri(1 - SEEN) * np.sqrt(2 * square)
-    need = need + ndtri(POWER) * np.sqrt(2 * (square + 2 * t * cube + t**2 * fourth))
-    seen = np.flatnonzero(gain > need)
-    return float(np.sqrt(t[seen[0]])) if len(seen) else np.nan
+def _found_by_all(lam: Array, share: float, doubt: float) -> float:
+    """Size that a test finds to which each row counts by its lam; nan where it finds none."""
+    tried = (2.0**k for k in range(*VARIANCES) if _shows(2.0**k, lam, share, doubt))
+    high = next(tried, np.nan)
+    low = high / 2
+    for _ in range(HALVINGS if np.isfinite(high) else 0):
+        middle = np.sqrt(low * high)
+        low, high = (low, middle) if _shows(middle, lam, share, doubt) else (middle, high)
+    return float(np.sqrt(high))
+
+
+def _shows(t: float, lam: Array, share: float, doubt: float) -> bool:
+    """Whether a misfit of variance t would be seen beside noise whose scale is in doubt.
+
+    References
+    ----------
+    Wilks: twice the gain of the expected log-likelihood, at its best without misfit by larger noise
+    exp(2 L), is the square of a normal number about its root r; r = z_a + z_b s, where s^2 is the
+    variance of the gain, sum 2 c (exp(-2 L) (1 + t lam) - 1)^2, over 4 r^2; of each row c is left.
+    """
+    grown, n = 1 + t * lam, share * len(lam)
+    mean, certain = float(grown.mean()), 0.0 if np.isinf(doubt) else doubt**-2
+    L = 0.5 * np.log(mean) if certain == 0.0 else 0.0
+    for _ in range(40 * (certain > 0.0)):  # convex and falling: Newton's steps never pass the root
+        less = n * mean * np.exp(-2 * L)
+        L += (less - n - certain * L) / (2 * less + certain)
+    less = np.exp(-2 * L)
+    gain = n * (2 * L + mean * less - 1 - float(np.log(grown).mean())) + certain * L**2
+    if gain <= 0:
+        return False
+    root, spread = np.sqrt(gain), np.sqrt(2 * share * ((less * grown - 1) ** 2).sum())
+    return bool(root > ndtri(1 - SEEN) + ndtri(POWER) * spread / (2 * root))
 
 
 def _alike(pose: Index, at: Bool, sound: Bool) -> list[Index]:

@@ -28,7 +28,7 @@ from calib.uncertainty.statement.evidence import (
     sound_rows,
 )
 from calib.uncertainty.statement.gain import estimator_gain, of_all_numbers
-from calib.uncertainty.statement.likelihood import likelihood
+from calib.uncertainty.statement.likelihood import DOUBT, likelihood
 from calib.uncertainty.statement.shape import (
     MisfitShape,
     angles_apart,
@@ -169,7 +169,7 @@ def misfit(
         shape,
         best=unit * float(found.size[best]),
         upper=unit * found.limit(drop),
-        detectable=detectable_size(rows),
+        detectable=detectable_size(rows, repeats),
         ratio=float(2 * (found.value[best] - found.value[0])),
         noise_scale=float(found.noise_scale[best]),
         noise_sd=noise_sd,
@@ -197,10 +197,14 @@ def evidence_rows(
     return shape, rows.joined(more)
 
 
-def detectable_size(rows: PositionRows) -> float:
-    """Size per axis of a misfit that these rows would show, whatever they read [m]."""
+def detectable_size(rows: PositionRows, repeats: NoiseRepeats | None = None) -> float:
+    """Size per axis of a misfit that these rows would show, whatever they read [m].
+
+    As far as repeats tell the scale of the noise; else it is known within `DOUBT`.
+    """
+    doubt = DOUBT if repeats is None else np.inf if repeats.in_evidence else repeats.log_scale_sd
     unit = rows.noise_sd
-    return NO_WHITE_NOISE * unit * detectable(unit**2 * rows.lam, rows.A.shape[1])
+    return NO_WHITE_NOISE * unit * detectable(unit**2 * rows.lam, rows.A.shape[1], doubt)
 
 
 def misfit_covariance(
