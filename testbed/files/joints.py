@@ -1,7 +1,6 @@
 """The joints of each row, and what may stand beside them: pose, visit, split, approach and time."""
 
 from dataclasses import dataclass, field, replace
-from datetime import datetime
 from typing import Literal
 
 import numpy as np
@@ -13,6 +12,7 @@ from testbed.files.columns import NUMBERS, UNITS, unit_of
 from testbed.files.conditions import CENTERS, conditions_of
 from testbed.files.refusal import refusal
 from testbed.files.rows.beside import BesideJoints, beside_of, drive_columns
+from testbed.files.rows.times import days_of, times_of
 from testbed.files.session import rows_of
 from testbed.files.table import Columns, DataTable, together
 from testbed.files.valid import valid_rows
@@ -73,7 +73,7 @@ def extras_of(table: DataTable, good: Bool) -> Extras:
                 table.place(row), "split", f'split is "{word[:20]}"', value=word[:20],
                 allowed="it is identify or test", fix=fix,
             )  # fmt: skip
-    time, warnings = _times(table, good)
+    time, warnings = times_of(table, good)
     return Extras(
         pose=table.texts_of("pose_id"),
         repeat=_repeats(table, good) if "repeat" in table else None,
@@ -81,7 +81,7 @@ def extras_of(table: DataTable, good: Bool) -> Extras:
         approach=table.texts_of("approach"),
         conditions=conditions_of(table, good),
         time=time,
-        days=_days(table, good),
+        days=days_of(table, good),
         beside=beside_of(table, good),
         warnings=warnings,
     )
@@ -97,54 +97,6 @@ def _repeats(table: DataTable, good: Bool) -> Index:
         allowed = "it is a whole number, 0 for the first visit"
         raise refusal(table.place(row), "repeat", message, allowed=allowed, fix="mend it")
     return values.astype(np.int64)
-
-
-def _times(table: DataTable, good: Bool) -> tuple[Array | None, tuple[str, ...]]:
-    """Times [s], or why there are none: a clock that stands still orders nothing."""
-    if "time_s" in table:
-        times = table.numbers(["time_s"])[:, 0]
-    elif "time" in table:
-        times = _clock(table)
-    else:
-        return None, ()
-    if not np.isfinite(times[good]).all():
-        return None, (f"{table.where}: the times cannot be read and are not used",)
-    count = len(np.unique(times[good]))
-    if good.sum() > 2 and count < good.sum() / 2:
-        told = "rounded to one value" if count == 1 else f"rounded to {count} values"
-        return None, (f"{table.where}: the times are {told} and are not used",)
-    return times - times[good][:1], ()
-
-
-def _clock(table: DataTable) -> Array:
-    """Times of a column of numbers [s] or of ISO dates; nan where it is neither."""
-    numbers = table.numbers(["time"])[:, 0]
-    if np.isfinite(numbers).all():
-        return numbers
-    try:
-        # an hour without zone is taken as it stands: only differences count
-        moments = [
-            datetime.fromisoformat(text).replace(tzinfo=None) for text in table.texts("time")
-        ]
-    except ValueError:
-        return np.full(len(table), np.nan)
-    return np.array([86400.0 * moment.toordinal() + _seconds(moment) for moment in moments])
-
-
-def _days(table: DataTable, good: Bool) -> tuple[str, ...]:
-    """First and last ISO day of good rows (m,); none where times are no dates."""
-    times = table.texts_of("time") or ()
-    texts = [times[row] for row in np.flatnonzero(good)] if times else []
-    try:
-        days = [datetime.fromisoformat(text).date().isoformat() for text in texts if "-" in text]
-    except ValueError:
-        return ()
-    return (min(days), max(days)) if days and len(days) == len(texts) else ()
-
-
-def _seconds(moment: datetime) -> float:
-    """Seconds since midnight."""
-    return moment.hour * 3600 + moment.minute * 60 + moment.second + moment.microsecond / 1e6
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -3,6 +3,7 @@
 import csv
 import importlib.util
 import io
+from datetime import UTC, datetime, timedelta, timezone
 from pathlib import Path
 
 import numpy as np
@@ -160,6 +161,24 @@ def test_a_drift_is_read_and_said_and_its_absence_is_too(tmp_path):
     untimed = played(tmp_path, still)
     assert "Drift was not tested: there are no times" in " ".join(reasons(untimed))
     assert "rift" not in verdict(untimed)
+
+
+def test_clocks_that_go_back_by_an_hour_are_no_time_that_goes_back(tmp_path):
+    """30 cycles in two hours and a half, local times with their zone, winter time at 01:00 UTC."""
+    rows = pose_rows(n=30, sd=4.0, cycle_time=300.0)
+    begin, clocks = datetime(2026, 10, 25, 0, 0, tzinfo=UTC), []
+    for row in rows:
+        moment = begin + timedelta(seconds=row["time_s"])
+        zone = timezone(timedelta(hours=2 if moment.hour < 1 else 1))
+        texts = {k: v for k, v in row.items() if k != "time_s"}
+        clocks.append(texts | {"time": moment.astimezone(zone).isoformat()})
+    result, plain = played(tmp_path, clocks), played(tmp_path, rows)
+    np.testing.assert_array_equal(result.test.visits.time, plain.test.visits.time)
+    np.testing.assert_array_equal(values(result, "dAP"), values(plain, "dAP"))
+    some = [row | {"time": row["time"][:19]} if k < 7 else row for k, row in enumerate(clocks)]
+    mixed = played(tmp_path, some)
+    assert "143 of 150 times state a time zone and the others do not" in mixed.test.warnings[0]
+    assert not mixed.of("dAP")
 
 
 def test_cycles_that_follow_each_other_or_stray_are_said_and_widen_the_limits(tmp_path):

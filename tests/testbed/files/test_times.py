@@ -1,0 +1,56 @@
+"""Times of rows: with a time zone they are moments in the world."""
+
+from datetime import UTC, datetime, timedelta, timezone
+
+import numpy as np
+import pytest
+
+from testbed.files.read import read_session
+from tests.testbed.files.made import ROBOT, columns, csv, made, with_spread
+
+COUNT = 60
+MOMENTS = [datetime(2026, 10, 25, 0, 30, tzinfo=UTC) + timedelta(minutes=k) for k in range(COUNT)]
+"""One a minute, half of them before clocks in most of Europe went back at 01:00 UTC."""
+
+
+def read(folder, texts):
+    table = with_spread(columns(made(m=COUNT))) | {"euler": ["XYZ"] * COUNT, "time": texts}
+    (folder / "a.csv").write_text(csv(table))
+    return read_session(folder / "a.csv", ROBOT)
+
+
+def stated(offsets):
+    """The moments as clocks show them that are some hours ahead."""
+    return [
+        moment.astimezone(timezone(timedelta(hours=hours))).isoformat()
+        for moment, hours in zip(MOMENTS, offsets, strict=True)
+    ]
+
+
+@pytest.mark.parametrize(
+    "texts",
+    [
+        stated([2] * 30 + [1] * 30),
+        stated([0, 2] * 30),
+        [text.replace("+00:00", "Z") for text in stated([0] * COUNT)],
+        [moment.strftime("%Y-%m-%d %H:%M") for moment in MOMENTS],
+        [moment.strftime("%Y%m%dT%H%M%S.250") for moment in MOMENTS],
+    ],
+    ids=["clocks that go back", "two zones", "UTC", "no zone", "basic form"],
+)
+def test_rows_one_minute_apart_are_so_in_every_way_to_write_them(tmp_path, texts):
+    session = read(tmp_path, texts)
+    np.testing.assert_array_equal(session.time, 60.0 * np.arange(COUNT))
+    assert not session.warnings
+
+
+def test_times_with_and_without_a_zone_are_not_compared(tmp_path):
+    texts = stated([2] * COUNT)
+    texts[5], texts[40] = texts[5].removesuffix("+02:00"), texts[40].removesuffix("+02:00")
+    session = read(tmp_path, texts)
+    assert session.time is None
+    (warning,) = session.warnings
+    assert warning == (
+        f"{tmp_path / 'a.csv'}: 58 of 60 times state a time zone and the others do not: "
+        "they are not used"
+    )
