@@ -11,7 +11,7 @@ from calib.geometry.model import RobotModel
 from calib.geometry.parameters import parameters_of
 from calib.identification.barely_told import barely_told, barely_told_words
 from calib.identification.identify import Status, identify
-from calib.identification.prior import Prior, own_prior, own_words
+from calib.identification.prior import Prior, frame_places, own_prior, own_words
 from calib.identification.result import Identification
 from calib.identification.robust import Loss
 from calib.identification.start.start import Start, start_frames
@@ -20,6 +20,8 @@ from calib.measurement.prediction import predict
 from calib.shown import ResultTable, Shown
 from calib.uncertainty.judgement import Circumstances, Judgement, judge
 
+TURNED = 0.05
+"""Turn of a frame [rad] up to which the axes of a belief about it are as good as its own."""
 UNLIKE = 0.1
 """Part of an arm's reach by which nominal links may miss: real arms miss a hundredth at most."""
 
@@ -104,13 +106,14 @@ def calibrate(
     measured : Measurements
         Poses, points or distances; see `calib.poses`, `calib.points`, `calib.distances`.
     free : iterable of str, optional
-        Names of the numbers to identify; by default all but known anchors and a held tool.
+        Names of the numbers to identify; by default all but known anchors and a held tool. Base,
+        tool and fixtures are found first in any case; where they are left out, they stay there.
     free_tool : bool
         Whether the tool is looked for; False holds it where the model has it.
     free_anchors : collection of int
         Anchors of the fixtures, from 0, whose place in the world is not known.
     prior, loss, report
-        As in `calib.identify`.
+        As in `calib.identify`; the prior is about the numbers of `model`, not about what was found.
 
     Raises
     ------
@@ -148,6 +151,8 @@ def calibrate(
     rest = parameters.freeing(name for name in parameters.free_names if name not in believed)
     if (own := own_prior(rest, start.model)) is not None:
         prior = own if prior is None else prior.joined(own)
+    if prior is not None:
+        prior = _from_start(prior, model, start.model)
     found = identify(start.model, measured, parameters, prior=prior, loss=loss, report=report)
     if found.status is not Status.CONVERGED:
         weak = barely_told(found, parameters, start.model)
@@ -159,6 +164,35 @@ def calibrate(
             if again.status is Status.CONVERGED:
                 found = replace(again, notes=(*again.notes, barely_told_words(weak)))
     return CalibratedRobot(found, start, measured)
+
+
+def _from_start(prior: Prior, model: RobotModel, start: RobotModel) -> Prior:
+    """The same belief, its steps counted from where frames were found instead of from `model`.
+
+    Raises
+    ------
+    InputError
+        A3: it is about a frame that was found turned away: its axes are others.
+    """
+    place = [model.names.index(name) for name in prior.names if name in model.names]
+    if len(place) < len(prior.names):
+        return prior  # the fit names what the model does not have
+    moved = start.step_to(model)
+    for k in frame_places(model):
+        own = [name for name in prior.names if k <= model.names.index(name) < k + 6]
+        if own and np.linalg.norm(moved[k + 3 : k + 6]) > TURNED:
+            degrees = float(np.degrees(np.linalg.norm(moved[k + 3 : k + 6])))
+            message = (
+                f"the prior names {own[0]}, and the measurements show that frame turned by "
+                f"{degrees:.3g} deg from the model's"
+            )
+            fix = "place the frame of the model nearer, or leave it out of the prior"
+            raise refuse("prior", own[0], code="A3", message=message, fix=fix)
+    if not np.any(moved[place]):
+        return prior
+    step = np.zeros(model.n_numbers)
+    step[place] = prior.mean
+    return replace(prior, mean=start.step_to(model.moved(step))[place])
 
 
 def _require_likeness(model: RobotModel, miss: float) -> None:

@@ -103,11 +103,17 @@ def joined_conditions(
     """The conditions of several tables of so many rows each, one after the other.
 
     Where one says nothing of what another one states, it has the mean of what is stated, and
-    unknown directions.
+    unknown directions. A payload without a center hangs at the flange, whatever others state.
     """
     found = {}
     for name in _SHAPES:
         columns = [getattr(part, name) for part in parts]
+        if name == "center" and any(column is not None for column in columns):
+            hung = [part.payload for part in parts]
+            columns = [
+                np.zeros((len(mass), 3)) if column is None and mass is not None else column
+                for column, mass in zip(columns, hung, strict=True)
+            ]
         there = [column for column in columns if column is not None]
         if there and any(map(len, there)):
             usual = np.concatenate(there).mean(axis=0) * (name != "approach")

@@ -23,6 +23,8 @@ from calib.measurement.residual import Stack, linearize, paper_stack, table_whit
 from calib.measurement.term_rows import TermRows
 
 MOST_STEPS = 100
+UNMOVED = 1e-12
+"""Rounding of a step between two models [m, rad]."""
 NEARBY = 1e-2
 """Relative offset at which a fit ends that the next loss starts from: a hundredth of what noise
 moves each number by."""
@@ -71,7 +73,8 @@ def identify(
     report : callable, optional
         Told the step count and the sum of squares after each step; a robust loss counts anew.
     start : RobotModel, optional
-        Where the search begins, if something nearer is known than the nominal model.
+        Where the search begins, if something nearer is known than the nominal model. Numbers that
+        are not free, or cannot be told apart, are those of `nominal` all the same.
 
     Raises
     ------
@@ -111,7 +114,7 @@ def identify(
         fix = f"hold {', '.join(reduction.dropped)} fixed"
         raise refuse("free", reduction.dropped, code="M30", message=message, fix=fix)
     kept = _estimable(nominal, measurements, parameters, prior, reduction, first)
-    near = nominal if start is None else start
+    near = nominal if start is None else _held_as(nominal, start, kept)
     many = None if whitening is None else TermRows.of(nominal, measurements, whitening, kept)
     for step in LOSSES[: LOSSES.index(loss) + 1]:
         until = NEGLIGIBLE if step == loss else NEARBY
@@ -119,6 +122,14 @@ def identify(
         near = solution.x
     fit = SolvedFit(nominal, kept, reduction, solution, mode, prior, belief, loss)
     return with_statistics(fit, measurements, whitening, rows)
+
+
+def _held_as(nominal: RobotModel, start: RobotModel, kept: Parameters) -> RobotModel:
+    """Where the search begins: at `start`, but for numbers that stay as `nominal` has them."""
+    step = nominal.step_to(start)
+    if np.abs(step[~kept.free]).max(initial=0.0) < UNMOVED:
+        return start
+    return nominal.moved(np.where(kept.free, step, 0.0))
 
 
 def _estimable(
@@ -136,6 +147,11 @@ def _estimable(
         return parameters
     require_equations(nominal, measurements, bare)
     if not believed:
+        if not reduction.kept:
+            why = "; ".join(reduction.sentences)
+            message = f"the measurements tell none of the free numbers: {why}"
+            fix = "free numbers that move what is measured, or measure poses"
+            raise refuse("free", parameters.free_names, code="M30", message=message, fix=fix)
         return parameters.freeing(reduction.kept)
     # whatever the prior is, it can only make up for directions of its own numbers
     by_data = reduce(first.A[:, bare.free_index] * bare.free_scale, bare, model=nominal).kept

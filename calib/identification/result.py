@@ -181,9 +181,10 @@ def _tests(result: Identification) -> list[str]:
     lines = [f"{result.rank} numbers from {len(result.residual)} rows: {result.status.value}"]
     if result.mode == "paper":
         return [*lines, f"s^2 = {result.variance:.4g} of unweighted rows [1, mm]"]
+    each = f" ({result.chi_square / result.dof:.2f} each)" if result.dof > 0 else ""
     lines.append(
-        f"chi-square {result.chi_square:.1f} for {result.dof} degrees of freedom "
-        f"({result.chi_square / result.dof:.2f} each), p = {result.p_value:.2g}"
+        f"chi-square {result.chi_square:.1f} for {result.dof} degrees of freedom{each}, "
+        f"p = {result.p_value:.2g}"
     )
     if result.lack_of_fit is not None:
         lack = result.lack_of_fit

@@ -204,16 +204,44 @@ class Measurements(Shown):
         return self.rows(~is_test), self.rows(is_test)
 
 
+ONE_POSE = 1e-2
+"""Joints that were read back at one pose differ by less than this [rad, m]."""
 COLUMNS = tuple(name for name in Measurements.__slots__ if name != "conditions")
 """Fields of a table that have one entry a row."""
 
 
 def joined(tables: Sequence[Measurements]) -> Measurements:
-    """One table of the rows of several, in order; `pose_id` is kept."""
-    return Measurements(
-        **{name: np.concatenate([getattr(table, name) for table in tables]) for name in COLUMNS},
-        conditions=joined_conditions([t.conditions for t in tables], [len(t) for t in tables]),
-    )
+    """One table of the rows of several, in order.
+
+    `pose_id` is kept, unless tables call different poses by one number, as tables do that were
+    numbered each by itself: then rows of one pose of a table, or at the same joints, get a new one.
+    """
+    columns = {name: np.concatenate([getattr(table, name) for table in tables]) for name in COLUMNS}
+    counts = [len(table) for table in tables]
+    own = np.repeat(np.arange(len(tables)), counts)
+    if _called_alike(columns["q"], columns["pose_id"], own):
+        alone = first_met(np.column_stack([own, columns["pose_id"]]))
+        columns["pose_id"] = united(first_met(columns["q"]), alone)
+    conditions = joined_conditions([table.conditions for table in tables], counts)
+    return Measurements(**columns, conditions=conditions)
+
+
+def _called_alike(q: Array, pose_id: Index, table: Index) -> bool:
+    """Whether tables call poses by one number that are far apart, though none does so alone."""
+    if len(q) == 0 or table[0] == table[-1]:
+        return False
+    _, pose = np.unique(pose_id, return_inverse=True)
+    alone = np.unique(np.column_stack([table, pose.ravel()]), axis=0, return_inverse=True)[1]
+    return _spread(q, pose.ravel()) > ONE_POSE >= _spread(q, alone.ravel())
+
+
+def _spread(q: Array, group: Index) -> float:
+    """Largest difference of joint values (m, n) within a group (m,)."""
+    size = int(group.max()) + 1
+    low, high = np.full((size, q.shape[1]), np.inf), np.full((size, q.shape[1]), -np.inf)
+    np.minimum.at(low, group, q)
+    np.maximum.at(high, group, q)
+    return float((high - low).max(initial=0.0))
 
 
 def united(one: Index, other: Index) -> Index:
