@@ -213,7 +213,7 @@ def corrected_poses(
     )
 
 
-WORDS: dict[InverseStatus, str] = {
+WORDS: Mapping[str, str] = {
     "singular": "corrected in a nearly singular posture, where a small turn of the tool takes a "
     "large move of the joints; look at the corrected joints, or move the target",
     "limits": "reached only outside the joint limits; the nearest posture inside is given",
@@ -223,9 +223,9 @@ WORDS: dict[InverseStatus, str] = {
 
 
 def status_sentences(
-    status: tuple[InverseStatus, ...],
+    status: Sequence[str],
     noun: str,
-    words: Mapping[InverseStatus, str] = WORDS,
+    words: Mapping[str, str] = WORDS,
     *,
     names: Sequence[str] = (),
 ) -> tuple[str, ...]:

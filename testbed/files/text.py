@@ -199,7 +199,7 @@ def rewritten(
     mark = SEPARATORS[sheet.separator]
     lines = list(text.lines)
     head = text.content("#")[len(sheet.titles)][0]
-    lines[head - 1] = mark.join([*(_cell(name, mark) for name in sheet.head), *added])
+    lines[head - 1] = mark.join([_line(sheet.head, mark), *added])
     if sheet.units:
         below = text.content("#")[len(sheet.titles) + 1][0]
         lines[below - 1] += mark * len(added)
@@ -213,7 +213,7 @@ def rewritten(
             value = column[row]
             word = value if isinstance(value, str) else _number(float(f"{value:.6g}"), comma)
             cells.append(word.replace(" ", "_") if mark == " " else word)
-        lines[number - 1] = mark.join(_cell(cell, mark) for cell in cells)
+        lines[number - 1] = _line(cells, mark)
     return visible("\n".join(lines))
 
 
@@ -223,9 +223,14 @@ def _number(value: float, comma: bool) -> str:
     return text.replace(".", ",") if comma else text
 
 
-def _cell(cell: str, mark: str) -> str:
+def _line(cells: Sequence[str], mark: str) -> str:
+    """The cells of a row; a first one that begins with # is quoted, or the line is a comment."""
+    return mark.join(_cell(cell, mark, quoted="#" * (not k)) for k, cell in enumerate(cells))
+
+
+def _cell(cell: str, mark: str, *, quoted: str) -> str:
     """A cell, quoted where it must be, and guarded where a spreadsheet would run it."""
     cell = guarded(cell)
-    if mark in cell or '"' in cell:
+    if mark in cell or '"' in cell or (quoted and cell.lstrip().startswith(quoted)):
         return '"' + cell.replace('"', '""') + '"'
     return cell

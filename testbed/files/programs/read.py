@@ -103,13 +103,14 @@ def poses_of(table: DataTable) -> tuple[Columns, Stated, Array, Sequence[str]]:
 
 
 def configurations(table: DataTable, robot: Robot, T: Array) -> tuple[Array, tuple[str, ...]]:
-    """Joints (m, n) near which the controller reaches its targets [rad, m]; in words if assumed.
+    """Joints (m, n) near which the controller reaches its targets [rad, m], and what is odd.
 
     `T` (m, 4, 4) are poses of the tool in the world [m].
     """
     nominal = robot.model
     if joint_columns(table, robot):
-        return read_joints(table, robot, "commanded", drop=None).q, ()
+        joints = read_joints(table, robot, "commanded", drop=None)
+        return joints.q, joints.warnings
     seeds = np.empty((len(T), nominal.chain.n_joints))
     everywhere = spread(robot.limits, STARTS)
     before = robot.limits.mean(axis=1)

@@ -14,6 +14,8 @@ from calib.geometry.model import RobotModel
 from testbed.files.programs.correct import correct_program
 from testbed.files.programs.read import ADDED
 from testbed.files.rotations import EULER, in_form, rotations
+from testbed.files.text import read_sheet
+from testbed.gates.text import read_text
 from testbed.identify.handback.deliver import corrected_name
 from testbed.robots.catalog import load_robot
 
@@ -140,6 +142,49 @@ def test_what_cannot_be_corrected_stays_as_it_was_and_is_listed(tmp_path, real):
             assert found.left[k] == pytest.approx(found.before[k], rel=1e-9)
             assert [float(out[k][name]) for name in head] == q[k].tolist()
     assert any("left as written" in sentence for sentence in found.sentences)
+
+
+def test_a_target_outside_the_joint_limits_stays_and_is_said_to_be_there(tmp_path, real):
+    head = [f"q{k}_deg" for k in range(1, 7)]
+    rows = [*np.degrees(Q).tolist() * 10, [250, 20, 70, 15, 40, -30]]
+    path = written(tmp_path / "p.csv", head, rows)
+    found = correct_program(path, ROBOT, real, tmp_path / "out.csv")
+    assert found.status == ("reached",) * 30 + ("limits",)
+    last = cells(tmp_path / "out.csv")[-1]
+    assert (last["q1_deg"], last["status"]) == ("250", "limits")
+    assert any("is outside the joint limits" in said for said in found.sentences)
+    assert not any("singular" in said for said in found.sentences)
+    warned = next(said for said in found.sentences if said.startswith("p.csv: 1 joint value lies"))
+    assert warned.endswith('in line 32: q1_deg = "250"; its limits are -180 to 180 deg')
+
+
+def test_joints_that_contradict_their_pose_leave_the_target_as_written(tmp_path, real):
+    T = ROBOT.model.poses(Q)
+    turn = in_form("quaternion", np.zeros((3, 4)), T[:, :3, :3])
+    head = ["x_m", "y_m", "z_m", "qw", "qx", "qy", "qz", *(f"q{k}_deg" for k in range(1, 7))]
+    beside = np.degrees(Q)
+    beside[1:] = beside[[2, 1]]
+    rows = np.hstack([T[:, :3, 3], turn, beside]).tolist()
+    path = written(tmp_path / "p.csv", head, [rows[0], rows[1], rows[2]], comments=["# joints"])
+    found = correct_program(path, ROBOT, real, tmp_path / "out.csv")
+    assert found.status == ("reached", "other joints", "other joints")
+    out = cells(tmp_path / "out.csv")
+    assert [float(out[1][name]) for name in head] == rows[1]
+    np.testing.assert_array_equal(found.left[1:], found.before[1:])
+    said = next(text for text in found.sentences if "are not those of their poses" in text)
+    assert said.startswith("2 of 3 targets are left as written")
+    assert "the first in line 4: " in said
+
+
+@pytest.mark.parametrize("mark", [",", ";", "\t"])
+def test_a_quoted_number_sign_is_no_comment_in_the_corrected_program_either(mark, tmp_path, real):
+    head = ['"#name"', *(f"q{k}_deg" for k in range(1, 7))]
+    rows = [[f'" #{k}"', *q] for k, q in enumerate(np.degrees(Q))]
+    path = written(tmp_path / "p.csv", head, rows, mark)
+    assert correct_program(path, ROBOT, real, tmp_path / "out.csv").corrected.all()
+    sheet = read_sheet(read_text(tmp_path / "out.csv", "out.csv"))
+    assert sheet.head == ("#name", *head[1:], *ADDED)
+    assert [row[0] for row in sheet.rows] == ["#0", "#1", "#2"]
 
 
 def test_a_decimal_comma_and_a_semicolon_stay(tmp_path, real):

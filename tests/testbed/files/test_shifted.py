@@ -80,3 +80,27 @@ def test_a_value_beyond_a_limit_is_warned_of_and_many_are_refused(tmp_path):
     rad = {k.replace("deg", "rad") if k in JOINTS[3:5] else k: v for k, v in visits().items()}
     with pytest.raises(InputError, match=r"if q4, q5 are deg, name the columns q4_deg \.\.\."):
         session(tmp_path, rad)
+
+
+def test_joints_read_back_far_apart_are_no_visits_of_one_pose(tmp_path):
+    data = made(m=60)
+    table = with_spread(columns(data)) | {"euler": ["XYZ"] * 60}
+    read = {name.replace("_deg", "_read_deg") if name[0] == "q" else name: column
+            for name, column in table.items()}  # fmt: skip
+    again = read | {"pose_id": np.arange(60) % 10 + 1}
+    (tmp_path / "a.csv").write_text(csv(again))
+    told = r"a\.csv:12: pose 1 has other joints than in line 2; give it a pose_id of its own"
+    with pytest.raises(InputError, match=told):
+        read_session(tmp_path / "a.csv", ROBOT)
+    # 0.3 deg is what play and a controller may leave, 0.6 deg is not
+    for apart, refused in ((0.3, False), (0.6, True)):
+        twice = {name: np.repeat(column, 2) for name, column in read.items()}
+        twice["q2_read_deg"] = twice["q2_read_deg"] + apart * (np.arange(120) % 2)
+        twice["x_mm"] = twice["x_mm"] + 1e-3 * (np.arange(120) % 2)
+        (tmp_path / "a.csv").write_text(csv(twice))
+        if refused:
+            with pytest.raises(InputError, match="pose 1 has other joints than in line 2"):
+                read_session(tmp_path / "a.csv", ROBOT)
+        else:
+            session = read_session(tmp_path / "a.csv", ROBOT)
+            assert len(np.unique(session.measurements.pose_id)) == 60
