@@ -62,7 +62,8 @@ def pose_count(
 ) -> tuple[PoseCount, ...]:
     """For each index O1 to O5 the number of poses from which it no longer improves.
 
-    Each random set grows by one random pose at a time, so every size has `sets` random sets.
+    Each random set grows by one random pose at a time, so every size has `sets` random sets. They
+    are sets of the poses that may be chosen; with `repeats` a pose may come more than once.
 
     Parameters
     ----------
@@ -87,7 +88,7 @@ def pose_count(
     if sets < 1:
         raise refuse("sets", sets, "at least 1", code="A3")
     values = []
-    for M in _growing(problem.blocks, sizes, sets, rng):
+    for M in _growing(problem, sizes, sets, rng):
         singular = singular_of_information(M)
         # the determinant is exact where the smallest eigenvalue is mostly rounding
         one = index_of(M, sizes, "O1", form)
@@ -132,10 +133,17 @@ def _sizes(problem: Problem, counts: Iterable[int] | None) -> Index:
     return sizes
 
 
-def _growing(blocks: Array, sizes: Index, sets: int, rng: np.random.Generator) -> Iterable[Array]:
-    """Per random order of the pool, the information (k, p, p) of its first sizes[k] poses."""
+def _growing(
+    problem: Problem, sizes: Index, sets: int, rng: np.random.Generator
+) -> Iterable[Array]:
+    """Per random order of the open poses, the information (k, p, p) of its first sizes[k]."""
+    places = np.flatnonzero(problem.open)
     for _ in range(sets):
-        B = blocks[rng.permutation(len(blocks))[: sizes[-1]]]
+        if problem.repeats:
+            order = rng.choice(len(places), sizes[-1])
+        else:
+            order = rng.permutation(len(places))[: sizes[-1]]
+        B = problem.blocks[places[order]]
         yield np.cumsum(np.swapaxes(B, 1, 2) @ B, axis=0)[sizes - 1]
 
 

@@ -7,6 +7,7 @@ import pytest
 
 from calib.design import Problem, pose_count
 from calib.design.pose_count import stable_count
+from calib.design.random import draw_set
 from calib.errors import InputError
 from calib.information.observability import CRITERIA, IndexName, index_of_singular
 from calib.information.rank import singular_values
@@ -54,6 +55,29 @@ def test_all_five_curves_are_those_of_the_same_growing_sets():
             values = [index_of_singular(singular_values(A), m, criterion, "per_pose") for A in rows]
             # of rows with condition 3e4 and of their squares: about seven digits are alike
             assert curve.mean[m - 4] == pytest.approx(np.mean(values), rel=1e-6)
+
+
+def test_only_poses_that_may_be_chosen_are_drawn():
+    blocks, allowed = whitened_pool(60).copy(), np.arange(60) % 2 == 0
+    blocks[~allowed] *= 1e3
+    some = pose_count(
+        Problem.of_blocks(blocks, 20, "D", allowed=allowed), np.random.default_rng(4), sets=5
+    )
+    alone = pose_count(
+        Problem.of_blocks(blocks[allowed], 20, "D"), np.random.default_rng(4), sets=5
+    )
+    for here, there in zip(some, alone, strict=True):
+        np.testing.assert_array_equal(here.mean, there.mean)
+
+
+def test_with_repeats_sets_grow_beyond_the_pool_like_sets_drawn_afresh():
+    problem = Problem.of_blocks(small_pool(0), 30, "D", repeats=True)
+    curve = pose_count(problem, np.random.default_rng(1), counts=[8, 30], sets=300)[1]
+    for k, m in enumerate((8, 30)):
+        drawn = [draw_set(problem.resize(m), np.random.default_rng([2, i])) for i in range(300)]
+        values = [set_value(problem.blocks, chosen, "O2") for chosen in drawn]
+        # means of 300 sets each: 4 standard deviations of their difference
+        assert abs(np.mean(values) - curve.mean[k]) < 4 * curve.sd[k] * np.sqrt(2 / 300)
 
 
 def test_the_sum_of_singular_values_settles_only_per_pose():
