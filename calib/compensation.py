@@ -34,7 +34,7 @@ LARGEST = np.radians(5.0)
 """A correction that moves a joint farther than this comes from a nearly singular posture [rad, and
 that times 0.3 m]."""
 UNLIMITED = 1e3
-"""Farther than any joint goes [rad, m]."""
+"""Farther than any joint goes for a correction [rad, m]."""
 
 
 class _Corrected(Shown):
@@ -129,9 +129,10 @@ def compensate(
     q : (m, n) array_like
         Joint targets of the program [rad, m].
     limits : (n, 2) array_like, optional
-        Lower and upper joint limits [rad, m]; none by default.
+        Lower and upper joint limits [rad, m]; none by default. No joint is moved by whole turns
+        into them.
     at : OperatingConditions, optional
-        Under which the identified robot goes to the targets.
+        Under which the identified robot goes to the targets, one row for each.
 
     Examples
     --------
@@ -144,7 +145,10 @@ def compensate(
     _same_joints(nominal, identified)
     n = nominal.chain.n_joints
     (q,) = check(f"m {n}", q=q)
-    limits = np.tile([-UNLIMITED, UNLIMITED], (n, 1)) if limits is None else limits
+    if limits is None:
+        # wide about the targets: several turns are no limit
+        low, high = (end(axis=0, initial=0.0) for end in (q.min, q.max))
+        limits = np.column_stack([low - UNLIMITED, high + UNLIMITED])
     T = nominal.poses(q)
     found = inverse_kinematics(identified, T, q, limits, whole_turns=False, at=at)
     here = identified.poses(q, at)

@@ -24,6 +24,7 @@ from calib.geometry.inverse_search import (
     pull_to_seeds,
     retry,
     search,
+    turned_back,
     whole_turns_into_limits,
 )
 from calib.geometry.inverse_search import joint_jacobian as joint_jacobian
@@ -92,10 +93,10 @@ def inverse_kinematics(
     limits : (n, 2) array_like
         Lower and upper joint limits [rad, m].
     whole_turns : bool
-        Whether a joint may end a whole turn away from where its search ended, to be inside its
-        limits.
+        Whether a joint may begin a whole turn away from its seed, or end one away from where its
+        search ended, to be inside its limits.
     at : OperatingConditions, optional
-        Under which the robot goes to the targets.
+        Under which the robot goes to the targets, one row for each of them.
 
     Notes
     -----
@@ -120,9 +121,12 @@ def inverse_kinematics(
     every = every[:, None] if every.ndim == 2 else every
     (every,) = check(f"{len(T)} s {n}", seeds=every)
     targets, starts = len(T), every.shape[1]
+    at.require_rows(targets)
     own = at.rows(np.repeat(np.arange(targets), starts))
-    task = PoseSearch(model, np.repeat(T, starts, axis=0), every.reshape(-1, n), limits, own)
-    q, near = search(task, into_limits(task, task.seeds), bounded=True)
+    each = np.repeat(T, starts, axis=0), every.reshape(-1, n)
+    task = PoseSearch(model, *each, limits, own, whole_turns)
+    begin = into_limits(task, task.seeds)
+    q, near = search(task, begin, bounded=True)
     for nudge in NUDGES if starts == 1 else ():
         q, near = retry(task, q, near, nudge)
     beyond, lost = np.zeros(len(q), dtype=bool), np.flatnonzero(~near)
@@ -133,6 +137,10 @@ def inverse_kinematics(
         there = whole_turns_into_limits(free, there) if whole_turns else there
         back = beyond[lost] & inside(there, limits)
         q[lost[back]], near[lost[back]] = there[back], True
+    if not whole_turns:
+        # the other end of the range is a whole turn away from a seed beyond this one
+        turned = near & turned_back(task, q)
+        q, near, beyond = np.where(turned[:, None], begin, q), near & ~turned, beyond | turned
     if n > 6:
         q, near = pull_to_seeds(task, q, near)
     return _best(task, q, near, beyond, targets)

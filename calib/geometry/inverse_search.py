@@ -79,11 +79,12 @@ class PoseSearch:
     seeds: Array
     limits: Array
     at: OperatingConditions = AS_USUAL
+    whole_turns: bool = True
 
     def rows(self, which: Index) -> "PoseSearch":
         """Some of the searches."""
         some = self.T[which], self.seeds[which], self.limits, self.at.rows(which)
-        return PoseSearch(self.model, *some)
+        return PoseSearch(self.model, *some, self.whole_turns)
 
     @property
     def unit(self) -> Array:
@@ -224,8 +225,17 @@ def whole_turns_into_limits(task: PoseSearch, q: Array) -> Array:
 
 
 def into_limits(task: PoseSearch, q: Array) -> Array:
-    """Seeds inside the limits: whole turns first, then to the nearest limit."""
-    return np.asarray(np.clip(whole_turns_into_limits(task, q), *task.limits.T))
+    """Seeds inside the limits: by whole turns if they may, then to the nearest limit."""
+    turned = whole_turns_into_limits(task, q) if task.whole_turns else q
+    return np.asarray(np.clip(turned, *task.limits.T))
+
+
+def turned_back(task: PoseSearch, q: Array) -> Bool:
+    """Whether postures (s, n) have a joint more than half a turn from a seed beyond its limits."""
+    lower, upper = task.limits.T
+    outside = (task.seeds < lower) | (task.seeds > upper)
+    far = (np.abs(q - task.seeds) > np.pi) & (task.model.chain.prismatic == 0)
+    return np.asarray((outside & far).any(axis=1), dtype=np.bool_)
 
 
 def joint_condition(model: RobotModel, q: Array, at: OperatingConditions = AS_USUAL) -> Array:

@@ -9,6 +9,7 @@ from calib.geometry.chain import Chain
 from calib.geometry.frames import log_so3
 from calib.geometry.inverse import inverse_kinematics, joint_jacobian, spread
 from calib.geometry.model import RobotModel
+from calib.geometry.operating import OperatingConditions
 from tests.calib.geometry.test_inverse import ARMS, TX60, limits_of, wrong
 
 LEFT = 1e-9
@@ -119,3 +120,38 @@ def test_a_pose_out_of_reach_is_no_correction():
 def test_two_different_arms_are_refused():
     with pytest.raises(InputError, match="differ in their joints"):
         compensate(RobotModel(TX60), RobotModel(Chain(TX60.links[:5])), np.zeros((1, 6)), [])
+
+
+def one_joint():
+    """An arm of one turning joint, and the same with its zero off by a milliradian."""
+    return (RobotModel(Chain([[theta, 0, 0.3, 0, 0]])) for theta in (0.0, 1e-3))
+
+
+@pytest.mark.parametrize("target", [3.2, 6.0, 9.3, -3.2, -9.3])
+def test_a_target_beyond_a_limit_is_no_target_a_turn_away(target):
+    nominal, real = one_joint()
+    found = compensate(nominal, real, [[target], [3.0]], [[-np.pi, np.pi]])
+    assert found.status == ("limits", "reached")
+    np.testing.assert_allclose(found.q[:, 0], [np.copysign(np.pi, target), 2.999], atol=1e-12)
+    assert found.position_error[0] > 1e-3  # the tool is not there, and the numbers say so
+
+
+@pytest.mark.parametrize("target", [1234.5, -1234.5, 5000.0])
+def test_without_limits_joints_may_have_turned_many_times(target):
+    nominal, real = one_joint()
+    found = compensate(nominal, real, [[target], [0.3]])
+    assert found.status == ("reached", "reached")
+    # float64 of thousands of radians carries 1e-12
+    np.testing.assert_allclose(found.step, -1e-3, atol=1e-11)
+
+
+def test_conditions_of_another_number_of_targets_are_refused():
+    nominal, real, q, limits = case("six turns", 2)
+    five = OperatingConditions(payload=np.arange(5.0))
+    for compensated in (
+        lambda: compensate(nominal, real, q, limits, five),
+        lambda: corrected_poses(nominal, real, nominal.poses(q), q, limits, five),
+        lambda: inverse_kinematics(real, nominal.poses(q), q, limits, at=five),
+    ):
+        with pytest.raises(InputError, match="one for each of 2 poses"):
+            compensated()
