@@ -50,6 +50,22 @@ def test_moves_count_in_their_order_and_external_axes_are_named(tmp_path):
     assert found.lines == (2, 3, 4)
 
 
+def test_every_statement_of_a_line_is_read_and_one_may_go_over_lines(tmp_path):
+    found = sheet(
+        tmp_path,
+        f'TPWrite "a;b ! c"; CONST jointtarget p1:=[[1,2,3,4,5,6],{NONE}]; '
+        f"CONST jointtarget p2:=[[2,2,3,4,5,6],{NONE}]; ! p1:=[[9,9,9,9,9,9],{NONE}];",
+        "PROC main()",
+        f"  MoveAbsJ p1,v1,fine,t; MoveAbsJ [[3,2,3,4,5,6],{NONE}],v1,fine,t; MoveAbsJ p2,v1,z5,t;",
+        "  MoveAbsJ",
+        "  ! the last one",
+        f"    [[4,2,3,4,5,6],{NONE}], v1,fine,t;",
+        "ENDPROC",
+    )
+    assert [row[0] for row in found.rows] == ["1", "3", "2", "4"]
+    assert found.lines == (3, 3, 3, 4)
+
+
 @pytest.mark.parametrize(
     ("lines", "told"),
     [
@@ -57,6 +73,10 @@ def test_moves_count_in_their_order_and_external_axes_are_named(tmp_path):
         (["CONST jointtarget p1 := "], "a.mod: has no joint target"),
         ([f"CONST jointtarget p{k} := [[{row}],{NONE}];" for k, row in enumerate(("1,2", "1"))],
          "a.mod: has targets of different robots"),
+        ([f"CONST jointtarget p1 := [[1,2],{NONE}];", "MoveAbsJ p1,v1,z,t", "MoveAbsJ p1,v1,z,t;"],
+         "a.mod:2: has two targets in one statement"),
+        (["MODULE A", f"CONST jointtarget p1 := [[1,2],{NONE}] [[1,2],{NONE}];"],
+         "a.mod:2: has two targets in one statement"),
     ],
 )  # fmt: skip
 def test_what_cannot_be_read_is_one_sentence(tmp_path, lines, told):
