@@ -46,7 +46,9 @@ def climb(
 
     Each round tries every other level of every ladder that can be reached and takes the one with
     the most evidence, until none gains odds of 20 to 1; within such odds one without reported
-    torques. A level at which the poses left out are missed by more is not taken.
+    torques. A level at which the poses left out are missed by more than chance allows is not taken;
+    where the levels taken end with larger misses than geometry alone, by more than half of that,
+    only those are kept with which they are smallest.
 
     Parameters
     ----------

@@ -5,7 +5,7 @@ many at once.
 """
 
 from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import chain
 from typing import NamedTuple, TypeAlias
 
@@ -18,6 +18,8 @@ from calib.shown import ResultTable, Shown
 
 ASKED = float(np.log(20))
 """Log evidence from which the data ask for another level: odds of 20 to 1."""
+TOGETHER = 0.5
+"""Standard errors by which all levels together may miss more of what was left out than geometry."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -148,6 +150,7 @@ def climbing(ladders: Sequence[Ladder]) -> Climbing:
     evidence = asked[here]
     lowest = before = np.asarray((yield Question((here,), True)))
     steps: list[ClimbStep] = []
+    reached = [(here, evidence, before, 0)]  # and after how many steps
     barred: set[tuple[str, ...]] = set()
     margin = np.inf
     while True:
@@ -185,8 +188,17 @@ def climbing(ladders: Sequence[Ladder]) -> Climbing:
         )  # fmt: skip
         if taken:
             here, evidence, before = levels, found, after
+            reached.append((here, evidence, before, len(steps)))
         else:
             barred.add(_names(levels))
+    if len(reached) > 1 and len(lowest):
+        more = before - lowest
+        error = more.std() / np.sqrt(len(more))
+        allowed = TOGETHER * error
+        margin = min(margin, abs(more.mean() - allowed) / max(error, 1e-300))
+        if more.mean() > allowed:  # each step was worse by less than chance, and all add up
+            here, evidence, before, kept = min(reached, key=lambda one: float(one[2].mean()))
+            steps[kept:] = [replace(step, taken=False) for step in steps[kept:]]
     lowest_evidence = asked[bottom]
     alone = {
         level: asked[*bottom[:k], level, *bottom[k + 1 :]] - lowest_evidence
