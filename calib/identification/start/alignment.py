@@ -39,6 +39,8 @@ class StartProblem:
     free_tool: bool
     known_anchor: Bool
     """(s,) anchors whose place in the world is known."""
+    placed: Bool
+    """(1 + t,) stations that other rows have placed about the base: where the model has them."""
 
     @property
     def nominal_arms(self) -> Array:
@@ -66,6 +68,7 @@ def start_problem(
     measurements: Measurements,
     free_tool: bool,
     free_anchors: Collection[int],
+    placed: Collection[int] = (),
 ) -> StartProblem:
     """Number the targets of a table."""
     # distinct targets: by offset, or by number among the reflectors of the fixtures
@@ -79,7 +82,8 @@ def start_problem(
     unknown = reflector != GIVEN
     offsets[unknown] = model.fixtures.reflectors[reflector[unknown]]
     known = ~np.isin(np.arange(len(model.fixtures.anchors)), list(free_anchors))
-    return StartProblem(model, F, measurements, of_row, offsets, reflector, free_tool, known)
+    held = np.isin(np.arange(1 + len(model.fixtures.stations)), list(placed))
+    return StartProblem(model, F, measurements, of_row, offsets, reflector, free_tool, known, held)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -111,12 +115,17 @@ class Alignment:
 
     def predict(self, measurements: Measurements) -> Prediction:
         """Residual and derivative by base, tool and fixtures of every row."""
-        T = self.base @ self.F @ self.tool
+        mounted = measurements.tool
+        T = self.base @ self.F @ np.concatenate([self.tool[None], self.fixtures.tools])[mounted]
         R = T[:, :3, :3]
         J = np.zeros((len(T), 6, 12 + self.fixtures.n_numbers))
         J[:, :3, :3] = J[:, 3:, 3:6] = self.base[:3, :3]
         J[:, :3, 3:6] = -skew(T[:, :3, 3] - self.base[:3, 3]) @ self.base[:3, :3]
-        J[:, :3, 6:9] = J[:, 3:, 9:12] = R
+        for k in np.unique(mounted).tolist():
+            # the tool of the chain, or a further one among the fixtures
+            own = 12 + self.fixtures.first_tool + 6 * (k - 1) if k else 6
+            rows = mounted == k
+            J[rows, :3, own : own + 3] = J[rows, 3:, own + 3 : own + 6] = R[rows]
         return predict_at(T, J, self.fixtures, 12, measurements)
 
     def rows(self, which: Index) -> "Alignment":

@@ -49,13 +49,22 @@ def initial_guesses(problem: StartProblem) -> Iterator[Alignment]:
     """Alignments to start from, the likeliest first; made one by one, as long as asked for."""
     table = problem.measurements
     optical = ~table.is_distance
+    held = optical & problem.placed[table.station]
+    if held.any():
+        partial = _from_held(problem, np.flatnonzero(held))
+        yield _complete(problem, _with_stations(problem, partial))
+        return
+    if problem.placed[0] and not optical.any():
+        for guess in (np.full(3, np.nan), *ARM_GUESSES):
+            yield _complete(problem, _without_stations(problem, problem.nominal_arms + guess))
+        return
     if optical.any():
         # the station with the most equations leads; all others follow from what it shows
         main = int(np.argmax(np.bincount(table.station[optical], table.equations[optical])))
         rows = np.flatnonzero(optical & (table.station == main))
         for X in _station_rotations(problem, rows):
             partial = _from_rotation(problem, rows, main, X)
-            yield _complete(problem, _with_stations(problem, partial, main))
+            yield _complete(problem, _with_stations(problem, partial))
         return
     for arms in _arm_guesses(problem):
         yield _complete(problem, _without_stations(problem, arms))
@@ -63,8 +72,10 @@ def initial_guesses(problem: StartProblem) -> Iterator[Alignment]:
 
 
 def _without_stations(problem: StartProblem, arms: Array) -> PartialAlignment:
-    """A partial alignment that knows arms at most; the tool as they place it."""
-    stations = np.full((1 + len(problem.model.fixtures.stations), 4, 4), np.nan)
+    """A partial alignment that knows arms and what is held at most; the tool as they place it."""
+    model, placed = problem.model, problem.placed
+    stations = np.full((len(placed), 4, 4), np.nan)
+    stations[placed] = inverse(model.fixtures.station_frames[placed]) @ model.chain.T_world_base
     return PartialAlignment(_tool_of(problem, arms), arms, stations)
 
 
@@ -118,6 +129,24 @@ def _from_rotation(problem: StartProblem, rows: Index, main: int, X: Array) -> P
     return replace(partial, tool=tool, stations=stations, arms=arms)
 
 
+def _from_held(problem: StartProblem, rows: Index) -> PartialAlignment:
+    """Arms and tool from rows whose stations are held: what they saw, brought to the flange."""
+    table, F, target = problem.measurements, problem.F[rows], problem.target[rows]
+    partial = _without_stations(problem, np.full(problem.offsets.shape, np.nan))
+    X = partial.stations[table.station[rows]]
+    in_flange, arms = flange_points(inverse(X @ F), table.position[rows]), partial.arms.copy()
+    for k in np.unique(target):
+        arms[k] = in_flange[target == k].mean(0)
+    pose = table.is_pose[rows]
+    if problem.free_tool and pose.any():
+        in_base = np.swapaxes(X[pose, :3, :3], 1, 2) @ table.rotation[rows[pose]]
+        tool = transform(tool_rotation(np.eye(3), F[pose], in_base), arms[-1])
+    else:
+        tool = _tool_of(problem, arms)
+    arms = np.where(problem.given[:, None], problem.offsets_through(tool), arms)
+    return replace(partial, tool=tool, arms=arms)
+
+
 def _tool_of(problem: StartProblem, arms: Array) -> Array:
     """Tool frame (4, 4) by the given targets whose arms are known; nominal as far as they leave."""
     nominal = problem.model.chain.T_flange_tool
@@ -144,10 +173,11 @@ def _fitted_station(problem: StartProblem, rows: Index, tool: Array, arms: Array
     return fitted_frame(np.concatenate(there), np.concatenate(here), about)
 
 
-def _with_stations(problem: StartProblem, partial: PartialAlignment, main: int) -> PartialAlignment:
+def _with_stations(problem: StartProblem, partial: PartialAlignment) -> PartialAlignment:
     """All stations that measured anything, and the arms of reflectors that only they measured."""
     table = problem.measurements
-    for s in [main, *np.unique(table.station[~table.is_distance]).tolist()]:
+    known, seen = partial.stations[:, 0, 0], np.unique(table.station[~table.is_distance])
+    for s in sorted(seen.tolist(), key=lambda s: bool(np.isnan(known[s]))):
         rows = np.flatnonzero((table.station == s) & ~table.is_distance)
         arms, stations = partial.arms.copy(), partial.stations.copy()
         target = problem.target[rows]
@@ -220,7 +250,8 @@ def _complete(problem: StartProblem, partial: PartialAlignment) -> Alignment:
     sighted = np.isfinite(partial.stations[:, 0, 0])
     base = partial.stations[0] if sighted[0] else model.chain.T_world_base
     arms, anchors = _from_distances(problem, partial.arms, base if sighted.any() else None)
-    tool = partial.tool if sighted.any() else _tool_of(problem, arms)
+    seen = not problem.measurements.is_distance.all()
+    tool = partial.tool if sighted.any() and seen else _tool_of(problem, arms)
     if not sighted.any():
         # by distances alone the base follows from known anchors
         fixed = problem.known_anchor & np.isfinite(anchors[:, 0])

@@ -7,6 +7,8 @@ import pytest
 
 from calib.arrays import Array
 from calib.errors import InputError
+from calib.geometry.chain import Chain
+from calib.geometry.fixtures import Fixtures
 from calib.geometry.frames import exp_so3, inverse
 from calib.geometry.joint_errors import JointErrors, gravity_terms, harmonic_terms
 from calib.geometry.model import RobotModel
@@ -203,3 +205,112 @@ def test_compiled_loops_know_no_further_tools():
     rows = seen_poses(model, pool_r(9), np.random.default_rng(9), station=0, tool=1)
     found = unknown_to_loops(model, rows, parameters_of(model, ("theta2",)))
     assert found == ("tool", "rows of further tools")
+
+
+def plate_rows(q: Array, tools: int = 2) -> Measurements:
+    """Points of three reflectors in turn, at each of the tools in turn."""
+    k = np.arange(len(q))
+    tool = (k // 3) % tools
+    return tables.points(q, np.zeros((len(q), 3)), sd=2e-5, reflector=k % 3, tool=tool)
+
+
+def pose_rows(q: Array, stations: int = 1) -> Measurements:
+    """Poses of both tools in turn."""
+    k = np.arange(len(q))
+    nowhere = np.tile(np.eye(4), (len(q), 1, 1))
+    return tables.poses(
+        q, nowhere, sd=(2e-5, 1e-4), tool=k % 2, station=np.where(k % 4 == 3, stations - 1, 0)
+    )
+
+
+def range_rows(q: Array) -> Measurements:
+    """Distances of the first reflector from six known anchors, at both tools in turn."""
+    k = np.arange(len(q))
+    table = tables.distances(q, np.ones(len(q)), sd=2e-5, anchor=k % 6, reflector=0)
+    return replace(table, tool=(k // 6) % 2)
+
+
+SLIDES = Chain(
+    [[0, 0, 0, np.pi / 2, 0], [np.pi / 2, 0, 0, np.pi / 2, 0], [0, 0.2, 0.3, 0, 0]],
+    ("prismatic",) * 3,
+)
+TABLE = Chain([[0, 0.1, 0.3, 0, 0]])
+SCARA = ARMS["scara"]
+SHARED = {
+    "gantry, poses": (SLIDES, pose_rows),
+    "gantry, plate": (SLIDES, plate_rows),
+    "gantry, two stations": (SLIDES, lambda q: pose_rows(q, 2)),
+    "rotary table, poses": (TABLE, pose_rows),
+    "rotary table, plate": (TABLE, plate_rows),
+    "arm, poses": (ARMS["tx60"], pose_rows),
+    "arm, plate": (ARMS["tx60"], plate_rows),
+    "arm, two stations": (ARMS["tx60"], lambda q: pose_rows(q, 2)),
+    "arm, distances": (ARMS["tx60"], range_rows),
+    "arm, plate and poses": (
+        ARMS["tx60"],
+        lambda q: joined([pose_rows(q[:60]), plate_rows(q[60:])]),
+    ),
+}
+
+
+@pytest.mark.parametrize("case", SHARED)
+@pytest.mark.parametrize("seed", [0, 1])
+def test_tools_share_the_base_stations_and_reflectors_of_perfect_readings(case: str, seed: int):
+    """One robot made every row, so one base and one plate explain them: whatever the rows do not
+    tell apart, nothing is left over."""
+    rng, (chain, rows) = np.random.default_rng(seed), SHARED[case]
+    fixtures = Fixtures(
+        rng.normal(size=(3, 3)) * 0.1,
+        rng.normal(size=(6, 3)) * 2,
+        anywhere(rng, 2.0)[None],
+        anywhere(rng, 0.2)[None],
+    )
+    framed = replace(chain, T_world_base=anywhere(rng, 2.0), T_flange_tool=anywhere(rng, 0.2))
+    true = RobotModel(framed, fixtures=fixtures)
+    nowhere = replace(
+        fixtures, reflectors=np.zeros((3, 3)), stations=np.eye(4)[None], tools=np.eye(4)[None]
+    )
+    table = perfect(true, rows(rng.uniform(-1, 1, (120, chain.n_joints))))
+    start = start_frames(RobotModel(chain, fixtures=nowhere), table)
+    # meters in double precision, over the condition of a few distances
+    assert start.position_rms < 1e-9
+    assert np.isnan(start.rotation_rms) or start.rotation_rms < 1e-9
+    # a second way: the whole model predicts what was read
+    assert predict(start.model, table).misses.max() < 1e-8
+
+
+def test_a_base_that_only_a_further_tool_shows_moves_what_was_placed_before():
+    """The first tool is seen from the second station, whose place nothing tells until then."""
+    rng = np.random.default_rng(12)
+    chain = replace(ARMS["tx60"], T_world_base=anywhere(rng, 2.0), T_flange_tool=anywhere(rng, 0.2))
+    fixtures = Fixtures(stations=anywhere(rng, 2.0)[None], tools=anywhere(rng, 0.2)[None])
+    true, q = RobotModel(chain, fixtures=fixtures), joints("tx60", rng, 60)
+    table = joined(
+        [
+            seen_poses(true, q[:30], rng, station=1, tool=0),
+            seen_poses(true, q[30:], rng, station=0, tool=1),
+        ]
+    )
+    nowhere = Fixtures(stations=np.eye(4)[None], tools=np.eye(4)[None])
+    start = start_frames(RobotModel(ARMS["tx60"], fixtures=nowhere), perfect(true, table))
+    # meters in double precision
+    assert start.position_rms < 1e-12
+    np.testing.assert_allclose(start.model.chain.T_world_base, chain.T_world_base, atol=1e-10)
+    assert not any("base stays" in note for note in start.notes)
+
+
+def test_rows_of_all_tools_find_the_base_that_one_tool_leaves_open():
+    """The first tool keeps its orientation, so base and tool shift alike; the second one turns."""
+    rng = np.random.default_rng(11)
+    true = RobotModel(
+        replace(SCARA, T_world_base=anywhere(rng, 2.0), T_flange_tool=anywhere(rng, 0.2)),
+        fixtures=Fixtures(tools=anywhere(rng, 0.2)[None]),
+    )
+    q = rng.uniform(-1, 1, (80, 4)) * [1, 1, 0.1, 1]
+    tool = np.arange(80) % 2
+    q[tool == 0, 3] = q[tool == 0, 0] + q[tool == 0, 1]  # the last axis points down
+    nowhere = np.tile(np.eye(4), (80, 1, 1))
+    table = perfect(true, tables.poses(q, nowhere, sd=(2e-5, 1e-4), tool=tool))
+    start = start_frames(RobotModel(SCARA, fixtures=Fixtures(tools=np.eye(4)[None])), table)
+    # by Gauss-Newton from centimeters away, in double precision
+    assert start.position_rms < 1e-9
