@@ -1,7 +1,8 @@
 """Path accuracy AT and repeatability RT after ISO 9283: measured paths cut by normal planes.
 
 A commanded path is points in order. Through each of them a plane stands across the path; where the
-n measured paths pass through it they are compared, so that being early or late is no error.
+n measured paths pass through it, in the order of the command, they are compared, so that being
+early or late is no error.
 """
 
 from collections.abc import Sequence
@@ -10,11 +11,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from calib.arrays import Array, check, frozen
+from calib.arrays import Array, Bool, Index, check, frozen
 from calib.errors import refuse
 from calib.measurement.cycles import cycles_of, per_pose
 from calib.measurement.iso9283 import IsoFigure, accuracy, repeatability
 
+BACK = 0.02
+"""Angle from a full turn within which a path turns back on itself [rad]: that of commands which are
+rounded to a hundredth of their steps."""
 FLIPS = 400
 """Draws of signs that tell what a path without error would read."""
 
@@ -54,36 +58,127 @@ def tangents(command: ArrayLike) -> Array:
     unit = steps / length[:, None]
     both = np.concatenate([unit[:1], unit[:-1] + unit[1:], unit[-1:]])
     # where a path turns back on itself the way in counts
-    size = np.linalg.norm(both, axis=1, keepdims=True)
     way_in = np.concatenate([unit[:1], unit])
-    return np.where(size > 1e-6, both / np.maximum(size, 1e-12), way_in)
+    size = np.linalg.norm(both, axis=1, keepdims=True)
+    return np.where(_turns_back(c)[:, None], way_in, both / np.maximum(size, 1e-12))
+
+
+def _turns_back(command: Array) -> Bool:
+    """At which of its points a commanded path (m, 3) turns back on itself."""
+    steps = np.diff(command, axis=0)
+    unit = steps / np.linalg.norm(steps, axis=1, keepdims=True)
+    back = np.linalg.norm(unit[:-1] + unit[1:], axis=1) < BACK
+    return np.concatenate([[False], back, [False]])
 
 
 def through_planes(measured: ArrayLike, command: ArrayLike) -> Array:
     """Where one measured path (k, 3) passes the planes across a commanded one (m, 3): (m, 3).
 
-    Of several passes of a plane the nearest to the commanded point counts. A path may begin late or
-    end early by one step of the command: it goes on in the direction of that, as far off as it was.
-    Not a number where a plane is not passed at all.
+    Planes are passed in the order of the command, so that a path may come by one place twice; of
+    the passes that follow each other so, those count that are nearest to the commanded points. A
+    path may begin late or end early by one step of the command: it goes on in the direction of
+    that, as far off as it was. By as much it may turn back too early, where the command turns back.
+    Not a number where a plane is not passed in its turn.
     """
     x, c = check("k 3, m 3", measured=measured, command=command)
     if len(x) < 2:
         return np.full(c.shape, np.nan)
     normal = tangents(c)
     longer = np.concatenate([[x[0] - (c[1] - c[0])], x, [x[-1] + (c[-1] - c[-2])]])
-    start, step = longer[:-1], np.diff(longer, axis=0)
+    passes = [_passes(longer, point, across) for point, across in zip(c, normal, strict=True)]
+    for i in np.flatnonzero(_turns_back(c)):
+        step = float(np.linalg.norm(c[i] - c[i - 1]))
+        passes[i] = passes[i].beside(_short_of(longer, c[i], normal[i], step))
     found = np.full(c.shape, np.nan)
-    for i, (point, across) in enumerate(zip(c, normal, strict=True)):
-        before, after = (start - point) @ across, (start + step - point) @ across
-        passed = np.flatnonzero((before <= 0) != (after <= 0))
-        if not len(passed):
-            passed = np.flatnonzero(before == 0)
-            if not len(passed):
-                continue
-        share = before[passed] / np.where(before == after, 1.0, before - after)[passed]
-        at = start[passed] + share[:, None] * step[passed]
-        found[i] = at[np.linalg.norm(at - point, axis=1).argmin()]
+    chosen = nearest_in_order([one.when for one in passes], [one.distance for one in passes])
+    for i in np.flatnonzero(chosen >= 0):
+        found[i] = passes[i].place[chosen[i]]
     return found
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Passes:
+    """Where a measured path passes the plane across one point."""
+
+    when: Array
+    """(p,) reading, and part of the way to the next one."""
+    place: Array
+    """(p, 3) [m]."""
+    distance: Array
+    """(p,) from the commanded point [m]."""
+
+    def beside(self, other: "_Passes") -> "_Passes":
+        """Both."""
+        return _Passes(
+            np.concatenate([self.when, other.when]),
+            np.concatenate([self.place, other.place]),
+            np.concatenate([self.distance, other.distance]),
+        )
+
+
+def _passes(longer: Array, point: Array, across: Array) -> _Passes:
+    """Passes of a path (k, 3) through the plane across one commanded point (3,)."""
+    start, step = longer[:-1], np.diff(longer, axis=0)
+    before, after = (start - point) @ across, (start + step - point) @ across
+    passed = np.flatnonzero((before <= 0) != (after <= 0))
+    if not len(passed):
+        passed = np.flatnonzero(before == 0)
+    share = before[passed] / np.where(before == after, 1.0, before - after)[passed]
+    at = start[passed] + share[:, None] * step[passed]
+    return _Passes(passed + share, at, np.linalg.norm(at - point, axis=1))
+
+
+def _short_of(longer: Array, point: Array, across: Array, step: float) -> _Passes:
+    """Readings less than a step short of a plane before which a path turns back, put into it."""
+    ahead = (longer - point) @ across
+    own, before, after = ahead[1:-1], ahead[:-2], ahead[2:]
+    last = np.flatnonzero((own >= before) & (own >= after) & (own <= 0) & (own > -step)) + 1
+    at = longer[last] - ahead[last, None] * across
+    return _Passes(last.astype(np.float64), at, np.linalg.norm(longer[last] - point, axis=1))
+
+
+def nearest_in_order(when: Sequence[Array], distance: Sequence[Array]) -> Index:
+    """Which pass of each of m planes: as many planes as can be, none before the one ahead of it.
+
+    Parameters
+    ----------
+    when, distance : sequences of m arrays (p,)
+        When each plane is passed, and how far from its point.
+
+    Returns
+    -------
+    (m,) array
+        Index of the pass, -1 for none. The sum of the distances is the smallest one.
+    """
+    nearest = np.array([one.argmin() if len(one) else -1 for one in distance], dtype=np.int64)
+    own = [one[k] for one, k in zip(when, nearest, strict=True) if k >= 0]
+    if (np.diff(own) >= 0).all():
+        return nearest
+    # more than all distances together: one plane more always counts
+    skipped = 1.0 + 2.0 * sum(float(one.max()) for one in distance if len(one))
+    # of the choices so far: when the last one passed, what it cost, and its number; a later one is
+    # kept only if it costs less, so the last of those that were in time is the cheapest
+    last, cost, number = np.array([-np.inf]), np.zeros(1), np.array([-1])
+    firsts, before, count = list[int](), list[Index](), 0
+    for passed, away in zip(when, distance, strict=True):
+        follows = np.searchsorted(last, passed, side="right") - 1
+        firsts.append(count)
+        before.append(number[follows])
+        last = np.concatenate([last, passed])
+        cost = np.concatenate([cost + skipped, cost[follows] + away])
+        number = np.concatenate([number, count + np.arange(len(passed))])
+        count += len(passed)
+        order = np.lexsort((cost, last))
+        last, cost, number = last[order], cost[order], number[order]
+        least = np.minimum.accumulate(cost)
+        keep = np.concatenate([[True], cost[1:] < least[:-1]])
+        last, cost, number = last[keep], cost[keep], number[keep]
+    chosen, at = np.full(len(when), -1), int(number[-1])
+    for i in range(len(when))[::-1]:
+        if at >= firsts[i]:
+            chosen[i] = at - firsts[i]
+            at = int(before[i][chosen[i]])
+    return chosen
 
 
 def path_figures(

@@ -248,8 +248,8 @@ def _path(path: PathRuns, shared: Shared) -> tuple[list[StatedFigure], PathShown
         point, run = (int(k) for k in np.argwhere(missed)[0])
         raise refusal(
             path.place[run], "path_point",
-            f"the run of path {path.name} that begins here never passes the plane across point "
-            f"{path.points[point]}", code="M35",
+            f"the run of path {path.name} that begins here does not pass the plane across point "
+            f"{path.points[point]} in its turn", code="M35",
             allowed="every run follows the whole path, in its order",
             fix="check the order of points and rows, and the cycles, or take this run out",
         )  # fmt: skip

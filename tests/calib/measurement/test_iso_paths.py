@@ -1,10 +1,18 @@
 """AT and RT against closed forms and a brute force of their own."""
 
+from itertools import product
+
 import numpy as np
 import pytest
 
 from calib.errors import InputError
-from calib.measurement.iso_paths import path_figures, resampled, tangents, through_planes
+from calib.measurement.iso_paths import (
+    nearest_in_order,
+    path_figures,
+    resampled,
+    tangents,
+    through_planes,
+)
 
 
 def circle(radius, m=72, lag=0.0, turns=1.0):
@@ -93,6 +101,89 @@ def test_what_begins_a_little_late_goes_on_straight_and_what_ends_early_is_not_t
     np.testing.assert_allclose(seen[:, 1], 1e-3, atol=1e-15)
     assert np.isnan(through_planes(late[:6], command)[-1]).all()
     assert np.isnan(through_planes(late[:1], command)).all()
+
+
+@pytest.mark.parametrize("k", [145, 580, 1001])
+@pytest.mark.parametrize(("first", "second"), [(0.0, 3e-4), (3e-4, 0.0)])
+def test_each_of_two_laps_of_a_circle_is_compared_with_itself(k, first, second):
+    """The lap that is off is off by 0.3 mm, though the other one passes every point."""
+    command, lap = circle(0.2, 73, turns=2.0), np.arange(73) > 36
+    run = circle(0.2, k, turns=2.0)
+    run[:, 2] += np.where(np.arange(k) > (k - 1) / 2, second, first)
+    seen = through_planes(run, command)
+    off = np.delete(seen[:, 2] - 0.5, 36)  # where one lap goes over into the other it may be both
+    np.testing.assert_allclose(off, np.delete(np.where(lap, second, first), 36), atol=1e-12)
+    # chords of half the points lie inside the circle
+    chord = 0.2 * (1 - np.cos(2 * np.pi / (k - 1)))
+    assert np.linalg.norm((seen - command)[:, :2], axis=1).max() <= chord + 1e-12
+
+
+def test_a_line_out_and_back_keeps_what_each_way_is_off_by():
+    x = np.concatenate([np.arange(21), np.arange(20)[::-1]]) * 0.01
+    command = np.stack([x, 0 * x, 0 * x], axis=1)
+    out = np.arange(41) <= 20
+    for ahead in (2e-5, 0.0, -2e-6):  # beyond the turn, at it, and short of it
+        run = command + np.stack([np.full(41, ahead), 3e-4 * out, 0 * x], axis=1)
+        seen = through_planes(run, command)
+        np.testing.assert_allclose(seen[:, 0], x, atol=1e-15)
+        # past the turn the way back begins between two points: at most 2e-5 / 0.01 of 0.3 mm
+        np.testing.assert_allclose(seen[:, 1], 3e-4 * out, atol=7e-7)
+    # more than a step short it has not been there
+    short = run[np.abs(np.arange(41) - 20) > 1]
+    missed = np.isnan(through_planes(short, command)).any(axis=1)
+    np.testing.assert_array_equal(np.flatnonzero(missed), [18, 19, 20, 21, 22])
+
+
+def test_commands_rounded_at_the_turn_still_turn_back():
+    """A plane between the two sides of such a turn would lie along the path."""
+    ends = np.array([[0, 0, 0], [0.01, 0.003, 0.0]])
+    way = ends[0] + np.linspace(0, 1, 11)[:, None] * (ends[1] - ends[0])
+    command = np.round(np.concatenate([way, way[-2::-1] + np.array([1e-6, -1e-6, 0])]), 6)
+    run = command + np.array([0, 0, 3e-4])
+    seen = through_planes(run, command)
+    np.testing.assert_allclose(seen, run, atol=1e-15)
+    along = (ends[1] - ends[0]) / np.linalg.norm(ends[1])
+    assert tangents(command)[10] @ along > 0.999
+
+
+def test_rows_of_a_raster_closer_than_they_are_off_are_not_taken_for_each_other():
+    x = np.linspace(0, 0.1, 11)
+    rows = [
+        np.stack([x[:: 1 - 2 * (k % 2)], np.full(11, 1e-4 * k), 0 * x], axis=1) for k in range(6)
+    ]
+    command = np.concatenate(rows)
+    seen = through_planes(command + np.array([0, 2e-4, 0]), command)
+    inside = np.delete(np.arange(66), [k for r in range(6) for k in (11 * r, 11 * r + 10)])
+    np.testing.assert_allclose((seen - command)[inside, 1], 2e-4, atol=1e-12)
+
+
+def test_a_path_run_backward_does_not_follow_its_command():
+    command = np.linspace([0, 0, 0], [1, 0, 0], 11)
+    seen = through_planes(command[::-1] + np.array([0, 1e-3, 0]), command)
+    assert np.isnan(seen).all(axis=1).sum() >= 9
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_passes_in_order_are_the_nearest_of_all_choices(seed):
+    """Every choice is tried: those that leave out fewest planes, and of these the nearest."""
+    rng = np.random.default_rng(seed)
+    counts = rng.integers(0, 4, 6)
+    when = [np.sort(rng.integers(0, 8, p)).astype(float) for p in counts]
+    away = [rng.random(p) for p in counts]
+    best = (len(counts) + 1, np.inf)
+    for choice in product(*(range(-1, p) for p in counts)):
+        times = [when[i][k] for i, k in enumerate(choice) if k >= 0]
+        if times == sorted(times):
+            cost = sum(away[i][k] for i, k in enumerate(choice) if k >= 0)
+            best = min(best, (choice.count(-1), cost))
+    found = nearest_in_order(when, away).tolist()
+    times = [when[i][k] for i, k in enumerate(found) if k >= 0]
+    assert times == sorted(times)
+    assert found.count(-1) == best[0]
+    # sums of six numbers below one, beside at most six skipped planes of 13 each
+    assert sum(away[i][k] for i, k in enumerate(found) if k >= 0) == pytest.approx(
+        best[1], abs=1e-13
+    )
 
 
 def test_the_floor_of_at_is_what_paths_without_error_read():

@@ -234,6 +234,40 @@ def test_paths_read_as_they_come_are_cut_where_the_command_says(tmp_path):
         assert one == pytest.approx(two, rel=1e-9)  # lines: every plane shows the same
 
 
+def test_a_second_lap_that_is_off_fails_though_the_first_lies_on_every_point(tmp_path):
+    """Readings 0.3 mm above their commands in the second lap; numbered, and as they come."""
+    rows = []
+    for c in range(10):
+        for k in range(73):
+            angle = 2 * np.pi * k / 36
+            sent = [900 + 100 * np.cos(angle), 100 * np.sin(angle), 600.0]
+            row = {"path": "circle", "path_point": k + 1, "cycle": c + 1}
+            row |= {f"{a}_mm": sent[i] + 0.3 * (k > 36) * (i == 2) for i, a in enumerate("xyz")}
+            rows.append(row | {f"command_{a}_mm": sent[i] for i, a in enumerate("xyz")})
+    limits = '[iso9283]\nframe = "robot"\nlimits_um = { AT = 50 }\n'
+    numbered = played(tmp_path, rows, limits)
+    points = [{k.removeprefix("command_"): v for k, v in row.items()} for row in rows[:73]]
+    (tmp_path / "points.csv").write_text(text_of(points))
+    bare = [{k: row[k] for k in ("path", "cycle", "x_mm", "y_mm", "z_mm")} for row in rows]
+    toml = '[paths]\nfile = "cycles.csv"\ncommanded = "points.csv"\n' + limits
+    for result in (numbered, played(tmp_path, bare, toml)):
+        # twelve digits in the file
+        assert values(result, "AT")[0] == pytest.approx(300, abs=1e-4)
+        assert mark(result).startswith("✗ FAIL")
+        (path,) = result.paths
+        np.testing.assert_allclose(path.AT[:37] / UM, 0, atol=1e-4)
+        np.testing.assert_allclose(path.AT[37:] / UM, 300, atol=1e-4)
+
+
+def test_runs_that_end_two_micrometers_before_a_turn_are_no_runs_that_miss_it(tmp_path):
+    there = path_rows(n=10, m=11, off=(-0.002, 0.3, 0.0))
+    back = path_rows(n=10, m=10, off=(-0.002, 0.0, 0.0))
+    rows = there + [row | {"path_point": 22 - row["path_point"], "time_s": 0} for row in back]
+    rows = [{k: v for k, v in row.items() if k != "time_s"} for row in rows]
+    (path,) = played(tmp_path, rows).paths
+    np.testing.assert_allclose(path.AT / UM, [300.0] * 11 + [0.0] * 10, atol=0.1)  # 0.002 of 10 mm
+
+
 def test_a_fitted_frame_takes_a_rigid_motion_and_nothing_else(tmp_path):
     from scipy.spatial.transform import Rotation
 
