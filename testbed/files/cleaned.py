@@ -19,8 +19,9 @@ from testbed.files.observed import (
     read_observed,
     section_of,
 )
-from testbed.files.readings import Readings, copied_rows, lost_readings
+from testbed.files.readings import Readings, lost_readings
 from testbed.files.refusal import no_rows
+from testbed.files.rows.copies import is_fine
 from testbed.files.rows.kinds import own_rows, some_rows
 from testbed.files.rows.wide import one_target_a_row
 from testbed.files.session import Drift, Sources
@@ -45,6 +46,8 @@ class Cleaned:
     masked: tuple[str, ...]
     warnings: tuple[str, ...]
     drift: Drift | None
+    fine: bool
+    """As `is_fine` of the readings as they stand in the file."""
 
     @property
     def poses(self) -> tuple[str, ...]:
@@ -79,7 +82,7 @@ def _cleaned(
     *,
     drop: bool,
 ) -> Cleaned:
-    """Readings of one file without nests, lost readings, copies and drift."""
+    """Readings of one file without nests, lost readings and drift."""
     warnings, table = list[str](), None
     if isinstance(section, OpticalTable) and section.format == "sa":
         readings = read_sa(text, section, settings.uncertainty, drop=drop)
@@ -95,13 +98,12 @@ def _cleaned(
         readings = replace(readings, station=(station,) * len(readings))
     good, masked = lost_readings(readings, settings.drift.nests if settings.drift else ())
     readings, drift = readings.rows(good), None
+    fine = is_fine(readings)
     if settings.drift is not None:
         nests = _nests(sources, settings)
         readings, drift, more = without_drift(readings, nests, settings.drift)
         warnings += more
-    good, copies = copied_rows(readings)
-    masked += copies
-    return Cleaned(readings.rows(good), section, text, table, tuple(masked), tuple(warnings), drift)
+    return Cleaned(readings, section, text, table, tuple(masked), tuple(warnings), drift, fine)
 
 
 def _read_own(

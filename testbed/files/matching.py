@@ -28,6 +28,8 @@ class Match:
     readings: Index
     """(m,) place in the readings."""
     warnings: tuple[str, ...] = ()
+    masked: tuple[str, ...] = ()
+    """On rows that are left out."""
 
 
 def by_row(joints: Joints, readings: Readings) -> Match:

@@ -17,6 +17,7 @@ from testbed.files.observed import (
     unused_columns,
 )
 from testbed.files.refusal import how_to_read, no_session, refusal, require_names
+from testbed.files.rows.copies import without_copies
 from testbed.files.rows.strays import mismatched_rows
 from testbed.files.session import Session, Sources
 from testbed.files.session_toml import (
@@ -150,6 +151,7 @@ def session_of(
     warnings += [f"{where}: {text}" for text in sheet.instrument.warnings(session.set_up.date)]
     warnings += [text for one in cleaned for text in one.warnings]
     warnings += [text for _, match in joined for text in match.warnings]
+    masked = [*(one.masked for one in cleaned), *(match.masked for _, match in joined)]
     if settings.robot and settings.robot != robot.name:
         warnings.append(f'the session names the robot "{settings.robot}", not {robot.name}')
     drifts = [one.drift for one in cleaned if one.drift is not None]
@@ -157,7 +159,7 @@ def session_of(
         session,
         files=sources.files,
         stated_reflectors=settings.stated_reflectors,
-        masked=tuple(text for one in cleaned for text in one.masked),
+        masked=tuple(text for said in masked for text in said),
         warnings=tuple(dict.fromkeys([*warnings, *session.warnings])),
         notes=tuple(dict.fromkeys([*session.notes, *(drift.sentence for drift in drifts)])),
         link_sd=_prior(settings, robot, where),
@@ -280,13 +282,15 @@ def _with_joints(
         poses = {name for other in others for name in other.poses}
         match = by_pose(joints, readings, drop=drop, elsewhere=poses)
     part = TargetPart(joints.rows(match.joints), readings.rows(match.readings), section)
+    # only now: match = "order" counts the rows of the file
+    part, copies, alike = without_copies(part, fine=cleaned.fine)
     # only now: nests have no pose, and may be the only targets with a name
     require_names("pose_id", part.joints.extras.pose or (), part.joints.place)
     for side in (part.joints, part.readings):
         require_names("tool", side.extras.conditions.tool or (), side.place)
     if readings.kind != "pose" and any(part.readings.target):
         require_names("target", part.readings.target, part.readings.place)
-    return part, match
+    return part, replace(match, masked=tuple(copies), warnings=(*match.warnings, *alike))
 
 
 def _read_of(text: FileText, others: Sequence[Cleaned]) -> set[str]:

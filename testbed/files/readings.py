@@ -95,23 +95,26 @@ def lost_readings(readings: Readings, nests: Sequence[str]) -> tuple[Bool, list[
     zero = readings.distance == 0 if distance else (readings.position == 0).all(axis=1)
     lost = zero & ~np.isin(readings.target, nests)
     written = "0" if distance else "0 0 0"
-    return ~lost, _left_out(readings.place, lost, f"missed shots, written as {written}")
+    return ~lost, rows_said(readings.place, lost, f"missed shots, written as {written}")
 
 
-def copied_rows(readings: Readings) -> tuple[Bool, list[str]]:
-    """Rows (m,) without those that repeat the digits of an earlier one, and a sentence on them."""
+def copied_rows(readings: Readings, *beside: Array | Index) -> tuple[Bool, list[str]]:
+    """Rows (m,) without those that repeat the digits of an earlier one, and a sentence on them.
+
+    Numbers (m,) or (m, k) `beside` the readings must be equal, too.
+    """
     names = (readings.station, readings.anchor)
     codes = [np.unique(np.array(texts, dtype=str), return_inverse=True)[1] for texts in names]
     rotation = readings.rotation.reshape(-1, 9)
-    key = np.column_stack([readings.position, rotation, readings.distance, *codes])
+    key = np.column_stack([readings.position, rotation, readings.distance, *codes, *beside])
     _, first = np.unique(key, axis=0, return_index=True)
     copies = np.ones(len(readings), dtype=bool)
     copies[first] = False
     sentence = "copies of earlier readings, digit for digit; each counts once"
-    return ~copies, _left_out(readings.place, copies, sentence)
+    return ~copies, rows_said(readings.place, copies, sentence)
 
 
-def _left_out(place: Sequence[str], rows: Bool, what: str) -> list[str]:
+def rows_said(place: Sequence[str], rows: Bool, what: str, *, left: str = "left out ") -> list[str]:
     """One sentence on some rows: how many, what they are, and where; none if there are none."""
     count = int(rows.sum())
     if not count:
@@ -120,4 +123,4 @@ def _left_out(place: Sequence[str], rows: Bool, what: str) -> list[str]:
     lines = ", ".join(line for _, _, line in split)
     more = f" and {count - SHOWN} more" if count > SHOWN else ""
     plural = "s" if count > 1 else ""
-    return [f"{split[0][0]}: {count} row{plural} left out (line{plural} {lines}{more}): {what}"]
+    return [f"{split[0][0]}: {count} row{plural} {left}(line{plural} {lines}{more}): {what}"]

@@ -1,0 +1,55 @@
+"""Readings with the digits of an earlier one: copies where that is certain, or only alike."""
+
+import numpy as np
+
+from calib.arrays import Array, Bool
+from testbed.files.readings import Readings, copied_rows, rows_said
+from testbed.files.targets import TargetPart
+
+INCH = 0.0254
+GRIDS = {"point": (1e-6, 1e-5 * INCH), "pose": (1e-5, 1e-3 * INCH)}
+"""Coordinates that lie on one of these are coarse: three decimals of a millimeter or five of an
+inch for points, whose three numbers good readings of one pose may share; two and three for poses,
+which have three angles besides [m]."""
+ON_GRID = 1e-10
+"""Rounding of numbers in float64 to some kilometers [m]."""
+
+
+def is_fine(readings: Readings) -> bool:
+    """Whether readings, as they stand in the file, are so fine that no two good ones are alike.
+
+    The one number of a distance is not. Of polar points the range tells it.
+    """
+    if not len(readings) or readings.kind not in GRIDS:
+        return False
+    reach = np.linalg.norm(readings.position, axis=1)
+    grids = GRIDS[readings.kind]
+    return not any(_on(grid, numbers) for grid in grids for numbers in (readings.position, reach))
+
+
+def _on(grid: float, numbers: Array) -> bool:
+    """Whether most numbers are multiples of a grid [m]."""
+    off = np.abs(numbers - grid * np.round(numbers / grid))
+    return bool((off < ON_GRID).mean() > 0.5)
+
+
+def without_copies(part: TargetPart, *, fine: bool) -> tuple[TargetPart, list[str], list[str]]:
+    """Rows with their joints without copies, a sentence on these, and one on what is only alike.
+
+    A copy has the digits and the target of an earlier row, and is `fine`. Points must have its
+    joints, too: one on the axis of a joint stays where it is while that joint turns. A pose that
+    does not turn with the joints is an old reading.
+    """
+    readings = part.readings
+    earlier: Bool = ~copied_rows(readings)[0]
+    if not earlier.any():
+        return part, [], []
+    keep, said = np.ones(len(part), dtype=np.bool_), list[str]()
+    if fine:
+        _, target = np.unique(np.array(readings.target, dtype=str), return_inverse=True)
+        joints = () if readings.kind == "pose" else (part.joints.q,)
+        keep, said = copied_rows(readings, target.ravel(), *joints)
+    alike = "the digits of earlier readings; whether they are copies is not certain, and they count"
+    odd = rows_said(readings.place, earlier & keep, alike, left="")
+    index = np.flatnonzero(keep)
+    return TargetPart(part.joints.rows(index), readings.rows(index), part.section), said, odd
