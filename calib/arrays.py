@@ -19,13 +19,40 @@ FloatOrNan = Annotated[float, MAY_BE_NAN]
 
 
 def frozen(values: ArrayLike, dtype: Any = np.float64) -> NDArray[Any]:
-    """Read-only C-ordered copy (or the same array if it already is one)."""
+    """Read-only C-ordered copy, or the same array if it is one whose memory nobody can write."""
+    _require_whole("values", values)
     array = np.asarray(values, dtype=dtype)
-    flags = array.flags
-    if flags.writeable or not flags.c_contiguous:
+    if not array.flags.c_contiguous or _writable(array):
         array = np.array(array, dtype=dtype, order="C")
         array.setflags(write=False)
     return array
+
+
+def _require_whole(name: str, values: object) -> None:
+    """Refuse arrays of which numpy would silently take a part: behind a mask, or the real one."""
+    if isinstance(values, np.ma.MaskedArray) and np.ma.is_masked(values):
+        raise refuse(
+            name, code="A1", message=f"{name} has masked entries",
+            allowed="every entry must be a number", fix="leave these rows out",
+        )  # fmt: skip
+    if isinstance(values, np.ndarray) and values.dtype.kind == "c":
+        message, allowed = f"{name} is complex", "every entry must be a real number"
+        raise refuse(name, code="A1", message=message, allowed=allowed, fix="take its real part")
+
+
+def _writable(array: NDArray[Any]) -> bool:
+    """Whether an array, or the memory of another one that it shows, can be written."""
+    shown: Any = array
+    while isinstance(shown, np.ndarray):
+        if shown.flags.writeable:
+            return True
+        shown = shown.base
+    if shown is None:
+        return False
+    try:
+        return not memoryview(shown).readonly
+    except TypeError:
+        return True
 
 
 def check(spec: str, **arrays: ArrayLike) -> tuple[Array, ...]:
@@ -53,6 +80,7 @@ def check(spec: str, **arrays: ArrayLike) -> tuple[Array, ...]:
     sizes: dict[str, int] = {}
     checked = []
     for wanted, (name, value) in zip(_shapes(spec), arrays.items(), strict=True):
+        _require_whole(name, value)
         try:
             array = frozen(value)
         except (TypeError, ValueError) as error:

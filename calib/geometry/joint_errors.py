@@ -8,7 +8,7 @@ term moves no joint: the lengths of a warm arm.
 
 from dataclasses import dataclass
 from functools import cache
-from typing import Annotated, Literal
+from typing import Annotated, Literal, get_args
 
 import numpy as np
 
@@ -50,6 +50,10 @@ class JointTerm:
     torque for each N m [1/(N m)]."""
 
     def __post_init__(self) -> None:
+        if self.wave not in get_args(Wave):
+            message = f"wave of the term {self.name} is {self.wave!r}"
+            allowed = f"one of {', '.join(get_args(Wave))}"
+            raise refuse("wave", self.wave, allowed, code="A3", message=message)
         whole = (int(w) if float(w).is_integer() else float(w) for w in self.weights)
         object.__setattr__(self, "weights", tuple(whole))
 

@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 
 import calib
+from calib.arrays import frozen
 from calib.errors import InputError
+from calib.geometry.joint_errors import JointTerm
 
 LINKS = [[0, 0.4, 0.1, -1.57, 0], [0, 0, 0.5, 0, 0], [0, 0, 0.4, 0, 0]]
 ARM = calib.RobotModel(calib.Chain(LINKS))
@@ -36,6 +38,15 @@ TRAIN, TEST = SEEN.split(held_out=20)
         ),
         (lambda: ARM.poses(np.zeros(5)), r"q has shape \(5,\); expected \(m, n\)"),
         (lambda: calib.Chain(np.zeros((3, 6))), r"\(3, 6\); axis 1 should be 5\."),
+        (
+            lambda: calib.points(Q, np.ma.masked_less(Q, 0.0), sd=2e-5),
+            "has masked entries; every entry must be a number; leave these rows out",
+        ),
+        (lambda: ARM.poses(Q + 0j), "q is complex; every entry must be a real number"),
+        (
+            lambda: JointTerm("a", 1, "tan", (0, 1, 0)),
+            "wave of the term a is 'tan'; one of sin, cos, approach, torque, lengths",
+        ),
     ],
 )
 def test_a_value_of_another_kind_is_refused_in_words(wrong, sentence):
@@ -48,3 +59,26 @@ def test_a_name_that_is_not_there_can_be_guessed_by_python():
     with pytest.raises(AttributeError) as caught:
         calib.calibrated  # noqa: B018
     assert (caught.value.name, caught.value.obj) == ("calibrated", calib)
+
+
+def test_a_mask_that_hides_nothing_is_no_hindrance():
+    bare = np.ma.masked_array(Q, mask=np.zeros(Q.shape, dtype=bool))
+    np.testing.assert_array_equal(ARM.poses(bare), ARM.poses(Q))
+
+
+def test_what_somebody_else_can_write_is_copied_and_what_nobody_can_is_kept():
+    links = np.array(LINKS)
+    shown = links[:]
+    shown.setflags(write=False)
+    chain = calib.Chain(shown)
+    links[:] = 9.0
+    np.testing.assert_array_equal(chain.links, LINKS)
+    # memory that is no array's: bytes never change, a bytearray does
+    fixed, loose = (np.frombuffer(kind(np.ones(3).tobytes())) for kind in (bytes, bytearray))
+    loose.setflags(write=False)
+    assert frozen(fixed) is fixed
+    assert frozen(loose) is not loose
+    # what is frozen, and its rows, are never copied again
+    kept = frozen(LINKS)
+    assert frozen(kept) is kept
+    assert frozen(kept[1:]).base is kept
