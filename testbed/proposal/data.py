@@ -9,7 +9,7 @@ from typing import Any, Literal, TypeAlias
 
 from calib.errors import InputError
 from testbed.files.dialects.rapid import is_rapid, read_rapid
-from testbed.files.dialects.spatial_analyzer import name_fields, sa_lines
+from testbed.files.dialects.spatial_lines import name_fields, sa_lines
 from testbed.files.refusal import refusal
 from testbed.files.session import text_of
 from testbed.files.text import NUMBER, Sheet, read_sheet, titles_above

@@ -19,6 +19,7 @@ from calib.identification.start.closed_forms import (
     shift_and_arms,
     tool_rotation,
 )
+from calib.identification.start.ranging import from_distances
 
 ROTATION_ARM = 0.3
 """A measured rotation counts like three points this far out [m]."""
@@ -26,8 +27,6 @@ FEWEST_LIFT = 5
 """Positions below which the linear lift of the rotation has more unknowns than equations."""
 MANY = 20
 """Positions that leave the lift no doubt."""
-FEWEST_RANGES = 4
-"""Distances below which a point in space is not determined linearly."""
 ARM_GUESSES = np.concatenate([np.zeros((1, 3)), *(r * np.eye(3)[[0, 0, 1, 1, 2, 2]]
     * np.array([1, -1, 1, -1, 1, -1])[:, None] for r in (0.08, 0.25))])  # fmt: skip
 """(13, 3) where a reflector may be, from the nominal place [m], if no closed form applies."""
@@ -249,7 +248,7 @@ def _complete(problem: StartProblem, partial: PartialAlignment) -> Alignment:
     # the first station is the world: where it measured nothing, the base stays nominal
     sighted = np.isfinite(partial.stations[:, 0, 0])
     base = partial.stations[0] if sighted[0] else model.chain.T_world_base
-    arms, anchors = _from_distances(problem, partial.arms, base if sighted.any() else None)
+    arms, anchors = from_distances(problem, partial.arms, base if sighted.any() else None)
     seen = not problem.measurements.is_distance.all()
     tool = partial.tool if sighted.any() and seen else _tool_of(problem, arms)
     if not sighted.any():
@@ -269,34 +268,3 @@ def _complete(problem: StartProblem, partial: PartialAlignment) -> Alignment:
     anchors = np.where(placed[:, None], world, fixtures.anchors)
     found = replace(fixtures, reflectors=reflectors, anchors=anchors, stations=stations)
     return Alignment(problem.F, base, tool, found)
-
-
-def _from_distances(problem: StartProblem, arms: Array, base: Array | None) -> tuple[Array, Array]:
-    """Arms (k, 3) and anchors (s, 3) in the base frame, one after the other from distances."""
-    table, fixtures = problem.measurements, problem.model.fixtures
-    arms, anchors = arms.copy(), np.full((len(fixtures.anchors), 3), np.nan)
-    if base is not None:
-        known = (fixtures.anchors - base[:3, 3]) @ base[:3, :3]
-        anchors[problem.known_anchor] = known[problem.known_anchor]
-    far = np.flatnonzero(table.is_distance)
-    R, p = problem.F[far, :3, :3], problem.F[far, :3, 3]
-    target, anchor, distance = problem.target[far], table.anchor[far], table.distance[far]
-    # each round places at least one more point, or is the last
-    for _ in range(len(arms) + len(anchors)):
-        before = np.isfinite(arms).sum() + np.isfinite(anchors).sum()
-        # anchors from targets that are known on the flange
-        for k in np.unique(anchor):
-            rows = (anchor == k) & np.isfinite(arms[target, 0])
-            if np.isnan(anchors[k, 0]) and rows.sum() >= FEWEST_RANGES:
-                points = (R[rows] @ arms[target[rows]][:, :, None])[:, :, 0] + p[rows]
-                anchors[k] = multilaterated(points, distance[rows])
-        # targets from anchors that are known in the base frame
-        for k in np.unique(target):
-            rows = (target == k) & np.isfinite(anchors[anchor, 0])
-            if np.isnan(arms[k, 0]) and rows.sum() >= FEWEST_RANGES:
-                # the anchor as the flange sees it lies at distance d from the reflector
-                apart = (anchors[anchor[rows]] - p[rows])[:, None, :] @ R[rows]
-                arms[k] = multilaterated(apart[:, 0], distance[rows])
-        if np.isfinite(arms).sum() + np.isfinite(anchors).sum() == before:
-            break
-    return arms, anchors

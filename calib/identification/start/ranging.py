@@ -1,0 +1,41 @@
+"""Reflectors and anchors from distances alone, one after the other, about known flange poses."""
+
+import numpy as np
+
+from calib.arrays import Array
+from calib.identification.start.alignment import StartProblem
+from calib.identification.start.closed_forms import multilaterated
+
+FEWEST_RANGES = 4
+"""Distances below which a point in space is not determined linearly."""
+
+
+def from_distances(problem: StartProblem, arms: Array, base: Array | None) -> tuple[Array, Array]:
+    """Arms (k, 3) and anchors (s, 3) in the base frame, one after the other from distances."""
+    table, fixtures = problem.measurements, problem.model.fixtures
+    arms, anchors = arms.copy(), np.full((len(fixtures.anchors), 3), np.nan)
+    if base is not None:
+        known = (fixtures.anchors - base[:3, 3]) @ base[:3, :3]
+        anchors[problem.known_anchor] = known[problem.known_anchor]
+    far = np.flatnonzero(table.is_distance)
+    R, p = problem.F[far, :3, :3], problem.F[far, :3, 3]
+    target, anchor, distance = problem.target[far], table.anchor[far], table.distance[far]
+    # each round places at least one more point, or is the last
+    for _ in range(len(arms) + len(anchors)):
+        before = np.isfinite(arms).sum() + np.isfinite(anchors).sum()
+        # anchors from targets that are known on the flange
+        for k in np.unique(anchor):
+            rows = (anchor == k) & np.isfinite(arms[target, 0])
+            if np.isnan(anchors[k, 0]) and rows.sum() >= FEWEST_RANGES:
+                points = (R[rows] @ arms[target[rows]][:, :, None])[:, :, 0] + p[rows]
+                anchors[k] = multilaterated(points, distance[rows])
+        # targets from anchors that are known in the base frame
+        for k in np.unique(target):
+            rows = (target == k) & np.isfinite(anchors[anchor, 0])
+            if np.isnan(arms[k, 0]) and rows.sum() >= FEWEST_RANGES:
+                # the anchor as the flange sees it lies at distance d from the reflector
+                apart = (anchors[anchor[rows]] - p[rows])[:, None, :] @ R[rows]
+                arms[k] = multilaterated(apart[:, 0], distance[rows])
+        if np.isfinite(arms).sum() + np.isfinite(anchors).sum() == before:
+            break
+    return arms, anchors

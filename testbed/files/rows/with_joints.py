@@ -1,0 +1,73 @@
+"""The joints that belong to the readings of one file: read, matched, without copies."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from testbed.files.cleaned import Cleaned, sheet_of, table_in
+from testbed.files.joints import read_joints
+from testbed.files.matching import Match, by_cycle, by_order, by_pose, by_row
+from testbed.files.observed import unused_columns
+from testbed.files.refusal import require_names
+from testbed.files.rows.copies import without_copies
+from testbed.files.session import Sources
+from testbed.files.session_toml import SessionFile
+from testbed.files.targets import TargetPart
+from testbed.gates.text import FileText
+from testbed.robots.robot import Robot
+
+
+def with_joints(
+    cleaned: Cleaned,
+    sources: Sources,
+    settings: SessionFile,
+    robot: Robot,
+    others: Sequence[Cleaned],
+    *,
+    drop: bool,
+) -> tuple[TargetPart, Match]:
+    """The joints of one file's readings; `others` show other poses, or other columns of it."""
+    how, readings, section = settings.joints, cleaned.readings, cleaned.section
+    apart = how.file is not None or sources.data is not None
+    text = (
+        sources.text(how.file, "joints", sheet_of(how, section, how.file))
+        if apart
+        else cleaned.text
+    )
+    same = text is cleaned.text
+    table = table_in(text, settings, how, section if same else None)
+    joints = read_joints(table, robot, how.source, drop=drop)
+    own = [readings.columns] if same else []
+    unused = unused_columns(table, joints.used, *own, elsewhere=_read_of(text, others))
+    if not same and cleaned.table is not None:
+        elsewhere = _read_of(cleaned.text, others)
+        unused += unused_columns(cleaned.table, readings.columns, elsewhere=elsewhere)
+    readings = replace(readings, notes=(*readings.notes, *unused))
+    if same:
+        match = by_row(joints, readings)
+    elif readings.cycling:
+        match = by_cycle(joints, readings, robot.model)
+    elif settings.match == "order":
+        match = by_order(joints, readings, robot.model)
+    else:
+        poses = {name for other in others for name in other.poses}
+        match = by_pose(joints, readings, drop=drop, elsewhere=poses)
+    part = TargetPart(joints.rows(match.joints), readings.rows(match.readings), section)
+    # only now: match = "order" counts the rows of the file
+    part, copies, alike = without_copies(part, fine=cleaned.fine)
+    # only now: nests have no pose, and may be the only targets with a name
+    require_names("pose_id", part.joints.extras.pose or (), part.joints.place)
+    for side in (part.joints, part.readings):
+        require_names("tool", side.extras.conditions.tool or (), side.place)
+    if readings.kind != "pose" and any(part.readings.target):
+        require_names("target", part.readings.target, part.readings.place)
+    return part, replace(match, masked=tuple(copies), warnings=(*match.warnings, *alike))
+
+
+def _read_of(text: FileText, others: Sequence[Cleaned]) -> set[str]:
+    """Columns of a file that other sections read, as the file calls them."""
+    return {
+        other.table.names[name]
+        for other in others
+        if other.table is not None and other.text is text
+        for name in other.readings.columns.names
+    }
