@@ -18,7 +18,7 @@ KINDS = {"rigid": "rigid", "soft": "sags"}
 def chosen(lab: VirtualLaboratory) -> dict[str, Index]:
     """Places in the pool of the O1 set and of the V set."""
     noise = 17.5e-6, np.radians(0.011)  # of the tracker in this scene [m, rad]
-    o1 = calib.design.Problem.of_blocks(lab.rows(), POSES, "O1")
+    o1 = calib.design.Problem.of_blocks(lab.blocks(), POSES, "O1")
     v = calib.design.Problem.of_poses(
         lab.nominal, lab.poses, poses=POSES, criterion="V", goals=lab.poses[::10], noise=noise
     )

@@ -27,7 +27,7 @@ def settled(seeds: range, sets: int = 50) -> list[float]:
     """Number of poses from which O1 hardly rises any more, by the rule of Wen et al. 2022."""
     found = []
     for lab in laboratories(seeds, "rigid"):
-        problem = calib.design.Problem.of_blocks(lab.rows("paper"), 80, "O1")
+        problem = calib.design.Problem.of_blocks(lab.blocks("paper"), 80, "O1")
         rng = np.random.default_rng(lab.scenario.seed)
         count = calib.design.pose_count(problem, rng, sets=sets)[0].chosen
         found.append(float("nan") if count is None else float(count))

@@ -30,7 +30,7 @@ def contest(robots: int = 8) -> dict[str, Array]:
     errors: dict[str, list[float]] = {"DETMAX": [], "random": [], "farthest": []}
     for seed in range(robots):
         lab = truebed.laboratory("quick", {"seed": seed})
-        problem = calib.design.Problem.of_blocks(lab.rows(), POSES, "O1")
+        problem = calib.design.Problem.of_blocks(lab.blocks(), POSES, "O1")
         sets = {
             "DETMAX": calib.design.detmax(problem, lab.rng("DETMAX")).indices,
             "random": calib.design.random_selection(len(lab.poses), POSES, lab.rng("random")),

@@ -69,7 +69,7 @@ class VirtualLaboratory:
         """(t, n) poses that no trial measures, at which results are judged [rad, m]."""
         return self.inside.setting.test_q
 
-    def rows(self, kind: str = "whitened") -> Array:
+    def blocks(self, kind: str = "whitened") -> Array:
         """Blocks (N, r, p) of the candidates, for `calib.design.Problem.of_blocks`.
 
         Parameters

@@ -125,27 +125,27 @@ def test_a_level_that_poses_left_out_do_not_confirm_is_not_taken(monkeypatch):
     assert found.gain == 0.0
 
 
-def test_a_level_is_taken_that_is_worse_by_less_than_chance(monkeypatch):
-    def alike(self, found, rows):
-        swing = np.where(np.arange(rows.sum()) % 2, 1e-5, -1e-5)
-        return 1e-4 + (swing + 1e-7 if len(found.step) > 42 else np.zeros(rows.sum()))
+def climbed_where_levels_miss_by(more, monkeypatch):
+    """A climb whose levels all miss by so much more than geometry, give or take 10 um a pose."""
 
-    monkeypatch.setattr(NormalEquations, "misses", alike)
-    found = climbed(seen(bent(4), 40, 5))
+    def misses(self, found, rows):
+        swing = np.where(np.arange(rows.sum()) % 2, 1e-5, -1e-5)
+        return 1e-4 + (swing + more if len(found.step) > 42 else np.zeros(rows.sum()))
+
+    monkeypatch.setattr(NormalEquations, "misses", misses)
+    return climbed(seen(bent(4), 40, 5))
+
+
+def test_a_level_is_taken_that_is_worse_by_less_than_chance(monkeypatch):
+    found = climbed_where_levels_miss_by(1e-7, monkeypatch)
     assert found.steps[0].taken
     assert found.steps[0].after > found.steps[0].before
 
 
 def test_levels_that_are_each_worse_by_less_than_chance_must_not_add_up(monkeypatch):
     """Many visits of few poses make the evidence sure of what only these poses show."""
-
-    def alike(self, found, rows):
-        swing = np.where(np.arange(rows.sum()) % 2, 1e-5, -1e-5)
-        return 1e-4 + (swing + 1e-6 if len(found.step) > 42 else np.zeros(rows.sum()))
-
-    monkeypatch.setattr(NormalEquations, "misses", alike)
-    found = climbed(seen(bent(4), 40, 5))
     # 1 um, where the standard error is 10 um over the root of 40: six tenths of it
+    found = climbed_where_levels_miss_by(1e-6, monkeypatch)
     assert not found.taken
     assert found.after == found.before
     assert not found.steps[0].taken

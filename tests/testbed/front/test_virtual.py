@@ -59,7 +59,7 @@ def test_places_and_their_joints_read_the_same_and_names_draw_the_noise(lab):
     assert lab.rng("mine").integers(2**60) == lab.rng("mine").integers(2**60)
     scenario = "Scenario('quick', seed 1, staubli_tx60, 2 trials)"
     assert repr(lab) == f"VirtualLaboratory({scenario}, 60 poses)"
-    problem = calib.design.Problem.of_blocks(lab.rows(), 29, "D")
+    problem = calib.design.Problem.of_blocks(lab.blocks(), 29, "D")
     assert len(calib.design.detmax(problem, lab.rng("mine")).indices) == 29
 
 
@@ -82,7 +82,7 @@ def test_own_joints_may_leave_the_box_but_not_what_the_robot_can_do(lab):
     for call, sentence in (
         (lambda: lab.errors("geometry"), "found is of the type str"),
         (lambda: lab.errors(lab.nominal, np.zeros(6)), "q has shape (6,); expected (m, 6)"),
-        (lambda: lab.rows("white"), "kind is white; whitened or paper"),
+        (lambda: lab.blocks("white"), "kind is white; whitened or paper"),
     ):
         with pytest.raises(InputError) as caught:
             call()

@@ -10,6 +10,7 @@ from calib.errors import InputError
 from calib.geometry.fixtures import Fixtures
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import parameters_of
+from calib.identification.fit_statistics import RED
 from calib.identification.identify import identify
 from calib.identification.prior import Prior
 from calib.measurement.observations import joined
@@ -127,15 +128,18 @@ def test_residuals_of_a_prior_on_all_numbers_are_judged_by_what_it_leaves():
     free = parameters_of(ARM)
     sd = np.where(free.is_length[free.free_index], 3e-3, 5e-3)
     prior = Prior(np.zeros(free.n_free), sd, free.free_names)
-    judged = 0
+    judged = refuted = 0
     for poses in (2, 3, 4, 5, 6):
         table = kinds.poses(ARM, kinds.joints("tx60", rng, poses), rng)
         far = replace(table, position=table.position + 0.1 * rng.normal(size=(poses, 3)))
         fit = identify(ARM, far, free, prior=prior)
         found = judge(fit, far.rows(np.zeros(0, dtype=int)), train=far)
         judged += fit.dof == 0
-        assert "larger than the stated noise" in " ".join(found.trust.sentences) or fit.p_value > 0
+        said = "larger than the stated noise" in " ".join(found.trust.sentences)
+        assert said == (fit.p_value < RED)
+        refuted += said
     assert judged
+    assert refuted
 
 
 @pytest.mark.parametrize(
