@@ -1,15 +1,14 @@
-"""Lines of a text file into a sheet, a head and rows as long as it, and back into lines."""
+"""Lines of a text file into a sheet: a head, and rows as long as it."""
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
-from calib.arrays import Array, Bool
-from calib.errors import InputError, visible
+from calib.errors import InputError
 from testbed.files.columns import WRITTEN
 from testbed.files.refusal import refusal
-from testbed.gates.text import EMPTY, SEPARATORS, FileText, separator_of, split
-from testbed.report.text import guarded, unguarded
+from testbed.gates.text import EMPTY, FileText, separator_of, split
+from testbed.report.text import unguarded
 
 MOST_TITLES = 50
 """Lines that free text above a table may have."""
@@ -26,7 +25,7 @@ class Sheet:
     lines: tuple[int, ...]
     """(m,) line of the file each row stands in, from 1."""
     separator: str
-    """One of `SEPARATORS`."""
+    """One of `testbed.gates.text.SEPARATORS`."""
     encoding: str
     titles: tuple[str, ...] = ()
     """Lines above the one that names the columns."""
@@ -45,7 +44,7 @@ def read_sheet(text: FileText, *, separator: str = "", header: bool | None = Non
     text : FileText
         From `read_text`.
     separator : str
-        One of `SEPARATORS`; found in the first line if empty.
+        One of `testbed.gates.text.SEPARATORS`; found in the first line if empty.
     header : bool, optional
         Whether the first line names the columns; without it they are called by their numbers, from
         "1". None: it does, and most of it is no numbers.
@@ -167,70 +166,3 @@ def _check_lengths(sheet: Sheet) -> None:
         message += f", and {len(wrong) - 1} more lines do not fit either"
     where, found = f"{sheet.where}:{sheet.lines[wrong[0]]}", f"{sheet.separator} between cells"
     raise refusal(where, "file", message, value=count, allowed=f"found: {found}", fix=fix)
-
-
-def rewritten(
-    text: FileText,
-    sheet: Sheet,
-    numbers: Mapping[str, Array],
-    changed: Bool,
-    added: Mapping[str, Sequence[str] | Array],
-    *,
-    comma: bool,
-) -> str:
-    """The lines of a file with new numbers in some rows (m,), and further columns in all.
-
-    Comments and empty lines stay where they are. Each new column has (m,) words or numbers of six
-    digits.
-
-    Parameters
-    ----------
-    text, sheet : FileText, Sheet
-        The file, as it was read.
-    numbers : mapping of str to (m,) array
-        Name of a column to its new numbers, which read back exactly.
-    changed : (m,) array of bool
-        Rows that get them.
-    added : mapping of str to (m,) array or sequence of str
-        Further columns.
-    comma : bool
-        Whether numbers have a decimal comma.
-    """
-    mark = SEPARATORS[sheet.separator]
-    lines = list(text.lines)
-    head = text.content("#")[len(sheet.titles)][0]
-    lines[head - 1] = mark.join([_line(sheet.head, mark), *added])
-    if sheet.units:
-        below = text.content("#")[len(sheet.titles) + 1][0]
-        lines[below - 1] += mark * len(added)
-    places = {name: sheet.head.index(name) for name in numbers}
-    for row, number in enumerate(sheet.lines):
-        cells = list(sheet.rows[row])
-        if changed[row]:
-            for name, values in numbers.items():
-                cells[places[name]] = _number(float(values[row]), comma)
-        for column in added.values():
-            value = column[row]
-            word = value if isinstance(value, str) else _number(float(f"{value:.6g}"), comma)
-            cells.append(word.replace(" ", "_") if mark == " " else word)
-        lines[number - 1] = _line(cells, mark)
-    return visible("\n".join(lines))
-
-
-def _number(value: float, comma: bool) -> str:
-    """A number that reads back exactly."""
-    text = repr(value + 0.0)
-    return text.replace(".", ",") if comma else text
-
-
-def _line(cells: Sequence[str], mark: str) -> str:
-    """The cells of a row; a first one that begins with # is quoted, or the line is a comment."""
-    return mark.join(_cell(cell, mark, quoted="#" * (not k)) for k, cell in enumerate(cells))
-
-
-def _cell(cell: str, mark: str, *, quoted: str) -> str:
-    """A cell, quoted where it must be, and guarded where a spreadsheet would run it."""
-    cell = guarded(cell)
-    if mark in cell or '"' in cell or (quoted and cell.lstrip().startswith(quoted)):
-        return '"' + cell.replace('"', '""') + '"'
-    return cell

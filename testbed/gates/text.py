@@ -19,6 +19,13 @@ MAX_LINE = 65_536
 """Bytes."""
 SEPARATORS = {"tab": "\t", "semicolon": ";", "comma": ",", "space": " "}
 """In the order in which they are looked for."""
+ENCODINGS = {
+    "UTF-8": "utf-8",
+    "UTF-8 with BOM": "utf-8-sig",
+    "Windows-1252": "cp1252",
+    "Latin-1": "latin-1",
+}
+"""Names for people to those of Python."""
 EMPTY = " \t\r\f\v,;"
 """What a line without content may hold."""
 FOREIGN = (
@@ -57,8 +64,10 @@ class FileText:
     """Name for messages."""
     lines: tuple[str, ...]
     encoding: str
-    """UTF-8, UTF-8 with BOM, or Latin-1."""
+    """One of `ENCODINGS`, or the sheet of a workbook."""
     source: SourceFile
+    ends: tuple[str, ...] = ()
+    """How each line but the last one ends, where that is not a line feed everywhere."""
 
     def content(self, *comments: str) -> list[tuple[int, str]]:
         """Number, from 1, and text of each line that is neither empty nor a comment.
@@ -97,6 +106,7 @@ def read_text(path: Path, where: str, *, max_mb: float = MAX_MB, larger: str = L
         message = f"is not text: byte {data.index(0)} is zero"
         raise _refused(where, message, code="S39", fix="save the table as CSV")
     digest = sha256(data).hexdigest()
+    whole = data
     data = data.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
     count = data.count(b"\n")
     if count > MAX_ROWS:
@@ -113,14 +123,38 @@ def read_text(path: Path, where: str, *, max_mb: float = MAX_MB, larger: str = L
             code="M36", value=len(line), allowed=f"at most {MAX_LINE} bytes a line",
             fix="save one measurement a line, a number or a name in each column",
         )  # fmt: skip
-    try:
-        text = data.decode("utf-8-sig")
-        encoding = "UTF-8 with BOM" if data.startswith(b"\xef\xbb\xbf") else "UTF-8"
-    except UnicodeDecodeError:
-        text, encoding = data.decode("latin-1"), "Latin-1"
+    encoding = _encoding(data)
+    text = data.decode(ENCODINGS[encoding])
     if not text.strip():
         raise _refused(where, "is empty", fix="give a file with rows")
-    return FileText(where, tuple(text.split("\n")), encoding, SourceFile(path, digest))
+    lines, source = tuple(text.split("\n")), SourceFile(path, digest)
+    return FileText(where, lines, encoding, source, _ends(whole))
+
+
+def _encoding(data: bytes) -> str:
+    """Which of `ENCODINGS` some bytes are in."""
+    if _decodes(data, "utf-8"):
+        return "UTF-8 with BOM" if data.startswith(b"\xef\xbb\xbf") else "UTF-8"
+    # between 80 and 9f Latin-1 has no letters; Windows has, but for five of these bytes
+    windows = re.search(rb"[\x80-\x9f]", data) and _decodes(data, "cp1252")
+    return "Windows-1252" if windows else "Latin-1"
+
+
+def _decodes(data: bytes, codec: str) -> bool:
+    """Whether some bytes are text in a codec."""
+    try:
+        data.decode(codec)
+    except UnicodeDecodeError:
+        return False
+    return True
+
+
+def _ends(data: bytes) -> tuple[str, ...]:
+    """How each line but the last one ends; nothing where all do by a line feed."""
+    if b"\r" not in data:
+        return ()
+    names = {b"\r\n": "\r\n", b"\r": "\r", b"\n": "\n"}
+    return tuple(names[end] for end in re.findall(rb"\r\n?|\n", data))
 
 
 def _bytes(path: Path, where: str, max_mb: float, larger: str) -> bytes:

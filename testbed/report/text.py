@@ -29,8 +29,11 @@ HANGING = 4
 VERDICT = "Verdict"
 """How the line of a verdict begins."""
 NUMBER = r"(\d[\d.,]*|[.,]\d+)(e[+-]?\d+)?"
-RUN = re.compile(rf"[\t\r]|\s*[=@]|\s*[+-](?!({NUMBER})?$)", re.IGNORECASE)
-"""How a cell begins that a spreadsheet would run as a formula; a number with a sign is none."""
+SIGNED = re.compile(rf"[\t\r]|\s*[=@]|\s*[+-](?!({NUMBER})?$)", re.IGNORECASE)
+"""How a cell begins that a spreadsheet takes for a formula; a number with a sign is none."""
+WORD = re.compile(r"[+-](?![A-Z]{1,3}\d{1,7}$)[^\W\d]\w*", re.IGNORECASE)
+"""A sign and a plain word, such as -x: as a formula it names nothing, runs nothing and shows no
+other number. A word such as P5 is a cell of the sheet, whose number would stand in its place."""
 
 
 def table(
@@ -222,15 +225,26 @@ def guarded(cell: str) -> str:
 
     Examples
     --------
-    >>> guarded("=cmd|x"), guarded("-1.5e-3"), guarded("-a")
-    ("'=cmd|x", '-1.5e-3', "'-a")
+    >>> guarded("=cmd|x"), guarded("-1.5e-3"), guarded("-2+a"), guarded("-x")
+    ("'=cmd|x", '-1.5e-3', "'-2+a", '-x')
     """
-    return f"'{cell}" if RUN.match(cell.lstrip("'")) else cell
+    behind = _is_guarded(cell)  # one more, or this one would be taken off
+    return f"'{cell}" if behind or runs(cell) else cell
 
 
 def unguarded(cell: str) -> str:
     """What `guarded` was given."""
-    return cell[1:] if cell.startswith("'") and RUN.match(cell.lstrip("'")) else cell
+    return cell[1:] if _is_guarded(cell) else cell
+
+
+def runs(cell: str) -> bool:
+    """Whether a spreadsheet would run a cell, or show another number in its place."""
+    return bool(SIGNED.match(cell)) and not WORD.fullmatch(cell)
+
+
+def _is_guarded(cell: str) -> bool:
+    """Whether apostrophes stand before what begins as a formula does."""
+    return cell.startswith("'") and bool(SIGNED.match(cell.lstrip("'")))
 
 
 def _is_number(text: str) -> bool:

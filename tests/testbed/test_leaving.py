@@ -27,11 +27,12 @@ STEERING = [
 HARMLESS = "aZ09 äß√−µ\u202f'\"=<>|{}[]()~\\/日本語 עברית 😀"
 RUN = [
     "=cmd|x", "=1+1", "@SUM(A1)", "+A1", "-A1", "-1+cmd|' /C calc'!A0", "-2-3", "+-1", "-e5", "--1",
-    "\t=1", "\rx", " =1", "- 1", "'=1", "''@x", "-inf", "=", "@", "-1,5;", "-.", "-5 %",
+    "\t=1", "\rx", " =1", "- 1", "'=1", "''@x", "-x+1", "=", "@", "-1,5;", "-.", "-5 %", "+x(1)",
+    "-x|y", "-x!A1", "+'a'!x", "-[b]x", " -x", "-x y", "'-x", "''+z", "-XFD1048576", "--x",
 ]  # fmt: skip
 PLAIN = [
     "", "a", "P1", "1", "-1.5", "+1.5", "-1,5", "-1.5e-3", "-.5", "+1E+09", "-1.", "-", "+", "a=b",
-    "'a", "'", "''", "1-2", "(=1)", "x@y", "'1",
+    "'a", "'", "''", "1-2", "(=1)", "x@y", "'1", "-x", "+Z", "-inf", "-high", "+straße", "-_",
 ]  # fmt: skip
 
 
@@ -90,7 +91,7 @@ def test_a_csv_holds_nothing_that_runs_and_comes_back():
 
 
 def test_pose_names_behind_an_apostrophe_are_read_as_they_were(tmp_path):
-    names = ("=cmd|x", "-a", "@b", "'=c", "+d", "'e", "P5")
+    names = ("=cmd|x", "-a", "@b", "'=c", "+d", "'e", "P5", "'-f", "-P5", "''+g")
     data = made.made()
     wanted = (*names, *(f"p{k}" for k in range(len(names), len(data.q))))
     ids = {"pose_id": list(map(guarded, wanted)), "euler": ["XYZ"] * len(data.q)}
@@ -108,7 +109,7 @@ def test_a_corrected_program_runs_nothing_and_breaks_no_line(mark, tmp_path):
     lines = [
         "# mine: a\u2028b\x85c\x1b[31m",
         mark.join(["=name", "note", *joints]),
-        mark.join(["=cmd|x", f"-hi{wild}gh", *q]),
+        mark.join(["=cmd|x", f"-hi+{wild}gh", *q]),
         mark.join(["'=cmd|y", "'@z", *q]),
     ]
     path = tmp_path / "p.csv"
@@ -121,7 +122,7 @@ def test_a_corrected_program_runs_nothing_and_breaks_no_line(mark, tmp_path):
     assert told[0] == r"# mine: a\u2028b\x85c\x1b[31m"
     rows = [line.split(mark) for line in told[1:]]
     assert [row[0] for row in rows] == ["'=name", "'=cmd|x", "'=cmd|y"]
-    assert [row[1] for row in rows] == ["note", f"'-hi{visible(wild)}gh", "'@z"]
+    assert [row[1] for row in rows] == ["note", f"'-hi+{visible(wild)}gh", "'@z"]
     assert all(float(cell) < 0 for row in rows[1:] for cell in (row[2], row[7]))
     again = read_sheet(read_text(tmp_path / "out.csv", "out.csv"))
     assert again.head[0] == "=name"

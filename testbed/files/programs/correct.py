@@ -1,7 +1,7 @@
 """A robot program's targets from CSV, corrected for the identified robot, row by row, into CSV.
 
-Rows, columns, comments, separator and decimal mark stay as they are; the numbers of the targets
-change, and columns with the result of each row are added. A target that cannot be corrected without
+Everything stays as it is, to the ends of the lines and the encoding, but for the numbers of the
+targets; columns with the result of each row are added. A target that cannot be corrected without
 reserve stays as it was: the robot then does what it did before, and the row states why.
 """
 
@@ -32,11 +32,11 @@ from testbed.files.programs.read import (
     poses_of,
     read_program,
 )
+from testbed.files.programs.rewrite import rewritten
 from testbed.files.refusal import refusal
 from testbed.files.rotations import VECTOR, axes_of, in_form
 from testbed.files.rows.targets import called, of_targets, target_names
 from testbed.files.table import Columns, DataTable
-from testbed.files.text import rewritten
 from testbed.robots.catalog import Robot
 from testbed.units import DEG, significant
 
@@ -52,6 +52,8 @@ WORDS: dict[str, str] = {
 APART, APART_SLIDE = float(np.radians(5.0)), 0.05
 """Joints beside a Cartesian target that lie farther than this from the posture found for it belong
 to another one: those that name a configuration are rounded to a degree at most [rad, m]."""
+SAME = 1e-12
+"""A number that the correction leaves as near as this is not written again [deg, rad, mm, m]."""
 BEYOND = 1e-6
 """Farther than this outside the limits is outside, as where joints are read [rad, m]."""
 
@@ -166,11 +168,13 @@ def correct_program(
         away.words,
     )
     theirs = [table.names[name] for name in targets.columns.names]
-    numbers = dict(zip(theirs, (targets.numbers / targets.columns.factors).T, strict=True))
+    new, old = targets.numbers / targets.columns.factors, table.numbers(targets.columns.names)
+    moved = result.corrected[:, None] & ~np.isclose(new, old, rtol=SAME, atol=SAME)
+    numbers = dict(zip(theirs, new.T, strict=True))
+    cells = dict(zip(theirs, moved.T, strict=True))
     added = dict(zip(ADDED, columns, strict=True))
     comma = table.decimal == ","
-    new = rewritten(text, table.sheet, numbers, result.corrected, added, comma=comma)
-    atomic_write(out, new.encode("utf-8"))
+    atomic_write(out, rewritten(text, table.sheet, numbers, cells, added, comma=comma))
     count, changed = len(result.status), int(result.corrected.sum())
     kept = f"; the other {count - changed} stay as they were" if changed < count else ""
     done = (

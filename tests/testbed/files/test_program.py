@@ -2,6 +2,7 @@
 
 import csv
 import os
+import re
 
 import numpy as np
 import pytest
@@ -207,6 +208,57 @@ def test_a_line_of_units_stays_below_the_names(tmp_path, real):
     names, below, *rows = (tmp_path / "units.csv").read_text().splitlines()
     assert [names, *rows] == (tmp_path / "out.csv").read_text().splitlines()
     assert below.split(",") == ["rad"] * 6 + [""] * (names.count(",") - 5)
+
+
+ENDS = {"lines": b"\n", "carriage returns": b"\r\n", "old": b"\r", "mixed": b""}
+
+
+@pytest.mark.parametrize("ends", ENDS)
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "latin-1", "cp1252"])
+def test_a_corrected_program_differs_in_the_corrected_numbers_and_the_columns_behind(
+    ends, encoding, tmp_path, real
+):
+    word = {"cp1252": "Prüf – Größe", "latin-1": "Prüfgröße"}.get(encoding, "Prüf – 位置")
+    head = ["name", *(f"q{k}_deg" for k in range(1, 7)), "side", "note"]
+    q = [[f"{v:.1f}".replace(".", ",") for v in row] for row in np.degrees(Q)]
+    lines = [
+        f'# {word}; "as taught"',
+        "; ".join(head),
+        "",
+        *("; ".join([f'"P;{k}"', *row, "-x", f'  "{word}"  ']) for k, row in enumerate(q)),
+        "# the end",
+        "",
+    ]
+    marks = [ENDS[ends] or (b"\r\n", b"\n")[k % 2] for k in range(len(lines) - 1)]
+    coded = [line.encode("utf-8" if "utf" in encoding else encoding) for line in lines]
+    bom = b"\xef\xbb\xbf" if encoding == "utf-8-sig" else b""
+    path = tmp_path / "p.csv"
+    path.write_bytes(bom + b"".join(map(b"".join, zip(coded, [*marks, b""], strict=True))))
+    found = correct_program(path, ROBOT, real, tmp_path / "out.csv")
+    assert found.corrected.all()
+    # the second way: the original's bytes with the result's numbers put in, and the columns cut off
+    told = (tmp_path / "out.csv").read_bytes()
+    numbers = [[repr(v).replace(".", ",") for v in row] for row in np.degrees(found.q).tolist()]
+    for k, row in enumerate(q):
+        new = "; ".join(numbers[k]).encode()
+        assert told.count(new) == 1
+        told = told.replace(new, "; ".join(row).encode())
+        coded[3 + k] = coded[3 + k].rstrip()
+    for k in (1, 3, 4, 5):
+        cut = re.compile(re.escape(coded[k]) + rb"(;[^;\r\n]*){%d}" % len(ADDED))
+        told, count = cut.subn(lambda _, k=k: coded[k], told)
+        assert count == 1
+    assert told == bom + b"".join(map(b"".join, zip(coded, [*marks, b""], strict=True)))
+
+
+def test_numbers_that_a_correction_leaves_keep_their_digits(tmp_path):
+    turned = ROBOT.model.chain.moved(np.zeros(ROBOT.model.chain.n_numbers))
+    head = [f"q{k}_deg" for k in range(1, 7)]
+    rows = [["10.50", "2E1", "+70", "015.000", " 40 ", "-30."]]
+    path = written(tmp_path / "p.csv", head, rows)
+    found = correct_program(path, ROBOT, RobotModel(turned), tmp_path / "out.csv")
+    assert found.corrected.all()
+    assert (tmp_path / "out.csv").read_text().splitlines()[1].startswith(",".join(rows[0]).strip())
 
 
 @pytest.mark.parametrize("form", ["quaternion", "matrix", "rotation_vector", *EULER])
