@@ -1,6 +1,6 @@
 """A robot.toml from a table of link numbers, or an empty one with what belongs where."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -25,13 +25,17 @@ KEYS = {
 }
 """Keys of a turning joint, and what people call them."""
 NEEDED = ("d_mm", "a_mm", "alpha_deg")
+ALIKE = (("d_mm", "a_mm"), ("theta_deg", "alpha_deg", "beta_deg"), ("lower_deg", "upper_deg"))
+"""Columns of one unit, as nobody writes d in mm and a in meters."""
 NUMBERED = ("joint", "axis", "link", "i", "j", "no", "nr", "#", "")
 """What a column is called that only numbers the joints."""
 TO = {"mm": {"mm": 1.0, "m": 1e3, "in": 25.4}, "deg": {"deg": 1.0, "rad": 180 / np.pi}}
-LONG, TURN = 8.0, 6.4
-"""Sizes above which lengths are no meters and angles no radians."""
+SMALL = {"mm": (("mm", "m"), 8.0), "deg": (("deg", "rad"), 6.4)}
+"""Usual units of lengths and angles, and the largest sizes that are still meters and radians."""
 TURNS = {"lower_deg": -180.0, "upper_deg": 180.0}
 """Limits of joints that have none."""
+Column = tuple[str, Sequence[float], str]
+"""What a column is called, its numbers, and the unit that it states, if any."""
 HEAD = """\
 # {origin}
 # Link numbers in the order Rz(q + theta) Tz(d) Tx(a) Rx(alpha) Ry(beta), joint after joint.
@@ -81,7 +85,7 @@ def robot_text(table: Path | None, joints: int, name: str) -> tuple[str, tuple[s
 
 def _rows(sheet: Sheet) -> tuple[list[dict[str, float]], tuple[str, ...]]:
     """Numbers of each joint in mm and deg, and what was assumed."""
-    found: dict[str, tuple[str, Sequence[float], str]] = {}
+    found: dict[str, Column] = {}
     used = set()
     for name, below in zip(sheet.head, sheet.units or [""] * len(sheet.head), strict=True):
         text, unit = without_unit(name)
@@ -105,23 +109,56 @@ def _rows(sheet: Sheet) -> tuple[list[dict[str, float]], tuple[str, ...]]:
         )  # fmt: skip
     assumed = []
     columns: dict[str, Sequence[float]] = {}
-    for key, (name, values, unit) in found.items():
+    units = _units(found)
+    for key, (name, values, _) in found.items():
         for row, value in enumerate(values):
             if not np.isfinite(value):
                 cell = sheet.rows[row][sheet.head.index(name)][:20]
                 where = f"{sheet.where}:{sheet.lines[row]}"
                 raise refusal(where, name, f'{name} is "{cell}"', code="M25", fix="write a number")
-        kind = "mm" if key.endswith("_mm") else "deg"
-        size = float(np.abs(values).max())
-        usual = kind if size > (LONG if kind == "mm" else TURN) or not size else \
-            {"mm": "m", "deg": "rad"}[kind]  # fmt: skip
-        if unit not in TO[kind]:
-            unit = kind if name == key else usual
-            if name != key and size:
-                assumed.append(f"{name} is in {unit}, by its size")
-        columns[key] = [float(f"{value * TO[kind][unit]:.12g}") for value in values]
+        unit, why = units[key]
+        if why and any(values):
+            assumed.append(f"{name} is in {unit}, {why}")
+        factor = TO[_kind(key)][unit]
+        columns[key] = [float(f"{value * factor:.12g}") for value in values]
     left = [name for name in sheet.head if name not in used and name.lower() not in NUMBERED]
     if left:
         assumed.append(f"not used: {', '.join(left)}")
     return [{key: columns[key][k] for key in KEYS if key in columns}
             for k in range(len(sheet.rows))], tuple(assumed)  # fmt: skip
+
+
+def _kind(key: str) -> str:
+    """Unit of a key, which stands at its end."""
+    return "mm" if key.endswith("_mm") else "deg"
+
+
+def _units(found: Mapping[str, Column]) -> dict[str, tuple[str, str]]:
+    """Unit of each column and, where it does not state one, why that is taken.
+
+    Columns that are alike have one unit: that which one of them states, or else that of the
+    largest number in any of them.
+    """
+    units: dict[str, tuple[str, str]] = {}
+    for key, (name, _, unit) in found.items():
+        if unit in TO[_kind(key)] or name == key:
+            units[key] = unit if unit in TO[_kind(key)] else _kind(key), ""
+    stated = dict(units)
+    for key in [key for key in found if key not in stated]:
+        alike = next((group for group in ALIKE if key in group), (key,))
+        by = [other for other in alike if other in stated]
+        if len({stated[other][0] for other in by}) == 1:
+            units[key] = stated[by[0]][0], f"as {found[by[0]][0]}"
+            continue
+        sizes = {other: _size(found[other][1]) for other in alike if other in found.keys() - stated}
+        largest = max(sizes, key=sizes.__getitem__)
+        (unit, small), most = SMALL[_kind(key)]
+        unit = small if 0 < sizes[largest] <= most else unit
+        own = sizes[key] == sizes[largest]
+        units[key] = unit, f"by {'its size' if own else f'the size of {found[largest][0]}'}"
+    return units
+
+
+def _size(values: Sequence[float]) -> float:
+    """Largest size of any number of a column."""
+    return float(np.abs(values).max())

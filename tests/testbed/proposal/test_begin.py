@@ -57,6 +57,30 @@ def test_a_table_of_link_numbers_becomes_the_robot(head, lengths, angles, assume
     assert call("check", out).exit_code == 0
 
 
+@pytest.mark.parametrize(
+    ("head", "told"),
+    [
+        ("theta,d,a,alpha,beta", ["theta is in deg, by the size of alpha",
+                                  "a is in mm, by the size of d"]),
+        ("theta,d [mm],a,alpha [deg],beta", ["theta is in deg, as alpha [deg]",
+                                             "a is in mm, as d [mm]"]),
+    ],
+)  # fmt: skip
+def test_columns_of_a_table_that_are_alike_have_one_unit(head, told, tmp_path):
+    # offsets of a calibration are small: 5 mm are not 5 m, nor 0.4 deg 0.4 rad
+    table = tmp_path / "dh.csv"
+    table.write_text(f"{head}\n0.4,400,5,90,0\n-0.1,0,3,0,0.02\n")
+    out = tmp_path / "robot.toml"
+    done = call("new", "robot", table, "--out", out)
+    assert done.exit_code == 0, done.stderr
+    for sentence in told:
+        assert sentence in done.stdout
+    by_hand = [[0.4, 400, 5, 90, 0], [-0.1, 0, 3, 0, 0.02]] * np.array(
+        [np.pi / 180, 1e-3, 1e-3, np.pi / 180, np.pi / 180]
+    )
+    np.testing.assert_allclose(load_robot(out).model.chain.links, by_hand, rtol=1e-12, atol=0)
+
+
 def test_a_line_of_units_below_the_names_says_those_of_the_links(tmp_path):
     table = link_table("universal_ur10", tmp_path, ("θ", "d", "a", "α", "min", "max"), 1.0, 1.0)
     names, *rows = table.read_text(encoding="utf-8").splitlines()
