@@ -20,6 +20,7 @@ from testbed.robots.describe.description import (
     check_count,
     choose_tip,
 )
+from testbed.robots.describe.mjcf_alone import require_alone, taken
 from testbed.robots.describe.mjcf_gate import Gated, gate
 from testbed.robots.describe.xml_gate import SOURCE, FileOptions, angle_notes, place_of
 from testbed.robots.foreign import foreign
@@ -35,12 +36,8 @@ from testbed.robots.write.mjcf import (
 )
 from testbed.strict import some
 
-DRIVEN = ("joint", "jointinparent")
-"""Attributes of actuators that name the joint they drive."""
 HIDDEN = 3
 """Geoms of this group and above are not drawn unless a viewer is asked to."""
-PAIRED = ("connect", "weld")
-"""Constraints that close a chain."""
 TAGS, LINE = re.compile(r">\s*<"), re.compile(r"line (\d+)")
 
 
@@ -57,14 +54,14 @@ def describe_mjcf(path: Path, options: FileOptions) -> Description:
     """
     gated = gate(path, options)
     notes = list(gated.notes)
-    drives = _taken(gated.root, "actuator", "tendon", "equality", "contact")
+    drives = taken(gated.root)
     model = compiled(gated, path)
     frames = frames_of(model)
     tip, choice = choose_tip(options.tip, _ends(model, frames), frames, path)
     notes += [choice] if choice else []
     joints = joints_to(model, frames[tip][0])
     check_count(len(joints), tip, path)
-    _refuse_coupled(model, joints, drives, path)
+    require_alone(model, joints, drives, path)
     places = at_zero(model, joints)
     groups, left_out = _groups(model, joints)
     if left_out:
@@ -107,15 +104,6 @@ def describe_mjcf(path: Path, options: FileOptions) -> Description:
     )
 
 
-def _taken(root: Any, *tags: str) -> dict[str, list[Any]]:
-    """Sections taken out of the tree, by tag: MuJoCo needs them not."""
-    taken: dict[str, list[Any]] = {tag: [] for tag in tags}
-    for section in [child for child in root if child.tag in tags]:
-        taken[section.tag] += section
-        root.remove(section)
-    return taken
-
-
 def _ends(model: Any, frames: dict[str, tuple[int, int]]) -> list[str]:
     """Sites of the bodies without children, or the bodies; only those that move, if any."""
     parents = set(model.body_parentid[1:].tolist())
@@ -126,39 +114,6 @@ def _ends(model: Any, frames: dict[str, tuple[int, int]]) -> list[str]:
         if site >= 0:
             sites[body].append(name)
     return [name for k in ends for name in sites[k] or [called(model, "body", k)]]
-
-
-def _refuse_coupled(
-    model: Any, joints: list[int], drives: dict[str, list[Any]], path: Path
-) -> None:
-    """R16: every joint on the way moves alone and closes no ring."""
-    names = {called(model, "joint", joint): joint for joint in joints}
-    driven = {motor.get(key) for motor in drives["actuator"] for key in DRIVEN}
-    tendons = {part.get("joint") for tendon in drives["tendon"] for part in tendon.iter("joint")}
-    follows = {
-        one.get("joint1"): one.get("joint2")
-        for one in drives["equality"]
-        if one.tag == "joint" and one.get("joint2") and one.get("active") != "false"
-    }
-    for name, joint in names.items():
-        kind, problem = kind_of(model, joint), ""
-        if kind in ("ball", "free"):
-            problem = f"joint {name} is a {kind} joint"
-        elif name in follows:
-            problem = f"joint {name} is a mimic joint of {follows[name]}"
-        elif driven & set(names) and name not in driven | tendons:
-            problem = f"joint {name} is passive: no actuator drives it, but others are driven"
-        if problem:
-            allowed = "hinge or slide joints, each moving on its own"
-            raise refuse("joint", name, allowed, code="R16", message=problem, where=str(path))
-    way = {model.body(int(model.jnt_bodyid[joint])).name for joint in joints}
-    for one in drives["equality"]:
-        ends = {one.get("body1"), one.get("body2")} & way
-        if one.tag in PAIRED and one.get("active") != "false" and ends:
-            message = f"<{one.tag}> closes a ring at body {', '.join(sorted(ends))}"
-            raise refuse(
-                one.tag, allowed="a serial arm", code="R16", message=message, where=str(path)
-            )
 
 
 def _groups(model: Any, joints: list[int]) -> tuple[list[list[int]], list[str]]:
