@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from calib.arrays import Array
 from calib.errors import InputError, refuse
 from calib.geometry.chain import JointKind
 from calib.geometry.frames import inverse, transform
@@ -184,14 +185,30 @@ def _shape(model: Any, data: Any, geom: int, collides: bool, gated: Gated) -> Sh
     mujoco.mju_quat2Mat(R, model.mesh_quat[mesh])
     T_mesh = transform(R.reshape(3, 3), model.mesh_pos[mesh])
     T_geom = transform(data.geom_xmat[geom].reshape(3, 3), data.geom_xpos[geom])
+    name = model.mesh(mesh).name
     affine = T_geom @ inverse(T_mesh) @ np.diag([*model.mesh_scale[mesh], 1.0])
+    affine = affine @ inverse(_reference(gated, name))
     own, material = model.geom_rgba[geom], int(model.geom_matid[geom])
     plain = np.allclose(own, [0.5, 0.5, 0.5, 1.0])
     color = model.mat_rgba[material] if material >= 0 and plain else own
     # MuJoCo keeps colors in single precision
     red, green, blue = np.clip(np.asarray(color[:3], dtype=np.float64), 0, 1).round(6)
-    file = gated.files[model.mesh(mesh).name]
-    return Shape(file, affine, (float(red), float(green), float(blue)), collides)
+    return Shape(gated.files[name], affine, (float(red), float(green), float(blue)), collides)
+
+
+def _reference(gated: Gated, name: str) -> Array:
+    """Frame (4, 4) of its file in which a mesh is taken, before it is scaled; as a rule its own."""
+    import mujoco
+
+    mesh = next(mesh for mesh in gated.root.iter("mesh") if mesh.get("name") == name)
+    place, turn = (
+        np.array(mesh.get(key, plain).split(), dtype=np.float64)
+        for key, plain in (("refpos", "0 0 0"), ("refquat", "1 0 0 0"))
+    )
+    R = np.empty(9)
+    mujoco.mju_normalize4(turn)
+    mujoco.mju_quat2Mat(R, turn)
+    return transform(R.reshape(3, 3), place)
 
 
 def compiled(gated: Gated, path: Path) -> Any:
