@@ -96,17 +96,19 @@ def gate(path: Path, options: FileOptions) -> Gated:
             message, allowed = f"has {len(what)} {kind}", f"at most {most}"
             raise refuse(kind, allowed=allowed, code="R2", message=message, where=str(path))
     gated = Gated(root)
-    for element in elements:
+    for element in list(root.iter(*UNUSED)):
+        _remove(element)
+    for geom in [geom for geom in root.iter("geom") if geom.get("hfield")]:
+        _remove(geom)  # ground, whose heights are taken out
+    for element in root.iter("*"):
         _check_known(element, path)
-        if element.tag not in UNUSED and element.tag != "material":
+        if element.tag != "material":
             check_numbers(element, path, NUMBERS)
             _check_size(element, path)
     for mesh in root.iter("mesh"):
         check_scale(mesh, path)
     for joint in root.iter("joint"):
         _check_joint(joint, path, gated.notes)
-    for element in list(root.iter(*UNUSED)):
-        _remove(element)
     _settle_meshes(gated, path, folder, allow_missing=options.allow_missing_meshes)
     return gated
 
@@ -183,11 +185,13 @@ def _check_joint(joint: Any, path: Path, notes: list[str]) -> None:
     axis = [float(word) for word in joint.get("axis", "0 0 1").split()]
     if joint.get("type") not in ("ball", "free") and math.hypot(*axis) < 1e-9:
         raise error_at(joint, path, "R13", f"{called(joint)} has a zero axis", "axis")
-    if joint.get("range") is None:
+    if joint.get("range") is None or joint.get("limited") == "false":
         return
     lower, upper = (float(word) for word in joint.get("range").split())
+    if lower == upper == 0 and joint.get("limited") != "true":
+        return  # what MuJoCo has for no range
     note = check_range(joint, path, "range", called(joint), (lower, upper))
-    if note and joint.get("limited") != "false":
+    if note:
         joint.set("range", f"{lower - LOCKED!r} {upper + LOCKED!r}")
         notes.append(note)
 
