@@ -65,6 +65,8 @@ SHAPES: dict[str, tuple[str, ...]] = {
 MOMENTS = ("ixx", "iyy", "izz")
 MOST_LINKS = 2000
 """Far more than any arm has; what is checked per link stays quick."""
+PARTS = ("link", "joint", "material")
+"""What an arm is made of; what else a URDF holds is words of others, of simulators and drivers."""
 JOINT_TYPES = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")
 
 
@@ -81,6 +83,8 @@ def check_urdf(root: Any, path: Path, options: FileOptions) -> list[str]:
         message = "has xacro macros, which are not URDF yet"
         fix = "write them out first: xacro arm.xacro > arm.urdf"
         raise error_at(macro, path, "R2", message, "xacro", fix=fix)
+    for other in [part for part in root if part.tag not in PARTS]:
+        root.remove(other)
     if (count := len(root.findall("link"))) > MOST_LINKS:
         message, allowed = f"there are {count} links", f"at most {MOST_LINKS}"
         raise error_at(root, path, "R2", message, "link", allowed=allowed)

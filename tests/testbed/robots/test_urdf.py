@@ -324,6 +324,20 @@ def test_shapes_that_are_not_drawn_never_keep_an_arm_from_being_read(shape, wher
     assert bool(arm.notes) == bool(SHAPES[shape])
 
 
+OTHERS = (
+    '<gazebo reference="arm"><visual><geometry><mesh><uri>model://a.dae</uri></mesh></geometry>'
+    '</visual><limit lower="none"/></gazebo>',
+    '<mujoco><compiler meshdir="m"/><asset><mesh name="a" file="a.stl"/></asset></mujoco>',
+    '<ros2_control name="a"><joint name="turn"><axis xyz="z"/></joint></ros2_control>',
+)
+
+
+@pytest.mark.parametrize("other", OTHERS)
+def test_words_for_simulators_and_drivers_play_no_part(other, tmp_path):
+    arm = read_text(GOOD.replace("</robot>", f"{other}</robot>"), tmp_path)
+    assert arm.joint_names == read_text(GOOD, tmp_path).joint_names
+
+
 @pytest.mark.parametrize("shape", ['box size="1 1 1"', 'capsule radius="1" length="1"', "cone"])
 def test_a_link_collides_by_its_mesh_whatever_shape_says_that_it_does(shape, tmp_path):
     (tmp_path / "a.stl").write_bytes(block())
