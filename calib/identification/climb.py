@@ -28,6 +28,7 @@ from calib.identification.normal_equations import (
 )
 from calib.identification.prior import Prior
 from calib.identification.robust import Loss, loss_weights
+from calib.identification.shared_misfit import SharedMisfit
 from calib.measurement.observations import Measurements
 
 
@@ -91,19 +92,27 @@ def climb(
     every = [level.errors for ladder in ladders for level in ladder.levels]
     system = normal_equations(nominal, near, measurements, parameters, every, prior)
     richest = tuple(ladder.levels[-1] for ladder in ladders)
-    system = system.at_noise_of(*_asked(richest))
-    if loss != "squared":
-        system = _calmed(system, richest, loss)
+    if loss == "squared":
+        shared = SharedMisfit.of(system, measurements).at_noise_of(_asked(richest))
+    else:
+        shared = SharedMisfit.of(_calmed(system, richest, loss), measurements)
     pose = np.unique(measurements.together, return_inverse=True)[1].ravel()
     held_out = [] if part is None else [part == k for k in np.unique(part)]
-    rests = [system.without(rows) for rows in held_out]
-    memory: dict[tuple[Level, ...], Solved] = {}
+    memory: dict[tuple[Level, ...], tuple[Solved, float]] = {}
 
-    def solved(levels: Sequence[Level]) -> Solved:
+    def fitted(levels: Sequence[Level]) -> tuple[Solved, float]:
         key = tuple(level for level in levels if level.names)
         if key not in memory:
-            memory[key] = system.solved(*_asked(key))
+            memory[key] = shared.solved(_asked(key))
         return memory[key]
+
+    def solved(levels: Sequence[Level]) -> Solved:
+        return fitted(levels)[0]
+
+    @lru_cache(maxsize=1)
+    def left(misfit: float) -> tuple[NormalEquations, list[NormalEquations]]:
+        whole = shared.rows_at(misfit)
+        return whole, [whole.without(rows) for rows in held_out]
 
     def moved(levels: Sequence[Level]) -> RobotModel:
         errors = joined(levels)
@@ -116,8 +125,9 @@ def climb(
 
     def left_out(levels: tuple[Level, ...]) -> Array:
         asked, missed = _asked(levels), np.full(len(pose), np.nan)
+        whole, rests = left(fitted(levels)[1])
         for rest, rows in zip(rests, held_out, strict=True):
-            missed[rows] = system.misses(rest.solved(*asked), rows)
+            missed[rows] = whole.misses(rest.solved(*asked), rows)
         return np.asarray(np.bincount(pose, missed) / np.bincount(pose))
 
     def answer(question: Question) -> list[float] | Array:
@@ -130,7 +140,8 @@ def climb(
 
     course = run(climbing(ladders), answer)
     reached = moved(course.levels)
-    return climb_of(course, ladders, gain, system.scale, reached, partial(moved, richest))
+    noise = shared.noise_factor(fitted(course.levels)[1])
+    return climb_of(course, ladders, gain, noise, reached, partial(moved, richest))
 
 
 def _calmed(plain: NormalEquations, levels: tuple[Level, ...], loss: Loss) -> NormalEquations:

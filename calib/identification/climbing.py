@@ -66,7 +66,8 @@ class Climb(Shown):
     gain: float
     """Log evidence of the levels reached against geometry alone."""
     noise_factor: float
-    """Noise that the richest model leaves, in units of the stated one, one or more."""
+    """Noise that the richest model leaves, and what visits of one pose share beside it in the model
+    reached, in units of the stated noise, one or more."""
     poses: int
     """So many were asked."""
     before: float

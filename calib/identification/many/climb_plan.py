@@ -58,18 +58,20 @@ def plan_of(
 ) -> ClimbPlan | None:
     """What all of so many robots that climb share; None where arrays do not know it.
 
-    They know full poses of one station at the same joints, of which nothing further is said, up to
-    `MOST_ROWS` rows; a nominal chain alone; and ladders of waves, believed to be zero, and of one
-    kind of springs. All else climbs one by one, which takes five to seven times as long: points and
-    distances, stated payloads, approach, torque and temperature, joint errors that the robot has.
+    They know full poses of one station at the same joints, each visited once, of which nothing
+    further is said, up to `MOST_ROWS` rows; a nominal chain alone; and ladders of waves, believed
+    to be zero, and of one kind of springs. All else climbs one by one, which takes five to seven
+    times as long: points and distances, stated payloads, approach, torque and temperature, joint
+    errors that the robot has.
     """
     table = tables[0]
     plain = all(
         one.conditions.payload is None and np.array_equal(one.pose_id, table.pose_id)
         for one in tables
     )
+    once = len(np.unique(table.together)) == len(table)
     bare = not nominal.joint_errors.names and not nominal.fixtures.n_numbers
-    if not (plain and bare) or 6 * len(table) > MOST_ROWS:
+    if not (plain and once and bare) or 6 * len(table) > MOST_ROWS:
         return None
     levels = [level for ladder in ladders for level in ladder.levels if level.names]
     sprung = [level for level in levels if level.errors.springs is not None]

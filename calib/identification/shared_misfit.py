@@ -1,0 +1,143 @@
+"""What all visits of one pose share: a misfit of that pose, beside the noise of each row.
+
+Visits average the noise and leave the misfit of a pose what it is. Where each row counted for
+itself, the evidence would be as sure of that misfit as of so many poses, and ask for whatever model
+fits these.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.optimize import minimize_scalar
+
+from calib.arrays import Array, Index
+from calib.geometry.joint_errors import JointErrors
+from calib.identification.normal_equations import NormalEquations, Solved
+from calib.measurement.observations import Measurements, first_met
+from calib.shown import Shown
+
+LEAST, MOST = 1e-4, 1e6
+"""Variance of a misfit in units of that of the noise, between which it is looked for."""
+FINE = 1e-2
+"""Step of its logarithm at which that ends: hundreds of rows tell it to no better than a tenth."""
+MOST_TURNS = 20
+"""Turns in which noise and misfit are looked for together."""
+
+Asked = tuple[JointErrors, Array, Array]
+"""A model, as `NormalEquations.solved` takes it."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SharedMisfit(Shown):
+    """Normal equations of rows of which those of one pose share a misfit.
+
+    With noise s and a misfit of variance s^2 v the r rows of a group have the covariance
+    s^2 (1 + v 1 1'): their mean counts for r / (1 + r v) rows, and what they differ by in full.
+    The variance is that of most evidence, of each model its own.
+
+    Groups are rows of one pose that see the same thing from the same place, each with its misfit in
+    its own noise. Weights of a robust loss are those of the rows in their mean.
+    """
+
+    bare: NormalEquations
+    """Without any misfit, at the scale of the noise."""
+    group: Index
+    """(m,) group of each row."""
+    share: Array
+    """(m,) part of each row in the mean of its group; their squares add up to one."""
+    count: Array
+    """(g,) rows of each group."""
+    equations: Array
+    """(g,) of each of these rows."""
+    means: tuple[tuple[float, Array, Array, float], ...]
+    """For each number of rows above one: the number, and A'A, A'r, r'r of the means."""
+
+    def __repr__(self) -> str:
+        return f"SharedMisfit({len(self.group)} rows in {len(self.count)} groups)"
+
+    @classmethod
+    def of(cls, bare: NormalEquations, measurements: Measurements) -> "SharedMisfit":
+        """Of the rows of a table, weighed already."""
+        group = first_met(np.column_stack([measurements.together, measurements.target_key]))
+        rows = measurements.equations
+        weight = bare.equations / rows
+        count = np.bincount(group).astype(np.float64)
+        share = np.sqrt(weight / np.bincount(group, weight)[group])
+        A, r = _means(bare.A, share, group), _means(bare.r, share, group)
+        found = []
+        for size in np.unique(count[count > 1]).tolist():
+            own = A[count == size].reshape(-1, A.shape[2])
+            left = r[count == size].ravel()
+            found.append((size, own.T @ own, own.T @ left, float(left @ left)))
+        return cls(bare, group, share, count, np.bincount(group, rows) / count, tuple(found))
+
+    def solved(self, asked: Asked) -> tuple[Solved, float]:
+        """Maximum a posteriori of a model with the misfit of most evidence, and its variance."""
+        v = self._variance(asked)
+        found = self.at(v).solved(*asked)
+        return found._replace(evidence=found.evidence - self._spread(v)), v
+
+    def _variance(self, asked: Asked) -> float:
+        """The variance of most evidence, in units of that of the noise."""
+        if not self.means:
+            return 0.0
+
+        def less(log: float) -> float:
+            v = float(np.exp(log))
+            return self._spread(v) - self.at(v).solved(*asked).evidence
+
+        ends = np.log([LEAST, MOST])
+        found = minimize_scalar(less, bounds=ends, method="bounded", options={"xatol": FINE})
+        none = -self.bare.solved(*asked).evidence
+        return float(np.exp(found.x)) if found.fun < none else 0.0
+
+    def _spread(self, v: float) -> float:
+        """Half the log determinant of the rows' covariance, in units of the noise."""
+        return float(self.equations @ np.log1p((self.count > 1) * self.count * v)) / 2
+
+    def at(self, v: float) -> NormalEquations:
+        """The normal equations under a misfit of variance v."""
+        if v == 0.0 or not self.means:
+            return self.bare
+        normal, pull, square = self.bare.normal.copy(), self.bare.pull.copy(), self.bare.square
+        for size, own, left, total in self.means:
+            less = size * v / (1 + size * v)
+            normal -= less * own
+            pull -= less * left
+            square -= less * total
+        return replace(self.bare, normal=normal, pull=pull, square=square)
+
+    def rows_at(self, v: float) -> NormalEquations:
+        """The same with rows that add up to it, of which those of some poses can be left out."""
+        if v == 0.0 or not self.means:
+            return self.bare
+        less = 1 - 1 / np.sqrt(1 + (self.count > 1) * self.count * v)
+        part = (self.share * less[self.group])[:, None]
+        A, r = (_means(each, self.share, self.group) for each in (self.bare.A, self.bare.r))
+        A, r = self.bare.A - part[:, :, None] * A[self.group], self.bare.r - part * r[self.group]
+        return replace(self.at(v), A=A, r=r)
+
+    def at_noise_of(self, asked: Asked) -> "SharedMisfit":
+        """The same at the noise, one or more times the stated, that a model and misfits leave."""
+        now = replace(self, bare=self.bare.at_noise_of(*asked))
+        last = 0.0
+        for _ in range(MOST_TURNS if self.means else 0):
+            v = now._variance(asked)
+            if abs(np.log((v + LEAST) / (last + LEAST))) < 2 * FINE:
+                break
+            last, scale = v, self.at(v).at_noise_of(*asked).scale
+            now = replace(self, bare=replace(self.bare, scale=scale))
+        return now
+
+    def noise_factor(self, v: float) -> float:
+        """Noise of rows that would tell as much without a misfit, in units of the stated one."""
+        rows = self.count * self.equations
+        told = rows / (1 + (self.count > 1) * self.count * v)
+        return self.bare.scale * float(np.sqrt(rows.sum() / told.sum()))
+
+
+def _means(values: Array, share: Array, group: Index) -> Array:
+    """(g, ...) sum of the shares (m,) of the rows (m, ...) of each group."""
+    found = np.zeros((int(group.max()) + 1, *values.shape[1:]))
+    np.add.at(found, group, share.reshape(-1, *(1,) * (values.ndim - 1)) * values)
+    return found
