@@ -15,7 +15,8 @@ def stream(seed: int, *names: str | int) -> np.random.Generator:
     seed : int
         Seed of the campaign, not negative.
     *names : str or int
-        The purpose, e.g. ``"tracker", trial_name, 3``. The text "3" and the number 3 differ.
+        The purpose, e.g. ``"tracker", trial_name, 3``. The text "3" and the number 3 differ; a
+        number of numpy's is that number.
 
     Examples
     --------
@@ -33,6 +34,10 @@ def _key(names: tuple[str | int, ...]) -> tuple[int, ...]:
     """Four 32-bit words per name: 128 bits of sha256, so that no two purposes ever meet."""
     words: list[int] = []
     for name in names:
-        digest = sha256(f"{type(name).__name__}:{name}".encode()).digest()
+        kind = "str" if isinstance(name, str) else "int"
+        if kind == "int" and (isinstance(name, bool) or not isinstance(name, int | np.integer)):
+            message, allowed = f"the name {name!r} of a stream", "text or a whole number"
+            raise refuse("names", name, allowed, code="A3", message=message)
+        digest = sha256(f"{kind}:{name}".encode()).digest()
         words += [int.from_bytes(digest[i : i + 4], "little") for i in range(0, 16, 4)]
     return tuple(words)

@@ -1,6 +1,8 @@
 """The virtual laboratory in a script's hands: what it measures, and how far off a result is."""
 
 from dataclasses import dataclass
+from hashlib import sha256
+from operator import index
 from typing import Protocol, Self
 
 import numpy as np
@@ -40,6 +42,8 @@ class VirtualLaboratory:
 
     inside: Laboratory
     """What stands behind this door: rooms of `testbed`, whose names may change."""
+    noise: tuple[str | int, ...] = ()
+    """Names before those of the noise's streams, of another robot than the scenario's."""
 
     def __repr__(self) -> str:
         return f"VirtualLaboratory({self.scenario!r}, {len(self.poses)} poses)"
@@ -82,13 +86,19 @@ class VirtualLaboratory:
         return self.inside.design_blocks(kind)
 
     def rng(self, *names: str | int) -> np.random.Generator:
-        """Random numbers of your own, the same whenever asked for by the same names."""
-        return stream(self.scenario.seed, *names)
+        """Random numbers of your own, the same whenever asked for by the same names.
+
+        The laboratory draws none of its own from them, whatever the names.
+        """
+        return stream(self.scenario.seed, "own", *names)
 
     def another(self, *names: str | int) -> Self:
-        """Another robot of the same kind with the same candidates, drawn under these names."""
+        """Another robot of the same kind with the same candidates, drawn under these names.
+
+        So is the noise with which it is read: a name given to `measure` draws other noise here.
+        """
         robot = self.inside.with_robot(self.scenario.truth, *names)
-        return type(self)(robot)
+        return type(self)(robot, ("another", *names))
 
     def measure(self, poses: ArrayLike, name: str, *, repeat: int = 0) -> Measurements:
         """What the tracker reads, with the noise that it states.
@@ -98,9 +108,11 @@ class VirtualLaboratory:
         poses : (m,) array_like of int, or (m, n) array_like
             Places among the candidates, or joints of your own [rad, m]; visited in this order.
         name : str
-            Names the noise: the same name at the same poses reads the same.
+            Names the noise: the same name at the same poses reads the same, at others it draws
+            other noise.
         repeat : int
-            Number of the visit; each has noise of its own, and scatter of the robot.
+            Number of the visit, from 0; each has noise of its own, and scatter of the robot, and
+            begins when as many visits of these poses have ended.
 
         Raises
         ------
@@ -110,10 +122,15 @@ class VirtualLaboratory:
         given = np.asarray(poses)
         if not given.size:
             raise refuse("poses", "empty", "one pose or more", code="A3")
+        visit, lab = _visit(repeat), self.inside
+        start = visit * lab.visit_time(len(given))
         if given.ndim == 1 and np.issubdtype(given.dtype, np.integer):
-            return self.inside.measure_pool(self._places(given), name, repeat=repeat)
+            places = self._places(given)
+            names = (*self.noise, name, _digest(self.poses[places]))
+            return lab.measure_pool(places, *names, repeat=visit, start=start)
         q = self._reachable(given)
-        return self.inside.measure(q, np.arange(len(q)), name, repeat=repeat)
+        names = (*self.noise, name, _digest(q))
+        return lab.measure(q, np.arange(len(q)), *names, repeat=visit, start=start)
 
     def errors(self, found: RobotModel | HasModel, q: ArrayLike | None = None) -> Array:
         """True minus predicted tool points (m, 3), the mean of many moves, world axes [m].
@@ -171,6 +188,19 @@ class VirtualLaboratory:
             message = f"pose {first} cannot be measured: {REASONS[fault[first]]}"
             raise refuse("poses", first, code="A3", message=message)
         return q
+
+
+def _digest(q: Array) -> str:
+    """What tells poses (m, n) from others: who measures one at a time has noise anew each time."""
+    return sha256((q + 0.0).tobytes()).hexdigest()  # of both zeros one
+
+
+def _visit(repeat: object) -> int:
+    """The number of a visit, if it is one."""
+    whole = isinstance(repeat, int | np.integer) and not isinstance(repeat, bool)
+    if not whole or index(repeat) < 0:
+        raise refuse("repeat", repeat, "a whole number, 0 or larger", code="A3")
+    return index(repeat)
 
 
 def opened(scenario: Scenario) -> VirtualLaboratory:

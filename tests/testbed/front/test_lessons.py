@@ -122,7 +122,8 @@ def test_a_tracker_far_away_reads_with_more_noise(small):
 def test_the_lessons_hold_at_their_own_size():
     rigid, soft = poses(script("lesson_poses"), range(1, 13))
     assert surely(rigid - soft)
-    percent = script("lesson_o1").against_random(range(1, 11))
+    # a mean over ten seeds, as the lesson prints it, is uncertain by 2 %; that of V is -7 %
+    percent = script("lesson_o1").against_random(range(1, 31))
     assert surely(-percent["rigid", "O1"])
     assert surely(-percent["rigid", "V"])
     assert surely(percent["soft", "O1"] - percent["rigid", "O1"])

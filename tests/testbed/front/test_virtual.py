@@ -6,6 +6,7 @@ import pytest
 import calib
 import truebed
 from calib.errors import InputError
+from calib.measurement.observations import joined
 from truebed import VirtualLaboratory
 
 SMALL = {"pool.size": 60, "test.poses": 20}
@@ -61,6 +62,77 @@ def test_places_and_their_joints_read_the_same_and_names_draw_the_noise(lab):
     assert repr(lab) == f"VirtualLaboratory({scenario}, 60 poses)"
     problem = calib.design.Problem.of_blocks(lab.blocks(), 29, "D")
     assert len(calib.design.detmax(problem, lab.rng("mine")).indices) == 29
+
+
+def noise(lab: VirtualLaboratory, places, name: str, **visit) -> np.ndarray:
+    """Readings of places less where the robot of this preset stops, which has no scatter [m]."""
+    seen = lab.measure(places, name, **visit)
+    return seen.position - lab.inside.truth.poses(seen.q)[:, :3, 3]
+
+
+def test_no_two_readings_share_their_noise_but_the_same_visit_of_the_same_robot(lab):
+    """By robots, poses, names and visits: a name alone once gave all robots one noise."""
+    other, pool = lab.another("other", 1), np.arange(50)
+    same = noise(lab, pool, "a")
+    np.testing.assert_array_equal(noise(lab, pool, "a"), same)
+    others = [
+        noise(other, pool, "a"),
+        noise(lab.another("other", 2), pool, "a"),
+        noise(lab, pool[::-1], "a"),
+        noise(lab, pool, "b"),
+        noise(lab, pool, "a", repeat=1),
+        np.concatenate([noise(lab, [k], "a") for k in pool]),
+    ]
+    draws = np.array([same, *others]).reshape(len(others) + 1, -1)
+    correlation = np.corrcoef(draws)[np.triu_indices(len(draws), 1)]
+    assert np.abs(correlation).max() < 5 / np.sqrt(draws.shape[1])  # of 21 pairs: 1e-5
+    np.testing.assert_allclose(draws.std(axis=1), 17.5e-6, rtol=0.25)  # 5 sd of 150 numbers
+
+
+def test_poses_measured_one_at_a_time_tell_as_much_as_together(lab):
+    """Were the noise of each the same, the frames would take it up, and nothing be left over."""
+    seen = joined([lab.measure([k], "one by one") for k in range(40)])
+    found = calib.identify(lab.nominal, seen, lab.free)
+    # chi-square of 210 numbers over 210 lies within 0.6 to 1.5 but once in 100,000 seeds
+    assert 0.6 < found.chi_square / found.dof < 1.5
+
+
+def test_own_random_numbers_are_none_that_the_laboratory_draws(lab):
+    """Whoever draws joints from ``rng("test")`` must not meet the poses that judge."""
+    low, high = lab.inside.robot.limits.T
+    for name in ("test", "pool"):
+        drawn = lab.rng(name).uniform(low, high, (240, len(low)))
+        known = np.concatenate([lab.held_out, lab.poses])
+        assert np.abs(drawn[:, None] - known).max(axis=2).min() > 1e-6
+
+
+def test_a_number_of_numpys_is_that_number(lab):
+    one, other = lab.another("k", 3), lab.another("k", np.int64(3))
+    np.testing.assert_array_equal(one.errors(lab.nominal), other.errors(lab.nominal))
+    assert lab.rng(np.int32(3)).integers(2**60) == lab.rng(3).integers(2**60)
+    visits = [lab.measure([0], "a", repeat=repeat).position for repeat in (2, np.int64(2))]
+    np.testing.assert_array_equal(*visits)
+    for wrong in (-1, 0.5, True, "1"):
+        with pytest.raises(InputError, match="a whole number, 0 or larger"):
+            lab.measure([0], "a", repeat=wrong)
+    for wrong in (0.5, True, None):
+        with pytest.raises(InputError, match="text or a whole number"):
+            lab.rng(wrong)
+
+
+def test_a_later_visit_sees_the_robot_as_warm_as_a_campaign_does():
+    """Visit k begins when k visits have ended, as those of a trial do."""
+    warm = SMALL | {"truth.thermal_k": 10.0, "truth.thermal_h": 0.2}
+    lab, places = truebed.laboratory("quick", warm), np.arange(10)
+    q, span = lab.poses[places], 10 * lab.inside.tracker.pose_time
+    for repeat in (0, 7):
+        read = np.mean(
+            [lab.measure(places, f"{k}", repeat=repeat).position for k in range(100)], axis=0
+        )
+        time = repeat * span + lab.inside.tracker.pose_time * np.arange(10)
+        true = lab.inside.truth.poses(q, time=time)[:, :3, 3]
+        # 17.5 um over 100 readings; between the visits lengths grow by some 60 um
+        assert np.abs(read - true).max() < 4.5 * 1.75e-6
 
 
 def test_own_joints_may_leave_the_box_but_not_what_the_robot_can_do(lab):
