@@ -199,29 +199,29 @@ def free_fixtures(scenario: Scenario, fixtures: Fixtures) -> tuple[str, ...]:
     return tuple(name for name in fixtures.names if not name.startswith(held))
 
 
-def true_fixtures(scenario: Scenario, nominal: Fixtures) -> Fixtures:
-    """Where they really are: each drawn from a stream of its own, known places as they are."""
+def true_fixtures(scenario: Scenario, nominal: Fixtures, *, seed: int | None = None) -> Fixtures:
+    """Where they really are: each drawn from a stream of its own, known places as they are.
+
+    From the seed of the scenario, or another one.
+    """
     settings = scenario.fixtures
     if settings is None:
         return nominal
+    drawn_from = scenario.seed if seed is None else seed
+
+    def normal(name: str, count: int) -> Array:
+        return stream(drawn_from, "truth", "fixtures", name).standard_normal(count)
+
     free = [name for name in targets_mm(scenario) if name in settings.free]
     place, turn = settings.place_sd_mm / 1e3, float(np.radians(settings.turn_sd_deg))
     point, frame = np.full(3, place), np.repeat([place, turn], 3)
     stations = [f"station {k + 2}" for k in range(len(settings.stations_mm))]
     steps = [
-        *(point * _normal(scenario, name, 3) for name in free),
-        *(
-            point * _normal(scenario, name, 3) * (name in settings.free)
-            for name in settings.anchors_mm
-        ),
-        *(frame * _normal(scenario, name, 6) for name in stations),
+        *(point * normal(name, 3) for name in free),
+        *(point * normal(name, 3) * (name in settings.free) for name in settings.anchors_mm),
+        *(frame * normal(name, 6) for name in stations),
     ]
     return nominal.moved(np.concatenate([*steps, np.zeros(0)]))
-
-
-def _normal(scenario: Scenario, name: str, count: int) -> Array:
-    """Standard normal numbers of one fixture."""
-    return stream(scenario.seed, "truth", "fixtures", name).standard_normal(count)
 
 
 def rounds_of(scenario: Scenario, tracker: Tracker, fixtures: Fixtures) -> tuple[Round, ...]:

@@ -9,7 +9,7 @@ from calib.arrays import Array, Bool, Index
 from calib.identification.many.tables import ManyTables, known_to_many
 from calib.measurement.observations import DISTANCE, Measurements, joined
 from testbed.laboratory.bench import Bench, open_bench
-from testbed.laboratory.tracker.rounds import Round, first_tracker
+from testbed.laboratory.tracker.rounds import Round, first_tracker, true_fixtures
 from testbed.laboratory.truth.robot import TrueRobot, draw_truth, unmodelled_terms
 from testbed.laboratory.truth.setting import Setting, held_out_poses, in_turn, journey
 from testbed.laboratory.truth.springs import ElasticArm
@@ -47,14 +47,14 @@ class Laboratory(Bench):
         loads, hung = self.truth.unmodelled.springs, None
         if loads is not None and len(loads.payloads):
             hung = np.full(len(q), loads.payload) if payload is None else payload
-        found = self._measured(q, pose_id, names, repeat, start, distances, hung)
-        order = np.argsort(pose_id)
-        row = order[np.searchsorted(pose_id, found.pose_id, sorter=order)]
+        # by its place: the same pose may come twice, from other sides and under other payloads
+        found = self._measured(q, np.arange(len(q)), names, repeat, start, distances, hung)
+        row = found.pose_id
         said = in_turn(q).rows(row)
         if loads is not None and hung is not None:
             center = np.tile(loads.payload_center, (len(found), 1))
             said = replace(said, payload=hung[row], center=center)
-        return replace(found, conditions=said)
+        return replace(found, pose_id=np.asarray(pose_id)[row], conditions=said)
 
     def _measured(
         self,
@@ -208,10 +208,13 @@ class Laboratory(Bench):
     def with_robot(self, truth: TruthSettings, *names: str | int) -> Self:
         """The same laboratory with another robot, and a station with systematic errors of its own.
 
-        Both are drawn from the stream under `names`, whatever the truth of the scenario.
+        Both are drawn from the stream under `names`, whatever the truth of the scenario; so is
+        where that really lies whose place is to be found.
         """
         seed = int(stream(self.scenario.seed, *names).integers(2**62))
         drawn = draw_truth(self.robot, truth, seed)
+        placed = true_fixtures(self.scenario, self.robot.model.fixtures, seed=seed)
+        drawn = replace(drawn, model=replace(drawn.model, fixtures=placed))
         sigma_q = drawn.joint_repeatability
         return replace(
             self,

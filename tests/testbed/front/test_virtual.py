@@ -7,6 +7,7 @@ import calib
 import truebed
 from calib.errors import InputError
 from calib.measurement.observations import joined
+from calib.measurement.prediction import predict
 from truebed import VirtualLaboratory
 
 SMALL = {"pool.size": 60, "test.poses": 20}
@@ -133,6 +134,33 @@ def test_a_later_visit_sees_the_robot_as_warm_as_a_campaign_does():
         true = lab.inside.truth.poses(q, time=time)[:, :3, 3]
         # 17.5 um over 100 readings; between the visits lengths grow by some 60 um
         assert np.abs(read - true).max() < 4.5 * 1.75e-6
+
+
+def test_a_pose_that_comes_twice_says_what_it_met_each_time():
+    """The side it was come from, and what hung on the arm."""
+    lab = truebed.laboratory("quick", SMALL | {"truth.preset": "payloads"})
+    places = [5, 7, 9, 5]
+    seen = lab.measure(places, "x")
+    assert seen.pose_id.tolist() == places
+    assert seen.conditions.payload.tolist() == [0.0, 5.0, 0.0, 5.0]
+    moves = np.diff(lab.poses[[5, *places]], axis=0)[1:]
+    np.testing.assert_array_equal(seen.conditions.approach[1:], np.sign(moves))
+    # 5 kg bend the arm by tenths of a millimetre
+    assert np.linalg.norm(seen.position[3] - seen.position[0]) > 1e-4
+
+
+def test_another_robot_is_met_from_stations_and_reflectors_of_its_own():
+    lab = truebed.laboratory("stations", SMALL)
+    other = lab.another("other", 1)
+    seen, there = (one.measure(range(20), "x") for one in (lab, other))
+    assert len(seen) == len(there)
+    own, nominal = (one.inside.truth.model.fixtures for one in (other, lab)), lab.nominal.fixtures
+    steps = [nominal.step_to(one) for one in own]
+    assert not (steps[0] == steps[1])[steps[0] != 0].any()
+    assert (steps[0] == 0).tolist() == (steps[1] == 0).tolist()  # known places stay known
+    # what is read is of these places: nothing but noise is left, and terms that no model has
+    found = predict(other.inside.truth.model, there).misses
+    assert found.max() < 1e-3 < predict(lab.inside.truth.model, there).misses.max()
 
 
 def test_own_joints_may_leave_the_box_but_not_what_the_robot_can_do(lab):
