@@ -2,7 +2,6 @@
 
 from dataclasses import dataclass
 from hashlib import sha256
-from operator import index
 from typing import Protocol, Self
 
 import numpy as np
@@ -195,12 +194,12 @@ def _digest(q: Array) -> str:
     return sha256((q + 0.0).tobytes()).hexdigest()  # of both zeros one
 
 
-def _visit(repeat: object) -> int:
-    """The number of a visit, if it is one."""
+def _visit(repeat: int) -> int:
+    """The number of a visit, if it is one; of Python, as streams are named."""
     whole = isinstance(repeat, int | np.integer) and not isinstance(repeat, bool)
-    if not whole or index(repeat) < 0:
+    if not whole or repeat < 0:
         raise refuse("repeat", repeat, "a whole number, 0 or larger", code="A3")
-    return index(repeat)
+    return int(repeat)
 
 
 def opened(scenario: Scenario) -> VirtualLaboratory:

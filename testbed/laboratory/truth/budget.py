@@ -47,6 +47,7 @@ def truth_budget(
     *,
     time: Array | None = None,
     previous: Array | None = None,
+    moves: Array | None = None,
 ) -> TruthBudget:
     """What each term of a scenario's truth contributes to the error of the tool.
 
@@ -64,7 +65,7 @@ def truth_budget(
         Seed of the scenario.
     q : (m, n) array
         Poses over which the contributions are averaged [rad, m].
-    time, previous : optional
+    time, previous, moves : optional
         As in `TrueRobot.poses`.
     """
     model = robot.model
@@ -72,7 +73,7 @@ def truth_budget(
 
     def position(*terms: str) -> Array:
         true = draw_truth(robot, only(truth, *terms), seed)
-        return true.poses(q, time=time, previous=previous)[:, :3, 3]
+        return true.poses(q, time=time, previous=previous, moves=moves)[:, :3, 3]
 
     def displacement(term: str) -> Array:
         beside = NEEDED.get(term, ())

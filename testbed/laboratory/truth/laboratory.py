@@ -86,14 +86,9 @@ class Laboratory(Bench):
                 ]
             )
         seed = self.scenario.seed
-        time, previous = journey(q, start, self.tracker.pose_time)
-        T = self.truth.poses(
-            q,
-            rng=stream(seed, "approach", *names, repeat),
-            time=time,
-            previous=previous,
-            payload=payload,
-        )
+        way = journey(q, start, self.tracker.pose_time)
+        rng = stream(seed, "approach", *names, repeat)
+        T = self.truth.poses(q, rng=rng, payload=payload, **way._asdict())
         return self.tracker.measure(
             T,
             q,
@@ -101,7 +96,7 @@ class Laboratory(Bench):
             repeat=repeat,
             covariance=self.covariance(q),
             rng=stream(seed, "tracker", *names, repeat),
-            time=time,
+            time=way.time,
         )
 
     def _in_round(
@@ -117,9 +112,9 @@ class Laboratory(Bench):
     ) -> Measurements:
         """One run of the program through poses q (m, n): the rows of those `seen` (m,)."""
         seed = self.scenario.seed
-        time, previous = journey(q, start, self.tracker.pose_time)
+        way = journey(q, start, self.tracker.pose_time)
         rng = stream(seed, "approach", *names, repeat, one.name)
-        T = self.truth.poses(q, rng=rng, time=time, previous=previous, payload=payload)
+        T = self.truth.poses(q, rng=rng, payload=payload, **way._asdict())
         return one.measure(
             self.truth.model.fixtures,
             T[seen],
@@ -128,7 +123,7 @@ class Laboratory(Bench):
             repeat,
             one.covariance(self.robot.model, q[seen], self.sigma_q),
             stream(seed, "tracker", *names, repeat, one.name),
-            time[seen],
+            way.time[seen],
         )
 
     def visits(
@@ -161,9 +156,9 @@ class Laboratory(Bench):
         if scatter is not None or (span and self.truth.unmodelled.thermal is not None):
             approached = np.broadcast_to(q, (count, m, n))
         ways = [journey(one, k * span, self.tracker.pose_time) for k, one in enumerate(approached)]
-        time, previous = (np.concatenate(each) for each in zip(*ways, strict=True))
+        time, previous, moves = (np.concatenate(each) for each in zip(*ways, strict=True))
         T = self.truth.poses(
-            approached.reshape(-1, n), normal=scatter, time=time, previous=previous,
+            approached.reshape(-1, n), normal=scatter, time=time, previous=previous, moves=moves,
             payload=None if payload is None else np.tile(payload, len(approached)),
         )  # fmt: skip
         read = self.tracker.readings(T.reshape(-1, m, 4, 4), normal("tracker", 3, 3))

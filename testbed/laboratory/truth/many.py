@@ -15,7 +15,7 @@ from calib.arrays import Array
 from calib.geometry.many import ManyModels, poses_of
 from testbed.laboratory.truth.many_springs import ManyTrueSprings
 from testbed.laboratory.truth.robot import TrueRobot
-from testbed.laboratory.truth.terms import Backlash
+from testbed.laboratory.truth.terms import Backlash, last_moves
 
 SAME = 1e-12
 """Largest difference between arrays and body tree [m, 1]: the rounding of a few meters."""
@@ -40,6 +40,7 @@ class ManyTrueRobots:
         for one in robots:
             errors, beyond = one.model.joint_errors, one.unmodelled
             bare = beyond.motion is None and beyond.thermal is None and errors.springs is None
+            bare &= all(term.is_wave for term in errors.terms)
             alike = errors.terms == first.model.joint_errors.terms
             alike &= (beyond.springs is None) == (first.unmodelled.springs is None)
             bare &= beyond.springs is None or not len(beyond.springs.payloads)
@@ -70,8 +71,8 @@ class ManyTrueRobots:
         reached = self.models.reached(q)
         if self.backlash is not None:
             n = q.shape[2]
-            before = np.concatenate([np.zeros_like(q[:, :1]), q[:, :-1]], axis=1)
-            play = self.backlash.offsets(q.reshape(-1, n), before.reshape(-1, n))
+            moves = np.concatenate([last_moves(one) for one in q])
+            play = self.backlash.offsets(q.reshape(-1, n), moves)
             reached = reached + np.moveaxis(play.reshape(q.shape), 2, 0)
         if normal is not None:
             scatter = normal * self.joint_repeatability[:, None]
@@ -86,7 +87,8 @@ class ManyTrueRobots:
         own = slice(k, k + 1)
         springs = self.springs and self.springs.some(own)
         one = replace(self, models=self.models.some(own), springs=springs)
-        off = np.abs(one.poses(q[None])[0] - robot.poses(q, previous=previous)).max()
+        there = robot.poses(q, previous=previous, moves=last_moves(q))
+        off = np.abs(one.poses(q[None])[0] - there).max()
         if off > SAME:
             raise RuntimeError(f"arrays and the body tree of a robot differ by {off:.1e}")
 

@@ -12,6 +12,7 @@ from calib.errors import refuse
 from calib.geometry.bodies import Z, bent_forward
 from calib.geometry.chain import Chain, chain_names, joint_vectors
 from calib.geometry.model import RobotModel
+from calib.geometry.operating import OperatingConditions
 from calib.identification.joint_models import gravity_quarters
 from testbed.laboratory.bench import joint_repeatability
 from testbed.laboratory.simulator import Simulator
@@ -74,6 +75,7 @@ class TrueRobot:
         normal: Array | None = None,
         time: Array | None = None,
         previous: Array | None = None,
+        moves: Array | None = None,
         payload: Array | None = None,
     ) -> Array:
         """True tool poses T_world_tool (m, 4, 4) at commanded joints q (m, n) [rad, m].
@@ -93,14 +95,19 @@ class TrueRobot:
             Since the start of the campaign; a cold robot by default [s].
         previous : (m, n) array, optional
             Where each move came from; all joints at zero by default [rad, m].
+        moves : (m, n) array, optional
+            Direction of each joint's last move, 1, -1, or 0 if there was none; by default that of
+            this one.
         payload : (m,) array, optional
             What hangs on a sprung arm instead of the usual [kg].
         """
         q = joint_vectors(self.model.chain, q)
         before = np.zeros_like(q) if previous is None else previous
-        reached, scatter = q + self.model.joint_errors.of_terms(q), np.zeros_like(q)
+        last = np.sign(q - before) if moves is None else moves
+        met = OperatingConditions(approach=last)  # play that its maker states
+        reached, scatter = q + self.model.joint_errors.of_terms(q, met), np.zeros_like(q)
         if self.unmodelled.backlash is not None:
-            reached = reached + self.unmodelled.backlash.offsets(q, before)
+            reached = reached + self.unmodelled.backlash.offsets(q, last)
         if rng is not None:
             normal = rng.standard_normal(q.shape)
         if normal is not None:

@@ -1,7 +1,7 @@
 """What all robots of a scenario share: the nominal arm, its simulator, pool and instrument."""
 
 from dataclasses import dataclass, replace
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
@@ -14,6 +14,7 @@ from testbed.laboratory.sufficiency import require_poses
 from testbed.laboratory.tracker.rounds import true_fixtures
 from testbed.laboratory.tracker.stations import require_ranges, require_stations
 from testbed.laboratory.truth.robot import TrueRobot, draw_truth
+from testbed.laboratory.truth.terms import last_moves
 from testbed.scenario.fixtures import rounds_per_visit
 from testbed.scenario.scenario import Scenario
 from testbed.streams import stream
@@ -65,8 +66,8 @@ def held_out_poses(
 
     In meters.
     """
-    time, previous = journey(q, validation_start(scenario), scenario.tracker.pose_s)
-    return truth.poses(q, rng=rng, time=time, previous=previous)
+    way = journey(q, validation_start(scenario), scenario.tracker.pose_s)
+    return truth.poses(q, rng=rng, **way._asdict())
 
 
 def make_setting(scenario: Scenario) -> Setting:
@@ -99,10 +100,21 @@ def make_setting(scenario: Scenario) -> Setting:
     return setting
 
 
-def journey(q: Array, start: float, pose_time: float) -> tuple[Array, Array]:
-    """Times (m,) at which poses q (m, n) are visited in turn [s], and where each came from."""
+class Journey(NamedTuple):
+    """How poses (m, n) are visited in turn, from joint zero on; as `TrueRobot.poses` asks."""
+
+    time: Array
+    """(m,) since the start of the campaign [s]."""
+    previous: Array
+    """(m, n) where each came from [rad, m]."""
+    moves: Array
+    """(m, n) direction of each joint's last move."""
+
+
+def journey(q: Array, start: float, pose_time: float) -> Journey:
+    """How poses q (m, n) are visited in turn, the first one at `start` [s]."""
     time: Array = start + pose_time * np.arange(len(q), dtype=np.float64)
-    return time, np.vstack([np.zeros((1, q.shape[1])), q[:-1]])[: len(q)]
+    return Journey(time, np.vstack([np.zeros((1, q.shape[1])), q[:-1]])[: len(q)], last_moves(q))
 
 
 def in_turn(q: Array) -> OperatingConditions:

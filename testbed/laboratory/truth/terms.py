@@ -84,14 +84,14 @@ class Backlash:
     largest: Array
     """(n,) largest load of each joint, where gravity decides; else (0,) [N m or N]."""
 
-    def offsets(self, q: Array, previous: Array) -> Array:
-        """Joint offsets (m, n) at q (m, n), reached by a straight move from `previous` (m, n)."""
-        return np.asarray(self.half_width * self.sides(q, previous))
+    def offsets(self, q: Array, moves: Array) -> Array:
+        """Joint offsets (m, n) at q (m, n), after last moves in the directions `moves` (m, n)."""
+        return np.asarray(self.half_width * self.sides(q, moves))
 
-    def sides(self, q: Array, previous: Array) -> Array:
+    def sides(self, q: Array, moves: Array) -> Array:
         """Where in its play each joint rests (m, n): -1 to 1; 0 for one that nothing pushes."""
         if self.side == "approach":
-            return np.sign(q - previous)
+            return moves
         if self.side == "posture":
             side = np.zeros_like(q)
             side[:, 2] = np.tanh(STEEPNESS * np.sin(q[:, 1] + q[:, 2]))
@@ -176,6 +176,16 @@ class UnmodelledTerms:
     thermal: Thermal | None = None
     springs: Springs | None = field(default=None, repr=False)
     motion: Approach | None = None
+
+
+def last_moves(q: Array) -> Array:
+    """Directions (m, n) of each joint's last move, where q (m, n) are visited in turn from zero on.
+
+    A joint that stays where it is keeps the side it came from; one that never moved has none: 0.
+    """
+    moves = np.sign(np.diff(q, axis=0, prepend=0.0))
+    latest = np.where(moves != 0, np.arange(len(q))[:, None], 0)
+    return np.take_along_axis(moves, np.maximum.accumulate(latest, axis=0), axis=0)
 
 
 def backlash(robot: Robot, truth: TruthSettings, half_width: Array) -> Backlash:

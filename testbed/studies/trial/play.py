@@ -171,9 +171,9 @@ def validation_visit(scenario: Scenario, setting: Setting) -> Validation:
         exclude=np.concatenate([setting.pool_q, setting.test_q]),
     )
     moves = stream(scenario.seed, "validation", "moves")
-    time, previous = journey(setting.test_q, start, bench.tracker.pose_time)
+    way = journey(setting.test_q, start, bench.tracker.pose_time)
     budget = truth_budget(
-        bench.robot, scenario.truth, scenario.seed, setting.test_q, time=time, previous=previous
+        bench.robot, scenario.truth, scenario.seed, setting.test_q, **way._asdict()
     )
     return Validation(
         seen=seen,

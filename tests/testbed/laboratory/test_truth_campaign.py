@@ -74,7 +74,7 @@ def test_the_bench_plays_what_was_drawn_for_the_setting():
     setting = make_setting(scenario)
     bench = open_laboratory(scenario, setting)
     # held-out poses are visited in turn, after one visit of the trial, in a warmer robot
-    time, previous = journey(setting.test_q, validation_start(scenario), 10.0)
+    time, previous, _ = journey(setting.test_q, validation_start(scenario), 10.0)
     assert time[0] == 200.0
     np.testing.assert_array_equal(previous[1:], setting.test_q[:-1])
     assert not previous[0].any()

@@ -12,7 +12,15 @@ from calib.geometry.model import RobotModel
 from testbed.laboratory.simulator import grown
 from testbed.laboratory.truth.budget import truth_budget
 from testbed.laboratory.truth.robot import draw_truth
-from testbed.laboratory.truth.terms import GRAVITY, TERM_KEYS, gravity_loads, only, terms_of
+from testbed.laboratory.truth.setting import in_turn, journey
+from testbed.laboratory.truth.terms import (
+    GRAVITY,
+    TERM_KEYS,
+    gravity_loads,
+    last_moves,
+    only,
+    terms_of,
+)
 from testbed.robots.catalog import Robot
 from testbed.robots.placements import link_poses
 from testbed.streams import stream
@@ -40,7 +48,7 @@ def offsets(robot: Robot, seed: int = 7, **changes):
     true = draw_truth(robot, settings("rigid", angle_sd_deg=0, length_sd_mm=0, **changes), seed)
     dq = true.model.joint_errors.offsets(Q)
     play = true.unmodelled.backlash
-    return dq if play is None else dq + play.offsets(Q, HOME)
+    return dq if play is None else dq + play.offsets(Q, np.sign(Q))
 
 
 def test_high_harmonics_are_three_and_seven_times_a_turn(robot):
@@ -102,7 +110,7 @@ def test_play_goes_by_the_direction_of_the_last_move(robot):
     true = draw_truth(robot, settings("rigid", backlash_mdeg=width), 0)
     step = np.array([0.1, -0.2, 0.3, 0.4, 0.0, -1e-9])
     half = np.array(width) / 2 * MDEG
-    play = true.unmodelled.backlash.offsets(Q, Q - step)
+    play = true.unmodelled.backlash.offsets(Q, np.sign(Q - (Q - step)))
     np.testing.assert_array_equal(play, np.tile(half * [1, -1, 1, 1, 0, -1], (200, 1)))
     # reached from both sides, a posture differs by the whole play
     there, back = (true.poses(Q[:1], previous=Q[:1] + side) for side in (0.5, -0.5))
@@ -110,6 +118,28 @@ def test_play_goes_by_the_direction_of_the_last_move(robot):
     np.testing.assert_allclose(there, stiff.poses(Q[:1] - half), atol=1e-12)
     np.testing.assert_allclose(back, stiff.poses(Q[:1] + half), atol=1e-12)
     np.testing.assert_array_equal(true.poses(Q), true.poses(Q, previous=HOME))
+
+
+def test_a_joint_that_stays_keeps_the_side_it_came_from():
+    """Also where others move: as the rows say, which `approaches` reads off them."""
+    q = np.array([[0.0, 1.0], [0.5, 1.0], [0.5, 1.0], [0.5, 0.4], [0.3, 0.4]])
+    moves = last_moves(q)
+    np.testing.assert_array_equal(moves, [[0, 1], [1, 1], [1, 1], [1, -1], [-1, -1]])
+    np.testing.assert_array_equal(moves, in_turn(q).approach)
+    assert last_moves(q[:0]).shape == (0, 2)
+    drawn = np.random.default_rng(0).uniform(-1, 1, (50, 6))
+    before = np.vstack([np.zeros(6), drawn[:-1]])
+    np.testing.assert_array_equal(last_moves(drawn), np.sign(drawn - before))
+
+
+def test_the_arm_stays_in_its_play_while_one_joint_turns_alone(robot):
+    true = draw_truth(robot, settings("rigid", backlash_mdeg=8.0), 0)
+    q = np.tile([0.3, -0.4, 1.2, 0.5, 0.7, 0.0], (4, 1))
+    q[:, 5] = [0.1, 0.2, 0.3, 0.4]
+    way = journey(q, 0.0, 10.0)
+    stiff = draw_truth(robot, settings("rigid"), 0)
+    half = 4 * MDEG * np.array([1, -1, 1, 1, 1, 1])
+    np.testing.assert_allclose(true.poses(q, **way._asdict()), stiff.poses(q + half), atol=1e-12)
 
 
 def test_play_goes_by_posture_as_specified(robot):
@@ -140,7 +170,7 @@ def test_the_load_of_a_joint_is_how_fast_its_weight_falls(robot):
 
 def test_play_goes_by_the_load_where_gravity_decides(robot):
     true = draw_truth(robot, settings("rigid", backlash_mdeg=8.0, backlash_side="load"), 0)
-    side = true.unmodelled.backlash.sides(Q, HOME)
+    side = true.unmodelled.backlash.sides(Q, np.sign(Q))
     load = gravity_loads(robot.model.chain, robot.masses, robot.centers, Q)
     assert not side[:, 0].any()  # nothing pulls a vertical axis
     assert not side[:, 5].any()  # nor one with its mass on it

@@ -4,10 +4,14 @@ from dataclasses import replace
 
 import numpy as np
 
+from calib.geometry.joint_errors import JointErrors, JointTerm
+from calib.geometry.model import RobotModel
 from calib.identification.joint_models import extended_model
 from calib.identification.prior import own_prior
 from testbed.laboratory.truth.laboratory import open_laboratory
+from testbed.laboratory.truth.many import ManyTrueRobots
 from testbed.laboratory.truth.robot import draw_truth
+from testbed.laboratory.truth.setting import in_turn, journey
 from testbed.robots.write.folder import write_robot_folder
 from testbed.robots.write.identified import identified_robot
 from testbed.scenario.read import changed
@@ -33,6 +37,23 @@ def test_the_true_robot_has_the_errors_its_nominal_model_knows():
     true = draw_truth(KNOWN, still, seed=1)
     q = joint_vectors(50)
     np.testing.assert_allclose(true.poses(q), KNOWN.model.poses(q), rtol=0, atol=1e-12)
+
+
+def test_the_true_robot_has_the_play_its_nominal_model_knows():
+    """Rows say from which side joints came, and the model asks; so does the robot."""
+    terms = tuple(
+        JointTerm(f"approach{i + 1}", i, "approach", tuple(float(k == i) for k in range(6)))
+        for i in range(6)
+    )
+    play = RobotModel(TX60.model.chain, JointErrors(terms, np.full(6, 7e-5)))  # 4 mdeg
+    mine = identified_robot(replace(TX60, visuals=()), play, name="mine")
+    true = draw_truth(mine, settings("rigid", angle_sd_deg=0.0, length_sd_mm=0.0), seed=1)
+    q = joint_vectors(50)
+    way, said = journey(q, 0.0, 10.0), in_turn(q)
+    there = true.poses(q, **way._asdict())
+    np.testing.assert_allclose(there, play.poses(q, said), rtol=0, atol=1e-12)
+    assert np.abs(there - play.poses(q))[:, :3, 3].max() > 50e-6
+    assert ManyTrueRobots.of([true]) is None  # its rows are beyond what arrays know
 
 
 def test_what_the_scenario_adds_comes_on_top():

@@ -33,7 +33,7 @@ def moved(scenario: Scenario, setting: Setting) -> Ways:
     if not isinstance(arm, MovingArm) or rest is None:
         raise RuntimeError("this arm does not move")
     start, pose_time = validation_start(scenario), scenario.tracker.pose_s
-    _, previous = journey(setting.test_q, start, pose_time)
+    previous = journey(setting.test_q, start, pose_time).previous
     q = setting.test_q[:POSES] + setting.true.joint_errors.offsets(setting.test_q[:POSES])
     travel = q - previous[:POSES]
     command, turn, tool, width, tool_width = loops(arm, rest, q[0])

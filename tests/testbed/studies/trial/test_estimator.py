@@ -319,7 +319,7 @@ def test_true_play_is_a_number_where_the_approach_decides(side):
     reached = replace(model.joint_errors, coefficients=step).of_terms(
         q, OperatingConditions(approach=np.sign(q - before))
     )
-    np.testing.assert_allclose(reached, play.backlash.offsets(q, before), rtol=1e-14)
+    np.testing.assert_allclose(reached, play.backlash.offsets(q, np.sign(q - before)), rtol=1e-14)
     assert not drawn_step(of.setting, found).any()  # a robot without play
 
 
