@@ -15,6 +15,8 @@ from calib.geometry.frames import rot_x, rot_y, rot_z, slide
 
 ROUNDING = 1e-12
 """Differences of poses below which only that is said [m, rad]."""
+UPRIGHT = 1e-14
+"""Cosines of a pitch that are rounding: it is a quarter turn [1]."""
 LIMIT = 1e-9
 """Largest difference between a file and the robot it stands for [m or rad]."""
 
@@ -117,6 +119,20 @@ def quaternion_wxyz(R: Array) -> Array:
     quaternion /= np.linalg.norm(quaternion, axis=-1, keepdims=True)
     quaternion *= np.where(quaternion[..., :1] < 0, -1.0, 1.0)
     return np.asarray(quaternion + 0.0, dtype=np.float64)
+
+
+def rpy(T: Array) -> tuple[float, float, float]:
+    """Roll, pitch, yaw: R = Rz(yaw) Ry(pitch) Rx(roll), |pitch| at most a quarter turn [rad].
+
+    Near a quarter turn rounding decides about roll; yaw is what is then left of R, exactly.
+    """
+    R = T[:3, :3]
+    level = float(np.hypot(R[0, 0], R[1, 0]))
+    pitch = float(np.arctan2(-R[2, 0], level))
+    roll = float(np.arctan2(R[2, 1], R[2, 2])) if level > UPRIGHT else 0.0
+    side = np.cos(roll) * R[:, 1] - np.sin(roll) * R[:, 2]  # y of Rz(yaw) Ry(pitch)
+    yaw = float(np.arctan2(-side[0], side[1]))
+    return roll + 0.0, pitch + 0.0, yaw + 0.0  # + 0.0 turns -0.0 into 0.0
 
 
 def difference(T: Array, other: Array) -> tuple[float, float]:

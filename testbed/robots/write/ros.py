@@ -18,7 +18,14 @@ from calib.errors import one_line
 from calib.geometry.chain import Chain, forward
 from calib.geometry.frames import inverse, rot_x, rot_y, rot_z, slide, transform
 from calib.geometry.inverse import spread
-from testbed.robots.placements import LIMIT, agreement, difference, joint_motion, link_poses
+from testbed.robots.placements import (
+    LIMIT,
+    agreement,
+    difference,
+    joint_motion,
+    link_poses,
+    rpy,
+)
 from testbed.robots.robot import Robot
 
 ORIGINS, KINEMATICS = "joint_origins.yaml", "kinematics_params.yaml"
@@ -140,16 +147,6 @@ def _nearest(points: Array, axes: Array, i: int, j: int) -> tuple[Array, Array]:
     (p, u), (r, v) = ((points[k], axes[k]) for k in (i, j))
     (s, t), *_ = np.linalg.lstsq(np.stack([u, -v], axis=1), r - p, rcond=None)
     return p + s * u, r + t * v
-
-
-def rpy(T: Array) -> tuple[float, float, float]:
-    """Roll, pitch, yaw: R = Rz(yaw) Ry(pitch) Rx(roll), |pitch| at most a quarter turn [rad]."""
-    R = T[:3, :3]
-    pitch = float(np.arctan2(-R[2, 0], np.hypot(R[0, 0], R[1, 0])))
-    if np.hypot(R[0, 0], R[1, 0]) < 1e-9:  # roll and yaw turn about one axis: yaw does it all
-        return 0.0, pitch, float(np.arctan2(-R[0, 1], R[1, 1]))
-    roll, yaw = np.arctan2(R[2, 1], R[2, 2]), np.arctan2(R[1, 0], R[0, 0])
-    return float(roll), pitch, float(yaw)
 
 
 def _entry(T: Array, indent: str) -> list[str]:

@@ -10,7 +10,7 @@ import numpy as np
 from calib.arrays import Array
 from calib.errors import refuse
 from calib.geometry.frames import slide
-from testbed.robots.placements import placements, tidy
+from testbed.robots.placements import placements, rpy, tidy
 from testbed.robots.robot import Robot, Visual, reflector_frames
 
 NO_EFFORT_LIMIT = 1000.0
@@ -92,6 +92,9 @@ def urdf_bytes(
     document = y.URDF(
         robot=out, build_scene_graph=False, load_meshes=False, filename_handler=str
     ).write_xml()
+    for joint, element in zip(out.joints, document.getroot().iterfind("joint"), strict=True):
+        # yourdfpy loses digits where a pitch is nearly a quarter turn
+        element.find("origin").set("rpy", " ".join(map(str, rpy(joint.origin))))
     text = io.BytesIO()
     document.write(text, xml_declaration=True, encoding="UTF-8", pretty_print=True)
     if not (comment or for_mujoco):

@@ -10,8 +10,9 @@ from calib.geometry.chain import Chain
 from calib.geometry.frames import step_transform
 from calib.geometry.model import RobotModel
 from testbed.robots.catalog import load_robot
+from testbed.robots.placements import rpy
 from testbed.robots.write.folder import write_robot_folder
-from testbed.robots.write.ros import HASH, KINEMATICS, ORIGINS, UR_LINKS, ros_files
+from testbed.robots.write.ros import HASH, KINEMATICS, ORIGINS, UR_LINKS, joint_origins, ros_files
 from tests.truth.foreign import UR5, ForeignArm, candidates
 from tests.truth.foreign_cells import UR5_LINKS
 
@@ -199,3 +200,22 @@ def test_a_file_that_has_other_poses_is_never_written(ur5, monkeypatch, tmp_path
 def ur5():
     chain = Chain(UR5_LINKS)
     return replace(load_robot("universal_ur10"), name="ur5", model=RobotModel(chain), visuals=())
+
+
+@pytest.mark.parametrize("off", [0.0, 1e-15, 2.05e-10, 1e-9, 1e-8, 1e-6, 1e-3])
+def test_origins_near_a_pitch_of_a_quarter_turn_keep_every_digit(off, tmp_path):
+    """Of 1.570796327, as many URDFs have it, half pi is 2.05e-10 away."""
+    small = load_robot("staubli_tx60")
+    quarter = np.pi / 2 + off
+    links = np.tile([quarter, 0.2, 0.3, quarter, 0.0], (6, 1)) * [[1], [1], [-1], [1], [1], [-1]]
+    links[3:, 4] = quarter
+    chain = replace(small.model.chain, links=links)
+    robot = replace(small, model=RobotModel(chain), visuals=())
+    # each file is read again and compared; what is said is shortened below 1e-12
+    told = write_robot_folder(robot, tmp_path / "out")
+    assert all("< 1e-12 m and < 1e-12 rad" in one for one in told[:1] + told[4:])
+    pitched = [rpy(T) for T in joint_origins(chain)]
+    # six products of matrices round to some 1e-16 each
+    for T, angles in zip(joint_origins(chain), pitched, strict=True):
+        np.testing.assert_allclose(origin((0, 0, 0, *angles))[:3, :3], T[:3, :3], atol=2e-14)
+    assert any(np.cos(pitch) < 1.1 * off + 1e-15 for _, pitch, _ in pitched)
