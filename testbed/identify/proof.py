@@ -94,7 +94,8 @@ def target_warnings(measurements: Measurements) -> tuple[str, ...]:
     if (measurements.reflector != GIVEN).any():
         return (
             "the places of the targets were found with the robot: where the tool point lies beside "
-            "them is taken from its description, and no region contains an error of that",
+            "them is taken from its description, as the last link is, and no region contains an "
+            "error of that",
         )
     if not measurements.is_pose.any() and len(np.unique(measurements.offset, axis=0)) == 1:
         return (

@@ -4,6 +4,7 @@ import numpy as np
 
 from calib.arrays import Array, Bool, frozen
 from calib.geometry.frames import inverse
+from calib.measurement.observations import GIVEN
 from calib.uncertainty.statement.applicability import Applicability
 from calib.uncertainty.statement.belief import Belief
 from calib.uncertainty.statement.conformity import Conformity, conformity
@@ -46,7 +47,7 @@ def statement_at(calibration: Calibration, program: ProgramResult) -> TargetStat
         links = calibration.handback.tolerance
         belief = carried(belief, in_use.tool, np.array(in_use.worst), links)
         point = np.zeros(3)
-    elif point.any():
+    elif point.any() or targets_found(calibration):
         belief, point = of_file_tool(belief, calibration), np.zeros(3)
     departed = np.zeros(len(program.q), np.bool_) if program.departed is None else program.departed
     decidable = (reach.place != "outside") & ~departed & reach.reaches
@@ -88,6 +89,11 @@ def tool_point(calibration: Calibration) -> Array:
     return np.asarray(own[:3, 3])
 
 
+def targets_found(calibration: Calibration) -> bool:
+    """Whether the flange was seen by nothing but targets whose places the robot told."""
+    return bool((calibration.measurements.reflector != GIVEN).all())
+
+
 def of_file_tool(belief: Belief, calibration: Calibration) -> Belief:
     """What is believed of the tool of the robot's file, where another target was measured.
 
@@ -104,7 +110,15 @@ def of_file_tool(belief: Belief, calibration: Calibration) -> Belief:
 def tool_words(calibration: Calibration) -> tuple[str, ...]:
     """Of which point R95 at targets is, where no reading is of it."""
     point = tool_point(calibration)
-    if calibration.handback.in_use is not None or not point.any():
+    if calibration.handback.in_use is not None:
+        return ()
+    if targets_found(calibration):
+        return (
+            f"R95 at targets is of the {FILE_TOOL}: how the flange stands to the targets that were "
+            "measured is in no reading, the tolerances of the last link say it; [tool_in_use] "
+            "states another tool",
+        )
+    if not point.any():
         return ()
     away = significant(1e3 * float(np.linalg.norm(point)), 2)
     return (

@@ -186,7 +186,7 @@ def test_pose_names_that_a_spreadsheet_would_run_come_back_from_the_split_table(
     path = tmp_path / "split.csv"
     path.write_text(split_csv(told), encoding="utf-8")
     written = [line.split(",")[0] for line in path.read_text(encoding="utf-8").splitlines()]
-    assert written[1:8] == ["'=cmd|x", "'-a", "'@b", "''=c", "'+d", "'e", "-1.5"]
+    assert written[1:8] == ["'=cmd|x", "-a", "'@b", "''=c", "+d", "'e", "-1.5"]
     sheet = read_sheet(read_text(path, path.name))
     assert {row[0] for row in sheet.rows} == set(told.pose_names)
 

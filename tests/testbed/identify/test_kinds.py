@@ -4,10 +4,12 @@ import numpy as np
 import pytest
 
 from calib.errors import InputError
+from calib.geometry.chain import COLUMNS
 from calib.geometry.fixtures import Fixtures
 from calib.measurement import tables
 from calib.measurement.observations import joined
 from testbed.identify.calibrate import Options, calibrate
+from testbed.identify.frames import frames_of
 from testbed.identify.session import with_test
 from testbed.identify.words import kind, next_step, verdict
 from tests.calibrated import robot, session_of, true_model
@@ -70,10 +72,34 @@ def test_the_model_is_chosen_with_reflectors_to_be_found_too():
     )
     found = calibrate(robot(), session)
     assert np.isfinite(found.choice.log_evidence)
-    # links and joint terms have a prior, the places of the reflectors have none
+    # links and joint terms have a prior, the places of the reflectors have none, and of the last
+    # link nothing is left to find
     prior = found.fits[1].identification.prior
-    assert len(prior.names) == 57
-    assert not any("." in name for name in prior.names[:30])
+    assert len(prior.names) == 52
+    assert not any("." in name for name in prior.names[:25])
+
+
+def test_what_the_targets_take_up_of_the_last_link_is_in_no_region():
+    """A prior on its numbers would be of where the flange lies, which no reading speaks of."""
+    table = points(true_model(), pool_r(12), np.random.default_rng(1))
+    known = {"fixtures": Fixtures(reflectors=np.zeros((3, 3))), "reflector_names": ("A", "B", "C")}
+    session = session_of(table, **known, link_sd=np.tile([1e-3, 5e-4, 5e-4, 1e-3, 1e-3], (6, 1)))
+    found = calibrate(robot(), session, Options(seed=2))
+    assert found.handback.why == "the session states it"
+    last = [name + "6" for name in COLUMNS]
+    identified = found.fit.identification
+    assert identified.prior is not None
+    assert not set(last) & set(identified.parameters.free_names)
+    # u of d6 and a6 alone, 0.5 mm each, would make a radius of 0.5 sqrt(2) 2.8 / 1.7 > 1 mm
+    assert found.proof.point is not None
+    assert found.proof.point.radius_mean < 5e-4
+    # a target whose place is known does speak of the flange: then they are found with the rest
+    fixed = session_of(
+        table, **known | {"fixtures": Fixtures(reflectors=PLACES)},
+        fixed=tuple(f"reflector1.{axis}" for axis in "xyz"),
+    )  # fmt: skip
+    free = frames_of(robot(), fixed, table).parameters.free_names
+    assert set(last) <= set(free)
 
 
 def test_held_out_targets_are_those_identified_from_by_name():

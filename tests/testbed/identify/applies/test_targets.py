@@ -11,10 +11,12 @@ import pytest
 
 import testbed.identify.handback.deliver as deliver_module
 from calib.errors import InputError
+from calib.geometry.fixtures import Fixtures
 from calib.geometry.frames import step_transform
 from calib.geometry.joint_errors import JointErrors, harmonic_terms
 from calib.geometry.model import RobotModel
 from calib.identification.levels import with_errors
+from calib.measurement.observations import joined
 from calib.measurement.tables import points
 from calib.uncertainty.statement.conditions import Conditions
 from testbed.files.conditions import SetUp
@@ -332,7 +334,7 @@ def test_a_program_beyond_a_joint_map_is_told_so(tmp_path, monkeypatch):
     assert told.count("half a wave") == 1
 
 
-@pytest.mark.parametrize("kind", ["frames", "one point"])
+@pytest.mark.parametrize("kind", ["frames", "one point", "targets found"])
 def test_only_tolerances_tell_the_flange_where_another_target_was_measured(kind, tmp_path):
     """Robots whose last link is off as its tolerances say, measured at a target beside the flange.
 
@@ -348,7 +350,19 @@ def test_only_tolerances_tell_the_flange_where_another_target_was_measured(kind,
         table = table_of(replace(plain, chain=replace(plain.chain, links=links)), pool_r(60))
         if kind == "one point":
             table = points(table.q, table.position, sd=SIGMA_POSITION)
-        found = calibrate(robot(), session_of(table), Options(seed=1, held_out=20))
+        session = session_of(table)
+        if kind == "targets found":
+            corners = 0.08 * np.eye(3)
+            T = replace(plain, chain=replace(plain.chain, links=links)).poses(table.q)
+            seen = [T[:, :3, 3] + T[:, :3, :3] @ corner for corner in corners]
+            seen = rng.normal(seen, SIGMA_POSITION)
+            each = (points(table.q, p, sd=SIGMA_POSITION, reflector=k) for k, p in enumerate(seen))
+            session = session_of(
+                joined(list(each)),
+                fixtures=Fixtures(reflectors=np.zeros((3, 3))),
+                reflector_names=("A", "B", "C"),
+            )
+        found = calibrate(robot(), session, Options(seed=1, held_out=20))
         assert not found.own_frames
         folder = tmp_path / str(seed)
         folder.mkdir()
