@@ -204,7 +204,9 @@ def alike(
     # by which `lacking` offers them the same
     quarters = gravity_quarters(replace(fit.model.chain, T_flange_tool=np.eye(4)))
     kind = springs and springs.kind
-    return fit.model.names, free.tobytes(), believed, poses, quarters, kind
+    # springs that they have not are those that gravity loads as each of them stands
+    lacked = lacking(fit.model).names if quarters is None and springs is None else ()
+    return fit.model.names, free.tobytes(), believed, poses, quarters, kind, lacked
 
 
 def _plain(table: Measurements) -> bool:

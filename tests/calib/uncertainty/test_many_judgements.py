@@ -126,6 +126,17 @@ def test_what_is_no_plain_table_goes_alone():
     assert alike(robust, train, test, 0.95) is None
 
 
+def test_robots_that_lack_other_springs_do_not_go_together():
+    """Gravity turns the first joint of an arm only where that is found off the vertical."""
+    arm, rng = RobotModel(kinds.ARMS["iiwa"]), np.random.default_rng(7)
+    train, test = (kinds.poses(arm, kinds.joints("iiwa", rng, m), rng) for m in (M, N))
+    leaning = identify(arm, train, parameters_of(arm))
+    upright = replace(leaning, model=arm)
+    springs = [{*lacking(fit.model).names} for fit in (leaning, upright)]
+    assert springs[0] - springs[1] == {"spring1.z"}
+    assert alike(leaning, train, test, 0.95) != alike(upright, train, test, 0.95)
+
+
 def test_springs_that_models_lack_are_those_of_each():
     """Of an arm whose sag no waves are: they weigh the links that were identified."""
     arm, rng = RobotModel(kinds.ARMS["iiwa"]), np.random.default_rng(6)
