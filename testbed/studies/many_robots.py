@@ -163,8 +163,10 @@ def truth_of_kind(scenario: Scenario, truth: str) -> TruthSettings:
     return TruthSettings.model_validate_json(json.dumps(document))
 
 
-def mean_over_robots(values: Array, *, probability: float = 0.95) -> Mean:
+def mean_over_robots(values: Array, *, probability: float = 0.95, least: float = 0.0) -> Mean:
     """Mean and confidence interval of one figure per robot (R,), R at least 2.
+
+    Their standard deviation is taken for no less than `least`.
 
     References
     ----------
@@ -172,9 +174,29 @@ def mean_over_robots(values: Array, *, probability: float = 0.95) -> Mean:
     """
     from scipy.special import stdtrit
 
-    count = len(values)
+    count, sd = len(values), max(float(values.std(ddof=1)), least)
     t = float(stdtrit(count - 1, (1 + probability) / 2))
-    return Mean(float(values.mean()), t * float(values.std(ddof=1)) / count**0.5)
+    return Mean(float(values.mean()), t * sd / count**0.5)
+
+
+def share_over_robots(values: Array, points: ArrayLike, *, probability: float = 0.95) -> Mean:
+    """The same of one share per robot (R,), each of so many points (R,); R may be 1.
+
+    Points of one robot hang together, so robots differ at least as much as if each point were drawn
+    by itself: where a few robots happen to hold the same share, or hold everything, their scatter
+    says too little. One robot alone says nothing of others.
+
+    References
+    ----------
+    The least variance is the binomial p (1 - p) / n, with p as Agresti and Coull 1998 have it,
+    which no count makes 0 or 1.
+    """
+    if len(values) < 2:
+        return Mean(float(values.mean()), 1.0)
+    n = np.broadcast_to(np.asarray(points, np.float64), values.shape)
+    p = float((values * n).sum() + 2) / float(n.sum() + 4)
+    least = (p * (1 - p) * float(np.mean(1 / n))) ** 0.5
+    return mean_over_robots(values, probability=probability, least=least)
 
 
 def log_ratio_over_robots(one: Array, other: Array, *, probability: float = 0.95) -> Mean:

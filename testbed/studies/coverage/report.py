@@ -4,7 +4,14 @@ from testbed.report.page import Block, Figure, Points, Section, Text, Verdict
 from testbed.studies.coverage.plots import attained, sharpness
 from testbed.studies.coverage.settings import CoverageSettings
 from testbed.studies.coverage.study import BELIEVED, MODELS, STATEMENTS, STUDY, CoverageStudy
-from testbed.studies.coverage.summary import Cell, NumbersCheck, cells, followed, numbers_check
+from testbed.studies.coverage.summary import (
+    Cell,
+    NumbersCheck,
+    advised,
+    cells,
+    followed,
+    numbers_check,
+)
 from testbed.studies.coverage.tables import (
     advice_table,
     attained_share,
@@ -13,7 +20,6 @@ from testbed.studies.coverage.tables import (
     share_of,
     summary_table,
 )
-from testbed.studies.many_robots import mean_over_robots
 from testbed.studies.protocol import Answer
 from testbed.studies.trial.records import Campaign
 from testbed.units import NARROW, counted, listed, micrometres, percent, plain
@@ -64,7 +70,10 @@ def believable_sentence(found: tuple[Cell, ...]) -> str:
     phrases, refused = [], [cell.truth for cell in found if cell.refused]
     for statement in ("region", "conformal", "model", "discrepancy"):
         made = [c for c in found if c.statement == statement and not c.refused]
-        kept = [(c.model, c.truth) for c in made if c.believable]
+        if made and all(c.outcome == "undecided" for c in made):
+            phrases.append(f"{NAMES[statement]} cannot be judged by so few robots")
+            continue
+        kept = [(c.model, c.truth) for c in made if c.kept]
         truths = list(dict.fromkeys(c.truth for c in made))
         where = [on([truth for m, truth in kept if m == model], truths) for model in MODELS]
         if where[0] == where[1]:
@@ -72,6 +81,8 @@ def believable_sentence(found: tuple[Cell, ...]) -> str:
         else:
             each = [f"{w} with the {m} model" for w, m in zip(where, MODELS, strict=True)]
             phrases.append(f"{NAMES[statement]} {' and '.join(each)}")
+        if left := list(dict.fromkeys(c.truth for c in made if c.outcome == "undecided")):
+            phrases[-1] += f" (so few robots leave it open on {listed(left)} robots)"
     if refused:
         other = phrases[0].replace("every robot", "every other robot")
         phrases[0] = f"{other} (nothing is stated on {listed(list(dict.fromkeys(refused)))} robots)"
@@ -106,7 +117,7 @@ def consequences(studies: tuple[CoverageStudy, ...], found: tuple[Cell, ...]) ->
                 "says so, from residuals and validation poses, on "
                 f"{span([warned[c.truth, model] for c in rows])} of these robots."
             )
-    sound = [warned[c.truth, c.model] for c in regions if c.believable]
+    sound = [warned[c.truth, c.model] for c in regions if c.kept]
     if sound:
         said.append(
             f"Where the parameters alone hold, a test contradicts them on {span(sound)} of the "
@@ -160,10 +171,10 @@ def obeyed(studies: tuple[CoverageStudy, ...]) -> str:
     """What happens to whoever does as the program says."""
     each = []
     for study in studies:
-        shares, without = followed(study)
+        mean, (_, without) = advised(study), followed(study)
         nothing = f", nothing to believe on {counted(without, 'robot')}" if without else ""
-        if len(shares) > 1:
-            each.append(f"{attained_share(mean_over_robots(shares))} ({study.truth}{nothing})")
+        if mean is not None:
+            each.append(f"{attained_share(mean)} ({study.truth}{nothing})")
         else:
             each.append(f"nothing to believe ({study.truth})")
     return (
@@ -208,7 +219,8 @@ def procedure(campaign: Campaign) -> str:
         "those that are measured and used in parts. The geometric model has every free number "
         "that can be told apart, without a prior; the extended model adds sag and "
         "harmonics, all under the weak prior. Poses of one robot share its parameter error, so a "
-        "robot counts once: bands are Student's t over robots."
+        "robot counts once: bands are Student's t over robots, and no narrower than poses drawn by "
+        "themselves would make them."
     )
 
 
@@ -239,19 +251,24 @@ def answer(campaign: Campaign) -> Answer:
     """The first screen: whether the believed region keeps its promise, and what does not."""
     studies = STUDY.of(campaign)
     found = cells(studies)
-    short = {cell.truth for cell in found if cell.statement == BELIEVED and not cell.believable}
+    made = [cell for cell in found if cell.statement == BELIEVED and not cell.refused]
+    short = {cell.truth for cell in made if not cell.believable}
     alone = {cell.truth for cell in found if cell.statement == "model" and not cell.believable}
-    kinds = f"{len(studies)} kind{'s' if len(studies) > 1 else ''} of robots"
-    mark = (
-        f"✗ The believed region falls short on {len(short)} of {kinds}"
-        if short
-        else f"✓ The believed region falls short on none of {kinds}; parameters alone on "
-        f"{len(alone)}"
-    )
+    judged, told = {cell.truth for cell in made}, all(cell.kept for cell in made)
+    kinds = f"{len(judged)} kind{'s' if len(judged) > 1 else ''} of robots"
+    if short:
+        mark = f"✗ The believed region falls short on {len(short)} of {kinds}"
+    elif not made:
+        mark = "? Nothing is believed on any of these robots, so no promise was judged"
+    elif not told:
+        mark = "? Too few robots to tell whether the believed region keeps its promise"
+    else:
+        mark = f"✓ The believed region falls short on none of {kinds}"
+        mark += f"; parameters alone on {len(alone)}"
     reasons = tuple(map(plain, consequences(studies, found)))
     sentence = plain(believable_sentence(found))
     return Answer(
-        Verdict(not short, bool(short), sentence, reasons, mark),
+        Verdict(bool(made) and told, bool(short), sentence, reasons, mark),
         summary_table(studies),
         "In a run of your own let the evidence choose the model ([identification] model = "
         '"choose"), measure 19 held-out poses or more, drawn from where the robot is used, and '

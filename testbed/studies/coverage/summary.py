@@ -17,11 +17,13 @@ from calib.uncertainty.statement.memory import REMEMBERS
 from testbed.store.kept import each_row
 from testbed.store.quantities import METRE, Quantity, below, in_si
 from testbed.studies.coverage.study import BELIEVED, MODELS, STATEMENTS, CoverageStudy
-from testbed.studies.many_robots import family_confidence, mean_over_robots
+from testbed.studies.many_robots import family_confidence, share_over_robots
 from testbed.studies.trial.replications import BAND, binomial_band, chi_square_mean_band
 from testbed.units import Mean
 
-Outcome = Literal["holds", "wide", "short", "refused"]
+Outcome = Literal["holds", "wide", "short", "undecided", "refused"]
+TWICE = 2.0
+"""Times the promised share outside: where that many may be, more robots are needed to tell."""
 ARRAYS = (
     *("inside", "radius_m", "mean_error_m", "p_value", "held_out_p", "flagged", "log_evidence"),
     *("believed", "growth", "p_drift", "nees", "normal_error"),
@@ -48,17 +50,27 @@ class Cell:
 
     @property
     def outcome(self) -> Outcome:
-        """Whether the joint interval reaches the promise, lies above it, or below."""
+        """Whether the joint interval reaches the promise, lies above it, or below.
+
+        Undecided: it also holds a share that leaves `TWICE` as many points outside as promised.
+        """
         if self.refused:
             return "refused"
         if self.joint.high < self.level:
             return "short"
-        return "wide" if self.joint.low > self.level else "holds"
+        if self.joint.low > self.level:
+            return "wide"
+        return "holds" if self.joint.low >= 1 - TWICE * (1 - self.level) else "undecided"
 
     @property
     def believable(self) -> bool:
-        """Whether the promise is kept as far as this many robots can tell."""
+        """Whether nothing contradicts the promise; of few robots that says little."""
         return self.outcome != "short"
+
+    @property
+    def kept(self) -> bool:
+        """Whether the promise is kept, and there are robots enough to tell."""
+        return self.outcome in ("holds", "wide")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -101,8 +113,8 @@ def cells(studies: tuple[CoverageStudy, ...]) -> tuple[Cell, ...]:
             model,
             statement,
             study.level,
-            mean_over_robots(inside[j, made]),
-            mean_over_robots(inside[j, made], probability=together),
+            share_over_robots(inside[j, made], points),
+            share_over_robots(inside[j, made], points, probability=together),
             float(radius[j, made].mean()),
             statement == BELIEVED and not study.believed[i].any(),
         )
@@ -112,7 +124,27 @@ def cells(studies: tuple[CoverageStudy, ...]) -> tuple[Cell, ...]:
         )
         for j, statement in enumerate(STATEMENTS)
         for made in [study.made(i, j)]
+        for points in [points_of(study, i, j)[made]]
     )
+
+
+def points_of(study: CoverageStudy, model: int, statement: int) -> Array:
+    """How many points the share of each robot (R,) is of: those with a region, if it is one."""
+    every = np.full(study.before.size, float(study.judged))
+    if STATEMENTS[statement] != BELIEVED:
+        return every
+    told = np.rint(study.believed[model] * study.judged)
+    return np.where(told > 0, told, every)
+
+
+def advised(study: CoverageStudy) -> Mean | None:
+    """The share of whoever does as told, with its interval; None if nothing is believed."""
+    shares, _ = followed(study)
+    robots, model = np.arange(study.before.size), study.extended.astype(np.int64)
+    region = STATEMENTS.index(BELIEVED)
+    points = np.stack([points_of(study, i, region) for i in range(len(MODELS))])[model, robots]
+    told = study.believed[model, robots] > 0
+    return share_over_robots(shares, points[told]) if len(shares) else None
 
 
 def followed(study: CoverageStudy) -> tuple[Array, int]:
@@ -203,8 +235,7 @@ def _of_kind(study: CoverageStudy, found: tuple[Cell, ...]) -> Iterator[Quantity
                 yield Quantity(f"{key}/joint_ci_95", share_interval(cell.joint))
                 yield Quantity(f"{key}/radius_mm", cell.radius, METRE)
                 yield Quantity(f"{key}/outcome", cell.outcome)
-    shares, without = followed(study)
-    mean = mean_over_robots(shares) if len(shares) > 1 else None
+    mean, (_, without) = advised(study), followed(study)
     yield Quantity("advice_followed/inside", mean and mean.value)
     yield Quantity("advice_followed/ci_95", mean and share_interval(mean))
     yield Quantity("advice_followed/nothing_to_believe", without)

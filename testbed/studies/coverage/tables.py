@@ -8,8 +8,7 @@ import numpy as np
 from calib.uncertainty.statement.memory import REMEMBERS
 from testbed.report.page import Table, table_of
 from testbed.studies.coverage.study import MODELS, STATEMENTS, CoverageStudy
-from testbed.studies.coverage.summary import Cell, NumbersCheck, cells, followed
-from testbed.studies.many_robots import mean_over_robots
+from testbed.studies.coverage.summary import Cell, NumbersCheck, advised, cells
 from testbed.units import (
     MM,
     NARROW,
@@ -28,8 +27,14 @@ SHORT = {
     "discrepancy": "with discrepancy",
     "conformal": "conformal",
 }
-WORDS = {"holds": "kept", "wide": "wide", "short": "NO", "refused": "refused"}
-MARKS = {"holds": "", "wide": "", "short": " NO", "refused": " refused"}
+WORDS = {
+    "holds": "kept",
+    "wide": "wide",
+    "short": "NO",
+    "undecided": "undecided",
+    "refused": "refused",
+}
+MARKS = {"holds": "", "wide": "", "short": " NO", "undecided": " ?", "refused": " refused"}
 
 
 def summary_table(studies: tuple[CoverageStudy, ...]) -> Table:
@@ -45,8 +50,9 @@ def summary_table(studies: tuple[CoverageStudy, ...]) -> Table:
             (truth, *(share_of(c.share.value) + MARKS[c.outcome] for c in of_kind))
             for truth, of_kind in groupby(cells(studies), key=lambda cell: cell.truth)
         ),
-        note="NO: falls short by bands over robots that hold for all cells at once. refused: the "
-        "program states nothing there; the share is that of whoever would use it all the same.",
+        note="NO: falls short by bands over robots that hold for all cells at once. ?: too few "
+        "robots to tell. refused: the program states nothing there; the share is that of whoever "
+        "would use it all the same.",
     )
 
 
@@ -78,8 +84,10 @@ def coverage_table(studies: tuple[CoverageStudy, ...], found: tuple[Cell, ...]) 
         note="inside: share of held-out points inside what is stated, mean over robots and 95 % "
         "band. radius: of the ball with the region's volume. error: mean distance of true and "
         "predicted point. promise: kept, NO where the band that holds for all cells at once lies "
-        "below it, wide where it lies above, refused where the program states nothing. flagged: "
-        "robots on which a test contradicts the region from the parameters alone. Bold: the model "
+        "below it, wide where it lies above, undecided where it also holds a share that leaves "
+        "twice as many points outside as promised, refused where the program states nothing. "
+        "flagged: robots on which a test contradicts the region from the parameters alone. Bold: "
+        "the model "
         "that the evidence chooses on most of these robots.",
     )
 
@@ -117,7 +125,7 @@ def advice_table(studies: tuple[CoverageStudy, ...]) -> Table:
     rows = []
     for study in studies:
         chosen, robots = study.extended.astype(int), np.arange(study.before.size)
-        shares, _ = followed(study)
+        followed = advised(study)
         drift = study.p_drift[chosen, robots] < REMEMBERS
         rows.append(
             {
@@ -127,9 +135,7 @@ def advice_table(studies: tuple[CoverageStudy, ...]) -> Table:
                 "places refused": share_of(1 - float(study.believed[chosen, robots].mean())),
                 "grown": f"× {fixed(float(study.growth[chosen, robots].mean()), 2)}",
                 "drift seen": percent(float(drift.mean())),
-                "inside, advice followed": attained_share(mean_over_robots(shares))
-                if len(shares) > 1
-                else "–",
+                "inside, advice followed": "–" if followed is None else attained_share(followed),
             }
         )
     return table_of(

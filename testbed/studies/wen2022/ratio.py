@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from calib.arrays import Array, Index
-from testbed.studies.many_robots import mean_over_robots
+from testbed.studies.many_robots import mean_over_robots, share_over_robots
 from testbed.studies.wen2022 import paper
 from testbed.studies.wen2022.records import Reexamined
 from testbed.units import Mean
@@ -52,9 +52,20 @@ def over(values: Array, pool: Index, *, probability: float = 0.95) -> Mean:
     pool : (R,) array
         Pool of each robot, 0 to P - 1, each as often. One pool: the robots are the units.
     """
-    if pool.any():
-        values = np.array([values[pool == p].mean() for p in range(int(pool.max()) + 1)])
-    return mean_over_robots(values, probability=probability)
+    return mean_over_robots(_of_units(values, pool), probability=probability)
+
+
+def share_over(values: Array, points: int, pool: Index) -> Mean:
+    """The same of one share per robot (R,), each of so many points."""
+    each = _of_units(values, pool)
+    return share_over_robots(each, points * len(values) / len(each))
+
+
+def _of_units(values: Array, pool: Index) -> Array:
+    """Means over the robots of each pool; of one pool the robots themselves."""
+    if not pool.any():
+        return values
+    return np.array([values[pool == p].mean() for p in range(int(pool.max()) + 1)])
 
 
 def over_pools(values: Array) -> Mean:

@@ -32,6 +32,7 @@ from testbed.studies.wen2022.records import (
 )
 from testbed.studies.wen2022.stated import Judged, judged_statements
 from testbed.studies.wen2022.summary import Reexamination, of_kind, reexamination_of
+from testbed.units import Mean
 
 ARRAYS = {name: name for name in ("pool", "u_best", "u_r", "u_p", "u_w")} | {
     "held_out_error_m": "error",
@@ -205,11 +206,17 @@ def _on_one_kind(again: Reexamination, kind: Reexamined) -> Iterator[Quantity]:
         yield Quantity(f"{key}/outcome", one.outcome)
     for held in of_kind(again.statements, kind):
         key = f"inside_95/{held.trial}"
-        yield from below(key, map(Quantity, STATEMENTS, held.shares))
-        yield from below(key, fields_of(held, {"numbers": "numbers", "stated_u_mm": "u"}))
+        names, shares = (*STATEMENTS, "numbers"), (*held.shares, held.numbers)
+        yield from below(key, map(Quantity, names, map(_share, shares)))
+        yield from below(key, fields_of(held, {"stated_u_mm": "u"}))
     tables = [
         {"poses": row.printed.poses, "optimal": row.printed.optimal}
         | as_json(fields_of(row, TABLES))
         for row in again.paper_rows(kind)
     ]
     yield Quantity("tables", tables)
+
+
+def _share(mean: Mean) -> dict[str, object]:
+    """A share with its interval, which ends at none and at all."""
+    return {"value": mean.value, "ci_95": [max(mean.low, 0.0), min(mean.high, 1.0)]}

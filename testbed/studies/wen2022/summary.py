@@ -15,7 +15,7 @@ from testbed.studies.many_robots import Outcome, family_confidence, outcome_of
 from testbed.studies.trial.records import Campaign
 from testbed.studies.wen2022 import paper
 from testbed.studies.wen2022.paper_set import designed_trials
-from testbed.studies.wen2022.ratio import Split, over, over_pools, split_of
+from testbed.studies.wen2022.ratio import Split, over, over_pools, share_over, split_of
 from testbed.studies.wen2022.records import (
     ESTIMATORS,
     PoolSets,
@@ -200,12 +200,13 @@ class Reexamination:
     @cached_property
     def statements(self) -> tuple[Held, ...]:
         """Kinds of robots in their order, then the paper's optimal sets."""
+        points, numbers = self.sets.test_q.shape[1], len(self.sets.names)
         return tuple(
             Held(
                 kind.truth,
                 trial,
-                tuple(over(inside, kind.pool) for inside in kind.inside[i]),
-                over(kind.numbers_inside[i], kind.pool),
+                tuple(share_over(inside, points, kind.pool) for inside in kind.inside[i]),
+                share_over(kind.numbers_inside[i], numbers, kind.pool),
                 over(kind.distance_u[i], kind.pool),
                 over(kind.error[kind.trials.index(trial), 0], kind.pool),
             )
