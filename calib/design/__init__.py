@@ -20,6 +20,7 @@ from calib.design.pose_budget import pose_budget as pose_budget
 from calib.design.pose_count import PoseCount as PoseCount
 from calib.design.pose_count import pose_count as pose_count
 from calib.design.problem import Problem as Problem
+from calib.design.random import UNTOLD as UNTOLD
 from calib.design.random import RandomFigures as RandomFigures
 from calib.design.random import best_of_random as best_of_random
 from calib.design.random import random_selection as random_selection

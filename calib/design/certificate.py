@@ -79,6 +79,8 @@ def certificate_of(
     value = float(criterion.value(M))
     if not isinstance(criterion, Certifiable) or not np.isfinite(value):
         return None
+    if problem.is_singular(chosen):
+        return None  # what its smallest eigenvalue has is rounding
     relaxed = relaxation(problem, iterations=iterations, tolerance=tolerance)
     return certificate_of_bound(problem, criterion, value, relaxed.bound, len(relaxed.trace))
 

@@ -9,9 +9,10 @@ import numpy as np
 from calib.arrays import Array, Index, frozen
 from calib.design.certificate import certificate_of_bound
 from calib.design.exchange import best_exchange
-from calib.design.problem import Problem
+from calib.design.problem import NO_POSES, Problem
+from calib.design.random import UNTOLD
 from calib.design.relaxation import Grams, relaxation
-from calib.errors import refuse
+from calib.errors import InputError, refuse
 from calib.information.criteria.base import Certifiable
 from calib.shown import ResultTable, Shown
 
@@ -32,11 +33,12 @@ class PoseBudget(Shown):
     counts: Index
     """(k,) numbers of poses, ascending."""
     reached: Array
-    """(k,) figure of the designed set of each size [m]."""
+    """(k,) figure of the designed set of each size; inf where none was found that tells all numbers
+    apart [m]."""
     possible: Array
     """(k,) figure that no set of that size can better [m]."""
     sets: tuple[Index, ...]
-    """(k,) that designed set (m,) itself."""
+    """(k,) that designed set (m,) itself; empty where there is none."""
     smallest: int | None
     """Fewest poses with which a designed set reaches the target; None if none does."""
     proven: int | None
@@ -77,10 +79,17 @@ class _Curve:
         """What m poses reach."""
         if m not in self.points:
             problem = self.problem.resize(m)
-            best = best_exchange(problem, self.rng, restarts=self.restarts)
-            bound = relaxation(problem, packed=self.packed).bound
-            limit = certificate_of_bound(problem, self.criterion, best.value, bound)
-            self.points[m] = _Point(best.chosen, limit.figure, limit.figure_bound)
+            relaxed = relaxation(problem, packed=self.packed)
+            try:
+                best = best_exchange(problem, self.rng, restarts=self.restarts)
+            except InputError as error:
+                if error.code != UNTOLD:
+                    raise
+                # as many equations as numbers or more, and still each set leaves something unseen
+                self.points[m] = _Point(NO_POSES, np.inf, relaxed.figure)
+            else:
+                limit = certificate_of_bound(problem, self.criterion, best.value, relaxed.bound)
+                self.points[m] = _Point(best.chosen, limit.figure, limit.figure_bound)
         return self.points[m]
 
     def fewest(
@@ -188,8 +197,11 @@ def _sentence(
     asked = f"u = {target * 1e6:.4g} um"
     if smallest is None:
         _, figure, bound = curve.at(high)
-        words = f"{asked} is not reached with {high} poses: the designed set gives "
-        words += f"{figure * 1e6:.4g} um"
+        words = f"{asked} is not reached with {high} poses: "
+        if np.isfinite(figure):
+            words += f"the designed set gives {figure * 1e6:.4g} um"
+        else:
+            words += "no set of so many was found that tells all numbers apart"
         if proven is None:
             return words + f", and no set of {high} gives less than {bound * 1e6:.4g} um"
         return words + f"; fewer than {proven} poses are proven to be too few"

@@ -1,19 +1,23 @@
 """Random pose sets: one, or many with their figures for comparison."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from calib.arrays import Array, Index, frozen
+from calib.design.greedy import grow
 from calib.design.problem import LARGER_POOL, Problem, poses_wanted
 from calib.design.selection import Selection, figure_of_rows, selection_of
 from calib.errors import refuse
+from calib.information.criteria.d import D
 from calib.information.criteria.lazy import first_best
 from calib.shown import Shown
 
 DRAWS = 1000
 """Random sets drawn before giving up on a nonsingular one."""
+UNTOLD = "M28"
+"""Code of the error that no set of so many poses tells all numbers apart."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -73,17 +77,20 @@ def draw_set(problem: Problem, rng: np.random.Generator) -> Index:
 
 
 def nonsingular_set(problem: Problem, rng: np.random.Generator) -> Index:
-    """Random set (m,) that determines all numbers."""
+    """Random set (m,) that determines all numbers; the one grown by volume where none is drawn."""
     for _ in range(DRAWS):
         chosen = draw_set(problem, rng)
         if not problem.is_singular(chosen):
             return chosen
+    grown = np.sort(np.array(grow(replace(problem, criterion=D())).chosen, dtype=np.int64))
+    if not problem.is_singular(grown):
+        return grown
     raise refuse(
         "m",
         problem.m,
-        code="M28",
-        message=f"none of {DRAWS} random sets of {problem.m} poses tells all {problem.p} numbers "
-        "apart",
+        code=UNTOLD,
+        message=f"no set of {problem.m} poses was found that tells all numbers apart: neither any "
+        f"of {DRAWS} random ones nor the one grown pose by pose",
         fix="choose more poses, or a pool with fewer poses alike",
     )
 
@@ -97,5 +104,5 @@ def starting_set(
     chosen = np.sort(problem.require_set(start, "start"))
     if problem.is_singular(chosen):
         message = "start leaves a direction unseen"
-        raise refuse("start", code="M28", message=message, fix="start elsewhere")
+        raise refuse("start", code=UNTOLD, message=message, fix="start elsewhere")
     return chosen

@@ -1,21 +1,24 @@
 """The poses of a plan and the uncertainty predicted for them; the one door to calib's design."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from calib.arrays import Array, Index, frozen
 from calib.design import (
+    UNTOLD,
     PoseBudget,
+    Problem,
     best_next,
     certify,
     exchange,
     pose_budget,
     random_selection,
 )
-from calib.design.blocks import has_full_rank
+from calib.design.blocks import has_full_rank, unobservable_in_words
 from calib.design.certificate import no_proof
 from calib.design.relaxation import relaxation
-from calib.errors import refuse
-from calib.information.rank import rank
+from calib.errors import InputError, refuse
 from testbed.laboratory.tracker.predicted import goal_u
 from testbed.plan.promises import OVER, efficiency_word, factor_words
 from testbed.plan.records import Curve, NextPose, Proof
@@ -48,15 +51,22 @@ def designed(task: DesignTask, rng: np.random.Generator) -> tuple[Index, str, Cu
     """
     if task.target is None:
         # first the set: its errors name the number of poses asked for
-        places = task.select(task.settings.poses, rng).indices
+        places = _told(task, task.select(task.settings.poses, rng).indices)
         problem = task.problem(len(task.blocks), task.judge)
-        counts = _counts(task, task.settings.poses)
+        counts = _counts(problem, task.settings.poses)
         budget = pose_budget(problem, NO_TARGET, rng, counts=counts, restarts=1)
         return np.sort(places), task.settings.method, _curve(task, budget, places, rng)
-    problem = task.problem(min(MOST_POSES, len(task.blocks)), task.judge)
+    most = min(MOST_POSES, len(task.blocks))
+    if most < task.fewest:
+        raise too_few(task, most)
+    problem = task.problem(most, task.judge)
     # where no set of the largest number reaches it, there is nothing to climb to
     only = [problem.m] if relaxation(problem).figure > task.target else None
     budget = pose_budget(problem, task.target, rng, counts=only, restarts=CURVE_RESTARTS)
+    if (budget.smallest or most) < task.fewest:
+        # reached without an equation to spare: from there on
+        spare = replace(problem, fewest=task.fewest)
+        budget = pose_budget(spare, task.target, rng, restarts=CURVE_RESTARTS)
     if budget.smallest is None:
         target, k = task.settings.target_um, task.settings.coverage * 1e6
         reached, possible = float(budget.reached[-1]) * k, float(budget.possible[-1]) * k
@@ -70,31 +80,76 @@ def designed(task: DesignTask, rng: np.random.Generator) -> tuple[Index, str, Cu
             message=f"[plan] target_um is {target:g}, which "
             f"{_poses(len(budget.chosen), 'do', 'does')} not reach",
         )  # fmt: skip
-    own, method = task.select(budget.smallest, rng).indices, task.settings.method
-    places = min((own, budget.chosen), key=task.u)
+    own, method = _found(task, budget.smallest, rng), task.settings.method
+    places = budget.chosen if own is None else min((own, budget.chosen), key=task.u)
     if places is budget.chosen:
         method = "exchange"
-    while len(places) > (budget.proven or 1):
+    while len(places) > max(budget.proven or 1, task.fewest):
         # the curve's few starts may miss a smaller set that the method itself finds
-        fewer = task.select(len(places) - 1, rng).indices
-        if task.u(fewer) > task.target:
+        fewer = _found(task, len(places) - 1, rng)
+        if fewer is None or task.u(fewer) > task.target:
             break
         places, method = fewer, task.settings.method
     return np.sort(places), method, _curve(task, budget, places, rng)
 
 
-def _counts(task: DesignTask, m: int) -> list[int]:
+def check_enough(task: DesignTask) -> None:
+    """Refuse a number of poses that leaves the calibration no equation to judge itself by."""
+    if 0 < task.settings.poses < task.fewest:
+        raise too_few(task, task.settings.poses)
+
+
+def too_few(task: DesignTask, m: int) -> InputError:
+    """The error for m poses whose equations are no more than the numbers, as `identify` has it."""
+    _, r, p = task.blocks.shape
+    equations = len(task.before) + m * r
+    beside = f", with the {len(task.before) // r} measured already," if len(task.before) else ""
+    value = task.settings.poses
+    what = f"[plan] poses is {value}" if value else f"the pool has {m}"
+    return refuse(
+        "plan.poses", value, code="M27",
+        message=f"{what}: {counted(m, 'pose')}{beside} {'give' if m > 1 else 'gives'} {equations} "
+        f"equations for {p} numbers, and a calibration needs more equations than numbers",
+        fix=f"{'write poses =' if value else 'enlarge [pool] size to'} {task.fewest} or more",
+    )  # fmt: skip
+
+
+def _found(task: DesignTask, m: int, rng: np.random.Generator) -> Index | None:
+    """The scenario's method's set of m poses; None if it finds none that tells all numbers."""
+    try:
+        places = task.select(m, rng).indices
+    except InputError as error:
+        if error.code != UNTOLD:
+            raise
+        return None
+    return places if task.is_told_by(places) else None
+
+
+def _told(task: DesignTask, places: Index) -> Index:
+    """The set, if it tells all numbers apart: one drawn at random may not."""
+    if task.is_told_by(places):
+        return places
+    words = unobservable_in_words(task.rows(places)[:, : task.p], task.names)
+    raise refuse(
+        "plan.method", task.settings.method, words, code=UNTOLD,
+        message=f"the {counted(len(places), 'pose')} of [plan] method "
+        f'"{task.settings.method}" cannot tell the {task.p} numbers apart',
+        fix='write method = "exchange", or more poses',
+    )  # fmt: skip
+
+
+def _counts(problem: Problem, m: int) -> list[int]:
     """Numbers of poses to show around m."""
-    r, p = task.blocks.shape[1:]
-    missing = p - (rank(task.before[:, :p]) if len(task.before) else 0)
-    fewest = min(-(-missing // r) + 1, m)
-    most = min(max(2 * m, fewest + 1), len(task.blocks))
+    fewest = min(problem.fewest + 1, m)
+    most = min(max(2 * m, fewest + 1), len(problem.pool))
     return sorted({m, *(int(value) for value in np.geomspace(fewest, most, CURVE_POINTS).round())})
 
 
 def _curve(task: DesignTask, budget: PoseBudget, places: Index, rng: np.random.Generator) -> Curve:
     """The budget with the plan's own set in it and random sets beside it."""
-    counts, u, bound, sets = budget.counts, budget.reached, budget.possible, list(budget.sets)
+    told = np.isfinite(budget.reached)
+    counts, u, bound = budget.counts[told], budget.reached[told], budget.possible[told]
+    sets = [budget.sets[k] for k in np.flatnonzero(told)]
     m, at = len(places), int(np.searchsorted(counts, len(places)))
     if at == len(counts) or counts[at] != m:
         limit = certify(task.problem(m, task.judge), places)

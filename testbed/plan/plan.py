@@ -23,6 +23,7 @@ from testbed.laboratory.tracker.stations import (
     station_grid,
 )
 from testbed.plan.design import (
+    check_enough,
     designed,
     leverages,
     next_poses,
@@ -95,6 +96,7 @@ def _plan(scenario: Scenario, tell: Progress, where: str) -> Plan:
     bench.check_seen(shown, goal.q, goal.point)
     goals = _goals(bench, goal, parameters)
     task = _task(bench, goals, parameters, pool.q, measured)
+    check_enough(task)
     places, method, curve = designed(task, stream(scenario.seed, "plan", "select"))
     require_ranges(bench, np.vstack([pool.q[places], apart]), "the plan")
     tell(STEPS[3], 3, len(STEPS))

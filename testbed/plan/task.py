@@ -43,6 +43,12 @@ class DesignTask:
         return int(self.shared.shape[2])
 
     @property
+    def fewest(self) -> int:
+        """Fewest poses that give a calibration more equations than numbers."""
+        r = int(self.blocks.shape[1])
+        return max((self.p - len(self.before)) // r + 1, 1)
+
+    @property
     def criterion(self) -> Criterion:
         """What the set is chosen by; V and G count what all readings share."""
         return self._criterion(self.settings.criterion)

@@ -7,6 +7,7 @@ import numpy as np
 from calib.arrays import Array, Bool
 from calib.design.blocks import paper_blocks, scaled_blocks
 from calib.design.selection import figure_of_rows
+from calib.geometry.frames import exp_so3
 from calib.geometry.parameters import parameters_of
 from calib.information.criteria.base import Criterion, Move, Pool
 from calib.information.criteria.named import criterion_named
@@ -30,6 +31,12 @@ def small_pool(seed: int, n: int = 12, r: int = 2, p: int = 5) -> Array:
     """Random blocks (n, r, p) of uneven size."""
     rng = np.random.default_rng(seed)
     return rng.normal(size=(n, r, p)) * rng.uniform(0.3, 3, (n, 1, 1))
+
+
+def turned_pool(n: int = 20) -> Array:
+    """Blocks [I, R] (n, 3, 6) of turns R: two leave unseen what neither moves."""
+    turns = exp_so3(np.random.default_rng(0).normal(size=(n, 3)))
+    return np.concatenate([np.broadcast_to(np.eye(3), turns.shape), turns], axis=2)
 
 
 def goal_set(free: tuple[str, ...] = WEN24, n: int = 2000) -> Goals:

@@ -10,6 +10,7 @@ from calib.design import Problem, certify, detmax, exchange, random_selection, r
 from calib.design.blocks import has_full_rank, information
 from calib.design.certificate import no_proof
 from calib.errors import InputError
+from calib.geometry.frames import exp_so3
 from calib.information.criteria.named import criterion_named
 from calib.information.goals import Goals
 from tests.calib.design.design_cases import (
@@ -22,6 +23,19 @@ from tests.calib.design.design_cases import (
 from tests.reference import READABLE30, WEN24
 
 CONVEX = ("D", "A", "V", "G", "E")
+
+
+@pytest.mark.parametrize("name", CONVEX)
+def test_a_set_that_leaves_a_direction_unseen_has_none(name: str):
+    """Each pose shows one number of three, and sets of three that show two."""
+    blocks = np.zeros((6, 1, 3))
+    blocks[np.arange(6), 0, np.arange(6) % 3] = 1.0 + np.arange(6)
+    problem = Problem.of_blocks(blocks, 3, small_criterion(name, 3))
+    assert certify(problem, [0, 1, 3]) is None
+    assert certify(problem, [0, 1, 2]) is not None
+    # the same where rounding leaves a smallest eigenvalue above zero
+    turn = exp_so3(np.array([[0.3, -0.5, 0.7]]))[0]
+    assert certify(Problem.of_blocks(blocks @ turn, 3, problem.criterion), [0, 1, 3]) is None
 
 
 @pytest.mark.parametrize("name", CONVEX)

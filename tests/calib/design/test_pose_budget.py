@@ -12,7 +12,13 @@ from calib.design.exchange import Best
 from calib.design.random import draw_set
 from calib.errors import InputError
 from calib.information.criteria.named import criterion_named
-from tests.calib.design.design_cases import goal_set, small_criterion, small_pool, whitened_pool
+from tests.calib.design.design_cases import (
+    goal_set,
+    small_criterion,
+    small_pool,
+    turned_pool,
+    whitened_pool,
+)
 
 # predicted RMS tool-point u [um] of V designs over goal set G, by poses (reference study, 3 %)
 CURVE = {8: 27.6, 10: 23.9, 12: 21.0, 15: 18.6, 18: 16.7, 22: 15.0, 26: 13.8, 29: 13.0, 35: 11.8}
@@ -98,6 +104,22 @@ def test_a_target_out_of_reach_is_said_to_be():
     assert found.proven is None
     assert "is not reached with 11 poses" in found.sentence
     assert "no set of 11 gives less" in found.sentence
+
+
+@pytest.mark.parametrize("counts", [None, [2, 3, 4, 6]])
+def test_a_number_of_poses_that_no_set_can_do_with_is_passed_over(counts):
+    problem = Problem.of_blocks(turned_pool(), 6, small_criterion("V", 6))
+    assert problem.fewest == 2  # as many equations as numbers, and they never suffice
+    target = 1.03 * exchange(problem.resize(4), np.random.default_rng(0)).value
+    found = pose_budget(problem, target, np.random.default_rng(0), counts=counts)
+    assert found.smallest == 4
+    curve = dict(zip(found.counts.tolist(), found.reached, strict=True))
+    assert np.isinf(curve[2])
+    assert [len(places) for places in found.sets] == [0 if m == 2 else m for m in found.counts]
+    assert np.isfinite(found.possible).all()
+    none = pose_budget(problem, target, np.random.default_rng(0), counts=[2])
+    assert none.smallest is None
+    assert "no set of so many was found that tells all numbers apart" in none.sentence
 
 
 @pytest.mark.slow

@@ -3,11 +3,20 @@
 import numpy as np
 import pytest
 
-from calib.design import Problem, best_of_random, random_selection, random_set, random_sets
+from calib.design import (
+    Problem,
+    best_of_random,
+    detmax,
+    exchange,
+    fedorov,
+    random_selection,
+    random_set,
+    random_sets,
+)
 from calib.design.random import nonsingular_set
 from calib.errors import InputError
 from calib.information.observability import CRITERIA, IndexName
-from tests.calib.design.design_cases import small_pool, whitened_pool
+from tests.calib.design.design_cases import small_pool, turned_pool, whitened_pool
 
 
 def test_a_random_set_is_ascending_without_repeats_and_reproducible():
@@ -46,8 +55,18 @@ def test_a_pool_full_of_twins_is_told_apart_from_one_that_is_merely_unlucky(monk
     blind = blocks.copy()
     blind[:1199, :, 4] = 0  # one pose in 1200 sees the last number
     blind[1199, :, 4] = 1
-    with pytest.raises(InputError, match="none of 10 random sets"):
-        nonsingular_set(Problem.of_blocks(blind, 3, "D"), np.random.default_rng(3))
+    for criterion in ("D", "O2"):
+        alone = Problem.of_blocks(blind, 3, criterion)
+        assert 1199 in nonsingular_set(alone, np.random.default_rng(3))
+
+
+@pytest.mark.parametrize("search", [detmax, exchange, fedorov])
+def test_a_size_that_no_set_can_do_with_is_refused(search):
+    """Two frames seen by their origins: of two turns one axis always stays the same."""
+    problem = Problem.of_blocks(turned_pool(), 2, "D")
+    with pytest.raises(InputError, match="no set of 2 poses was found that tells all numbers"):
+        search(problem, np.random.default_rng(0))
+    assert len(search(problem.resize(3), np.random.default_rng(0))) == 3
 
 
 @pytest.mark.parametrize("m", [0, 51])

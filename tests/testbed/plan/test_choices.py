@@ -5,10 +5,12 @@ import pytest
 
 from calib.design import METHODS
 from calib.errors import InputError
+from calib.identification.identify import identify
 from testbed.laboratory.bench import open_bench
 from testbed.laboratory.cell import cell_from
 from testbed.laboratory.simulator import Simulator
 from testbed.laboratory.tracker.stations import require_ranges
+from testbed.plan.foresight import planned_rows
 from testbed.plan.plan import plan
 from tests.planned import QUICK, ROBOT, legs, quick_plan, rows_of, scenario, small_plan
 
@@ -57,3 +59,38 @@ def test_the_same_seed_gives_the_same_plan_and_another_seed_another():
     again, other = plan(scenario(QUICK)), plan(scenario(QUICK, seed=8))
     assert rows_of(again) == rows_of(quick_plan())
     assert rows_of(other) != rows_of(again)
+
+
+FRAMES = [f"{frame}.{axis}" for frame in ("base", "tool") for axis in "xyz"]
+LENGTHS = [*FRAMES, *(f"{kind}{k}" for kind in "ad" for k in range(1, 7))]
+
+
+@pytest.mark.parametrize("method", ["greedy", "exchange"])
+def test_a_target_passes_over_numbers_of_poses_that_no_set_can_do_with(method):
+    """Two poses have as many equations as these numbers, and always leave one unseen."""
+    free = {"identification.free": FRAMES, "plan.method": method}
+    made = plan(scenario(QUICK, **free, **{"plan.poses": 0, "plan.target_um": 60.0}))
+    assert made.u_mean <= 30e-6
+    assert made.curve.counts.min() >= 3
+    assert np.isfinite(made.curve.u).all()
+    assert len(made.places) == made.curve.reached == 3
+
+
+def test_lengths_alone_are_planned_though_angles_tell_them_nothing():
+    """Three of a pose's six rows see lengths: more poses are needed than rows are counted."""
+    made = plan(scenario(QUICK, **{"identification.free": LENGTHS}))
+    p = made.parameters.n_free
+    assert made.curve.counts.min() >= -(-p // 3)
+    assert len(made.places) == 8
+
+
+def test_a_calibration_has_an_equation_to_spare_with_the_fewest_poses_of_a_plan():
+    """As many equations as numbers may promise anything: `identify` refuses them."""
+    made = plan(scenario(QUICK, **{"plan.poses": 0, "plan.target_um": 300.0}))
+    bench = open_bench(made.scenario)
+    assert len(made.places) == made.curve.fewest == 6
+    assert made.parameters.n_free == 30
+    enough = planned_rows(bench, made.pool.q[made.places])
+    assert identify(ROBOT.model, enough, made.parameters).dof == 6
+    with pytest.raises(InputError, match="5 different poses give 30 equations for 30 parameters"):
+        identify(ROBOT.model, planned_rows(bench, made.pool.q[made.places[:5]]), made.parameters)
