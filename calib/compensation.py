@@ -10,6 +10,9 @@ f(q) instead. Two ways out:
   as it is: given T', it goes to q' with f0(q') = T'. So with f(q') = T the pose to give it is
   T' = f0(q').
 
+An arm of fewer than six joints cannot take the pose of another one, however little they differ: it
+is brought to the position, and as near to the rotation as its joints then allow.
+
 Both models must speak of the same world and the same tool: give `nominal` the base and the tool in
 which the program is meant. What the identified base moved against it is compensated too.
 """
@@ -66,7 +69,7 @@ class Correction(_Corrected):
     position_error: Array
     """(m,) what is left, by the identified model [m]."""
     rotation_error: Array
-    """(m,) what is left [rad]."""
+    """(m,) what is left [rad]; of fewer than six joints more than nothing, though "reached"."""
     position_before: Array
     """(m,) how far the identified model is off at the given targets [m]."""
     rotation_before: Array
@@ -150,7 +153,9 @@ def compensate(
         low, high = (end(axis=0, initial=0.0) for end in (q.min, q.max))
         limits = np.column_stack([low - UNLIMITED, high + UNLIMITED])
     T = nominal.poses(q)
-    found = inverse_kinematics(identified, T, q, limits, whole_turns=False, at=at)
+    found = inverse_kinematics(
+        identified, T, q, limits, whole_turns=False, position_first=few_joints(identified), at=at
+    )
     here = identified.poses(q, at)
     condition = np.maximum(found.condition, joint_condition(identified, q, at))
     return Correction(
@@ -197,8 +202,11 @@ def corrected_poses(
     choice.
     """
     _same_joints(nominal, identified)
-    meant = inverse_kinematics(nominal, T, seeds, limits)
-    found = inverse_kinematics(identified, T, meant.q, limits, whole_turns=False, at=at)
+    few = few_joints(nominal)
+    meant = inverse_kinematics(nominal, T, seeds, limits, position_first=few)
+    found = inverse_kinematics(
+        identified, T, meant.q, limits, whole_turns=False, position_first=few, at=at
+    )
     condition = np.maximum(found.condition, meant.condition)
     reached = _statuses(identified, found, found.q - meant.q, condition)
     # a pose the nominal arm cannot take is no target of its program
@@ -214,6 +222,23 @@ def corrected_poses(
         rotation_error=found.rotation_error,
         status=status,
         condition=frozen(condition),
+    )
+
+
+def few_joints(model: RobotModel) -> bool:
+    """Whether an arm has too few joints to take any pose near its own."""
+    return model.chain.n_joints < 6
+
+
+def turned_sentences(model: RobotModel, status: Sequence[str], left: Array) -> tuple[str, ...]:
+    """What rotation (m,) [rad] an arm of few joints leaves of targets that it reaches, in words."""
+    reached = np.array([one == "reached" for one in status], dtype=np.bool_)
+    if not few_joints(model) or not reached.any():
+        return ()
+    n, most = model.chain.n_joints, np.degrees(left[reached].max())
+    return (
+        f"an arm of {n} joint{'s' if n > 1 else ''} cannot turn its tool in every way: targets are "
+        f"reached with the tool point, and of the rotation up to {most:.2g} deg is left",
     )
 
 

@@ -14,10 +14,8 @@ from numpy.typing import ArrayLike
 from calib.arrays import Array, Bool, check, frozen
 from calib.errors import refuse
 from calib.geometry.inverse_search import (
-    ARRIVED,
     NUDGES,
     PoseSearch,
-    conditions,
     distance,
     inside,
     into_limits,
@@ -30,7 +28,6 @@ from calib.geometry.inverse_search import (
 from calib.geometry.inverse_search import joint_jacobian as joint_jacobian
 from calib.geometry.model import RobotModel
 from calib.geometry.operating import AS_USUAL, OperatingConditions
-from calib.geometry.parameters import CHARACTERISTIC_LENGTH as L
 from calib.shown import Shown
 
 InverseStatus = Literal["reached", "singular", "limits", "out of reach"]
@@ -58,7 +55,7 @@ class Inverse(Shown):
     """(m,) whether the tool is where it should be, singular or not."""
 
     def __post_init__(self) -> None:
-        near = (self.position_error <= ARRIVED) & (self.rotation_error <= ARRIVED)
+        near = [one in ("reached", "singular") for one in self.status]
         object.__setattr__(self, "reached", frozen(near, np.bool_))
 
     def __repr__(self) -> str:
@@ -76,6 +73,7 @@ def inverse_kinematics(
     limits: ArrayLike,
     *,
     whole_turns: bool = True,
+    position_first: bool = False,
     at: OperatingConditions = AS_USUAL,
 ) -> Inverse:
     """Joint values at which the tool takes each wanted pose.
@@ -95,13 +93,16 @@ def inverse_kinematics(
     whole_turns : bool
         Whether a joint may begin a whole turn away from its seed, or end one away from where its
         search ended, to be inside its limits.
+    position_first : bool
+        Whether a pose is reached with its position alone, the angle as small as it then comes.
     at : OperatingConditions, optional
         Under which the robot goes to the targets, one row for each of them.
 
     Notes
     -----
     Arms of fewer than six joints reach a pose only where it happens to be one of theirs; they end
-    in the nearest one, and the errors say how near.
+    in the nearest one, and the errors say how near. With `position_first` it is enough that they
+    bring the tool point there.
 
     Examples
     --------
@@ -124,7 +125,7 @@ def inverse_kinematics(
     at.require_rows(targets)
     own = at.rows(np.repeat(np.arange(targets), starts))
     each = np.repeat(T, starts, axis=0), every.reshape(-1, n)
-    task = PoseSearch(model, *each, limits, own, whole_turns)
+    task = PoseSearch(model, *each, limits, own, whole_turns, position_first)
     begin = into_limits(task, task.seeds)
     q, near = search(task, begin, bounded=True)
     for nudge in NUDGES if starts == 1 else ():
@@ -165,13 +166,14 @@ def _best(task: PoseSearch, q: Array, near: Bool, beyond: Bool, targets: int) ->
     """The best of the searches of each target, with its outcome."""
     starts = len(q) // targets if targets else 1
     e, J = task.error(q)
-    place = np.linalg.norm(e[:, :3], axis=1)
-    turn = np.linalg.norm(e[:, 3:], axis=1) / L
-    condition = conditions(J)
+    place, turn = task.missed(e)
+    condition = task.conditions(J)
     first = np.repeat(task.seeds[::starts], starts, axis=0)
     # reached before singular before not reached; of equals the nearest to the first seed
     cost = np.where(near, distance(task, q, first), 1e6 + np.linalg.norm(e, axis=1))
     cost = cost + np.where(near & (condition > SINGULAR_CONDITION), 1e3, 0.0)
+    if task.position_first:  # an angle of a degree before any distance from the seed
+        cost = cost + 1e3 * turn
     pick = np.arange(targets) * starts + cost.reshape(targets, starts).argmin(axis=1)
     outside: Bool = np.any(beyond.reshape(targets, starts), axis=1)
     status: list[InverseStatus] = []

@@ -3,6 +3,7 @@
 The error of a posture is e = [p_T - p (m); L Log(R_T R') (m)] with L the characteristic length; its
 exact derivative is -[Jp; L Jr^-1(e_r) Jw] (1 + d dq/dq), so steps converge quadratically to
 rounding, and a search for a target out of reach ends at the nearest pose instead of anywhere.
+Where the position comes first, angles count so little beside it that they take nothing from it.
 """
 
 from dataclasses import dataclass
@@ -20,6 +21,9 @@ from calib.geometry.parameters import CHARACTERISTIC_LENGTH as L
 
 ARRIVED = 1e-9
 """A tool this near its target has reached it [m, and rad]."""
+LAST = 1e-4
+"""How much angles count where the position comes first, in units of L: its square times what a
+pose leaves of them (0.1 rad, a lever of 1 m) stays below `ARRIVED`."""
 DONE = 1e-15
 """No start is improved below this error [m]."""
 STILL = 1e-7
@@ -80,11 +84,18 @@ class PoseSearch:
     limits: Array
     at: OperatingConditions = AS_USUAL
     whole_turns: bool = True
+    position_first: bool = False
+    """Whether a target is reached with its position, and angles as near as they then come."""
 
     def rows(self, which: Index) -> "PoseSearch":
         """Some of the searches."""
         some = self.T[which], self.seeds[which], self.limits, self.at.rows(which)
-        return PoseSearch(self.model, *some, self.whole_turns)
+        return PoseSearch(self.model, *some, self.whole_turns, self.position_first)
+
+    @property
+    def lever(self) -> float:
+        """What a radian counts in an error [m]."""
+        return LAST * L if self.position_first else L
 
     @property
     def unit(self) -> Array:
@@ -95,8 +106,25 @@ class PoseSearch:
         """Scaled errors (s, 6) [m] and derivative (s, 6, n) of what removes them, scaled joints."""
         here, J = joint_jacobian(self.model, q, self.at)
         turn = log_so3(self.T[:, :3, :3] @ np.swapaxes(here[:, :3, :3], 1, 2))
-        J = np.concatenate([J[:, :3], L * right_jacobian_inverse(turn) @ J[:, 3:]], axis=1)
-        return np.hstack([self.T[:, :3, 3] - here[:, :3, 3], L * turn]), J * self.unit
+        lever = self.lever
+        J = np.concatenate([J[:, :3], lever * right_jacobian_inverse(turn) @ J[:, 3:]], axis=1)
+        return np.hstack([self.T[:, :3, 3] - here[:, :3, 3], lever * turn]), J * self.unit
+
+    def missed(self, e: Array) -> tuple[Array, Array]:
+        """Distances (s,) [m] and angles (s,) [rad] of scaled errors (s, 6)."""
+        return np.linalg.norm(e[:, :3], axis=1), np.linalg.norm(e[:, 3:], axis=1) / self.lever
+
+    def near(self, e: Array) -> Bool:
+        """Whether scaled errors (s, 6) count as none."""
+        place, turn = self.missed(e)
+        near = (place <= ARRIVED) & (self.position_first | (turn <= ARRIVED))
+        return np.asarray(near, dtype=np.bool_)
+
+    def conditions(self, J: Array) -> Array:
+        """Largest over smallest singular value (s,) of derivatives (s, 6, n); a radian counts L."""
+        scale = np.repeat([1.0, L / self.lever], 3)[:, None]
+        s = np.linalg.svd(J * scale, compute_uv=False)
+        return np.asarray(s[:, 0] / np.maximum(s[:, -1], 1e-16 * s[:, 0]))
 
 
 def search(task: PoseSearch, q: Array, *, bounded: bool) -> tuple[Array, Bool]:
@@ -131,7 +159,7 @@ def search(task: PoseSearch, q: Array, *, bounded: bool) -> tuple[Array, Bool]:
         end = (cost[active] <= DONE**2) | (hoped < STILL * old) | (after > most)
         end |= ~good & (old < (10 * DONE) ** 2)
         active = active[~end]
-    return q, near_target(e)
+    return q, task.near(e)
 
 
 def _step(J: Array, e: Array, q: Array, damping: Array, bounds: tuple[Array, Array]) -> Array:
@@ -193,16 +221,10 @@ def pull_to_seeds(task: PoseSearch, q: Array, near: Bool) -> tuple[Array, Bool]:
         if np.abs(step).max() < 1e-13:
             break
     # accepted where it still reaches, inside the limits, and is no farther from the seed
-    better = near_target(some.error(x)[0]) & inside(x, task.limits)
+    better = some.near(some.error(x)[0]) & inside(x, task.limits)
     better &= distance(task, x, some.seeds) <= distance(task, q[rows], some.seeds)
     out[rows[better]] = x[better]
     return out, near
-
-
-def near_target(e: Array) -> Bool:
-    """Whether scaled errors (s, 6) count as none."""
-    place, turn = np.linalg.norm(e[:, :3], axis=1), np.linalg.norm(e[:, 3:], axis=1) / L
-    return np.asarray((place <= ARRIVED) & (turn <= ARRIVED), dtype=np.bool_)
 
 
 def inside(q: Array, limits: Array) -> Bool:
@@ -241,10 +263,4 @@ def turned_back(task: PoseSearch, q: Array) -> Bool:
 def joint_condition(model: RobotModel, q: Array, at: OperatingConditions = AS_USUAL) -> Array:
     """Condition (m,) of the joint Jacobian in metres per metre; angles count with 0.3 m."""
     task = PoseSearch(model, model.poses(q, at), q, np.zeros((q.shape[1], 2)), at)
-    return conditions(task.error(q)[1])
-
-
-def conditions(J: Array) -> Array:
-    """Largest over smallest singular value (s,) of scaled Jacobians (s, 6, n)."""
-    s = np.linalg.svd(J, compute_uv=False)
-    return np.asarray(s[:, 0] / np.maximum(s[:, -1], 1e-16 * s[:, 0]))
+    return task.conditions(task.error(q)[1])

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.optimize import least_squares
 
 from calib.compensation import compensate, corrected_poses
 from calib.errors import InputError
@@ -155,3 +156,66 @@ def test_conditions_of_another_number_of_targets_are_refused():
     ):
         with pytest.raises(InputError, match="one for each of 2 poses"):
             compensated()
+
+
+SCARA = Chain(
+    [[0, 0.4, 0.325, 0, 0], [0, 0, 0.275, np.pi, 0], [0, 0, 0, 0, 0], [0, 0.05, 0, 0, 0]],
+    ("revolute", "revolute", "prismatic", "revolute"),
+)
+LONG = TX60.links + np.array([0, 0, 0.1, 0, 0])
+FEW = {
+    "SCARA": SCARA,
+    "five turns": Chain(LONG[:5], TX60.kinds[:5]),
+    "three turns": Chain(LONG[:3], TX60.kinds[:3]),
+}
+
+
+def bent_and_programmed(chain, count=60):
+    """Arm as drawn, what it really is, and targets where no joint is stretched or folded."""
+    rng = np.random.default_rng(8)
+    limits = np.where(chain.prismatic[:, None] > 0, [-0.2, 0.2], [0.3, 1.4])
+    real = RobotModel(chain.moved(rng.normal(size=chain.n_numbers) * 3e-4))
+    return RobotModel(chain), real, spread(limits, count)
+
+
+@pytest.mark.parametrize("name", FEW)
+def test_an_arm_of_few_joints_is_brought_to_the_position_and_as_near_to_the_rotation_as_it_goes(
+    name,
+):
+    nominal, real, q = bent_and_programmed(FEW[name])
+    found = compensate(nominal, real, q)
+    assert found.corrected.mean() > 0.9
+    ok = found.corrected
+    want, have = nominal.poses(q)[ok], real.poses(found.q)[ok]
+    assert np.median(found.position_before) > 3e-4
+    assert np.abs((have - want)[:, :3, 3]).max() < LEFT
+    # a second way: among joints near by with that position, none turns the tool nearer
+    for k in range(3):
+        here = found.q[ok][k]
+
+        def apart(x, k=k):
+            T = real.poses(x[None])[0]
+            turn = log_so3(want[k, :3, :3] @ T[:3, :3].T)
+            return np.concatenate([1e6 * (want[k, :3, 3] - T[:3, 3]), turn])
+
+        best = least_squares(apart, q[ok][k], xtol=1e-15, ftol=1e-15, gtol=1e-15, x_scale=1e-3)
+        left = np.linalg.norm(apart(here)[3:])
+        # 1e6 to 1 in place of angles that take nothing, and the end of the search: parts in 1e4
+        assert left <= np.linalg.norm(best.fun[3:]) * (1 + 1e-3) + 1e-9
+        np.testing.assert_allclose(here, best.x, atol=2e-6)
+
+
+def test_poses_of_an_arm_of_few_joints_go_through_its_nominal_controller():
+    nominal, real, q = bent_and_programmed(SCARA)
+    limits = np.array([[-3, 3], [-3, 3], [-0.5, 0.5], [-7, 7.0]])
+    found = corrected_poses(nominal, real, nominal.poses(q), q, limits)
+    assert found.corrected.all()
+    np.testing.assert_allclose(found.q, compensate(nominal, real, q).q, atol=1e-9)
+    assert np.abs((real.poses(found.q) - nominal.poses(q))[:, :3, 3]).max() < LEFT
+
+
+def test_a_position_that_few_joints_do_not_reach_is_not_called_reached():
+    nominal, real, q = bent_and_programmed(Chain([[0, 0, 0.3, 0, 0], [0, 0, 0.2, 0, 0]]))
+    found = compensate(nominal, real, q)  # two axes side by side leave the height as it is
+    assert not found.corrected.any()
+    assert (found.position_error > 1e-5).mean() > 0.9

@@ -13,7 +13,13 @@ from typing import Literal
 import numpy as np
 
 from calib.arrays import Array, Bool
-from calib.compensation import PoseCorrection, compensate, corrected_poses, status_sentences
+from calib.compensation import (
+    PoseCorrection,
+    compensate,
+    corrected_poses,
+    status_sentences,
+    turned_sentences,
+)
 from calib.geometry.frames import inverse as inverse_transform
 from calib.geometry.inverse import InverseStatus
 from calib.geometry.model import RobotModel
@@ -190,6 +196,7 @@ def correct_program(
             done,
             *renamed_words(table.names, robot),
             *failed,
+            *turned_sentences(identified, result.status, result.left_rotation),
             *away.sentences,
             *away.unsaid,
             *result.sentences,

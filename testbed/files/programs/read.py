@@ -1,11 +1,13 @@
 """The targets of a robot program in CSV: joints, or poses of the tool and how the arm stands."""
 
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
 from calib.arrays import Array
+from calib.compensation import few_joints
 from calib.errors import InputError
 from calib.geometry.frames import transform
 from calib.geometry.inverse import inverse_kinematics, spread
@@ -114,11 +116,12 @@ def configurations(table: DataTable, robot: Robot, T: Array) -> tuple[Array, tup
     seeds = np.empty((len(T), nominal.chain.n_joints))
     everywhere = spread(robot.limits, STARTS)
     before = robot.limits.mean(axis=1)
+    reach = partial(inverse_kinematics, position_first=few_joints(nominal))
     for k in range(len(T)):
-        near = inverse_kinematics(nominal, T[k : k + 1], before[None], robot.limits) if k else None
+        near = reach(nominal, T[k : k + 1], before[None], robot.limits) if k else None
         if near is None or near.status != ("reached",):
             starts = np.concatenate([before[None], everywhere])[None]
-            near = inverse_kinematics(nominal, T[k : k + 1], starts, robot.limits)
+            near = reach(nominal, T[k : k + 1], starts, robot.limits)
         seeds[k] = near.q[0]
         before = near.q[0] if near.reached[0] else before
     sentence = (

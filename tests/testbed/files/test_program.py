@@ -355,3 +355,66 @@ def test_a_program_of_the_longest_name_is_corrected_under_one_that_a_file_can_ha
     kept = name.removesuffix("_corrected.csv")
     assert stem.startswith(kept)
     assert kept == stem or 198 < len(os.fsencode(kept)) <= 200  # letters stay whole
+
+
+SCARA = """
+format = 1
+name = "scara"
+"""
+LINKS = [("revolute", 400, 325, 0), ("revolute", 0, 275, 180), ("prismatic", 0, 0, 0),
+         ("revolute", 50, 0, 0)]  # fmt: skip
+
+
+def scara(folder):
+    """An arm of four joints, as its maker draws it."""
+    text = SCARA
+    for kind, d, a, alpha in LINKS:
+        unit = "mm" if kind == "prismatic" else "deg"
+        text += f"""
+[[joints]]
+kind = "{kind}"
+theta_deg = 0
+d_mm = {d}
+a_mm = {a}
+alpha_deg = {alpha}
+lower_{unit} = -200
+upper_{unit} = 200
+"""
+    (folder / "robot.toml").write_text(text, encoding="utf-8")
+    return load_robot(folder / "robot.toml")
+
+
+@pytest.mark.parametrize("poses", [False, True], ids=["joints", "poses"])
+def test_a_program_of_an_arm_of_four_joints_is_corrected_and_says_what_stays_turned(
+    tmp_path, poses
+):
+    robot = scara(tmp_path)
+    chain = robot.model.chain
+    numbers = np.random.default_rng(2).normal(size=chain.n_numbers)
+    real = RobotModel(chain.moved(numbers * 3e-4))
+    q = np.array([[0.3, 0.8, 0.05, 0.4], [-0.6, 1.2, 0.1, -1.0], [1.1, -0.9, 0.02, 2.0]])
+    want = robot.model.poses(q)
+    if poses:  # rounded as people write them, the tool straight down
+        head = ["x_mm", "y_mm", "z_mm", "euler", "rx_deg", "ry_deg", "rz_deg"]
+        head += ["q1_deg", "q2_deg", "q3_mm", "q4_deg"]
+        rows = []
+        for T, one in zip(want, q, strict=True):
+            yaw = np.degrees(np.arctan2(T[1, 0], T[0, 0]))
+            joints = np.degrees(one) * [1, 1, 0, 1] + [0, 0, 1e3 * one[2], 0]
+            place = (1e3 * T[:3, 3]).round(4)
+            rows.append([*place, "ZYX", 180, 0, round(yaw, 4), *joints.round(3)])
+    else:
+        head = ["q1_deg", "q2_deg", "q3_mm", "q4_deg"]
+        rows = np.where([1, 1, 0, 1], np.degrees(q), 1e3 * q)
+    path = written(tmp_path / "p.csv", head, rows)
+    found = correct_program(path, robot, real, tmp_path / "out.csv")
+    assert found.corrected.all()
+    assert found.before.min() > 1e-4
+    assert found.left.max() < 1e-9
+    there = real.poses(found.q)
+    # what is written is rounded to 0.1 um
+    np.testing.assert_allclose(there[:, :3, 3], want[:, :3, 3], atol=1e-7 if poses else 1e-9)
+    tilt = np.degrees(np.linalg.norm(np.cross(there[:, :3, 2], want[:, :3, 2]), axis=1)).max()
+    said = [one for one in found.sentences if "cannot turn its tool in every way" in one]
+    assert len(said) == 1
+    assert f"up to {tilt:.2g} deg is left" in said[0]
