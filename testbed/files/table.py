@@ -18,6 +18,10 @@ GROUPED = re.compile(r"\d[ '\u00a0\u202f\u2019]\d")
 LONGEST = 200
 """Characters of a name in a cell, as in session.toml."""
 THREE = re.compile(r"[+-]?[1-9]\d{0,2},\d{3}")
+TURNS = ("deg", "rad")
+"""Units of which nothing measures a thousand: a comma before three digits is the decimal mark."""
+STATE_IT = 'write decimal = "," or "." under [dialect] in session.toml'
+"""What to do where a decimal comma may be a thousands mark."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -153,8 +157,8 @@ def table_of(
     sheet: Sheet,
     mapping: Mapping[str, str],
     *,
-    numeric: Sequence[str] | None = None,
     decimal: str | None = None,
+    in_doubt: str = STATE_IT,
 ) -> DataTable:
     """A sheet with its columns renamed and its decimal mark known.
 
@@ -164,11 +168,10 @@ def table_of(
         Cells as they stand in the file.
     mapping : mapping
         Own name to name in the file; columns left out keep their names.
-    numeric : sequence of str, optional
-        Own names of the columns of numbers, which decide the mark; by default all columns of this
-        program that hold numbers.
     decimal : {".", ","}, optional
-        Stated mark.
+        Stated mark; else all columns of this program that hold numbers decide it.
+    in_doubt : str
+        What to do where it stays in doubt.
 
     Raises
     ------
@@ -194,9 +197,7 @@ def table_of(
         require_short(table, name)
     if decimal:
         return table
-    if numeric is None:
-        numeric = [name for name in table.names if is_known(name) and name not in TEXTS]
-    return replace(table, decimal=_decimal_mark(table, numeric))
+    return replace(table, decimal=_decimal_mark(table, in_doubt))
 
 
 def _require_units(table: DataTable) -> None:
@@ -230,8 +231,9 @@ def unknown_column(where: str, key: str, own: str, fix: str) -> InputError:
     return refusal(where, key, message, code="S37", value=own, fix=close_to(own) or fix)
 
 
-def _decimal_mark(table: DataTable, numeric: Sequence[str]) -> str:
+def _decimal_mark(table: DataTable, in_doubt: str) -> str:
     """The decimal mark that all numbers agree on."""
+    numeric = [name for name in table.names if is_known(name) and name not in TEXTS]
     comma = point = None
     sure = False
     for name in numeric:
@@ -246,7 +248,7 @@ def _decimal_mark(table: DataTable, numeric: Sequence[str]) -> str:
                 )  # fmt: skip
             if marks[0]:
                 comma = comma or (cell, row)
-                sure = sure or not THREE.fullmatch(cell)
+                sure = sure or unit_of(name) in TURNS or not THREE.fullmatch(cell)
             elif marks[1]:
                 point = point or (cell, row)
     if comma and point:
@@ -257,8 +259,7 @@ def _decimal_mark(table: DataTable, numeric: Sequence[str]) -> str:
         raise refusal(table.where, "decimal", message, fix="save all of them in one form")
     if comma and not sure:
         message = f'numbers such as "{comma[0]}" may have a decimal comma or thousands marks'
-        fix = 'write decimal = "," or "." under [dialect] in session.toml'
-        raise refusal(table.place(comma[1]), "decimal", message, fix=fix)
+        raise refusal(table.place(comma[1]), "decimal", message, fix=in_doubt)
     return "," if comma else "."
 
 

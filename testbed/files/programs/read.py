@@ -11,7 +11,6 @@ from calib.compensation import few_joints
 from calib.errors import InputError
 from calib.geometry.frames import transform
 from calib.geometry.inverse import inverse_kinematics, spread
-from testbed.files.columns import TEXTS
 from testbed.files.conditions import target_conditions
 from testbed.files.joints import joint_columns, read_joints
 from testbed.files.programs.columns import joints_by_number, no_targets
@@ -29,6 +28,10 @@ from testbed.robots.catalog import Robot
 ADDED = ("status", "before_mm", "left_mm", "left_deg", "conditions")
 """Columns that are added: outcome, errors before and after by the identified model, and whether the
 target lies under the conditions of the measurements."""
+ONE_MORE = (
+    'write one of them with another number of digits, as "1,2340", or all with a decimal point'
+)
+"""What to do where a decimal comma may be a thousands mark: a program has no place to say it."""
 STARTS = 64
 """Postures over the joint ranges from which a target is sought that is not near the one before."""
 
@@ -49,12 +52,7 @@ def read_program(path: Path, robot: Robot) -> tuple[FileText, DataTable]:
             message = f'has a column "{name}" already, as a corrected program has'
             fix = "correct the program as it was, not a corrected one"
             raise refusal(path.name, name, message, fix=fix)
-    numeric = [
-        name for name in sheet.head if name not in TEXTS and ("_" in name or name[:1] in "qr")
-    ]
-    theirs = joints_by_number(sheet, robot)
-    numeric = [*(name for name in numeric if name not in theirs.values()), *theirs]
-    table = table_of(sheet, theirs, numeric=numeric)
+    table = table_of(sheet, joints_by_number(sheet, robot), in_doubt=ONE_MORE)
     if not len(table):
         raise refusal(path.name, "file", "has no targets", fix="write one target a line")
     for name in NAMES:

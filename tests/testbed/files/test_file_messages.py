@@ -386,7 +386,7 @@ CASES = {
     "M35 thousands marks": read(wrong("x_mm", 3, "1.234.567")),
     "M35 thousands marks by spaces": read(wrong("x_mm", 3, "1 234.5")),
     "M35 comma of doubt": read(
-        csv({k: ["1,234"] * 29 for k in table() if k != "euler"} | {"euler": ["XYZ"] * 29},
+        csv({k: ["1,234" if "mm" in k else "7"] * 29 for k in table()} | {"euler": ["XYZ"] * 29},
             separator=";")
     ),
     "M35 an open quote": read(TEXT.replace("XYZ", '"XYZ', 1)),

@@ -13,7 +13,7 @@ from calib.geometry.inverse import inverse_kinematics
 from calib.geometry.joint_errors import JointErrors, gravity_terms
 from calib.geometry.model import RobotModel
 from testbed.files.programs.correct import correct_program
-from testbed.files.programs.read import ADDED
+from testbed.files.programs.read import ADDED, read_program
 from testbed.files.rotations import EULER, in_form, rotations
 from testbed.files.text import read_sheet
 from testbed.gates.text import read_text
@@ -196,6 +196,35 @@ def test_a_decimal_comma_and_a_semicolon_stay(tmp_path, real):
     out = cells(tmp_path / "out.csv", ";")
     q = np.radians([[float(row[name].replace(",", ".")) for name in head] for row in out])
     np.testing.assert_allclose(q, found.q, atol=1e-15)
+
+
+def test_a_comma_before_three_digits_of_a_degree_is_the_decimal_mark(tmp_path, real):
+    head = [f"q{k}_deg" for k in range(1, 7)]
+    rows = np.round(np.degrees(Q)) + 0.125
+    commas = [[f"{v:.3f}".replace(".", ",") for v in row] for row in rows]
+    assert all(not cell.lstrip("-").startswith("0") for row in commas for cell in row)
+    plain = correct_program(written(tmp_path / "p.csv", head, rows.tolist()), ROBOT, real,
+                            tmp_path / "out.csv")  # fmt: skip
+    path = written(tmp_path / "c.csv", head, commas, mark=";")
+    np.testing.assert_array_equal(
+        correct_program(path, ROBOT, real, tmp_path / "c_out.csv").q, plain.q
+    )
+    names = written(tmp_path / "n.csv", [f"A{k}" for k in range(1, 7)], commas, mark=";")
+    np.testing.assert_array_equal(
+        correct_program(names, ROBOT, real, tmp_path / "n_out.csv").q, plain.q
+    )
+
+
+def test_a_program_that_may_have_thousands_marks_says_what_helps_and_that_does(tmp_path, real):
+    head = ["work_object", "x_mm", "y_mm", "z_mm", "qw", "qx", "qy", "qz"]
+    rows = [["table, v1.2", x, "1,234", 500, 1, 0, 0, 0] for x in ("1,234", "-1,234")]
+    path = written(tmp_path / "p.csv", head, rows, mark=";")
+    with pytest.raises(InputError, match="thousands marks; write one of them with") as caught:
+        read_program(path, ROBOT)
+    assert "session.toml" not in str(caught.value)
+    path.write_text(path.read_text().replace("-1,234", "-1,2340"))
+    _, table = read_program(path, ROBOT)
+    assert table.numbers(["x_mm"])[:, 0].tolist() == [1.234, -1.234]
 
 
 def test_a_line_of_units_stays_below_the_names(tmp_path, real):
