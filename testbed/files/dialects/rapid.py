@@ -6,17 +6,27 @@ from collections.abc import Iterator
 from testbed.files.refusal import refusal
 from testbed.files.text import Sheet
 from testbed.gates.text import FileText
+from testbed.units import counted
 
 TARGET = re.compile(r"\[\s*\[([^\[\]]*)\]\s*,\s*\[([^\[\]]*)\]\s*\]")
 """``[[10,20,30,40,50,60],[9E9,9E9,9E9,9E9,9E9,9E9]]``: robot axes, external axes."""
-DECLARED = re.compile(r"\bjointtarget\s+(\w+)\s*:=", re.IGNORECASE)
-MOVED = re.compile(r"\bMoveAbsJ\b\s*(\w*)", re.IGNORECASE)
+DECLARED = re.compile(r"\bjointtarget\s+(\w+)\s*(?:\{([^}]*)\}\s*)?(:=|;|$)", re.IGNORECASE)
+"""``CONST jointtarget p1 :=`` or, of an array, ``PERS jointtarget p{3} :=``."""
+MOVED = re.compile(
+    r"\bMoveAbsJ\b\s*(?:\\Conc\s*,\s*)?(\w*)\s*(?:\{\s*([^}]*?)\s*\})?", re.IGNORECASE
+)
+ASSIGNED = re.compile(r"(\w+)\s*(?:(?:\{[^}]*\}|\.\s*\w+)\s*)*:=")
+"""A target, or a part of one, that gets another value."""
 TOKEN = re.compile(r'"[^"]*"?|!.*|;|[^"!;]+')
 """A text, a comment, the end of a statement, or code."""
 ABSENT = 9e8
 """An external axis of 9E9 is not there."""
 Row = tuple[int, str, tuple[str, ...]]
 """Line, name or nothing, and the axes."""
+ANOTHER = (
+    "gets another value here than its numbers: which one a move has, only the running program knows"
+)
+ONE_EACH = "write each position as a jointtarget of its own, or its numbers into the move"
 
 
 def is_rapid(text: FileText) -> bool:
@@ -33,36 +43,45 @@ def read_rapid(text: FileText) -> Sheet:
     Raises
     ------
     InputError
-        M35: there is no joint target, a move names one that is not declared, or the axes differ.
+        M35: there is no joint target, a move names one that is not declared, one gets its value
+        while the program runs, or the axes differ.
     """
     declared: dict[str, Row] = {}
-    moves: list[Row] = []
+    coded: dict[str, tuple[str, str]] = {}
+    listed, moves, unread = list[Row](), list[Row](), set[str]()
     for lines, code in _statements(text):
         wanted = [*DECLARED.finditer(code), *MOVED.finditer(code)]
-        if not wanted:
-            continue
+        number = lines[code.count("\n", 0, wanted[0].start() if wanted else 0)]
+        where = f"{text.where}:{number}"
+        found = [_axes(target) for target in TARGET.finditer(code)]
         name, move = DECLARED.search(code), MOVED.search(code)
-        number = lines[code.count("\n", 0, wanted[0].start())]
-        found = list(TARGET.finditer(code))
-        if len(wanted) > 1 or len(found) > 1:
+        array = name[2] if name else None
+        if len(wanted) > 1 or (wanted and len(found) > 1 and array is None):
             raise refusal(
-                f"{text.where}:{number}", "joints", "has two targets in one statement",
+                where, "joints", "has two targets in one statement",
                 fix="end each statement with a semicolon",
             )  # fmt: skip
-        axes = _axes(found[0]) if found else ()
-        if name and axes:
-            declared[name[1].lower()] = (number, name[1], axes)
-        elif move and axes:
-            moves.append((number, "", axes))
-        elif move and move[1].lower() in declared:
-            moves.append((number, *declared[move[1].lower()][1:]))
+        if name:
+            own = [(number, name[1], axes) for axes in found]
+            if array is not None:
+                _require_all(name[1], array, len(found), where)
+                own = [(number, f"{name[1]}{{{k}}}", axes) for k, axes in enumerate(found, 1)]
+            listed += own
+            declared |= {row[1].lower(): row for row in own}
+            if name[3] == ":=" and not own:
+                coded[name[1].lower()] = where, "is not given by numbers"
+                unread.add(name[1].lower())
         elif move:
-            raise refusal(
-                f"{text.where}:{number}", "joints",
-                f'moves to "{move[1][:40]}", of which there is no jointtarget before',
-                fix="put its declaration into the same file, before the move",
-            )  # fmt: skip
-    rows = moves or list(declared.values())
+            moves.append((number, *(("", found[0]) if found else _moved(move, declared, where))))
+        else:
+            for one in ASSIGNED.finditer(code):
+                line = lines[code.count("\n", 0, one.start())]
+                coded.setdefault(one[1].lower(), (f"{text.where}:{line}", ANOTHER))
+    rows = moves or listed
+    used = {own.partition("{")[0].lower() for _, own, _ in rows} | (set() if moves else unread)
+    for target in filter(used.__contains__, coded):
+        where, why = coded[target]
+        raise refusal(where, "joints", f"{target[:40]} {why}", fix=ONE_EACH)
     if not rows:
         fix = "give a program with jointtarget or MoveAbsJ"
         raise refusal(text.where, "joints", "has no joint target", fix=fix)
@@ -71,6 +90,36 @@ def read_rapid(text: FileText) -> Sheet:
         fix = "split the file"
         raise refusal(text.where, "joints", "has targets of different robots", fix=fix)
     return _sheet(text, rows)
+
+
+def _require_all(name: str, array: str, count: int, where: str) -> None:
+    """Refuse an array whose targets (count) are not those that it says it has, in one row."""
+    size = array.strip()
+    if count and ("," in size or (size.isdigit() and int(size) != count)):
+        raise refusal(
+            where, "joints", f"{name[:40]}{{{size[:20]}}} has {counted(count, 'target')}",
+            allowed="an array has one dimension, and as many targets as it says", fix=ONE_EACH,
+        )  # fmt: skip
+
+
+def _moved(
+    move: re.Match[str], declared: dict[str, Row], where: str
+) -> tuple[str, tuple[str, ...]]:
+    """Name and axes of the target that a move names."""
+    index = move[2]
+    if index is not None and not index.isdigit():
+        raise refusal(
+            where, "joints",
+            f"moves to {move[1][:40]}{{{index[:20]}}}: which one that is, only the running program "
+            "knows", fix=ONE_EACH + ", or give the declarations alone",
+        )  # fmt: skip
+    name = move[1] if index is None else f"{move[1]}{{{int(index)}}}"
+    if name.lower() not in declared:
+        raise refusal(
+            where, "joints", f'moves to "{name[:40]}", of which there is no jointtarget before',
+            fix="put its declaration into the same file, before the move",
+        )  # fmt: skip
+    return declared[name.lower()][1:]
 
 
 def _statements(text: FileText) -> Iterator[tuple[list[int], str]]:

@@ -66,15 +66,50 @@ def test_every_statement_of_a_line_is_read_and_one_may_go_over_lines(tmp_path):
     assert found.lines == (3, 3, 3, 4)
 
 
+def test_arrays_are_rows_in_their_order_and_moves_take_what_they_name(tmp_path):
+    array = [
+        "CONST jointtarget P{3}",
+        f"  := [ [[1,2,3,4,5,6],{NONE}], [[2,2,3,4,5,6],{NONE}],",
+        f"  [[3,2,3,4,5,6],{NONE}] ];",
+        "VAR num speed;",
+        "VAR jointtarget now;",
+    ]
+    found = sheet(tmp_path, *array, "speed := 5; now := CJointT();")
+    assert [row[:2] for row in found.rows] == [("P{1}", "1"), ("P{2}", "2"), ("P{3}", "3")]
+    assert found.lines == (1, 1, 1)
+    found = sheet(tmp_path, *array, "MoveAbsJ p{3},v1,z,t;", "MoveAbsJ \\Conc, p{ 1 }, v1,z,t;")
+    assert [row[:2] for row in found.rows] == [("P{3}", "3"), ("P{1}", "1")]
+    assert found.lines == (6, 7)
+
+
 @pytest.mark.parametrize(
     ("lines", "told"),
     [
         (["MoveAbsJ home, v100, fine, tool0;"], 'a.mod:1: moves to "home", of which there is no'),
-        (["CONST jointtarget p1 := "], "a.mod: has no joint target"),
+        (["VAR jointtarget p1;"], "a.mod: has no joint target"),
+        (["CONST jointtarget p1 := "], "a.mod:1: p1 is not given by numbers"),
         ([f"CONST jointtarget p{k} := [[{row}],{NONE}];" for k, row in enumerate(("1,2", "1"))],
          "a.mod: has targets of different robots"),
         ([f"CONST jointtarget p1 := [[1,2],{NONE}];", "MoveAbsJ p1,v1,z,t", "MoveAbsJ p1,v1,z,t;"],
          "a.mod:2: has two targets in one statement"),
+        ([f"VAR jointtarget p1 := [[1,2],{NONE}];", "MoveAbsJ p1,v1,z,t;", "PROC a()",
+          f"  P1 := [[3,4],{NONE}];", "ENDPROC"], "a.mod:4: p1 gets another value here"),
+        ([f"VAR jointtarget p1 := [[1,2],{NONE}];", "p1 := CJointT();"],
+         "a.mod:2: p1 gets another value here"),
+        ([f"VAR jointtarget p1 := [[1,2],{NONE}];", "MoveAbsJ p1,v1,z,t;", "p1.robax.rax_1 := 5;"],
+         "a.mod:3: p1 gets another value here"),
+        ([f"CONST jointtarget p1 := [[1,2],{NONE}];", "CONST jointtarget p2 := p1;"],
+         "a.mod:2: p2 is not given by numbers; write each position as"),
+        ([f"VAR jointtarget p{{2}} := [[[1,2],{NONE}],[[3,4],{NONE}]];", "MoveAbsJ p{2},v1,z,t;",
+          f"p{{1}} := [[3,4],{NONE}];"], "a.mod:3: p gets another value here"),
+        ([f"CONST jointtarget p{{2}} := [[[1,2],{NONE}],[[3,4],{NONE}]];",
+          "FOR i FROM 1 TO 2 DO", "MoveAbsJ p{i},v1,z,t;", "ENDFOR"],
+         "a.mod:3: moves to p{i}: which one that is, only the running program knows"),
+        ([f"CONST jointtarget p{{3}} := [[[1,2],{NONE}],[[3,4],{NONE}]];"],
+         "a.mod:1: p{3} has 2 targets; an array has one dimension"),
+        ([f"CONST jointtarget p{{2,1}} := [[[[1,2],{NONE}]],[[[3,4],{NONE}]]];"],
+         "a.mod:1: p{2,1} has 2 targets"),
+        (["VAR jointtarget p1;", "MoveAbsJ p1,v1,z,t;"], 'a.mod:2: moves to "p1", of which'),
         (["MODULE A", f"CONST jointtarget p1 := [[1,2],{NONE}] [[1,2],{NONE}];"],
          "a.mod:2: has two targets in one statement"),
     ],
