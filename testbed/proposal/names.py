@@ -52,6 +52,9 @@ TURNS = {
     "qw": "qw", "qx": "qx", "qy": "qy", "qz": "qz", "q0": "qw",
 }  # fmt: skip
 
+LETTERS = ({"a": "rz", "b": "ry", "c": "rx"}, {"w": "rx", "p": "ry", "r": "rz"})
+"""Turns of KUKA, about z, then y, then x, and of FANUC, about fixed x, y, z: they are the same."""
+
 
 @dataclass(frozen=True, slots=True)
 class Meaning:
@@ -114,6 +117,13 @@ def is_wished(name: str) -> bool:
     return bool(words) and bool({"x", "y", "z"} & set(words)) and bool(WISHED & set(words))
 
 
+def turns_of_letters(head: Sequence[str]) -> dict[str, str]:
+    """Which turns the letters A B C, or W P R, are beside X Y Z; empty where they are not there."""
+    texts = {without_unit(name)[0] for name in head}
+    both = (turns for turns in LETTERS if {*turns, "x", "y", "z"} <= texts)
+    return next(both, {})
+
+
 def _meaning(name: str, head: Sequence[str]) -> Meaning | None:
     """What one column is; None if its name says nothing that we know."""
     if is_known(name):
@@ -126,6 +136,8 @@ def _meaning(name: str, head: Sequence[str]) -> Meaning | None:
     scalar = any(other.strip().lower() == "q0" for other in head)
     if scalar and text in ("q0", "q1", "q2", "q3"):
         return Meaning(name, f"q{'wxyz'[int(text[1])]}", "")
+    if len(text) == 1 and (turns := turns_of_letters(head)) and text in turns:
+        return Meaning(name, turns[text], unit)
     for own, known in PLAIN.items():
         if text in known:
             return Meaning(name, own, "")

@@ -13,7 +13,7 @@ from testbed.files.table import number_of
 from testbed.proposal.data import Document, Found, Part
 from testbed.proposal.exports import exported_parts
 from testbed.proposal.layouts import layouts
-from testbed.proposal.names import Meaning, targets_in_a_row, without_unit
+from testbed.proposal.names import Meaning, targets_in_a_row, turns_of_letters, without_unit
 
 FEW = 300
 """Rows whose numbers are looked at."""
@@ -246,7 +246,8 @@ def _turnings(
         return
     unit = next((means[name].unit for name in turns if name in means), "")
     units = (unit,) if known or unit else _by_size(look, turns, TURN, ("deg", "rad"))
-    forms = ("XYZ", "ZYX", *(a for a in BY_AXIS if a not in ("XYZ", "ZYX")), "rotation_vector")
+    usual = ("ZYX", "XYZ") if turns_of_letters(look.head) else ("XYZ", "ZYX")
+    forms = (*usual, *(a for a in BY_AXIS if a not in usual), "rotation_vector")
     for gives, one, form in product(directions, units, forms):
         columns = (
             {} if known else {f"r{a}_{one}": name for a, name in zip("xyz", turns, strict=True)}

@@ -92,6 +92,30 @@ def test_targets_and_differences_beside_readings_are_named_and_compared(away, to
     np.testing.assert_allclose(session.measurements.position, points() / 1e3, rtol=0, atol=6e-11)
 
 
+LETTERS = {"KUKA": "CBA", "FANUC": "WPR", "KUKA with units": ("C [deg]", "B [deg]", "A [deg]")}
+"""Names of the turns about x, y and z."""
+
+
+@pytest.mark.parametrize("maker", LETTERS)
+@pytest.mark.parametrize("tried", [True, False])
+def test_turns_that_controllers_call_by_letters_are_read_beside_the_joints(maker, tried, tmp_path):
+    R = data().T[:, :3, :3]
+    # the second way: R = Rz(a) Ry(b) Rx(c), entry by entry
+    a = np.degrees(np.arctan2(R[:, 1, 0], R[:, 0, 0]))
+    b = np.degrees(np.arctan2(-R[:, 2, 0], np.hypot(R[:, 0, 0], R[:, 1, 0])))
+    c = np.degrees(np.arctan2(R[:, 2, 1], R[:, 2, 2]))
+    table = {"Pose": np.arange(M)} | joints(*(f"A{k}" for k in range(1, 7)))
+    table |= places(*"XYZ") | dict(zip(LETTERS[maker], (c, b, a), strict=True))
+    robot = ("--robot", ROBOT.name) if tried else ()
+    files = write(tmp_path, a__csv=csv({name: table[name] for name in reversed(table)}))
+    said, _ = proposed(tmp_path, files, *robot)
+    assert "taken as ZYX" in said
+    session = read_session(tmp_path / "session.toml", ROBOT)
+    assert session.measurements.is_pose.all()
+    np.testing.assert_allclose(session.measurements.rotation, R, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(session.measurements.q, data().q, rtol=0, atol=1e-12)
+
+
 def test_targets_alone_are_no_readings(tmp_path):
     table = places("x_t", "y_t", "z_t", values=WISHED) | joints(*JOINTS)
     (file,) = write(tmp_path, a__csv=csv(table))
