@@ -15,10 +15,12 @@ from testbed.units import counted, sentences, significant
 
 def accuracy_section(calibration: Calibration) -> Section:
     """The whole distribution before and after."""
-    rows = "Held-out rows" if calibration.split.is_test.any() else "Rows identified from"
+    poses = "Held-out poses" if calibration.split.is_test.any() else "Poses identified from"
+    again = calibration.measurements.rows(calibration.is_judged)
+    several = ", of a pose of several rows the root mean square" * (len(again) > again.n_poses)
     caption = (
-        f"{rows} by the size of their error; dashed: the means, R95: the believed radius. What "
-        "lies beyond an axis is counted in its outer bar."
+        f"{poses} by the size of their error{several}; dashed: the means, R95: the believed "
+        "radius. What lies beyond an axis is counted in its outer bar."
     )
     figure = Figure(caption, plots.histogram(calibration))
     return Section("accuracy", "Before and after", (figure,))

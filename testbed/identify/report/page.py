@@ -95,7 +95,8 @@ def headline(calibration: Calibration) -> Table:
         rows=rows,
         strong=(chosen,),
         size="small",
-        note="Measuring noise is in the errors; a pose of several rows counts once. First row: the "
+        note="Measuring noise is in the errors; a pose of several rows counts once, by their root "
+        "mean square, so that the mean of the rows of split.csv may be another one. First row: the "
         "links as described, with base, tool and fixtures fitted to the training poses. training "
         "mean: at the rows identified from. χ²/dof: residuals against the stated noise. cond.: of "
         "the scaled Jacobian of the kept numbers. rank: directions that the data tell apart.",

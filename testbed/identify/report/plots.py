@@ -9,6 +9,7 @@ from calib.arrays import Array
 from calib.geometry.frames import inverse
 from calib.measurement.prediction import tool_poses
 from testbed.identify.calibration import Calibration
+from testbed.identify.fit import of_poses
 from testbed.report.plots import (
     CUT_OFF,
     SHADES,
@@ -53,7 +54,7 @@ def histogram(calibration: Calibration) -> str:
     with drawing(1, len(panels), height=2.3) as (figure, axes):
         for ax, (name, which, scale, unit) in zip(axes, panels, strict=True):
             before, after = (
-                getattr(errors, name)[which] * scale
+                of_poses(getattr(errors, name), calibration.measurements, which) * scale
                 for errors in (calibration.before_misses, calibration.fit.misses)
             )
             edges = bars(before, after)
@@ -76,7 +77,7 @@ def histogram(calibration: Calibration) -> str:
                 ax.set_xscale("log")
                 log_ticks(ax.xaxis, float(edges[0]), top)
             ax.set_xlabel(f"{name} error [{unit}]")
-            ax.set_ylabel("rows")
+            ax.set_ylabel("poses")
         legend_above(figure, axes[0])
         return svg_of(figure)
 

@@ -8,7 +8,9 @@ from calib.arrays import Bool
 from calib.uncertainty.statement.stated_point import common_radius
 from testbed.files.visits.visit import OWN, RobotVisit
 from testbed.identify.calibration import Calibration
+from testbed.identify.fit import figures_of
 from testbed.identify.proof import stated_target
+from testbed.identify.records import Figures
 from testbed.report.page import Section, Table, Text
 from testbed.store.quantities import METRE, RADIAN, Quantity, below
 from testbed.units import DEG, MM, UM, counted, fixed, significant
@@ -71,7 +73,8 @@ def visit_section(calibration: Calibration) -> Section | None:
         rows=tuple(_error_cells(calibration, *each) for each in _parts(calibration)),
         align="llrrrrrrr",
         size="small",
-        note="before: nominal links, and all frames fitted as far as they are free. R95 there: "
+        note="A pose of several rows counts once. before: nominal links, and all frames fitted as "
+        "far as they are free. R95 there: "
         "radius that holds a true point of the target with 95 % probability (3-D) in the frames of "
         "this session, at these poses; what is uncertain of its frames is in it.",
     )  # fmt: skip
@@ -95,17 +98,17 @@ def visit_numbers(calibration: Calibration) -> Iterator[Quantity]:
         for number, part, rows in _parts(calibration):
             if number != k:
                 continue
-            misses = calibration.fit.misses
+            before, after = _before_after(calibration, rows)
             own = [
                 Quantity("rows", int(rows.sum())),
-                Quantity("before_mean_mm", calibration.before_misses.position[rows].mean(), METRE),
-                Quantity("mean_mm", misses.position[rows].mean(), METRE),
-                Quantity("max_mm", misses.position[rows].max(), METRE),
+                Quantity("before_mean_mm", before.position.mean, METRE),
+                Quantity("mean_mm", after.position.mean, METRE),
+                Quantity("max_mm", after.position.maximum, METRE),
             ]
             if (radius := radius_there(calibration, rows)) is not None:
                 own.append(Quantity("radius_mean_mm", radius, METRE))
-            if (rows & calibration.measurements.is_pose).any():
-                own.append(Quantity("mean_deg", misses.rotation[rows].mean(), RADIAN))
+            if after.rotation is not None:
+                own.append(Quantity("mean_deg", after.rotation.mean, RADIAN))
             found += below(part.replace(" ", "_"), own)
         yield from below(visit.name.replace("/", "_"), found)
 
@@ -116,8 +119,8 @@ def visit_words(calibration: Calibration) -> tuple[str, ...]:
     for k, part, rows in _parts(calibration):
         if part != JUDGES:
             continue
-        visit, mean = calibration.visits[k], calibration.fit.misses.position[rows].mean()
-        before = calibration.before_misses.position[rows].mean()
+        visit = calibration.visits[k]
+        before, mean = (each.position.mean for each in _before_after(calibration, rows))
         poses = counted(calibration.measurements.rows(rows).n_poses, "held-out pose")
         frames = ", in frames of its own" if visit.frame_poses else ""
         said.append(
@@ -175,15 +178,22 @@ def _frame(whose: str, name: str, first: str) -> str:
     return f"own ({first if name[-1] == '1' and not name[-2].isdigit() else name})"
 
 
+def _before_after(calibration: Calibration, rows: Bool) -> tuple[Figures, Figures]:
+    """Errors at some rows (m,) before and after, each pose counted once."""
+    both = (calibration.before_misses, calibration.fit.misses)
+    before, after = (figures_of(each, calibration.measurements, rows) for each in both)
+    return before, after
+
+
 def _error_cells(calibration: Calibration, k: int, part: str, rows: Bool) -> tuple[str, ...]:
     """Cells of one part of a visit."""
-    before, after = calibration.before_misses, calibration.fit.misses
-    p, turned = after.position[rows], rows & calibration.measurements.is_pose
-    lengths = (before.position[rows].mean(), p.mean(), np.quantile(p, 0.95), p.max())
-    turn = fixed(after.rotation[turned].mean() * DEG, 4) if turned.any() else "–"
+    before, after = _before_after(calibration, rows)
+    p = after.position
+    lengths = (before.position.mean, p.mean, p.p95, p.maximum)
+    turn = "–" if after.rotation is None else fixed(after.rotation.mean * DEG, 4)
     radius = radius_there(calibration, rows)
     return (
-        calibration.visits[k].name, part, str(len(p)),
+        calibration.visits[k].name, part, str(int(rows.sum())),
         *(fixed(value * MM, 4) for value in lengths), turn,
         "–" if radius is None else significant(radius * UM),
     )  # fmt: skip

@@ -13,11 +13,12 @@ from calib.identification.identify import Status
 from calib.uncertainty.regions import coverage_factor
 from calib.uncertainty.tool_point import tool_statement
 from calib.uncertainty.trust import Trust
+from testbed.identify.fit import figures_of
 from testbed.identify.handback.delivered import Delivered
 from testbed.identify.handback.states import HandedNumber, handed_numbers
 from testbed.identify.headline import deg, headline_cells
 from testbed.identify.report import plots
-from testbed.identify.report.errors import residual_section
+from testbed.identify.report.errors import accuracy_section, residual_section
 from testbed.identify.report.page import page_of
 from testbed.identify.report.parameters import _cells, drawn_waves
 from testbed.identify.statements import statements_of
@@ -340,6 +341,24 @@ def test_a_figure_writes_the_radius_as_the_sentence_does(monkeypatch):
     said = [text.get_text() for ax in axes for text in ax.texts]
     assert "R95 25.0 µm" in said
     assert "within 25.0 um of" in whole.sentence
+
+
+def test_the_means_of_the_first_picture_are_those_of_the_table(monkeypatch):
+    found = sound()
+    m = len(found.measurements)
+    again = replace(found.measurements, pose_id=np.arange(m) // 3, repeat=np.arange(m) % 3)
+    rows, errors = found.is_judged, (found.before_misses, found.fit.misses)
+    for table, said in ((found.measurements, False), (again, True)):
+        one = replace(found, measurements=table)
+        axes = lines_of(monkeypatch, plots.histogram, one)
+        means = [
+            line.get_xdata()[0] for line in axes[0].get_lines() if line.get_linestyle() == "--"
+        ]
+        figures = [figures_of(each, table, rows).position.mean for each in errors]
+        np.testing.assert_allclose(means, np.array(figures) * 1e3, rtol=1e-12)
+        assert axes[0].get_ylabel() == "poses"
+        (figure,) = accuracy_section(one).blocks
+        assert ("root mean square" in figure.caption) == said
 
 
 def test_running_medians_are_named_where_they_are_drawn_and_nowhere_else(monkeypatch):

@@ -18,7 +18,7 @@ from testbed.identify.frames import FRAMES_ALONE
 from testbed.identify.handback.delivered import Delivered
 from testbed.identify.results import headline, split_csv
 from testbed.identify.visits.frames import own_frames
-from testbed.identify.visits.report import radius_there, visit_section
+from testbed.identify.visits.report import radius_there, visit_section, visit_words
 from testbed.identify.visits.split import split_of_session
 from testbed.identify.words import next_step, terminal_text, verdict
 from testbed.store.npz import record_bytes, record_from
@@ -162,6 +162,38 @@ def test_results_say_which_session_is_which(three, found):
     again = record_from(record_bytes("k", found, "s"), "k", Calibration, "s")
     assert again.visits == three.visits
     assert np.array_equal(again.visit, three.visit)
+
+
+def test_errors_of_a_session_are_means_over_poses_and_turns_are_those_of_poses_alone(found):
+    m = len(found.measurements)
+    kinds = np.where(np.arange(m) % 4 < 2, "pose", "point")
+    twice = replace(
+        found.measurements, pose_id=(np.arange(m) + 1) // 3, repeat=np.arange(m) % 3, kind=kinds
+    )
+    several = replace(found, measurements=twice)
+    judge = dict(enumerate(several.split.is_test & (several.visit == 2)))
+    poses, turns = {}, {}
+    for row, used in judge.items():
+        if used:
+            of = int(twice.pose_id[row])
+            poses.setdefault(of, []).append(float(several.fit.misses.position[row]) ** 2)
+            if kinds[row] == "pose":
+                turns.setdefault(of, []).append(float(several.fit.misses.rotation[row]) ** 2)
+    length = [1e3 * (sum(one) / len(one)) ** 0.5 for one in poses.values()]
+    turn = [np.degrees((sum(one) / len(one)) ** 0.5) for one in turns.values()]
+    assert len(length) < 40
+    told = headline(several, Delivered((), (), 0))["sessions"]["c"]["judge"]
+    assert told["rows"] == 40
+    # sums in another order
+    assert told["mean_mm"] == pytest.approx(sum(length) / len(length), rel=1e-12)
+    assert told["max_mm"] == pytest.approx(max(length), rel=1e-12)
+    assert told["mean_deg"] == pytest.approx(sum(turn) / len(turn), rel=1e-12)
+    cells = next(row for row in visit_section(several).blocks[2].rows if row[1] == "judge")
+    assert cells[2] == "40"
+    assert cells[4] == f"{sum(length) / len(length):.4f}"
+    assert cells[7] == f"{sum(turn) / len(turn):.4f}"
+    said = next(text for text in visit_words(several) if text.startswith("session c"))
+    assert f"{sum(length) / len(length):.4f} mm after" in said
 
 
 def test_sessions_that_all_identify_give_held_out_poses_of_each(tmp_path):
