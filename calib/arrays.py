@@ -11,6 +11,8 @@ from calib.errors import InputError, refuse
 Array = NDArray[np.float64]
 Bool = NDArray[np.bool_]
 Index = NDArray[np.int64]
+LARGEST = 2.0**53
+"""Up to here every whole number is a float64."""
 MAY_BE_NAN = "nan where it does not apply"
 LATER = "newer than some records, where its default stands for it"
 """Said of a field that records written before it existed do not hold."""
@@ -97,6 +99,31 @@ def check(spec: str, **arrays: ArrayLike) -> tuple[Array, ...]:
         require_finite(name, array)
         checked.append(array)
     return tuple(checked)
+
+
+def whole_numbers(name: str, values: ArrayLike) -> Index:
+    """Read-only array of whole numbers; 1.5, nan and words are refused, never cut off.
+
+    Raises
+    ------
+    InputError
+        A1: not all are numbers; A3: one is not whole.
+    """
+    _require_whole(name, values)
+    array = np.asarray(values)
+    if array.dtype.kind not in "biuf" and array.size:
+        message, allowed = f"{name} is not an array of whole numbers", "whole numbers, from 0"
+        raise refuse(name, code="A1", message=message, allowed=allowed, fix="number them")
+    if array.dtype.kind == "f":
+        whole = np.isfinite(array) & (np.floor(array) == array) & (np.abs(array) < LARGEST)
+        if not whole.all():
+            where = tuple(int(i) for i in np.argwhere(~whole)[0])
+            message = f"{name}{list(where) if where else ''} is {array[where]}"
+            raise refuse(
+                name, float(array[where]), "every value must be a whole number", code="A3",
+                message=message,
+            )  # fmt: skip
+    return frozen(values, np.int64)
 
 
 @lru_cache(maxsize=1024)

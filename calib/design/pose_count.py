@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from calib.arrays import Array, Index, frozen
+from calib.arrays import Array, Index, frozen, whole_numbers
 from calib.design.problem import Problem
 from calib.errors import refuse
 from calib.information.observability import (
@@ -125,7 +125,7 @@ def _sizes(problem: Problem, counts: Iterable[int] | None) -> Index:
     """Numbers of poses (k,), after refusing those that cannot be."""
     if counts is None:
         return np.arange(problem.fewest, problem.m + 1)
-    sizes = np.asarray(list(counts), dtype=np.int64)
+    sizes = whole_numbers("counts", list(counts))
     if not sizes.size or (np.diff(sizes) <= 0).any():
         raise refuse("counts", allowed="at least one", code="A3", message="counts must ascend")
     for size in sizes[[0, -1]]:

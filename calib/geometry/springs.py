@@ -5,7 +5,7 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from calib.arrays import LATER, Array, Bool, Index, check, frozen, wrong_shape
+from calib.arrays import LATER, Array, Bool, Index, check, frozen, whole_numbers, wrong_shape
 from calib.errors import refuse
 from calib.geometry.chain import BATCH
 from calib.geometry.frames import exp_so3
@@ -80,7 +80,7 @@ class SprungJoints(Shown):
         n = self.weight.chain.n_joints
         (load,) = check("p", load=self.load)
         for name, most in (("joint", n), ("axis", 3)):
-            places = frozen(getattr(self, name), np.int64)
+            places = whole_numbers(name, getattr(self, name))
             if places.shape != load.shape:
                 raise wrong_shape(name, places.shape, f"one per load, {len(load)}")
             if ((places < 0) | (places >= most)).any():

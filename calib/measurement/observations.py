@@ -7,7 +7,7 @@ from typing import Annotated
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.arrays import LATER, Array, Bool, Index, check, frozen
+from calib.arrays import LATER, Array, Bool, Index, check, frozen, whole_numbers, wrong_shape
 from calib.errors import refuse
 from calib.geometry.operating import AS_USUAL, OperatingConditions, joined_conditions
 from calib.shown import ResultTable, Shown
@@ -88,11 +88,11 @@ class Measurements(Shown):
             raise refuse("kind", allowed=allowed, code="A3", message=message)
         for name, array in zip((*names, "kind"), (*arrays, kind), strict=True):
             object.__setattr__(self, name, array)
-        for name in ("pose_id", "repeat"):
-            object.__setattr__(self, name, frozen(getattr(self, name), np.int64))
-        for name in ("reflector", "station", "anchor", "tool"):
-            check(f"{m}", **{name: getattr(self, name)})
-            object.__setattr__(self, name, frozen(getattr(self, name), np.int64))
+        for name in ("pose_id", "repeat", "reflector", "station", "anchor", "tool"):
+            column = whole_numbers(name, getattr(self, name))
+            if column.shape != (m,):
+                raise wrong_shape(name, column.shape, f"expected ({m},)")
+            object.__setattr__(self, name, column)
         self.conditions.require_rows(m)
         self._require_sense()
 
@@ -101,6 +101,11 @@ class Measurements(Shown):
         far = self.kind == DISTANCE
         for wrong, name, allowed in (
             (self.reflector < GIVEN, "reflector", "-1 (at offset) or a reflector, from 0"),
+            (
+                (self.reflector != GIVEN) & self.offset.any(axis=1),
+                "offset",
+                "zero: the place of a reflector of the fixtures is theirs",
+            ),
             (self.is_pose & (self.reflector != GIVEN), "reflector", "-1: a pose sees no reflector"),
             (self.station < 0, "station", "0 (the world) or a further station"),
             (self.tool < 0, "tool", "0 (of the chain) or a further tool"),
@@ -113,9 +118,9 @@ class Measurements(Shown):
         ):
             if wrong.any():
                 row = int(np.argmax(wrong))
-                value = getattr(self, name)[row]
+                value = getattr(self, name)[row].tolist()
                 message = f"{name}[{row}] of a {self.kind[row]} row is {value}"
-                raise refuse(name, value.item(), allowed, code="A3", message=message)
+                raise refuse(name, value, allowed, code="A3", message=message)
 
     def __len__(self) -> int:
         return len(self.q)

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from calib.arrays import Array, Index, check, wrong_shape
+from calib.arrays import Array, Index, check, whole_numbers, wrong_shape
 from calib.errors import refuse
 from calib.geometry.frames import nearest_rigid
 from calib.measurement.observations import (
@@ -84,9 +84,10 @@ def points(
         Standard deviation of each axis: one number, or three [m]; or covariances, one (3, 3) or
         (m, 3, 3) [m^2].
     offset : (3,) or (m, 3) array_like
-        Where the reflector lies in the tool frame [m].
+        Where the reflector lies in the tool frame [m]; zero where `reflector` names it.
     reflector : int or (m,) array_like
-        Which reflector of the model's fixtures it is, from 0; -1: the one at `offset`.
+        Which reflector of the model's fixtures it is, from 0, at the place that they give; -1: the
+        one at `offset`.
     station, tool, pose_id, repeat
         As in `poses`.
     """
@@ -125,7 +126,10 @@ def distances(
     """
     (d,) = check("m", d=d)
     covariance = np.tile(np.eye(6), (len(d), 1, 1))
-    covariance[:, 0, 0] = np.square(np.broadcast_to(_positive(sd), len(d)))
+    sd = _positive(sd)
+    if sd.shape not in ((), (len(d),)):
+        raise wrong_shape("sd", sd.shape, f"expected one number, or {len(d)}")
+    covariance[:, 0, 0] = np.square(sd)
     return _table(q, DISTANCE, covariance, np.zeros((len(d), 3)), offset=offset,
                   reflector=reflector, anchor=anchor, distance=d, pose_id=pose_id,
                   repeat=repeat)  # fmt: skip
@@ -173,23 +177,29 @@ def _table(
     m = len(position)
     q, position = check("m n, m 3", q=q, position=position)
 
-    def column(value: ArrayLike) -> Index:
-        return np.array(np.broadcast_to(np.asarray(value, dtype=np.int64), (m,)))
+    def column(name: str, value: ArrayLike) -> Index:
+        numbers = whole_numbers(name, value)
+        if numbers.shape not in ((), (m,)):
+            raise wrong_shape(name, numbers.shape, f"expected one number, or {m}")
+        return np.array(np.broadcast_to(numbers, (m,)))
 
+    offset = np.asarray(offset, dtype=np.float64)
+    if offset.shape not in ((3,), (m, 3)):
+        raise wrong_shape("offset", offset.shape, f"expected (3,) or ({m}, 3)")
     table = Measurements(
         q=q,
         position=position,
         rotation=np.tile(np.eye(3), (m, 1, 1)) if rotation is None else rotation,
         covariance=covariance,
         kind=np.full(m, kind),
-        offset=np.broadcast_to(np.asarray(offset, dtype=np.float64), (m, 3)),
-        pose_id=first_met(q) if pose_id is None else column(pose_id),
-        repeat=column(0 if repeat is None else repeat),
-        reflector=column(reflector),
-        station=column(station),
-        anchor=column(anchor),
+        offset=np.broadcast_to(offset, (m, 3)),
+        pose_id=first_met(q) if pose_id is None else column("pose_id", pose_id),
+        repeat=column("repeat", 0 if repeat is None else repeat),
+        reflector=column("reflector", reflector),
+        station=column("station", station),
+        anchor=column("anchor", anchor),
         distance=np.broadcast_to(np.asarray(distance, dtype=np.float64), (m,)),
-        tool=column(tool),
+        tool=column("tool", tool),
     )
     if repeat is None:
         seen = np.column_stack([table.pose_id, table.target_key])

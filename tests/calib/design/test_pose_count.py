@@ -122,6 +122,7 @@ def test_a_brute_force_rule_agrees():
     [
         ({"counts": [10, 400]}, "the pool has 12"),
         ({"counts": [2, 5]}, "5 numbers need at least 3 poses"),
+        ({"counts": [5, 6.5]}, r"counts\[1\] is 6\.5"),
         ({"counts": [6, 5]}, "counts must ascend"),
         ({"counts": []}, "counts must ascend"),
         ({"sets": 0}, "sets is 0"),

@@ -243,6 +243,7 @@ def test_identification_finds_the_springs_and_says_which_act_alike():
     [
         ({"axis": [3]}, r"axis is \[3\]; each 0 to 2"),
         ({"joint": [-1]}, r"joint is \[-1\]; each 0 to 5"),
+        ({"joint": [1.5]}, r"joint\[0\] is 1\.5"),
         ({"joint": [1, 2]}, r"joint has shape \(2,\); one per load, 1"),
         ({"load": [0.0]}, "load must be positive; leave out springs that nothing loads"),
         ({"free": np.zeros((5, 4), bool)}, r"free has shape \(5, 4\)"),

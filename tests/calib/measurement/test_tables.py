@@ -1,5 +1,7 @@
 """Tables from arrays at the front door: deviations in every form, visits numbered, poses split."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -50,9 +52,50 @@ def test_a_split_keeps_the_rows_of_a_pose_together(seed):
     assert np.array_equal(again.position, test.position)
 
 
+ONES = np.ones((6, 3))
+PLACE = (0.0, 0.0, 0.1)
+
+
+@pytest.mark.parametrize("name", ["pose_id", "repeat", "reflector", "station", "anchor", "tool"])
+@pytest.mark.parametrize(
+    ("value", "said"),
+    [
+        (1.5, r" is 1\.5; every value must be a whole number"),
+        ([0, 1, 2, 3, 4, 5.5], r"\[5\] is 5\.5"),
+        ([0, 1, np.nan, 3, 4, 5], r"\[2\] is nan"),
+        ([0, 1, 2, 3, 4, 1e300], r"\[5\] is 1e\+300"),
+        (list("abcdef"), " is not an array of whole numbers"),
+        ([0, 1, 2], r" has shape \(3,\); expected one number, or 6|has shape \(3,\)"),
+    ],
+)
+def test_numbers_of_rows_are_whole_or_refused(name, value, said):
+    make, seen = (calib.distances, np.ones(6)) if name == "anchor" else (calib.points, ONES)
+    with pytest.raises(InputError, match=name + said):
+        make(Q, seen, sd=1e-5, **{name: value})
+    table = calib.points(Q, ONES, sd=1e-5)
+    if np.ndim(value):
+        with pytest.raises(InputError, match=name):
+            replace(table, **{name: np.array(value)})
+    whole = make(Q, seen, sd=1e-5, **{name: np.arange(6.0)})
+    assert getattr(whole, name).tolist() == list(range(6))
+
+
+def test_a_reflector_of_the_fixtures_has_no_second_place():
+    for call in (calib.points, calib.distances):
+        seen = ONES if call is calib.points else np.ones(6)
+        with pytest.raises(InputError, match=r"offset\[0\] of a .* row is \[0.0, 0.0, 0.1\]"):
+            call(Q, seen, sd=1e-5, reflector=0, offset=PLACE)
+        some = call(Q, seen, sd=1e-5, reflector=[-1] * 5 + [2],
+                    offset=[PLACE] * 5 + [(0, 0, 0)])  # fmt: skip
+        assert some.reflector.tolist() == [-1] * 5 + [2]
+        with pytest.raises(InputError, match=r"offset has shape \(2,\)"):
+            call(Q, seen, sd=1e-5, offset=[0.0, 0.1])
+
+
 @pytest.mark.parametrize(
     ("call", "message"),
     [
+        (lambda: calib.distances(Q, np.ones(6), sd=[1e-5] * 2), r"sd has shape \(2,\)"),
         (lambda: calib.points(Q, np.ones((6, 3)), sd=[1e-5, 1e-5]), r"sd has shape \(2,\)"),
         (lambda: calib.points(Q, np.ones((6, 3)), sd=0.0), "sd is 0.0"),
         (lambda: calib.points(Q, np.ones((5, 3)), sd=1e-5), "q has shape|position has shape"),
