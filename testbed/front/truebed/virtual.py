@@ -16,7 +16,7 @@ from calib.measurement.accuracy import point_distances, target_points
 from calib.measurement.observations import Measurements
 from testbed.laboratory.pool import REASONS
 from testbed.laboratory.truth.laboratory import Laboratory, open_laboratory
-from testbed.laboratory.truth.setting import in_turn, make_setting
+from testbed.laboratory.truth.setting import held_out_conditions, make_setting
 from testbed.run.play import robot_of
 from testbed.scenario.scenario import Scenario
 from testbed.streams import stream
@@ -147,7 +147,8 @@ class VirtualLaboratory:
             message = f"found is of the type {type(found).__name__}"
             raise refuse("found", found, allowed, code="A3", message=message)
         at = self.held_out if q is None else self._joints(q=q)
-        true, said = self.inside.held_out(at), model.poses(at, in_turn(at))
+        true = self.inside.held_out(at)
+        said = model.poses(at, held_out_conditions(self.scenario, at))
         target = self.inside.setting.target
         return np.asarray(target_points(true, target) - target_points(said, target))
 

@@ -117,6 +117,18 @@ def journey(q: Array, start: float, pose_time: float) -> Journey:
     return Journey(time, np.vstack([np.zeros((1, q.shape[1])), q[:-1]])[: len(q)], last_moves(q))
 
 
+def held_out_conditions(scenario: Scenario, q: Array) -> OperatingConditions:
+    """What is known of held-out poses q (m, n), visited in turn: also what hangs on the arm there.
+
+    Where payloads change, rows state them, and a model may ask for them.
+    """
+    said, truth = in_turn(q), scenario.truth
+    if not truth.payloads_kg:
+        return said
+    hung, center = np.full(len(q), truth.payload_kg), np.array(truth.payload_center_mm) / 1e3
+    return replace(said, payload=hung, center=np.tile(center, (len(q), 1)))
+
+
 def in_turn(q: Array) -> OperatingConditions:
     """What is known of poses q (m, n) visited in turn: from which side each joint came."""
     start = np.zeros((1, q.shape[1]))

@@ -20,7 +20,7 @@ from calib.measurement.accuracy import point_distances, target_points
 from calib.uncertainty.regions import inside
 from testbed.laboratory.goal import goals_of
 from testbed.laboratory.truth.laboratory import Laboratory, open_laboratory
-from testbed.laboratory.truth.setting import Setting
+from testbed.laboratory.truth.setting import Setting, held_out_conditions
 from testbed.scenario.scenario import Scenario
 from testbed.streams import stream
 from testbed.studies.many_robots import alone, together
@@ -163,6 +163,7 @@ def _judged(
             setting.test_q,
             setting.target,
             replace(found, covariance=found.covariance + shared).full_covariance,
+            held_out_conditions(laboratory.scenario, setting.test_q),
         )
         error = point_distances(true, point)
         out.append(

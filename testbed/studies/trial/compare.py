@@ -14,6 +14,7 @@ from calib.geometry.frames import transform
 from calib.geometry.jacobian import reflector_rows
 from calib.geometry.joint_errors import JointTerm
 from calib.geometry.model import RobotModel
+from calib.geometry.operating import OperatingConditions
 from calib.identification.identify import Identification, identify
 from calib.measurement import accuracy
 from calib.measurement.accuracy import point_distances, target_points
@@ -38,14 +39,18 @@ REFIT_POSES = 200
 
 
 def target_prediction(
-    model: RobotModel, q: Array, target: Array, covariance: Array
+    model: RobotModel,
+    q: Array,
+    target: Array,
+    covariance: Array,
+    at: OperatingConditions | None = None,
 ) -> tuple[Array, Array, Array]:
     """Point (m, 3), rotation (m, 3, 3) and stated covariance (m, 6, 6) at joints q [m, rad].
 
     `covariance` (P, P) is that of all numbers of the model, zero where they are not estimated. The
-    joints are visited in turn.
+    joints are visited in turn; `at` says more of them.
     """
-    T, J = model.poses_and_jacobian(q, in_turn(q))
+    T, J = model.poses_and_jacobian(q, in_turn(q) if at is None else at)
     point, rows = reflector_rows(T, J, np.broadcast_to(target, (len(q), 3)))
     J = np.concatenate([rows, J[:, 3:]], axis=1)
     return point, T[:, :3, :3], J @ covariance @ np.swapaxes(J, 1, 2)
@@ -177,6 +182,7 @@ def compare(
     truth: Array,
     *,
     systematic: Array | None = None,
+    at: OperatingConditions | None = None,
 ) -> Comparison:
     """Judge one identification.
 
@@ -192,14 +198,17 @@ def compare(
         From `true_step` [m, rad].
     systematic : (f, f) array, optional
         Covariance that errors common to all rows add to that of the estimate.
+    at : OperatingConditions, optional
+        What is known of the held-out poses; by default that they are visited in turn.
     """
     q, target = setting.test_q, setting.target
+    at = in_turn(q) if at is None else at
     stated = identification
     if systematic is not None and systematic.any():
         stated = replace(identification, covariance=identification.covariance + systematic)
-    p_true, T0 = target_points(setting.test_true, target), setting.nominal.poses(q)
+    p_true, T0 = target_points(setting.test_true, target), setting.nominal.poses(q, at)
     point, R, covariance = target_prediction(
-        identification.model, q, target, stated.full_covariance
+        identification.model, q, target, stated.full_covariance, at
     )
     before = point_distances(p_true, target_points(T0, target))
     error = p_true - point

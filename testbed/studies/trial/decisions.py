@@ -10,7 +10,7 @@ import numpy as np
 from calib.measurement.accuracy import point_distances, target_points
 from calib.uncertainty.statement.conformity import Conformity, conformity
 from calib.uncertainty.statement.stated_point import widened
-from testbed.laboratory.truth.setting import in_turn
+from testbed.laboratory.truth.setting import held_out_conditions
 from testbed.report.page import Section, Table, Text, heads
 from testbed.scenario.tolerance import Decision
 from testbed.store.quantities import METRE, Quantity, below
@@ -44,7 +44,7 @@ def decide(campaign: Campaign, estimate: Estimate) -> dict[str, JudgedDecisions]
     if settings is None or belief is None:
         return {}
     q, target, by = setting.test_q, setting.target, settings.decision
-    stated = belief.regions(q, target=target, at=in_turn(q))
+    stated = belief.regions(q, target=target, at=held_out_conditions(campaign.scenario, q))
     nominal = target_points(setting.nominal.poses(q), target)
     true = target_points(setting.test_true, target)
     unreached = belief.proven.applies(q).place == "outside"

@@ -30,6 +30,7 @@ from testbed.laboratory.truth.budget import truth_budget
 from testbed.laboratory.truth.laboratory import Laboratory, open_laboratory
 from testbed.laboratory.truth.setting import (
     Setting,
+    held_out_conditions,
     journey,
     make_setting,
     validation_start,
@@ -133,7 +134,14 @@ def estimate(
         identification=first,
         repeated=repeated,
         type_a=type_a(repeated).standard,
-        comparison=compare(bench.setting, first, visits[0], truth, systematic=systematic),
+        comparison=compare(
+            bench.setting,
+            first,
+            visits[0],
+            truth,
+            systematic=systematic,
+            at=held_out_conditions(bench.scenario, bench.setting.test_q),
+        ),
         replications=(
             None
             if shared

@@ -9,13 +9,14 @@ import numpy as np
 from calib.arrays import Array, Index
 from calib.geometry.fixtures import Fixtures
 from calib.geometry.model import RobotModel
+from calib.geometry.operating import OperatingConditions
 from calib.measurement.accuracy import point_distances, target_points
 from calib.measurement.observations import Measurements
 from calib.measurement.prediction import targets
 from calib.uncertainty.regions import coverage_factor
 from calib.uncertainty.tool_point import ToolStatement
 from testbed.laboratory.truth.laboratory import resting_arm
-from testbed.laboratory.truth.setting import Setting, in_turn
+from testbed.laboratory.truth.setting import Setting, held_out_conditions
 from testbed.laboratory.truth.springs import ElasticArm
 from testbed.recording import style
 from testbed.recording.cell import draw_beam, draw_station
@@ -88,7 +89,8 @@ def show(campaign: Campaign, trial: Trial) -> ShownTrial:
     seen = seen_places(estimate.identification.model, trial.measurements)
     away = point_distances(seen, predicted_places(setting.nominal, trial.measurements))
     before = max(float(judged.before.max()), float(away.max()))
-    stated, moved = stated_regions(setting, estimate)
+    at = held_out_conditions(campaign.scenario, setting.test_q)
+    stated, moved = stated_regions(setting, estimate, at)
     widest = stated if moved is None else moved
     axes, _ = widest.region
     return ShownTrial(
@@ -105,15 +107,18 @@ def show(campaign: Campaign, trial: Trial) -> ShownTrial:
 
 
 def stated_regions(
-    setting: Setting, estimate: Estimate
+    setting: Setting, estimate: Estimate, met: OperatingConditions
 ) -> tuple[ToolStatement, ToolStatement | None]:
-    """Regions at the held-out poses of the mean of many moves, and of one move where stated."""
+    """Regions at the held-out poses of the mean of many moves, and of one move where stated.
+
+    `met` is what is known of these poses.
+    """
     q, target, belief = setting.test_q, setting.target, estimate.belief
     if belief is None:
         judged = estimate.comparison
         at = target_points(setting.test_true, target) - judged.error
         return ToolStatement(at, judged.covariance[:, :3, :3], coverage_factor(3), 0.95), None
-    regions = partial(belief.regions, q, target=target, at=in_turn(q))
+    regions = partial(belief.regions, q, target=target, at=met)
     sd = setting.joint_repeatability
     return regions(), regions(repeatability=sd) if sd.any() else None
 

@@ -17,7 +17,7 @@ from calib.measurement.accuracy import target_points
 from calib.measurement.observations import Measurements
 from calib.uncertainty.regions import inside, mahalanobis_squared
 from testbed.laboratory.truth.laboratory import Laboratory
-from testbed.laboratory.truth.setting import in_turn
+from testbed.laboratory.truth.setting import held_out_conditions
 from testbed.studies.trial.compare import INTERVAL, target_prediction
 from testbed.studies.trial.estimator import Estimator
 from testbed.studies.trial.records import Replications
@@ -72,9 +72,8 @@ def replicate(
     error = p_true - played.point
     again = None
     if statement is not None and statement.belief is not None:
-        believed = statement.belief.regions(
-            setting.test_q, target=setting.target, at=in_turn(setting.test_q)
-        )
+        at = held_out_conditions(bench.scenario, setting.test_q)
+        believed = statement.belief.regions(setting.test_q, target=setting.target, at=at)
         again = believed.covers(error)
     f = len(truth)
     return Replications(

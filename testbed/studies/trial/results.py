@@ -5,7 +5,7 @@ import numpy as np
 from calib.arrays import Array
 from calib.measurement.accuracy import Accuracy
 from calib.uncertainty.statement.stated_point import widened
-from testbed.laboratory.truth.setting import in_turn
+from testbed.laboratory.truth.setting import held_out_conditions
 from testbed.store.quantities import METRE, RADIAN, Quantity, below, fields_of, in_si
 from testbed.studies.trial import decisions
 from testbed.studies.trial.bending.results import motion_headline
@@ -97,7 +97,8 @@ def _regions(campaign: Campaign, statement: Statement, key: str) -> dict[str, ob
     belief, setting = statement.belief, campaign.setting
     if belief is None:
         return {}
-    mean = belief.regions(setting.test_q, target=setting.target, at=in_turn(setting.test_q))
+    at = held_out_conditions(campaign.scenario, setting.test_q)
+    mean = belief.regions(setting.test_q, target=setting.target, at=at)
     return {f"{key}/test_believed_covariance": widened(mean)}
 
 

@@ -12,6 +12,7 @@ from calib.geometry.chain import forward
 from calib.measurement.accuracy import position_errors, target_points
 from calib.uncertainty.regions import coverage_factor
 from testbed.laboratory.truth.robot import TrueRobot, unmodelled_terms
+from testbed.laboratory.truth.setting import in_turn
 from testbed.laboratory.truth.terms import UnmodelledTerms
 from testbed.recording.cell import box_edges, draw_arm
 from testbed.recording.parameters import middles, parameter_panel, place
@@ -305,7 +306,7 @@ def test_an_arrow_ends_inside_its_ellipsoid_exactly_where_the_record_says_so(ope
     assert size == pytest.approx(np.sqrt(distance) / belief.factor, rel=1e-4)  # float32 axes
     # where nothing is believed, the regions are those of the fit, and hold what these hold
     nothing = replace(shown.estimate, statement=None)
-    stated, moved = stated_regions(shown.setting, nothing)
+    stated, moved = stated_regions(shown.setting, nothing, in_turn(shown.setting.test_q))
     assert moved is None
     assert stated.factor == coverage_factor(3)
     true = target_points(shown.setting.test_true, shown.setting.target)

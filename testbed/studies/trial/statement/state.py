@@ -26,7 +26,7 @@ from calib.uncertainty.statement.drifting import Drifting
 from calib.uncertainty.statement.gain import of_all_numbers
 from calib.uncertainty.tool_point import tool_statement
 from testbed.laboratory.truth.laboratory import Laboratory
-from testbed.laboratory.truth.setting import in_turn
+from testbed.laboratory.truth.setting import held_out_conditions
 from testbed.scenario.fixtures import rounds_per_visit
 from testbed.streams import stream
 from testbed.studies.trial.compare import attained, held_by
@@ -116,12 +116,13 @@ def state(
     held_out, discrepancy, played = judgement.held_out, judgement.discrepancy, judgement.bootstrap
     assert held_out is not None  # the tracker measures poses or points, never distances
     belief, judge_q, shared = judgement.belief, validation.judge_q, 0.0
+    judges_met = held_out_conditions(bench.scenario, judge_q)
     once = np.unique(observations.pose_id, return_index=True)[1]
     at_judges, at_held_out, at_measured = (
         tool_regions(whole, judgement, sources.systematic, q, target, repeatability, at)
         for q, at in (
-            (judge_q, in_turn(judge_q)),
-            (setting.test_q, in_turn(setting.test_q)),
+            (judge_q, judges_met),
+            (setting.test_q, held_out_conditions(bench.scenario, setting.test_q)),
             (observations.q[once], observations.conditions.rows(once)),
         )
     )
@@ -176,7 +177,7 @@ def state(
                 belief,
                 judge_q,
                 target,
-                in_turn(judge_q),
+                judges_met,
                 stream(seed, "statement", "honest", name),
             )
         ),
