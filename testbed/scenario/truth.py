@@ -132,6 +132,14 @@ def truth_faults(truth: TruthSettings, robot: "Robot") -> Iterator[Fault]:
             fix="write drive_nm_per_mrad = []",
             value=truth.drive_nm_per_mrad,
         )
+    if truth.drive_nm_per_mrad and robot.model.joint_errors.springs is not None:
+        yield Fault(
+            ("truth", "drive_nm_per_mrad"),
+            f"[truth] drive_nm_per_mrad is set, and {robot.name} has springs of its own",
+            allowed="an arm gives way by one set of springs",
+            fix="choose a preset without springs, or remove [springs] from that file",
+            value=truth.drive_nm_per_mrad,
+        )
     assumed = [note for note in robot.notes if note.startswith(NO_MASS)]
     if truth.motion and assumed:
         yield Fault(

@@ -32,6 +32,7 @@ from testbed.laboratory.truth.setting import make_setting
 from testbed.plan.plan import plan
 from testbed.robots.catalog import load_robot
 from testbed.robots.robot import NO_MASS
+from testbed.robots.write.identified import identified_robot
 from testbed.run.play import play_run, recording_of
 from testbed.run.result import read_result
 from testbed.scenario.checks import check_robot
@@ -46,6 +47,7 @@ from testbed.studies.compensation.cube import cube_joints, cube_poses
 from testbed.studies.compensation.settings import CompensationSettings
 from tests.planned import QUICK, ROBOT, scenario
 from tests.testbed.laboratory.outcomes import settings as outcome_settings
+from tests.testbed.robots.test_springs import tx60_at_rest
 from tests.testbed.studies.trial.fake_campaign import SCENARIO, Fake
 
 GOLDEN = Path(__file__).parents[2] / "golden" / "messages.txt"
@@ -302,6 +304,11 @@ CASES = {
             notes=(f"{NO_MASS} forearm, hand moves: a rod to the next joint of 5 kg/m is assumed",),
         ),
         outcome_settings("moving"),
+        0,
+    ),
+    "springs beside the maker's": lambda _: draw_truth(
+        identified_robot(load_robot("staubli_tx60"), tx60_at_rest(), name="mine"),
+        outcome_settings("elastic"),
         0,
     ),
     "a motion of a slide": lambda _: draw_truth(
