@@ -63,6 +63,8 @@ STEMS: dict[str, str] = {
     **{f"{u}{axis}": "angle" for u in ("u", "U95") for axis in ("rx", "ry", "rz")},
 }
 """Stem of a column name to what it measures."""
+UNNAMED = re.compile(r"column \d+")
+"""What a column without a name is called."""
 JOINT = re.compile(r"q([1-9]\d?)(_read)?")
 DRIVE = re.compile(r"(torque|current)([1-9]\d?)")
 """What a drive reports."""
@@ -125,9 +127,13 @@ def close_to(name: str) -> str:
 
 
 def misspelling(names: Iterable[str]) -> str:
-    """The hint on the first name that is none of ours and close to one of them, or nothing."""
-    hints = (close_to(name) for name in names if not is_known(name))
-    return next(filter(None, hints), "")
+    """The hint on the first name that is none of ours and close to one of them, or nothing.
+
+    Without such a name it is one on a column that has no name.
+    """
+    others = [name for name in names if not is_known(name)]
+    bare = (f"give {name} a name, it has none" for name in others if UNNAMED.fullmatch(name))
+    return next(filter(None, map(close_to, others)), "") or next(bare, "")
 
 
 def misspelt_reading(names: Iterable[str]) -> str:

@@ -16,7 +16,7 @@ from testbed.files.refusal import refusal
 from testbed.files.rows.say import NOTHING_SAID, RowsSay
 from testbed.files.session_toml import SESSION_FILE, IdentificationTable
 from testbed.files.visits.visit import RobotVisit
-from testbed.gates.kinds import require_table
+from testbed.gates.kinds import require_no_program, require_table
 from testbed.gates.paths import real
 from testbed.gates.text import FileText, SourceFile, read_text
 from testbed.gates.workbook import is_workbook, read_workbook
@@ -258,4 +258,6 @@ def text_of(path: Path, where: str, *, sheet: str | None, max_mb: float) -> File
     if sheet is not None:
         message, fix = f'has no sheet "{sheet[:40]}": it is no workbook', "remove the key sheet"
         raise refusal(where, "sheet", message, code="S37", fix=fix)
-    return read_text(path, where, max_mb=max_mb)
+    text = read_text(path, where, max_mb=max_mb)
+    require_no_program(text.lines, where)
+    return text

@@ -274,9 +274,9 @@ def _floats(cells: Sequence[str]) -> Array:
 
 
 def number_of(cell: str) -> float:
-    """One number, or nan."""
+    """One number, its minus as in print or not, or nan."""
     try:
-        return np.nan if "_" in cell else float(cell)
+        return np.nan if "_" in cell else float(cell.replace("\u2212", "-"))
     except ValueError:
         return np.nan
 

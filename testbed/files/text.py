@@ -9,10 +9,11 @@ from testbed.files.columns import WRITTEN
 from testbed.files.refusal import refusal
 from testbed.gates.text import EMPTY, FileText, separator_of, split
 from testbed.report.text import unguarded
+from testbed.units import counted
 
 MOST_TITLES = 50
 """Lines that free text above a table may have."""
-NUMBER = re.compile(r"[+-]?\d[\d.,]*([eE][+-]?\d+)?")
+NUMBER = re.compile(r"[+\u2212-]?\d[\d.,]*([eE][+-]?\d+)?")
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,6 +69,7 @@ def read_sheet(text: FileText, *, separator: str = "", header: bool | None = Non
     elif header is None:
         _require_names(head, f"{text.where}:{content[0][0]}")
     _check_head(head, text.where)
+    head = tuple(name or f"column {k + 1}" for k, name in enumerate(head))
     width, units = len(head), _units(cells[1:2], len(head)) if header is not False else ()
     first += bool(units)
     rows = tuple(tuple(row if any(row[width:]) else row[:width]) for row in cells[first:])
@@ -93,7 +95,8 @@ def titles_above(content: Sequence[tuple[int, str]], separator: str = "") -> int
         except InputError:
             return 0
         names = _trimmed(cells[k])
-        if _holds_data(names) or any(len(_trimmed(above)) >= len(names) for above in cells[:k]):
+        # the cells of a merged one are empty but for the first
+        if _holds_data(names) or any(sum(map(bool, above)) >= len(names) for above in cells[:k]):
             continue
         fit = [len(row) >= len(names) > 1 and not any(row[len(names) :]) for row in cells[k + 1 :]]
         many = sum(fit) * len(names)
@@ -143,12 +146,16 @@ def _require_names(head: Sequence[str], where: str) -> None:
 
 
 def _check_head(head: tuple[str, ...], where: str) -> None:
-    """Every column has a name, once."""
+    """No name of a column comes twice, and most columns have one."""
     for k, name in enumerate(head):
-        if not name or name in head[:k]:
-            twice = f'two columns are called "{name[:40]}"'
-            message = twice if name else f"column {k + 1} has no name"
+        if name and name in head[:k]:
+            message = f'two columns are called "{name[:40]}"'
             raise refusal(where, "file", message, fix="name each once")
+    if 2 * head.count("") > len(head):
+        message = (
+            f"column {head.index('') + 1} has no name, and {head.count('') - 1} more have none"
+        )
+        raise refusal(where, "file", message, fix="name each once")
 
 
 def _check_lengths(sheet: Sheet) -> None:
@@ -158,7 +165,7 @@ def _check_lengths(sheet: Sheet) -> None:
     if not wrong:
         return
     count = len(sheet.rows[wrong[0]])
-    message, fix = f"has {count} cells; the first line names {width} columns", "mend it"
+    message, fix = f"has {counted(count, 'cell')}; the first line names {width} columns", "mend it"
     if sheet.separator == "comma" and count > width:
         message += " (is the comma separator and decimal mark in one?)"
         fix = "save it with ; between the cells, or with a decimal point"

@@ -1,7 +1,8 @@
 """What a file of a user is: said where another kind was wanted, instead of naming its keys."""
 
+import re
 import shlex
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal
 
@@ -32,6 +33,22 @@ NO_TABLES = {
     **dict.fromkeys(DESCRIPTIONS, CALLED["description"]),
     **{ending: f"a {ending[1:].upper()} file" for ending in (".toml", ".json", ".yaml", ".yml")},
 }
+PROGRAMS = {
+    "a KRL program (KUKA)": re.compile(
+        r"\s*(&(ACCESS|REL|PARAM)\b|(GLOBAL\s+)?DEF(DAT|FCT)?\s+\w+)"
+    ),
+    "a TP program (FANUC)": re.compile(r"\s*/(PROG|ATTR|MN|POS)\b"),
+    "an INFORM job (Yaskawa)": re.compile(r"\s*/(JOB|/NAME|/POS)\b"),
+    "a URScript program (Universal Robots)": re.compile(
+        r"\s*(def\s+\w+\s*\(.*\)\s*:|mov[ejlp]+\()"
+    ),
+}
+"""A line of programs of robots that are not read, among their first ones."""
+FIRST = 20
+ONLY_RAPID = (
+    "write its joint targets as a CSV, one a line, under a line q1_deg, q2_deg ...; the only "
+    "programs that sessions read are RAPID"
+)
 OF_SESSIONS = {
     "joints", "frames", "points", "ranges", "drift", "dialect", "match", "session", "cycles",
     "paths", "iso9283", "job", "conditions",
@@ -90,6 +107,20 @@ def require_table(path: Path, where: str) -> None:
     if told and path.is_file():
         message, fix = f"is {told}, and a table is wanted here", "give a CSV, or a workbook (xlsx)"
         raise refuse("file", code="S39", message=message, fix=fix, where=where)
+
+
+def require_no_program(lines: Sequence[str], where: str) -> None:
+    """Refuse the program of a robot where a table is wanted.
+
+    Raises
+    ------
+    InputError
+        S39: it is one of `PROGRAMS`.
+    """
+    for called, line in PROGRAMS.items():
+        if any(map(line.match, lines[:FIRST])):
+            message, fix = f"is {called}, and a table is wanted here", ONLY_RAPID
+            raise refuse("file", code="S39", message=message, fix=fix, where=where)
 
 
 def wrong_kind(kind: str, wanted: str, where: str) -> InputError:

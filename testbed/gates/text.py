@@ -28,6 +28,8 @@ ENCODINGS = {
 """Names for people to those of Python."""
 EMPTY = " \t\r\f\v,;"
 """What a line without content may hold."""
+ERROR = re.compile(r'\s*"?#(N/A|NV|[A-Z]+/0!|[A-Z]+!|NAME\?)"?\s*([,;\t]|$)')
+"""A first cell in which a spreadsheet could compute nothing: that line is no comment."""
 FOREIGN = (
     (b"PK\x03\x04", "an archive or a workbook (zip, npz, xlsx)"),
     (b"\x1f\x8b", "a gzip archive"),
@@ -78,7 +80,8 @@ class FileText:
         return [
             (k, line)
             for k, line in numbered
-            if line.strip(EMPTY) and not line.lstrip().startswith(comments)
+            if line.strip(EMPTY)
+            and not (line.lstrip().startswith(comments) and not ERROR.match(line))
         ]
 
 

@@ -11,6 +11,7 @@ from calib.arrays import Array, frozen
 from calib.errors import refuse
 from calib.uncertainty.statement.conditions import Conditions
 from testbed.bounds import PAYLOAD, TEMPERATURE, Bound
+from testbed.gates.kinds import require_no_program
 from testbed.gates.text import read_text, separator_of, split
 from testbed.report.text import unguarded
 from testbed.robots.catalog import Robot
@@ -114,6 +115,7 @@ def read_conditions(path: str | Path) -> Conditions:
 def _rows(path: str | Path) -> tuple[list[str], list[tuple[str, list[str]]]]:
     """Head and rows of a file of joint targets, each row with its place."""
     text = read_text(Path(path), str(path), max_mb=MAX_MB, larger="split it")
+    require_no_program(text.lines, str(path))
     content = text.content("#")
     separator = separator_of(content[0][1]) if content else ""
     rows = [list(map(unguarded, row)) for row in split(content, separator, str(path))]

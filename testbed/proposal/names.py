@@ -14,12 +14,16 @@ ROS = {
 }  # fmt: skip
 """Joints of the Universal Robots descriptions."""
 JOINT = re.compile(r"(?:.*[\s_])?(?:j|a|q|joint|axis|achse|theta|ax)[\s_]*a?([1-9])")
+FROM_ZERO = re.compile(r"(.*?\b(?:j|a|q|joint|axis|achse|theta|ax)[\s_]*a?)([0-9])")
+"""The same, of programs that count joints from 0."""
 PLACE = re.compile(r"(?:p|pos|tcp|pt)([xyz])")
 """A coordinate that is written in one word: Px, TCPx."""
 TRANSFORM = re.compile(r"([a-z]) ?([1-4]) ?([1-4])")
 """An entry of a transform: T11 ... T34."""
 OF_TARGET = re.compile(r"(.*?) ?([xyz]) ?(\d{0,3})")
 """A coordinate of one of several targets: x1, P1 x, SMR A x."""
+FEWEST = 2
+"""Joints that are more than so many may be counted from 0."""
 READ = {"read", "actual", "act", "feedback", "measured", "current", "ist", "istwert"}
 """Words of a joint that was read back."""
 TARGETS = {"goal", "target", "nominal", "nom", "cmd", "command", "commanded", "ref", "set", "t",
@@ -81,11 +85,14 @@ def meanings(head: Sequence[str], units: Sequence[str] = ()) -> tuple[Meaning, .
     A stem that several columns claim alike is given to none. `units` are those that a line below
     the names says, "" of columns that have none.
     """
-    found = []
+    found, shifted = [], _from_zero(head)
     for name, unit in zip(head, units or [""] * len(head), strict=True):
         bare = not (is_known(name) or without_unit(name)[1])
-        said = f"{name} [{unit}]" if unit and bare else name
+        said = f"{shifted.get(name, name)} [{unit}]" if unit and bare else shifted.get(name, name)
         if (meaning := _meaning(said, head)) is not None:
+            if name in shifted and meaning.known:
+                stem, _, unit = meaning.stem.rpartition("_")
+                meaning = Meaning(name, stem, unit)
             found.append(replace(meaning, theirs=name))
     best: dict[str, list[Meaning]] = {}
     for meaning in found:
@@ -95,6 +102,27 @@ def meanings(head: Sequence[str], units: Sequence[str] = ()) -> tuple[Meaning, .
         for several in best.values()
         if len(several) == 1 or any(one.known for one in several)
     )
+
+
+def _from_zero(head: Sequence[str]) -> dict[str, str]:
+    """Joints that are counted from 0, under the names that they have when counted from 1."""
+    families: dict[str, dict[int, str]] = {}
+    for name in head:
+        if (joint := FROM_ZERO.fullmatch(without_unit(name)[0])) is not None:
+            families.setdefault(joint[1], {})[int(joint[2])] = name
+    shifted = {}
+    for word, columns in families.items():
+        count = len(columns)
+        # q0 to q3 are a quaternion
+        if (
+            count > FEWEST
+            and set(columns) == set(range(count))
+            and not (word[-1] == "q" and count == 4)
+        ):
+            for number, name in columns.items():
+                before, _, after = name.rpartition(str(number))
+                shifted[name] = f"{before}{number + 1}{after}"
+    return shifted
 
 
 def targets_in_a_row(head: Sequence[str]) -> dict[str, dict[str, str]]:
@@ -133,7 +161,7 @@ def _meaning(name: str, head: Sequence[str]) -> Meaning | None:
     if text.replace(" ", "_") in ROS:
         return Meaning(name, f"q{ROS[text.replace(' ', '_')]}", unit)
     # q0 beside q1 is a quaternion, its scalar first
-    scalar = any(other.strip().lower() == "q0" for other in head)
+    scalar = {"q0"} <= {other.strip().lower() for other in head if other not in _from_zero(head)}
     if scalar and text in ("q0", "q1", "q2", "q3"):
         return Meaning(name, f"q{'wxyz'[int(text[1])]}", "")
     if len(text) == 1 and (turns := turns_of_letters(head)) and text in turns:

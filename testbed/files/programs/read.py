@@ -12,6 +12,7 @@ from calib.errors import InputError
 from calib.geometry.frames import transform
 from calib.geometry.inverse import inverse_kinematics, spread
 from testbed.files.conditions import target_conditions
+from testbed.files.dialects.rapid import is_rapid
 from testbed.files.joints import joint_columns, read_joints
 from testbed.files.programs.columns import joints_by_number, no_targets
 from testbed.files.refusal import refusal
@@ -21,7 +22,7 @@ from testbed.files.session import Stated
 from testbed.files.table import Columns, DataTable, require_short, table_of, together
 from testbed.files.text import read_sheet
 from testbed.files.valid import valid_rows
-from testbed.gates.kinds import require_table
+from testbed.gates.kinds import require_no_program, require_table
 from testbed.gates.text import FileText, read_text
 from testbed.robots.catalog import Robot
 
@@ -32,6 +33,7 @@ ONE_MORE = (
     'write one of them with another number of digits, as "1,2340", or all with a decimal point'
 )
 """What to do where a decimal comma may be a thousands mark: a program has no place to say it."""
+AS_TABLE = "write its targets as a CSV, one a line, under a line q1_deg, q2_deg ..."
 STARTS = 64
 """Postures over the joint ranges from which a target is sought that is not near the one before."""
 
@@ -46,6 +48,10 @@ def read_program(path: Path, robot: Robot) -> tuple[FileText, DataTable]:
     """
     require_table(path, path.name)
     text = read_text(path, path.name)
+    require_no_program(text.lines, path.name)
+    if is_rapid(text):
+        message, fix = "is a RAPID program, and programs are corrected as tables", AS_TABLE
+        raise refusal(path.name, "program", message, code="S39", fix=fix)
     sheet = read_sheet(text)
     for name in ADDED:
         if name in sheet.head:

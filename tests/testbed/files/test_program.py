@@ -248,7 +248,7 @@ def test_a_corrected_program_differs_in_the_corrected_numbers_and_the_columns_be
     ends, encoding, tmp_path, real
 ):
     word = {"cp1252": "Prüf – Größe", "latin-1": "Prüfgröße"}.get(encoding, "Prüf – 位置")
-    head = ["name", *(f"q{k}_deg" for k in range(1, 7)), "side", "note"]
+    head = ["", *(f"q{k}_deg" for k in range(1, 7)), "side", "note"]
     q = [[f"{v:.1f}".replace(".", ",") for v in row] for row in np.degrees(Q)]
     lines = [
         f'# {word}; "as taught"',

@@ -11,7 +11,7 @@ import pytest
 from calib.errors import InputError
 from testbed.files.programs.correct import correct_program
 from testbed.files.read import ReadOptions, read_session
-from testbed.gates.text import MAX_LINE, split
+from testbed.gates.text import MAX_LINE, read_text, split
 from testbed.laboratory.joint_lists import read_joints
 from testbed.robots.catalog import load_robot
 
@@ -71,6 +71,34 @@ def test_a_quote_that_is_open_at_the_end_of_its_line_takes_in_no_other(told, not
 def test_quotes_that_are_closed_hold_what_they_hold():
     lines = [(1, 'a,"b,c"'), (4, '"d ""e""", f')]
     assert split(lines, "comma", "x") == [["a", "b,c"], ['d "e"', "f"]]
+
+
+PROGRAMS = {
+    "a KRL program (KUKA)": ["&ACCESS RVP", "DEF cal( )", "PTP {A1 10,A2 -90,A3 90,A4 0}", "END"],
+    "a TP program (FANUC)": ["/PROG  CAL", "/MN", "   1:J P[1] 100% FINE ;", "/POS", "P[1]{", "};"],
+    "an INFORM job (Yaskawa)": ["/JOB", "//NAME CAL", "//POS", "///NPOS 1,0,0,0,0,0", "C0=1,2,3"],
+    "a URScript program (Universal Robots)": ["def cal():", "  movej([0.1,-1.5,1,0,0.5,0])", "end"],
+}
+
+
+@pytest.mark.parametrize("name", PROGRAMS)
+def test_programs_of_controllers_are_called_by_their_names(told, name):
+    said = told("\n".join(PROGRAMS[name]))
+    assert said.startswith(f"a.csv: is {name}, and a table is wanted here; write its joint targets")
+
+
+def test_a_program_of_rapid_is_no_table_of_targets(tmp_path):
+    path = tmp_path / "a.mod"
+    path.write_text("CONST jointtarget p1 := [[1,2,3,4,5,6],[9E9,9E9,9E9,9E9,9E9,9E9]];\n")
+    with pytest.raises(InputError, match="is a RAPID program, and programs are corrected as tab"):
+        READERS["program"](path)
+
+
+@pytest.mark.parametrize("error", ["#N/A", "#NV", "#DIV/0!", "#REF!", "#NAME?", '"#WERT!"'])
+def test_a_row_that_begins_with_what_could_not_be_computed_is_no_comment(tmp_path, error):
+    path = tmp_path / "a.csv"
+    path.write_text(f"{HEAD}{error},1,2,3,4,5,6,700,1,300,\n# {error}, is no number\n#a,b\n{ROWS}")
+    assert [line for line, _ in read_text(path, "a.csv").content("#")][:3] == [1, 2, 5]
 
 
 def packed(save, **arrays):

@@ -66,6 +66,27 @@ ODD = {
         | {f"T{i + 1}{j + 1}": (MM[:, i] if j == 3 else DATA.T[:, i, j])
            for i in range(3) for j in range(4)}
     ),
+    "a first column without a name, as pandas writes its index": csv(
+        {"": np.arange(M)} | joints("J{}_deg") | places("{}_mm")
+    ),
+    "a merged cell above each group, and a unit at the end": (
+        "Nr;Joints;;;;;;Tool;;[mm]\n"
+        + csv({"Nr": np.arange(M)} | joints("A{}") | places("{}"), **GERMAN)
+    ),
+    "minus as in print": csv(PLAIN, **GERMAN).replace("-", "\u2212"),
+    "a first cell that could not be computed": csv(
+        {"Nr": ["#N/A", *(f"P{k}" for k in range(1, M))]} | PLAIN
+    ),
+    "a log of a UR controller": csv(
+        {"timestamp": 0.1 * np.arange(M)}
+        | {f"actual_q_{k}": DATA.q[:, k] for k in range(6)}
+        | {f"actual_qd_{k}": np.zeros(M) for k in range(6)} | places("{}")
+    ),
+    "joints from 0 beside a quaternion, its scalar first": csv(
+        {f"J{k} [deg]": DEG[:, k] for k in range(6)} | places("{}_mm")
+        | {"q0": W, "q1": X, "q2": Y, "q3": Z}
+    ),
+    "our names counted from 0": csv({f"q{k}_deg": DEG[:, k] for k in range(6)} | places("{}_mm")),
     "messages of ROS": csv(
         {"stamp": 1.7e9 + np.arange(M)} | joints("joint_{}", DATA.q)
         | places("pose.position.{}", MM / 1e3, "xyz")
