@@ -28,6 +28,7 @@ from testbed.identify.fit import (
 from testbed.identify.frames import FRAMES_ALONE, frames_of
 from testbed.identify.handback.handed import hand_back
 from testbed.identify.handback.links import link_belief, prior_share
+from testbed.identify.moved import moved_in
 from testbed.identify.order import order_words, require_order
 from testbed.identify.outliers import (
     Looking,
@@ -257,6 +258,7 @@ def _calibrated(
         shared=shared,
         visits=session.visits,
         visit=session.visit,
+        moved=moved_in(session, chosen.identification, measurements, used),
         handback=handback,
         warnings=(
             *model_words(shots, looking.train, chosen, called),

@@ -9,6 +9,7 @@ from calib.arrays import Array, Bool, Index, wrong_shape
 from calib.geometry.model import RobotModel
 from calib.identification.fit_statistics import RED
 from calib.identification.identify import Status
+from calib.identification.outliers.moved import Moved
 from calib.measurement.observations import Measurements
 from calib.shown import ResultTable, Shown
 from calib.uncertainty.judgement import Judgement
@@ -84,6 +85,8 @@ class Calibration(Shown):
     """The sessions of the robot, those that identify first; none where there is one only."""
     visit: Annotated[Index, "m"] | None = None
     """(m,) which of them each row is of."""
+    moved: Moved | None = None
+    """What moved once between two rows that identify, if that explains their residuals."""
 
     def __post_init__(self) -> None:
         rows = len(self.measurements)

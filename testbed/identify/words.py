@@ -13,6 +13,7 @@ from testbed.identify.frames import FRAMES_ALONE
 from testbed.identify.handback.delivered import GEOMETRIC, Delivered
 from testbed.identify.handback.states import hand_back_warnings, tool_words
 from testbed.identify.headline import condition, deg, headline_cells, mm
+from testbed.identify.moved import moved_words
 from testbed.identify.records import FittedModel
 from testbed.identify.visits.report import judges_called, visit_words
 from testbed.jobsheet.report import Row, job_rows
@@ -112,7 +113,9 @@ def kind(calibration: Calibration) -> str:
 
 def reasons(calibration: Calibration) -> tuple[str, ...]:
     """Why the verdict is what it is: what is believed and what is in it comes first."""
-    texts = [*calibration.proof.trust.sentences, *unsaid_words(calibration)]
+    texts = [
+        *moved_words(calibration), *calibration.proof.trust.sentences, *unsaid_words(calibration)
+    ]  # fmt: skip
     factor = calibration.fit.noise_factor
     if calibration.refuted and factor > LARGER:
         texts.append(
@@ -159,6 +162,11 @@ def next_step(calibration: Calibration) -> str:
         return (
             "Find out first why the held-out poses stand apart: a base or a station that moved, "
             "another target, another tool. Then measure them again."
+        )
+    if calibration.moved is not None:
+        return (
+            "Find out first what moved, and keep the rows before and after it apart: the radius "
+            "holds both."
         )
     if proof.belief is None or proof.point is None:
         if not calibration.converged:

@@ -61,6 +61,8 @@ def gravity_words(calibration: Calibration) -> tuple[str, ...]:
     turned = (calibration.nominal.chain.T_world_base[:3, :3] != np.eye(3)).any()
     if not calibration.refuted or turned or not asked or max(asked) > ASKED:
         return ()
+    if calibration.moved is not None:  # that is the reason
+        return ()
     return (
         "Gravity is taken along -z of the base, and what it bends does not explain the readings: "
         "if the arm hangs on a wall or ceiling, say so in robot.toml ([base] rotation_vector_deg)",

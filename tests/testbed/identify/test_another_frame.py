@@ -1,4 +1,4 @@
-"""Held-out rows that stand in another frame are no proof, by micrometres or by meters."""
+"""Rows in another frame: held-out ones are no proof, and a step between two rows is named."""
 
 import numpy as np
 import pytest
@@ -8,8 +8,8 @@ from calib.geometry.frames import step_transform
 from testbed.files.read import read_held_out, read_session
 from testbed.identify.calibrate import Options, calibrate
 from testbed.identify.session import with_test
-from testbed.identify.words import next_step, verdict
-from tests.testbed.files.campaign import HEAD, table, visit, written
+from testbed.identify.words import next_step, reasons, verdict
+from tests.testbed.files.campaign import HEAD, session, table, visit, written
 from tests.testbed.files.made import ROBOT, Made
 
 GEOMETRIC = Options(model="geometric")
@@ -85,3 +85,50 @@ def test_a_test_file_that_is_read_wrongly_is_still_refused(tmp_path):
     T[:, :3, 3] /= 25.4
     with pytest.raises(InputError, match="M21"):
         judged_by(tmp_path, Made(data.q, T, data.truth))
+
+
+STEP = 34
+SPLIT = Options(model="geometric", held_out=20)
+
+
+def pushed(millimetres):
+    """Poses of one visit, the station pushed before one of them."""
+    data = visit(0, 60, seed=8)
+    later = np.arange(60)[:, None, None] >= STEP
+    return Made(data.q, np.where(later, moved(data, millimetres, 0.0).T, data.T), data.truth)
+
+
+def test_a_station_pushed_halfway_is_named_with_the_poses_between_which_it_was(tmp_path):
+    written(tmp_path, {"a": pushed(0.2)}, head=ONE)
+    found = calibrate(ROBOT, read_session(tmp_path, ROBOT), SPLIT)
+    names = [found.pose_names[found.measurements.pose_id[row]] for row in
+             (found.moved.last, found.moved.row)]  # fmt: skip
+    # held-out poses say nothing: the last and the first of those that identify
+    used = np.flatnonzero(found.is_used)
+    assert found.moved.last == used[used < STEP].max()
+    assert found.moved.row == used[used >= STEP].min()
+    said = reasons(found)[0]
+    assert said.startswith(f"Between pose {names[0]} and pose {names[1]} something moved: ")
+    assert abs(found.moved.size / 200e-6 - 1) < 0.15  # a few poses of 17 um on each side
+    assert f"stand {found.moved.size * 1e6:.0f} um off as one piece" in said
+    assert "[[session]]" in said
+    assert next_step(found).startswith("Find out first what moved")
+    # what it advises mends it
+    data = pushed(0.2)
+    halves = {"a": Made(data.q[:STEP], data.T[:STEP], data.truth),
+              "b": Made(data.q[STEP:], data.T[STEP:], data.truth)}  # fmt: skip
+    two = tmp_path / "two"
+    two.mkdir()
+    written(two, halves, session("a"), session("b", 'tool = "same as a"'))
+    apart = calibrate(ROBOT, read_session(two, ROBOT), SPLIT)
+    assert apart.moved is None
+    assert apart.proof.point.radius_mean < 0.4 * found.proof.point.radius_mean
+
+
+def test_rows_of_an_unknown_order_are_not_asked_and_a_still_station_is_not_accused(tmp_path):
+    written(tmp_path, {"a": pushed(0.2)}, head=f'{ONE}\n[identification]\norder = "unknown"\n')
+    assert calibrate(ROBOT, read_session(tmp_path, ROBOT), SPLIT).moved is None
+    still = tmp_path / "still"
+    still.mkdir()
+    written(still, {"a": visit(0, 60, seed=8)}, head=ONE)
+    assert calibrate(ROBOT, read_session(still, ROBOT), SPLIT).moved is None

@@ -83,13 +83,14 @@ def test_nothing_is_told_where_the_place_may_be_the_same(other):
     assert beyond_words(other) == ()
 
 
-def hanging(*gains, refuted=True, turn=None):
+def hanging(*gains, refuted=True, turn=None, moved=None):
     base = np.eye(4)
     if turn is not None:
         base[:3, :3] = turn
     offered = [Offer("gravity", f"level {k}", gain, "") for k, gain in enumerate(gains)]
     return SimpleNamespace(
         refuted=refuted,
+        moved=moved,
         nominal=SimpleNamespace(chain=SimpleNamespace(T_world_base=base)),
         choice=SimpleNamespace(offered=[*offered, Offer("waves", "small waves", 40.0, "taken")]),
     )
@@ -104,6 +105,7 @@ def test_gravity_is_asked_about_where_it_explains_nothing_and_no_mounting_is_sta
         hanging(-8.0, refuted=False),
         hanging(-8.0, turn=ceiling),
         hanging(-8.0, 100.0),
+        hanging(-8.0, moved="a station"),
         hanging(np.nan),
         hanging(),
     ):

@@ -1,0 +1,242 @@
+"""Whether something moved between two readings: all later ones stand off as one piece.
+
+A tracker that was pushed, a reflector that came loose and a joint whose zero slipped leave a step
+in the readings: from some row on they differ by few numbers, the same in all later rows. What a
+model misses follows the poses instead, and what warms up comes slowly.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Annotated, Literal
+
+import numpy as np
+from scipy.special import fdtrc
+
+from calib.arrays import Array, Index, frozen
+from calib.geometry.frames import skew
+from calib.identification.fit_statistics import RED
+from calib.identification.result import Identification
+from calib.information.rank import RANK_TOLERANCE
+from calib.measurement.observations import Measurements
+from calib.measurement.prediction import predict, predicted_positions, tool_poses
+from calib.measurement.residual import table_whiteners
+from calib.shown import Shown
+
+What = Literal["station", "target", "joint"]
+FEWEST = 8
+"""Poses on either side of a step below which six numbers fit them too well."""
+EXPLAINED = 0.8
+"""Part of what noise does not explain that one step must: a misfit has no one place in time."""
+SUDDEN = 20.0
+"""By so much more chi-square, in units of what is left, a step must explain than a slow change."""
+APART = 4.0
+"""Joints whose means before and after differ by so many standard errors kept to other places: what
+the model misses there looks like a step."""
+TOLD = 1e-6
+"""Part of a change that the free numbers must leave to be told from theirs."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Moved(Shown):
+    """What moved between two readings, and how far."""
+
+    what: What
+    number: int
+    """Which station, target of `targets_of`, or joint; from 0."""
+    last: int
+    """Last row of the table before the step, in time."""
+    row: int
+    """First row after it."""
+    rows: int
+    """Rows that stand off."""
+    change: Annotated[Array, "k"]
+    """Shift [m] and turn [rad] of the station about the mean point; shift of the target in the axes
+    of the tool [m]; change of the joint [rad, m]."""
+    size: float
+    """Root mean square by which it moves those readings [m]."""
+    explained: float
+    """Part of what noise does not explain in all residuals that it does."""
+    p_value: float
+    """Chance of as large a step anywhere by chance, whatever the scale of the noise."""
+
+    def __repr__(self) -> str:
+        return f"Moved({self.what} {self.number + 1}, {1e6 * self.size:.3g} um, row {self.row})"
+
+
+def moved_once(identification: Identification, table: Measurements, order: Index) -> Moved | None:
+    """The one thing that moved once between two rows of a table, if that explains its residuals.
+
+    Parameters
+    ----------
+    identification : Identification
+        From `table`, by all of its rows.
+    table : Measurements
+        Poses and points.
+    order : (m,) array
+        Place of each row in time.
+
+    References
+    ----------
+    Fall of chi-square by columns C of the rows from k on, beside the free numbers and their basis
+    Q: b' S^+ b with b = C'r and S = C'C - C'Q Q'C over these rows; F test with Bonferroni's factor
+    for all k and all kinds, and the kinds compared by BIC.
+    """
+    if table.is_distance.any() or table.n_poses < 2 * FEWEST:
+        return None
+    in_time = np.argsort(order, kind="stable")
+    rows = table.rows(in_time)
+    places = _places(rows)
+    fit = _Whitened.of(identification, rows)
+    kinds = list(_changes(identification, rows))
+    best: tuple[float, Moved] | None = None
+    for what, number, plain in kinds:
+        gain, k, told, change = fit.step(plain, places)
+        if gain <= 0 or not told:
+            continue
+        rest, freedom = fit.square - gain, fit.freedom - told
+        excess = fit.square - fit.freedom
+        if freedom < 1 or excess <= 0:
+            continue
+        scale = max(rest / freedom, 1e-300)
+        chance = float(fdtrc(told, freedom, gain / told / scale)) * len(places) * len(kinds)
+        worth = fit.freedom * np.log(fit.square / rest) - told * np.log(fit.freedom)
+        if chance >= RED or gain < EXPLAINED * excess:
+            continue
+        if gain - fit.slow(plain) < SUDDEN * max(scale, 1.0) or _elsewhere(rows, k):
+            continue
+        by = plain[k:] @ change
+        seen = np.abs(plain[k:]).max(axis=(1, 2)) > 0
+        found = Moved(
+            what, number, int(in_time[k - 1]), int(in_time[k]), int(seen.sum()), frozen(change),
+            float(np.sqrt((by[seen, :3] ** 2).sum() / max(seen.sum(), 1))),
+            min(gain / excess, 1.0), min(chance, 1.0),
+        )  # fmt: skip
+        if best is None or worth > best[0]:
+            best = worth, found
+    return None if best is None else best[1]
+
+
+def targets_of(table: Measurements) -> tuple[Array, Index]:
+    """Targets of a table (t, k), as `Measurements.target_key` has them, and which each row saw."""
+    targets, which = np.unique(table.target_key, axis=0, return_inverse=True)
+    return targets, which.ravel()
+
+
+def _changes(
+    identification: Identification, rows: Measurements
+) -> Iterator[tuple[What, int, Array]]:
+    """What may have moved: kind, number, and columns (m, 6, k) of the rows by its change."""
+    model = identification.model
+    m, n = len(rows), model.chain.n_joints
+    p = predicted_positions(model, rows)
+    own = np.swapaxes(model.fixtures.station_frames[rows.station][:, :3, :3], 1, 2)
+    R = own @ tool_poses(model, rows)[:, :3, :3]
+    full = rows.is_pose[:, None, None]
+    for station in np.unique(rows.station):
+        here = (rows.station == station)[:, None, None]
+        C = np.zeros((m, 6, 6))
+        C[:, :3, :3] = np.eye(3)
+        C[:, :3, 3:] = -skew(p - p[rows.station == station].mean(axis=0))
+        C[:, 3:, 3:] = full * np.eye(3)
+        yield "station", int(station), np.where(here, C, 0.0)
+    targets, which = targets_of(rows)
+    for target in range(len(targets)):
+        C = np.zeros((m, 6, 6 if rows.is_pose[which == target].any() else 3))
+        C[:, :3, :3] = R
+        if C.shape[2] > 3:
+            C[:, 3:, 3:] = full * R
+        yield "target", target, np.where((which == target)[:, None, None], C, 0.0)
+    derivative = predict(model, rows).rows
+    names = identification.parameters.names
+    for joint in range(n):
+        own_name = f"{'d' if model.chain.prismatic[joint] else 'theta'}{joint + 1}"
+        yield "joint", joint, derivative[:, :, [names.index(own_name)]]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Whitened:
+    """Rows in time beside the free numbers, all in units of the noise."""
+
+    whiteners: Array
+    r: Array
+    """(m, 6) residuals that the free numbers cannot follow, not even without their prior."""
+    Q: Array
+    """(m, 6, f) what the free numbers do to the rows, orthonormal over all."""
+    square: float
+    freedom: int
+
+    @classmethod
+    def of(cls, identification: Identification, rows: Measurements) -> "_Whitened":
+        seen, parameters = predict(identification.model, rows), identification.parameters
+        W = np.where(seen.filled[:, :, None], table_whiteners(rows), 0.0)
+        A = W @ (seen.rows[:, :, parameters.free_index] * parameters.free_scale)
+        U, s, _ = np.linalg.svd(A.reshape(-1, A.shape[2]), full_matrices=False)
+        U = U[:, s > RANK_TOLERANCE * s.max(initial=0.0)]
+        r = (W @ seen.residual[:, :, None]).ravel()
+        r = r - U @ (U.T @ r)
+        freedom = int(seen.filled.sum()) - U.shape[1]
+        Q = U.reshape(len(rows), 6, -1)
+        return cls(W, r.reshape(len(rows), 6), Q, float(r @ r), freedom)
+
+    def step(self, plain: Array, places: Index) -> tuple[float, int, int, Array]:
+        """Largest fall of chi-square by a step, its place, its rank and its numbers (k,)."""
+        C, size = self._scaled(plain)
+        after = [
+            np.cumsum(one[::-1], axis=0)[::-1]
+            for one in (
+                np.einsum("mri,mrj->mij", C, C),
+                np.einsum("mri,mrf->mif", C, self.Q),
+                np.einsum("mri,mr->mi", C, self.r),
+            )
+        ]
+        CC, CQ, b = (one[places] for one in after)
+        S = CC - CQ @ np.swapaxes(CQ, 1, 2)
+        values, axes = np.linalg.eigh(S)
+        along = (np.swapaxes(axes, 1, 2) @ b[:, :, None])[..., 0]
+        told = values > TOLD
+        inverse = np.where(told, 1 / np.where(told, values, 1.0), 0.0)
+        gain = (along**2 * inverse).sum(axis=1)
+        best = int(np.argmax(gain))
+        change = axes[best] @ (inverse[best] * along[best])
+        return float(gain[best]), int(places[best]), int(told[best].sum()), change * size
+
+    def slow(self, plain: Array) -> float:
+        """The largest fall of chi-square by the same change, growing with time or settling."""
+        C, _ = self._scaled(plain)
+        share = np.linspace(0, 1, len(C))
+        gains = []
+        for shape in (share, *(1 - np.exp(-share / life) for life in (0.1, 0.3))):
+            grown = C * shape[:, None, None]
+            flat = grown.reshape(-1, C.shape[2])
+            CQ = flat.T @ self.Q.reshape(len(flat), -1)
+            values, axes = np.linalg.eigh(flat.T @ flat - CQ @ CQ.T)
+            along = axes.T @ (flat.T @ self.r.ravel())
+            told = values > TOLD
+            gains.append(float((along[told] ** 2 / values[told]).sum()))
+        return max(gains)
+
+    def _scaled(self, plain: Array) -> tuple[Array, Array]:
+        """Columns in units of the noise, each of length one over all rows, and their sizes (k,)."""
+        C = self.whiteners @ plain
+        size = np.sqrt((C**2).sum(axis=(0, 1)))
+        size = np.where(size > 0, 1 / np.where(size > 0, size, 1.0), 0.0)
+        return C * size, size
+
+
+def _places(rows: Measurements) -> Index:
+    """First rows of stops, in time, that have enough poses on either side."""
+    pose = rows.pose_id
+    first = np.flatnonzero(np.concatenate([[False], pose[1:] != pose[:-1]]))
+    count = np.arange(1, len(first) + 1)  # stops before each
+    return np.asarray(first[(count >= FEWEST) & (len(first) + 1 - count >= FEWEST)])
+
+
+def _elsewhere(rows: Measurements, k: int) -> bool:
+    """Whether some joint kept to other places before row k than after."""
+    q, first = np.unique(rows.q, axis=0, return_index=True)
+    before, after = q[first < k], q[first >= k]
+    if min(len(before), len(after)) < 2:
+        return True
+    spread = before.var(axis=0, ddof=1) / len(before) + after.var(axis=0, ddof=1) / len(after)
+    gap = np.abs(before.mean(axis=0) - after.mean(axis=0))
+    return bool((gap > APART * np.sqrt(spread)).any())
