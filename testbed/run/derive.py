@@ -10,16 +10,16 @@ from pathlib import PurePath
 from typing import TYPE_CHECKING, Any
 
 from calib.errors import refuse
-from testbed.report.page import PARTS, SIMULATED, Page, record_section, render
+from testbed.report.page import PARTS, SIMULATED, Page, Verdict, record_section, render
 from testbed.scenario.scenario import Scenario
 from testbed.store import npz
 from testbed.store.layout import ARRAYS, FORMAT, OF_TRIAL, RECORDING, REPORT, RESULT
 from testbed.store.quantities import as_arrays, as_json
-from testbed.strict import did_you_mean
+from testbed.strict import did_you_mean, some
 from testbed.studies import all_studies
 from testbed.studies.protocol import Answer, Records, Study
 from testbed.studies.trial.study import STUDY as GROUND
-from testbed.units import sentence, typeset
+from testbed.units import counted, sentence, typeset
 from testbed.versions import all_versions
 
 if TYPE_CHECKING:
@@ -28,6 +28,10 @@ if TYPE_CHECKING:
     from testbed.recording.story import Chapter, Story
     from testbed.robots.robot import Robot
     from testbed.studies.trial.records import Campaign
+
+
+MOST_FAILED = 6
+"""Records whose failure the first screen tells; the log and result.json have all."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -92,8 +96,23 @@ def headline_answer(
     for study in reversed(_studies(campaign, studies)):
         answer = study.answer(campaign.scenario, campaign.records)
         if answer is not None:
-            return study, answer
+            return study, replace(answer, verdict=_with_failed(study, answer.verdict, campaign))
     raise LookupError("the study of trials always has an answer")
+
+
+def _with_failed(study: Study, verdict: Verdict, campaign: "Campaign") -> Verdict:
+    """A verdict that says which records failed; one over robots is none of those that are lost."""
+    failed = campaign.records.failed
+    why = [f"the record {key} failed: {reason}" for key, reason in failed.items()]
+    if more := why[MOST_FAILED:]:
+        why[MOST_FAILED:] = [f"{counted(len(more), 'record')} more failed"]
+    verdict = replace(verdict, reasons=(*why, *verdict.reasons))
+    lost = [one.key for one in study.records(campaign.scenario) if one.key in failed]
+    if study.name == GROUND.name or not lost:  # each trial is judged by itself
+        return verdict
+    said = f"{some(lost, MOST_FAILED)} failed, and what follows is of the rest"
+    mark = verdict.mark if verdict.contradicted else f"? {said}"
+    return replace(verdict, believable=False, sentence=f"{said}. {verdict.sentence}", mark=mark)
 
 
 def headline(campaign: "Campaign", studies: Sequence[Study] | None = None) -> dict[str, Any]:

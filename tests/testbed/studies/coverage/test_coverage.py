@@ -473,6 +473,31 @@ def test_the_report_opens_with_the_answer_and_has_every_cell(campaign):
     assert arrays(campaign)["coverage/soft/inside"].shape == (2, 4, 3)
 
 
+def test_a_kind_of_robots_that_failed_is_counted_against_the_answer(campaign):
+    """A tick over the kinds that are left would hide the one that is not."""
+    rng = np.random.default_rng(10)
+    shares = np.clip(rng.normal(0.97, 0.02, (2, 4, 200)), 0, 1)
+    others = {f"coverage__{study.truth}": None for study in STUDY.of(campaign)}
+    left = with_records(campaign, **others | {"coverage__rigid": synthetic(shares)})
+    assert headline(left)["verdict"]["believable"]
+
+    def judged(**failed):
+        failed = {name.replace("__", "."): why for name, why in failed.items()}
+        found = replace(left, records=replace(left.records, failed=failed))
+        return headline(found)["verdict"], page_of(found, VERSIONS)
+
+    said, page = judged(coverage__soft="robot 3 cannot be measured. [T1]")
+    assert (said["believable"], said["contradicted"]) == (False, False)
+    assert said["sentence"].startswith("coverage.soft failed, and what follows is of the rest. At")
+    assert said["reasons"][0] == "the record coverage.soft failed: robot 3 cannot be measured. [T1]"
+    assert page.mark == "? coverage.soft failed, and what follows is of the rest"
+    assert "coverage.soft failed: robot 3" in page.reasons[0]
+    # what another study lost is said, and is no part of this answer
+    said, page = judged(**{f"lost{k}": "it is gone" for k in range(8)})
+    assert said["believable"]
+    assert said["reasons"][5:7] == ["the record lost5 failed: it is gone", "2 records more failed"]
+
+
 def test_scenes_without_the_study_say_nothing_of_it():
     bare = played("coverage", SMALL | {"coverage.robots": 0})
     assert STUDY.of(bare) == ()
