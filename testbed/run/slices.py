@@ -1,5 +1,6 @@
 """A run shared by many processes without a leader: slices of its pieces, and folders merged."""
 
+import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from hashlib import sha256
@@ -89,7 +90,8 @@ def merge_runs(
     Raises
     ------
     InputError
-        The folders are not of one run, or disagree on what both hold; nothing is written.
+        The folders are not of one run, or disagree on what both hold, or `out` is one of them;
+        nothing is written.
     """
     if len(folders) < 2:
         raise refuse(
@@ -98,9 +100,13 @@ def merge_runs(
             fix="to go on with one: truebed run FOLDER --out FOLDER --resume",
         )  # fmt: skip
     first, *others = (Path(folder) for folder in folders)
-    if first in others:
+    real = [_real(folder) for folder in (first, *others)]
+    if twice := [one for k, one in enumerate((first, *others)) if real[k] in real[:k]]:
         fix = "give each folder once"
-        raise refuse("merge", code="C41", message="is given twice", fix=fix, where=str(first))
+        raise refuse("merge", code="C41", message="is given twice", fix=fix, where=str(twice[0]))
+    if _real(out) in real:
+        message, fix = "is one of the folders that are merged", "choose another --out"
+        raise refuse("--out", code="C40", message=message, fix=fix, where=str(out))
     scenario, robot = scenario_in(first)
     check_same_run(first, scenario_hash(scenario, robot))
     for other in others:
@@ -124,6 +130,11 @@ def merge_runs(
         scenario, out, resume=True, progress=progress, where=str(first / layout.SCENARIO),
         studies=studies, derive=derive, engine=engine,
     )  # fmt: skip
+
+
+def _real(path: str | Path) -> str:
+    """A folder by a name that no other way to it has."""
+    return os.path.normcase(os.path.realpath(path))
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,6 +15,7 @@ from testbed.disk import (
     keep_or_write,
     remove_leftovers,
     unfollowed,
+    write_error,
 )
 from testbed.store import layout
 from testbed.store.kept import kept_record
@@ -142,7 +143,7 @@ class RunFolder:
     def write_record(self, key: str, data: bytes | Content) -> None:
         """Write the file of one record; whole or not at all."""
         path = self._record_path(key)
-        path.parent.mkdir(exist_ok=True)
+        _make_room(path)
         if isinstance(data, bytes):
             atomic_write(path, data)
             return
@@ -171,7 +172,7 @@ class RunFolder:
     def write_piece(self, name: str, data: bytes) -> None:
         """Write the file of one piece of work; whole or not at all."""
         path = self.path / layout.PARTS / f"{name}.npz"
-        path.parent.mkdir(exist_ok=True)
+        _make_room(path)
         atomic_write(path, data)
 
     def read_piece(self, name: str, spec: str) -> StoredPiece | None:
@@ -184,7 +185,7 @@ class RunFolder:
     def add(self, name: str, data: bytes) -> None:
         """Take over a record or piece, ``trials/setting.npz``, from another folder."""
         path = self.path / name
-        path.parent.mkdir(exist_ok=True)
+        _make_room(path)
         atomic_write(path, data)
 
     def require_record(
@@ -219,6 +220,20 @@ class RunFolder:
         path = self.path / layout.LOG
         with suppress(OSError), open(path, "ab", opener=unfollowed) as file:
             file.write(line)
+
+
+def _make_room(path: Path) -> None:
+    """Have the folder that a file lies in, inside one that is there.
+
+    Raises
+    ------
+    MachineError
+        It cannot be made: the run folder was removed, or nothing can be written there.
+    """
+    try:
+        path.parent.mkdir(exist_ok=True)
+    except OSError as error:
+        raise write_error(path, error) from error
 
 
 def _opened(path: Path) -> IO[bytes]:

@@ -298,6 +298,36 @@ def test_loops_compiled_and_not_count_as_two_kinds_of_processors(monkeypatch):
     assert told[0] == f"{told[1]}, numba 0.63.1"
 
 
+@pytest.mark.parametrize("way", ["a", "link", "b/../a"])
+def test_a_folder_that_is_merged_is_not_written_to(tmp_path, way):
+    """By any way to it: it would be renamed, and then not be found."""
+    for k, name in enumerate("ab"):
+        part(tmp_path / name, k + 1, 2)
+    (tmp_path / "link").symlink_to(tmp_path / "a")
+    folders = [tmp_path / "a", tmp_path / "b"]
+    before = {path: path.read_bytes() for path in folders[0].rglob("*") if path.is_file()}
+    with pytest.raises(InputError, match="is one of the folders that are merged; choose another"):
+        merge_runs(folders, tmp_path / way, overwrite=True, studies=(Many(),))
+    if way != "a":
+        with pytest.raises(InputError, match="is given twice"):
+            merge([*folders, tmp_path / way], tmp_path / "out")
+    assert {path: path.read_bytes() for path in before} == before
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["a", "b", "link"]
+
+
+def test_a_run_whose_folder_is_removed_ends_as_one_that_cannot_be_written(tmp_path):
+    class Removing(Many):
+        def play(self, scenario, task, needed):
+            found = super().play(scenario, task, needed)
+            if len(self.computed) == 6:
+                shutil.rmtree(tmp_path / "run")
+            return found
+
+    with pytest.raises(MachineError, match=r"many.00000\d.npz cannot be written: No such file"):
+        run(tmp_path / "run", Removing())
+    assert not (tmp_path / "run").exists()
+
+
 def test_folders_that_disagree_are_refused_and_nothing_is_written(tmp_path):
     part(tmp_path / "a", 1, 2)
     part(tmp_path / "b", 2, 2)
