@@ -8,7 +8,7 @@ from calib.errors import CalibError, MachineError
 from testbed.scenario.hashes import record_hash
 from testbed.scenario.scenario import Scenario
 from testbed.store.npz import Failure
-from testbed.store.pieces import piece_bytes, piece_name
+from testbed.store.pieces import NOBODY, piece_bytes, piece_name
 from testbed.studies.protocol import Record, Records, Study, Task
 from testbed.versions import processor
 
@@ -53,9 +53,9 @@ def played(study: Study, scenario: Scenario, piece: Piece, needed: Records) -> b
 
 
 def failed(piece: Piece, reason: str) -> bytes:
-    """The file of a piece that cannot be played at all."""
+    """The file of a piece that cannot be played at all; a run that goes on tries it again."""
     parts = dict.fromkeys(piece.task.keys, Failure(reason))
-    return piece_bytes(piece.name, parts, piece.spec, processor())
+    return piece_bytes(piece.name, parts, piece.spec, NOBODY)
 
 
 def _parts(

@@ -55,7 +55,7 @@ class Pieces:
 
     def have(self, folder: RunFolder | None, kit: Kit, pieces: Sequence[Piece]) -> Iterator[int]:
         """Play what is missing; how many there are, from those kept to all."""
-        missing = [piece for piece in pieces if self._stored(folder, piece) is None]
+        missing = [piece for piece in pieces if not self._played(folder, piece)]
         done = len(pieces) - len(missing)
         yield done
         for piece, found in self._engine.play(kit, missing):
@@ -103,7 +103,13 @@ class Pieces:
     def processors(self, folder: RunFolder, pieces: Iterable[Piece]) -> dict[str, int]:
         """How many pieces each kind of processor has played."""
         stored = (self._stored(folder, piece) for piece in pieces)
-        return dict(sorted(Counter(one.processor for one in stored if one is not None).items()))
+        known = (one.processor for one in stored if one is not None and one.played)
+        return dict(sorted(Counter(known).items()))
+
+    def _played(self, folder: RunFolder | None, piece: Piece) -> bool:
+        """Whether a piece was kept that somebody has played."""
+        stored = self._stored(folder, piece)
+        return stored is not None and stored.played
 
     def _stored(self, folder: RunFolder | None, piece: Piece) -> StoredPiece | None:
         """A piece that was kept; None if there is none that can be used."""

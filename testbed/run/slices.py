@@ -19,7 +19,8 @@ from testbed.scenario.read import dump_scenario
 from testbed.scenario.scenario import Scenario
 from testbed.store import layout
 from testbed.store.manifest import check_same_run, check_same_runs
-from testbed.store.npz import MOST_BYTES, DamagedError, from_bytes
+from testbed.store.npz import FAILED, MOST_BYTES, DamagedError, from_bytes
+from testbed.store.pieces import NOBODY
 from testbed.store.run_folder import RunFolder
 from testbed.studies import all_studies
 from testbed.studies.protocol import Study
@@ -168,6 +169,8 @@ def _whole_files(folder: Path, specs: Mapping[str, str]) -> list[_Found]:
                 strange += 1
                 continue
             name, processor = f"{room}/{path.name}", str(meta.get("processor", ""))
+            if processor == NOBODY or meta.get("status") == FAILED:
+                continue  # tried again
             found.append(_Found(folder, name, path, sha256(data).hexdigest(), processor))
     if strange and not any(one.processor for one in found):
         raise refuse(

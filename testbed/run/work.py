@@ -95,6 +95,8 @@ class Work:
         elif self.folder:
             kept = self._stays(record)
             stored = self.folder.read_record(key, record.kind, spec, kept=kept)
+            if isinstance(stored, Failure) and record.cut is not None:
+                stored = None  # its pieces tell whether it fails still
         if stored is None:
             stored = self._make(study, record, spec)
         else:

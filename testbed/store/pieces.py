@@ -22,6 +22,8 @@ from testbed.store.npz import (
 from testbed.store.packing import packed, unpacked
 
 T = TypeVar("T")
+NOBODY = "nobody"
+"""Stands for the processor of a piece that took its processes with it, and was not played."""
 BLOCK = "/arrays"
 """Follows the key of a record in the name of the arrays of its part."""
 
@@ -68,6 +70,11 @@ class StoredPiece:
     """Of each part what is no array, and where the arrays are, by the key of its record."""
     blocks: Mapping[str, np.ndarray[Any, Any]]
     """Its arrays."""
+
+    @property
+    def played(self) -> bool:
+        """Whether what it holds came of playing it; else it is worth another try."""
+        return self.processor != NOBODY
 
     def part(self, key: str, cls: type[T]) -> T | Failure:
         """The part of one record.

@@ -12,6 +12,7 @@ import pytest
 
 from calib.arrays import Array
 from calib.errors import CalibError, InputError, MachineError
+from testbed.engines.engine import Alone
 from testbed.robots import catalog
 from testbed.run.play import play_run
 from testbed.run.slices import merge_runs, play_slice
@@ -252,6 +253,44 @@ def test_a_piece_that_fails_is_a_result_of_its_kind_alone(tmp_path):
     ]
     run(out, resume=True)
     assert content(out) == content(tmp_path / "whole")
+
+
+class Mortal(Alone):
+    """Other processes, all of which die over one piece."""
+
+    def play(self, kit, pieces):
+        for piece, found in super().play(kit, pieces):
+            died = piece.name == "many.000001"
+            yield piece, "3 processes died while they played many.000001" if died else found
+
+
+def test_a_piece_that_no_process_survived_is_tried_again_by_a_run_that_goes_on(tmp_path, whole):
+    out, fine = tmp_path / "out", tmp_path / "fine"
+    died = "3 processes died while they played many.000001"
+    assert run(out, engine=Mortal()).failed == {"many.a": died, "many.b": died}
+    assert run(out, resume=True, engine=Mortal()).failed == {"many.a": died, "many.b": died}
+    assert sum(json.loads((out / layout.MANIFEST).read_text())["processors"].values()) == 6
+    shutil.copytree(out, fine)
+    many = Many()
+    assert run(out, many, resume=True).failed == {}
+    assert many.computed == ["many.a 1"]
+    assert content(out) == whole
+    # what another folder has played stands for it, whichever is named first
+    slices = tmp_path / "slices"
+    part(slices, 1, 1)
+    for k, folders in enumerate(([fine, slices], [slices, fine])):
+        assert merge(folders, tmp_path / f"merged{k}").failed == {}
+        assert content(tmp_path / f"merged{k}") == whole
+
+
+def test_a_part_that_fails_by_itself_fails_again_without_being_played(tmp_path):
+    out = tmp_path / "out"
+    failed = run(out, Many(failing=(3,))).failed
+    many = Many(failing=(3,))
+    before = content(out)
+    assert run(out, many, resume=True).failed == failed
+    assert many.computed == []
+    assert content(out) == before
 
 
 def test_figures_of_very_many_robots_are_kept_in_half_the_bytes(tmp_path):
