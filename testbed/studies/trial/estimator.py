@@ -79,11 +79,19 @@ class Estimator:
         known = known_to_many(self.nominal) and self.loss == "squared"
         if not known or not (told if first.prior is not None else enough):
             return None
+        # a frame moves by products, in which a number that is held would not stay as it is
+        start = first.model if _whole_frames(first) else None
         fits = fit_many(
             self.nominal, tables, first.parameters,
-            mode=self.mode, prior=first.prior, start=first.model,
+            mode=self.mode, prior=first.prior, start=start,
         )  # fmt: skip
         return fits if fits.converged.all() else None
+
+
+def _whole_frames(found: Identification) -> bool:
+    """Whether of each frame, base and tool, all numbers are free or none is."""
+    counts = (sum(name.startswith(frame) for name in found.names) for frame in ("base.", "tool."))
+    return all(count in (0, 6) for count in counts)
 
 
 def estimator_for(bench: Laboratory, mode: Mode, measured: Measurements) -> Estimator:

@@ -58,6 +58,24 @@ def test_each_replication_is_the_one_made_alone(mode):
     )
 
 
+@pytest.mark.parametrize("held", ["tool.z", "base.y"])
+def test_numbers_of_a_frame_that_are_held_stay_as_they_are(held):
+    """As tool.z of a SCARA: else another number takes up what the product of two moves leaves."""
+    of = laboratory()
+    estimator, _, visit, _ = begun(of)
+    free = estimator.parameters.free & (np.array(estimator.parameters.names) != held)
+    estimator = replace(estimator, parameters=replace(estimator.parameters, free=free))
+    first = estimator.fit(visit)
+    given = of, estimator, first, visit, np.zeros(len(first.names)), "x"
+    many, alone = all_at_once(*given), one_by_one(*given)
+    # 1e-10 of their units, which the misfit that is left makes some ten times larger
+    assert (many.steps - alone.steps) / alone.stated == pytest.approx(0, abs=1e-8)
+    again = repeats(estimator, first, visits(of))
+    assert again == pytest.approx(
+        np.array([estimator.fit(table).step for table in visits(of)]), abs=1e-12
+    )
+
+
 def visits(of):
     return [of.measure_pool(np.arange(POSES), "visit", "x", repeat=k) for k in (1, 2)]
 
