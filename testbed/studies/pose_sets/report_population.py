@@ -12,7 +12,7 @@ from testbed.studies.pose_sets.compare import (
 )
 from testbed.studies.trial.records import Campaign
 from testbed.studies.trial.report_accuracy import set_in_words
-from testbed.units import Mean, counted, millimetres
+from testbed.units import Mean, counted, millimetres, percent
 
 
 def population_section(campaign: Campaign) -> Section | None:
@@ -59,7 +59,7 @@ def error_table(campaign: Campaign, study: PopulationStudy) -> Table:
                     "rms mm": millimetres(error),
                     "stated u mm": millimetres(u),
                     "rms / u": f"{error / u:.2f}",
-                    "inside 95 %": f"{100 * study.inside[i, j].mean():.0f} %",
+                    "inside 95 %": percent(float(study.inside[i, j].mean())),
                 }
             )
     return table_of(
