@@ -11,7 +11,7 @@ from calib.arrays import Array
 from testbed.laboratory.route.moves import travel_times
 from testbed.plan.promises import factor_words, promise, reach_warnings, reach_words
 from testbed.plan.records import Move, Plan
-from testbed.plan.words import station_words, untested
+from testbed.plan.words import station_words, uncounted, untested
 from testbed.report.page import SIMULATED
 from testbed.report.text import csv_text
 from testbed.robots.catalog import Robot
@@ -230,6 +230,7 @@ def _poses(plan: Plan) -> Iterator[Quantity]:
     yield Quantity("clearance_mm/wanted", plan.scenario.plan.clearance_mm, AS_NAMED)
     yield Quantity("clearance_mm/smallest", tour.clearance, METRE)
     yield Quantity("untested", untested(plan))
+    yield Quantity("uncounted", uncounted(plan))
     yield Quantity("duration_s", tour.duration, SECOND)
     yield Quantity("moving_s", float(tour.move.sum()), SECOND)
     yield Quantity("settle_s", tour.settle, SECOND)

@@ -21,10 +21,12 @@ from testbed.plan.promises import (
 )
 from testbed.plan.records import FAR, Plan
 from testbed.report.page import SIMULATED
+from testbed.scenario.laboratory import At960Tracker
 from testbed.units import (
     MM,
     counted,
     fixed,
+    listed,
     micrometres,
     millimetres,
     percent,
@@ -116,9 +118,7 @@ def mark(plan: Plan) -> str:
         tested, tracker = f"{tested}, faces the tracker", "its"
     if plan.scenario.pool.line_of_sight:
         tested = f"{tested}, is in {tracker} line of sight"
-    *first, last = tested.split(", ")
-    listed = f"{', '.join(first)} and {last}" if first else last
-    whole = f"Every pose {listed}, and every move is free"
+    whole = f"Every pose {listed(tested.split(', '))}, and every move is free"
     open_ = [text.removeprefix(WARNING).partition(",")[0] for text in untested(plan)]
     return f"! {whole}; but {' and '.join(open_)}" if open_ else f"✓ {whole}"
 
@@ -130,7 +130,27 @@ def tests_cone(plan: Plan) -> bool:
 
 def warnings(plan: Plan) -> tuple[str, ...]:
     """Why the plan should not be followed as it is."""
-    return (*untested(plan), *reach_warnings(plan))
+    return (*untested(plan), *uncounted(plan), *reach_warnings(plan))
+
+
+def uncounted(plan: Plan) -> tuple[str, ...]:
+    """Warnings of what the scenario's tracker does to readings and the promise leaves out."""
+    tracker, said = plan.scenario.tracker, []
+    if not isinstance(tracker, At960Tracker):
+        return ()
+    if tracker.drift_um_per_sqrt_h:
+        said.append(
+            f"{WARNING}the promise counts no drift, and [tracker] drift_um_per_sqrt_h is "
+            f"{tracker.drift_um_per_sqrt_h:g}; the tool point will be known less well"
+        )
+    lost = {key: getattr(tracker, key) for key in ("outliers", "missed") if getattr(tracker, key)}
+    if lost:
+        stated = listed([f"{key} is {count}" for key, count in lost.items()])
+        said.append(
+            f"{WARNING}the promise counts every shot as good, and [tracker] {stated}; plan "
+            f"{counted(sum(lost.values()), 'pose')} more"
+        )
+    return tuple(said)
 
 
 def untested(plan: Plan) -> tuple[str, ...]:

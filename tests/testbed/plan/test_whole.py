@@ -184,6 +184,22 @@ def _placed(transfer, beyond):
     return Applicability(g, np.ones(len(g)), np.array(beyond, bool))
 
 
+def test_what_the_tracker_does_and_the_promise_leaves_out_is_warned_of():
+    """Played with this drift, 85 of 100 points lie within the R95 promised for the noise alone."""
+    made = quick_plan()
+    assert plan_numbers(made, ROBOT)["uncounted"] == []
+    changes = {"drift_um_per_sqrt_h": 20.0, "outliers": 2, "missed": 1}
+    tracker = made.scenario.tracker.model_copy(update=changes)
+    drifting = replace(made, scenario=made.scenario.model_copy(update={"tracker": tracker}))
+    for said in (
+        " ".join(terminal_text(drifting).split()),
+        " ".join(read(plan_report_html(drifting, ROBOT, versions=VERSIONS)).text),
+        " ".join(plan_numbers(drifting, ROBOT)["uncounted"]),
+    ):
+        assert "the promise counts no drift, and [tracker] drift_um_per_sqrt_h is 20" in said
+        assert "outliers is 2 and missed is 1; plan 3 poses more" in said
+
+
 PLACED = _placed(
     [1.0, 5.0, 5.0, 2.0, 2.0, 12.0, 1.0, 1.0],
     [[0, 0], [0, 0], [0, 1], [0, 1], [1, 1], [1, 0], [0, 0], [0, 0]],
