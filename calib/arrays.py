@@ -1,6 +1,7 @@
 """Border checks: shape and finiteness, once, where arrays enter; inside they are trusted."""
 
 from functools import lru_cache
+from numbers import Real
 from typing import Annotated, Any
 
 import numpy as np
@@ -82,12 +83,7 @@ def check(spec: str, **arrays: ArrayLike) -> tuple[Array, ...]:
     sizes: dict[str, int] = {}
     checked = []
     for wanted, (name, value) in zip(_shapes(spec), arrays.items(), strict=True):
-        _require_whole(name, value)
-        try:
-            array = frozen(value)
-        except (TypeError, ValueError) as error:
-            message = f"{name} is not an array of numbers"
-            raise refuse(name, code="A1", message=message) from error
+        array = require_numbers(name, value)
         if array.ndim != len(wanted):
             raise wrong_shape(name, array.shape, f"expected ({', '.join(wanted)})")
         for axis, (size, letter) in enumerate(zip(array.shape, wanted, strict=True)):
@@ -110,7 +106,10 @@ def whole_numbers(name: str, values: ArrayLike) -> Index:
         A1: not all are numbers; A3: one is not whole.
     """
     _require_whole(name, values)
-    array = np.asarray(values)
+    try:
+        array = np.asarray(values)
+    except ValueError:  # rows of different lengths
+        array = np.empty(1, dtype=object)
     if array.dtype.kind not in "biuf" and array.size:
         message, allowed = f"{name} is not an array of whole numbers", "whole numbers, from 0"
         raise refuse(name, code="A1", message=message, allowed=allowed, fix="number them")
@@ -124,6 +123,16 @@ def whole_numbers(name: str, values: ArrayLike) -> Index:
                 message=message,
             )  # fmt: skip
     return frozen(values, np.int64)
+
+
+def require_numbers(name: str, value: ArrayLike) -> Array:
+    """A read-only float64 array of any shape, after refusing what holds no numbers."""
+    _require_whole(name, value)
+    try:
+        return frozen(value)
+    except (TypeError, ValueError) as error:
+        message = f"{name} is not an array of numbers"
+        raise refuse(name, code="A1", message=message) from error
 
 
 @lru_cache(maxsize=1024)
@@ -152,6 +161,18 @@ def require_kind(name: str, value: object, kind: type, allowed: str, fix: str = 
     if not isinstance(value, kind):
         message = f"{name} is of the type {type(value).__name__}"
         raise refuse(name, value, allowed, code="A3", message=message, fix=fix)
+
+
+def require_count(name: str, value: Any, least: int = 1, *, code: str = "A3") -> int:
+    """The value as an int, if it is a whole number and no smaller than `least`."""
+    if not is_whole(value) or value < least:
+        raise refuse(name, value, f"a whole number, at least {least}", code=code)
+    return int(value)
+
+
+def is_whole(value: Any) -> bool:
+    """Whether a value is a whole number: 3 and 3.0 are; true, "3" and [3] are not."""
+    return isinstance(value, Real) and not isinstance(value, bool) and bool(value % 1 == 0)
 
 
 def require_probability(probability: float, code: str = "A3") -> float:

@@ -4,7 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calib.arrays import Array, Index, frozen
+from calib.arrays import Array, Index, frozen, require_count
+from calib.design.borders import require_problem
 from calib.design.problem import Problem
 from calib.errors import refuse
 from calib.shown import ResultTable, Shown
@@ -48,6 +49,8 @@ def best_next(problem: Problem, *, shown: int = SHOWN) -> Ranking:
     shown : int
         Poses to list at most.
     """
+    require_problem(problem)
+    shown = require_count("shown", shown)
     if problem.is_singular(()):
         raise refuse(
             "given",
@@ -60,7 +63,7 @@ def best_next(problem: Problem, *, shown: int = SHOWN) -> Ranking:
     places = np.flatnonzero(problem.open)
     gains = problem.criterion.add(M, problem.blocks[places])
     # from the best down; of equal gains the lowest place first
-    order = np.lexsort((places, -gains))[: max(shown, 1)]
+    order = np.lexsort((places, -gains))[:shown]
     chosen, n = places[order], len(problem.given)
     after = [problem.criterion.figure(M + B.T @ B, n + 1) for B in problem.blocks[chosen]]
     return Ranking(

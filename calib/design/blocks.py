@@ -5,7 +5,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from calib.arrays import Array, check, frozen
+from calib.arrays import Array, check, frozen, require_kind, require_numbers
 from calib.errors import refuse
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import Parameters, parameters_of
@@ -44,15 +44,19 @@ def identifiable_blocks(
     free : iterable of str, optional
         Names of the numbers to identify; by default all of the model.
     """
+    require_kind("model", model, RobotModel, "a calib.RobotModel")
     (q,) = check(f"N {model.chain.n_joints}", q=q)
-    shape = np.shape(noise)
-    r = 6 if shape == (2,) or shape[-1:] == (6,) else 3
+    noise = require_numbers("noise", noise)
+    r = 6 if noise.shape == (2,) or noise.shape[-1:] == (6,) else 3
     covariance = covariances_of_sd(noise, r, len(q), "noise")
     if r == 6:
         rows = whitened_blocks(model, q, covariance)
     else:
         rows = point_blocks(model, q, covariance, np.zeros((len(q), 3)))
     parameters = parameters_of(model, free)
+    if not (len(q) and parameters.n_free):
+        missing = "free names no number" if len(q) else "q has no poses"
+        raise refuse("free" if len(q) else "q", code="A1", message=missing)
     A = scaled_blocks(rows, parameters).reshape(-1, parameters.n_free)
     parameters = parameters.freeing(reduce(A, parameters, model=model, q=q).kept)
     return scaled_blocks(rows, parameters), parameters

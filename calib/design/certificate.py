@@ -6,6 +6,7 @@ from math import ceil, floor
 import numpy as np
 from numpy.typing import ArrayLike
 
+from calib.design.borders import require_problem
 from calib.design.problem import Problem
 from calib.design.relaxation import ITERATIONS, TOLERANCE, relaxation
 from calib.information.criteria.base import Certifiable, Criterion
@@ -62,6 +63,7 @@ def certify(
     ----------
     The bounds are those of `calib.design.relaxation.relaxation`.
     """
+    require_problem(problem)
     chosen = problem.require_set(indices, "indices")
     return certificate_of(problem, chosen, iterations=iterations, tolerance=tolerance)
 

@@ -3,7 +3,8 @@
 import numpy as np
 from numpy.typing import ArrayLike
 
-from calib.arrays import Index
+from calib.arrays import Index, require_count
+from calib.design.borders import require_search
 from calib.design.local import add_and_drop, shake
 from calib.design.problem import Problem
 from calib.design.random import starting_set
@@ -46,9 +47,9 @@ def detmax(
     Wen et al. 2022, section 2.3, with candidates 1..X in step 4 and the root 1/p in O1;
     Mitchell 1974.
     """
+    require_search(problem, rng)
     for name, constant, lowest in (("a", a, 0), ("b", b, 1), ("c", c, 1), ("d", d, 1)):
-        if constant < lowest:  # it would never shake, or never stop
-            raise refuse(name, constant, f"at least {lowest}", code="A3")
+        require_count(name, constant, lowest)  # else it would never shake, or never stop
     others = int(problem.open.sum()) - (0 if problem.repeats else problem.m)
     for name, constant, usual in zip("bc", (b, c), SWAPS, strict=True):
         if others and constant > min(problem.m, others) and constant != usual:

@@ -7,13 +7,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from calib.arrays import Index
+from calib.arrays import Index, require_count
+from calib.design.borders import require_search
 from calib.design.greedy import grow
 from calib.design.local import add_and_drop, best_pairs
 from calib.design.problem import Problem
 from calib.design.random import nonsingular_set, starting_set
 from calib.design.selection import Selection, selection_of
-from calib.errors import refuse
 from calib.information.criteria.base import Pool
 from calib.information.criteria.d import D
 from calib.information.criteria.g import G
@@ -64,8 +64,8 @@ def exchange(problem: Problem, rng: np.random.Generator, *, restarts: int = REST
     ----------
     Mitchell 1974 (add and drop); Fedorov 1972 (pairs).
     """
-    if restarts < 1:
-        raise refuse("restarts", restarts, "at least 1", code="A3")
+    require_search(problem, rng)
+    restarts = require_count("restarts", restarts)
     small = problem.m * len(problem.pool) <= PAIRS_OF_G
     pairs = small or not isinstance(problem.criterion, G)
     best = best_exchange(problem, rng, restarts=restarts, pairs=pairs)

@@ -6,6 +6,7 @@ import numpy as np
 
 from calib.arrays import Array
 from calib.design.blocks import has_full_rank
+from calib.design.borders import require_problem
 from calib.design.problem import Problem
 from calib.design.selection import Selection, selection_of
 from calib.information.rank import singular_values
@@ -32,6 +33,7 @@ def greedy(problem: Problem) -> Selection:
     without it.
     `trace` holds the figure after each pose, with the ridge.
     """
+    require_problem(problem)
     grown = grow(problem)
     return selection_of(problem, grown.chosen, "greedy", grown.trace, grown.evaluated)
 

@@ -2,11 +2,13 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from numbers import Real
 from typing import NamedTuple
 
 import numpy as np
 
-from calib.arrays import Array, Index, frozen
+from calib.arrays import Array, Index, frozen, require_count
+from calib.design.borders import require_counts, require_search
 from calib.design.certificate import certificate_of_bound
 from calib.design.exchange import best_exchange
 from calib.design.problem import NO_POSES, Problem
@@ -132,7 +134,8 @@ def pose_budget(
     restarts : int
         Local searches at each number.
     """
-    criterion = problem.criterion
+    require_search(problem, rng)
+    criterion, restarts = problem.criterion, require_count("restarts", restarts)
     if not isinstance(criterion, Certifiable) or criterion.larger_is_better:
         raise refuse(
             "criterion",
@@ -141,11 +144,11 @@ def pose_budget(
             code="A4",
             message=f"a pose budget cannot be made by {criterion.name}",
         )
-    if not (np.isfinite(target) and target > 0):
+    if not (isinstance(target, Real) and 0 < target < np.inf):
         raise refuse("target", target, "above zero", code="A3", message=f"target is {target} m")
     free, least = int(problem.open.sum()), problem.fewest
     curve = _Curve(problem, criterion, rng, restarts)
-    grid = _grid(least, problem.m) if counts is None else sorted({int(m) for m in counts})
+    grid = _grid(least, problem.m) if counts is None else np.unique(require_counts(counts)).tolist()
     if not grid or grid[0] < least or grid[-1] > free:
         message, wanted = "counts holds numbers of poses that cannot be", f"{least} to {free}"
         raise refuse("counts", allowed=wanted, code="M27", message=message)

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from calib.arrays import Array, Index, frozen, whole_numbers
+from calib.arrays import Array, Index, frozen, require_count, require_numbers, wrong_shape
+from calib.design.borders import require_counts, require_search
 from calib.design.problem import Problem
 from calib.errors import refuse
 from calib.information.observability import (
@@ -83,10 +84,10 @@ def pose_count(
     ----------
     Wen et al. 2022, section 3.1 ("is stable"); the rule is that of `stable_count`.
     """
+    require_search(problem, rng)
     check_index(CRITERIA[0], form)
     sizes = _sizes(problem, counts)
-    if sets < 1:
-        raise refuse("sets", sets, "at least 1", code="A3")
+    sets = require_count("sets", sets)
     values = []
     for M in _growing(problem, sizes, sets, rng):
         singular = singular_of_information(M)
@@ -111,7 +112,10 @@ def stable_count(
     ----------
     Wen et al. 2022, section 3.1, made definite: |mean after - mean before| < 0.5 % of the latter.
     """
-    sizes, values = np.asarray(counts), np.asarray(mean)
+    sizes, values = np.asarray(counts), require_numbers("mean", mean)
+    window = require_count("window", window)
+    if sizes.shape != values.shape or sizes.ndim != 1:
+        raise wrong_shape("mean", values.shape, "one for each of counts")
     if len(values) < 2 * window:
         return None
     total = np.concatenate([[0.0], np.cumsum(values)])
@@ -125,7 +129,7 @@ def _sizes(problem: Problem, counts: Iterable[int] | None) -> Index:
     """Numbers of poses (k,), after refusing those that cannot be."""
     if counts is None:
         return np.arange(problem.fewest, problem.m + 1)
-    sizes = whole_numbers("counts", list(counts))
+    sizes = require_counts(counts)
     if not sizes.size or (np.diff(sizes) <= 0).any():
         raise refuse("counts", allowed="at least one", code="A3", message="counts must ascend")
     for size in sizes[[0, -1]]:

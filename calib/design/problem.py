@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from calib.arrays import Array, Bool, Index, check, frozen
+from calib.arrays import Array, Bool, Index, check, is_whole, require_kind
 from calib.design.blocks import (
     has_full_rank,
     identifiable_blocks,
@@ -16,6 +16,8 @@ from calib.design.blocks import (
     unitless_rank,
     unobservable_in_words,
 )
+from calib.design.places import NO_POSES as NO_POSES
+from calib.design.places import array_of, mask_of, places_of
 from calib.errors import InputError, refuse
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import CHARACTERISTIC_LENGTH
@@ -24,7 +26,6 @@ from calib.information.criteria.named import criterion_named
 from calib.information.goals import goal_matrix
 from calib.shown import Shown
 
-NO_POSES = frozen(np.zeros(0), np.int64)
 LARGER_POOL = "enlarge the pool or choose fewer poses"
 
 
@@ -96,6 +97,7 @@ class Problem(Shown):
             Names of the numbers, for the messages.
         """
         criterion = criterion_named(criterion)
+        require_kind("repeats", repeats, bool, "True or False")
         (blocks,) = check("N r p", blocks=blocks)
         n, _, p = blocks.shape
         if not blocks.size:
@@ -110,10 +112,11 @@ class Problem(Shown):
                 message=f"the goal is made for {criterion.n_numbers} numbers",
                 fix="make goal and blocks from the same free numbers",
             )
-        if len(names) not in (0, p):
+        names = tuple(names) if isinstance(names, Iterable) else (names,)
+        if len(names) not in (0, p) or not all(isinstance(name, str) for name in names):
             wanted = f"one for each of {p} numbers, or none"
             raise refuse("names", len(names), wanted, code="A1", message=f"{len(names)} names")
-        measured, may = _places(given, n), _mask(allowed, n)
+        measured, may = places_of(given, n), mask_of(allowed, n)
         if not repeats:
             may[measured] = False
         before = np.concatenate([prior_rows(prior, p), blocks[measured].reshape(-1, p)])
@@ -128,7 +131,7 @@ class Problem(Shown):
             given=measured,
             prior=prior is not None,
             fewest=max(-(-(p - unitless_rank(before)) // most_of_one(blocks[may])), 1),
-            names=tuple(names),
+            names=names,
         ).resize(poses)
         rows = np.concatenate([before, blocks[may].reshape(-1, p)])
         if not has_full_rank(rows):
@@ -224,7 +227,7 @@ class Problem(Shown):
 
     def require_set(self, chosen: ArrayLike, field: str) -> Index:
         """Places (m,) of a set that the caller names, after refusing what is none."""
-        places = np.asarray(chosen)
+        places = array_of(chosen)
         sound = places.shape == (self.m,) and np.issubdtype(places.dtype, np.integer)
         if sound:
             sound = bool(((places >= 0) & (places < len(self.pool))).all())
@@ -245,7 +248,7 @@ class Problem(Shown):
     def resize(self, poses: int) -> "Problem":
         """The same problem for another number of poses, after refusing one that cannot be."""
         free, n, p = int(self.open.sum()), len(self.pool), self.p
-        if poses != int(poses) or poses < 1:
+        if not is_whole(poses) or poses < 1:
             raise poses_wanted(poses, "a whole number, at least 1", "" if free else LARGER_POOL)
         if not free or (poses > free and not self.repeats):
             some = "" if free == n else f", of which {free} may be chosen"
@@ -266,33 +269,3 @@ def poses_wanted(poses: int, allowed: str, fix: str) -> InputError:
     """The error for a number of poses that cannot be."""
     message = f"{poses} poses wanted"
     return refuse("m", poses, allowed, code="M27", message=message, fix=fix)
-
-
-def _places(given: ArrayLike, n: int) -> Index:
-    """Places (k,) in a pool of n, after refusing what is none or comes twice."""
-    places = np.asarray(given) if np.size(given) else NO_POSES
-    whole = places.ndim == 1 and np.issubdtype(places.dtype, np.integer)
-    if not whole or (places < 0).any() or (places >= n).any():
-        message = "given is not a list of places in the pool"
-        raise refuse("given", allowed=f"numbers from 0 to {n - 1}", code="A3", message=message)
-    unique, counts = np.unique(places, return_counts=True)
-    if (counts > 1).any():
-        twice = int(unique[np.argmax(counts > 1)])
-        raise refuse(
-            "given",
-            twice,
-            "each pose once",
-            code="M31",
-            message=f"pose {twice} is given {counts.max()} times",
-            fix="remove the repetition, or put what it told into the prior",
-        )
-    return frozen(places, np.int64)
-
-
-def _mask(allowed: ArrayLike | None, n: int) -> Bool:
-    """Mask (n,) of poses that may be chosen."""
-    may = np.ones(n, dtype=bool) if allowed is None else np.array(allowed)
-    if may.shape != (n,) or may.dtype != np.bool_:
-        message, wanted = f"allowed has shape {may.shape} of {may.dtype}", f"each of {n} poses"
-        raise refuse("allowed", allowed=f"true or false for {wanted}", code="A1", message=message)
-    return may

@@ -5,7 +5,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from calib.arrays import Array, Index, frozen
+from calib.arrays import Array, Index, frozen, require_count
+from calib.design.borders import require_rng, require_search
 from calib.design.greedy import grow
 from calib.design.problem import LARGER_POOL, Problem, poses_wanted
 from calib.design.selection import Selection, figure_of_rows, selection_of
@@ -41,13 +42,15 @@ class RandomFigures(Shown):
 
 def random_selection(n_pool: int, m: int, rng: np.random.Generator) -> Index:
     """Places (m,) of a random set drawn from a pool without repeats, ascending."""
-    if not 1 <= m <= n_pool:
+    require_rng(rng)
+    if not 1 <= require_count("m", m, 0, code="M27") <= require_count("n_pool", n_pool):
         raise poses_wanted(m, f"1 to {n_pool}, the poses of the pool", LARGER_POOL)
     return frozen(np.sort(rng.choice(n_pool, m, replace=False)), np.int64)
 
 
 def random_set(problem: Problem, rng: np.random.Generator) -> Selection:
     """One random set, however poor."""
+    require_search(problem, rng)
     return selection_of(problem, draw_set(problem, rng), "random", (), 0)
 
 
@@ -58,8 +61,8 @@ def best_of_random(problem: Problem, rng: np.random.Generator, *, sets: int = 10
 
 def random_sets(problem: Problem, rng: np.random.Generator, *, sets: int = 100) -> RandomFigures:
     """Random sets with their figures, and the best of them."""
-    if sets < 1:
-        raise refuse("sets", sets, "at least 1", code="A3")
+    require_search(problem, rng)
+    sets = require_count("sets", sets)
     criterion, n = problem.criterion, problem.n_poses
     tried = np.array([draw_set(problem, rng) for _ in range(sets)])
     values = np.array([figure_of_rows(problem.rows(chosen), n, criterion) for chosen in tried])
@@ -99,6 +102,7 @@ def starting_set(
     problem: Problem, rng: np.random.Generator, start: ArrayLike | None = None
 ) -> Index:
     """The first set (m,) of a search, ascending: the caller's `start`, else a random one."""
+    require_search(problem, rng)
     if start is None:
         return nonsingular_set(problem, rng)
     chosen = np.sort(problem.require_set(start, "start"))

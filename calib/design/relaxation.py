@@ -1,10 +1,12 @@
 """Continuous relaxation: weights on the pool instead of a set, and the bounds that they prove."""
 
 from dataclasses import dataclass
+from numbers import Real
 
 import numpy as np
 
-from calib.arrays import Array, frozen
+from calib.arrays import Array, frozen, require_count
+from calib.design.borders import require_problem
 from calib.design.problem import Problem
 from calib.errors import refuse
 from calib.information.criteria.base import Certifiable
@@ -102,7 +104,10 @@ def relaxation(
     ----------
     Silvey, Titterington and Torsney 1978 (the step); Joshi and Boyd 2009 (bounds from duals).
     """
-    criterion = problem.criterion
+    require_problem(problem)
+    criterion, iterations = problem.criterion, require_count("iterations", iterations)
+    if not (isinstance(tolerance, Real) and 0 <= tolerance < np.inf):
+        raise refuse("tolerance", tolerance, "zero or more", code="A3")
     if not isinstance(criterion, Certifiable):
         raise refuse(
             "criterion",

@@ -64,7 +64,10 @@ class Parameters(Shown):
 
     def freeing(self, names: Iterable[str]) -> "Parameters":
         """Same table with exactly `names` free."""
-        wanted, known = dict.fromkeys(names), set(self.names)
+        if isinstance(names, str) or not isinstance(names, Iterable):
+            message = f"free is of the type {type(names).__name__}"
+            raise refuse("free", names, "a list of names", code="A3", message=message)
+        wanted, known = dict.fromkeys(map(str, names)), set(self.names)
         for name in wanted:
             if name not in known:
                 close = get_close_matches(name, self.names, 1)

@@ -6,7 +6,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from calib.arrays import Array, Index, check
+from calib.arrays import Array, Index, check, require_count
 from calib.errors import refuse
 from calib.shown import ResultTable, Shown
 
@@ -109,8 +109,7 @@ def indices(singular: ArrayLike, n_poses: int) -> Observability:
         message = "singular must be the singular values of a Jacobian"
         allowed = "at least one, none negative, largest first"
         raise refuse("singular", allowed=allowed, code="A3", message=message)
-    if n_poses < 1:
-        raise refuse("n_poses", n_poses, "at least 1", code="A3")
+    n_poses = require_count("n_poses", n_poses)
     tables = (
         Indices(*(float(index_of_singular(singular, n_poses, c, form)) for c in CRITERIA))
         for form in FORMS

@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from difflib import get_close_matches
 
+from calib.arrays import require_kind
 from calib.errors import refuse
 from calib.information.criteria.base import Criterion
 from calib.information.criteria.d import D
@@ -45,6 +46,7 @@ def criterion_named(
     """
     if isinstance(criterion, Criterion):
         return criterion
+    require_kind("criterion", criterion, str, f"one of {', '.join(NAMES)}")
     if criterion in _FREE_OF_GOALS:
         return _FREE_OF_GOALS[criterion](criterion)
     if criterion in _OF_GOALS:
