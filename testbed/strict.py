@@ -4,8 +4,10 @@ import json
 import math
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from datetime import date, time
 from difflib import get_close_matches
-from typing import Annotated, Any, get_args
+from os import PathLike
+from typing import Annotated, Any, Protocol, get_args, runtime_checkable
 from unicodedata import normalize
 
 from pydantic import BaseModel, ConfigDict, Field
@@ -181,7 +183,10 @@ def nested(values: Values) -> dict[str, Any]:
 def foreign_values(
     document: Mapping[str, Any], tables: Collection[str]
 ) -> tuple[list[Fault], dict[str, Any]]:
-    """Faults of values that JSON does not have (nan, inf, times), and the document without them."""
+    """Faults of values that JSON does not have (nan, inf, times), and the document without them.
+
+    Numbers and arrays of numpy, and paths, which scripts hand in, become plain values.
+    """
     faults: list[Fault] = []
 
     def refuse(path: KeyPath, value: object, wanted: str, fix: str) -> None:
@@ -192,17 +197,30 @@ def foreign_values(
     def clean(value: Any, path: KeyPath) -> Any:
         if isinstance(value, Mapping):
             return {str(key): clean(item, (*path, str(key))) for key, item in value.items()}
+        if isinstance(value, OfArrays):
+            value = value.tolist()
         if isinstance(value, list | tuple):
             return [clean(item, (*path, i)) for i, item in enumerate(value)]
+        if isinstance(value, PathLike):
+            return str(value)
         if isinstance(value, float) and not math.isfinite(value):
             refuse(path, value, "a finite number", "write an ordinary number")
             return None
         if not isinstance(value, str | bool | int | float | None):
-            refuse(path, value, "a number, text in quotes, true or false", "it reads as a date")
+            what = "a date" if isinstance(value, date | time) else type(value).__name__
+            refuse(path, value, "a number, text in quotes, true or false", f"it reads as {what}")
             return None
         return value
 
     return faults, clean(document, ())
+
+
+@runtime_checkable
+class OfArrays(Protocol):
+    """An array of numpy, or one of its numbers."""
+
+    def tolist(self) -> object:
+        """The same as plain values."""
 
 
 class Strict(BaseModel):

@@ -4,6 +4,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from testbed.bounds import TRACKER_SD, shown
+from testbed.scenario.idle import idle_settings
 from testbed.scenario.laboratory import PaperTracker
 from testbed.scenario.scenario import Scenario
 from testbed.scenario.tables import PAPER_SET, SINGLE, PoolSettings
@@ -21,9 +22,9 @@ def odd_settings(scenario: Scenario) -> tuple[str, ...]:
     """Sentences on what is hardly meant, though it can be played: a noise below any instrument's.
 
     Of a tracker with several sources the largest one counts, at one meter. The same of a tolerance
-    that no such instrument could show.
+    that no such instrument could show, and of keys that change nothing.
     """
-    said = scenario.tolerance.odd if scenario.tolerance else ()
+    said = (*(scenario.tolerance.odd if scenario.tolerance else ()), *idle_settings(scenario))
     tracker = scenario.tracker
     if isinstance(tracker, PaperTracker):
         key, noise = "position_um is", tracker.position_um

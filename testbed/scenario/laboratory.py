@@ -202,13 +202,14 @@ class At960Tracker(Settings):
     """The nests are measured when a visit begins and again after this time; what they show is
     taken off until the next time."""
     outliers: Shots = 0
-    """Shots of each visit that are grossly wrong; the data does not say which."""
+    """Shots of each visit that are grossly wrong, with [fixtures] of each run of the program in it;
+    the data does not say which."""
     outlier_mm: Annotated[float, Field(ge=0.0, le=10_000.0)] = 0.5
     """Standard deviation per axis of a wrong shot."""
     outlier_deg: Annotated[float, Field(ge=0.0, le=180.0)] = 0.1
     """Standard deviation per axis of its rotation."""
     missed: Shots = 0
-    """Shots of each visit that fail: their rows are missing."""
+    """Shots of each visit that fail, with [fixtures] of each run: their rows are missing."""
 
 
 TrackerSettings = Annotated[PaperTracker | At960Tracker, Field(discriminator="preset")]

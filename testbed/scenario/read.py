@@ -257,7 +257,7 @@ def changed(scenario: Scenario, changes: Mapping[str, Any], *, where: str = "") 
     """
     document = scenario.given
     for dotted_key, value in changes.items():
-        *tables, key = dotted_key.split(".")
+        *tables, key = str(dotted_key).split(".")
         table: Any = document
         for name in tables:
             table = table.setdefault(name, {})

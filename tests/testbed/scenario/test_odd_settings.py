@@ -42,6 +42,61 @@ def test_a_noise_below_that_of_any_tracker_is_said(tmp_path):
         assert "warning" not in CliRunner().invoke(app, [*words, "--quiet"]).stderr
 
 
+@pytest.mark.parametrize(
+    ("changes", "sentence"),
+    [
+        ({"truth.encoder_periods": 512},
+         "[truth] encoder_periods changes nothing: encoder_mdeg is 0"),
+        ({"truth.gear_ratio": 81.0}, "[truth] gear_ratio changes nothing: gear_mdeg is 0"),
+        ({"truth.backlash_side": "load"},
+         "[truth] backlash_side changes nothing: backlash_mdeg is 0"),
+        ({"truth.thermal_k": 5.0, "truth.thermal_um_per_m_k": 0.0},
+         "[truth] thermal_k changes nothing: thermal_um_per_m_k is 0"),
+        ({"truth.thermal_h": 2.0, "truth.thermal_um_per_m_k": 12.0},
+         "[truth] thermal_h and thermal_um_per_m_k change nothing: thermal_k is 0"),
+        ({"truth.preset": "elastic", "truth.dwell_s": 0.2, "truth.speed_deg_s": 120.0},
+         "[truth] speed_deg_s and dwell_s change nothing: motion is false"),
+        ({"tracker.preset": "at960", "tracker.encoder_um": (20.0, 5.0), "tracker.level_mdeg": 1.0},
+         "[tracker] encoder_um and level_mdeg change nothing: systematic is false"),
+        ({"tracker.preset": "at960", "tracker.nests_s": 60.0},
+         "[tracker] nests_s changes nothing: drift_um_per_sqrt_h is 0"),
+        ({"tracker.preset": "at960", "tracker.outlier_mm": 2.0},
+         "[tracker] outlier_mm changes nothing: outliers is 0"),
+    ],
+)  # fmt: skip
+def test_a_key_whose_term_is_switched_off_is_said(changes, sentence):
+    """And not where the term is on; nor where somebody wrote what it is anyway."""
+    quick = changed(load_scenario("quick"), {"truth": {"preset": "rigid"}, "tracker": {}})
+    scenario = changed(quick, changes)
+    assert odd_settings(scenario) == (sentence,)
+    on = {
+        "truth.encoder_mdeg": 1.0, "truth.gear_mdeg": 1.0, "truth.backlash_mdeg": 1.0,
+        "truth.thermal_k": 1.0, "truth.thermal_um_per_m_k": 12.0,
+    }  # fmt: skip
+    if "truth.dwell_s" in changes:
+        on["truth.motion"] = True
+    if "tracker.preset" in changes:
+        on |= {
+            "tracker.systematic": True, "tracker.outliers": 1, "tracker.drift_um_per_sqrt_h": 1.0
+        }  # fmt: skip
+    assert odd_settings(changed(scenario, on)) == ()
+    assert odd_settings(changed(quick, {"truth.thermal_h": 1.0, "truth.damping": 0.05})) == ()
+
+
+def test_of_points_no_rotation_counts_and_of_a_study_nothing_is_said():
+    points = changed(load_scenario("position_only"), {"tracker.rotation_mdeg": (9.0, 9.0, 9.0)})
+    assert odd_settings(points) == ('[tracker] rotation_mdeg changes nothing: measures is "point"',)
+    alone = changed(
+        load_scenario("stations"), {"fixtures.stations_mm": [], "fixtures.free": ["B", "C"]}
+    )
+    turned = changed(alone, {"fixtures.turn_sd_deg": 1.0})
+    assert odd_settings(turned) == (
+        "[fixtures] turn_sd_deg changes nothing: there are no stations_mm",
+    )
+    study = changed(load_scenario("coverage"), {"truth.dwell_s": 0.2})
+    assert odd_settings(study) == ()  # its kinds of robots switch terms on by themselves
+
+
 def test_sources_of_a_tracker_count_together():
     scenario = load_scenario("stations")
     small = {"tracker.range_um": (0.3, 0.1), "tracker.centering_um": 0.5}

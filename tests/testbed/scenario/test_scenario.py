@@ -4,6 +4,7 @@ import dataclasses
 import tomllib
 from contextlib import suppress
 from copy import deepcopy
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -296,6 +297,37 @@ def test_a_change_by_dotted_key_is_checked_like_the_file():
     assert (quiet.tracker.position_um, quiet.seed) == (5.0, 9)
     with pytest.raises(InputError, match=r"small: \[tracker\] position_um is -5"):
         changed(small(), {"tracker.position_um": -5})
+
+
+def test_numbers_of_numpy_and_paths_are_taken_for_what_they_are():
+    """What a script hands in that loops over np.arange or has its robot's path."""
+    changes = {
+        "seed": np.int64(9),
+        "tracker.position_um": np.float32(5.0),
+        "tracker.station_mm": np.array([2600.0, -2000.0, 300.0]),
+        "pool.line_of_sight": np.bool_(True),
+        "robot": Path("staubli_tx60"),
+    }
+    plain = {
+        "seed": 9,
+        "tracker.position_um": 5.0,
+        "tracker.station_mm": [2600.0, -2000.0, 300.0],
+        "pool.line_of_sight": True,
+        "robot": "staubli_tx60",
+    }
+    one, other = (changed(small(), each) for each in (changes, plain))
+    assert one == other
+    assert dump_scenario(one) == dump_scenario(other)
+    assert repr(one.given) == repr(other.given)
+    for value, sentence in (
+        (np.float64("nan"), "position_um is nan; it must be a finite number"),
+        (np.array([1.0, 2.0]), r"position_um is .1.0, 2.0.; it must be a number"),
+        ({1.0}, "it reads as set"),
+    ):
+        with pytest.raises(InputError, match=sentence):
+            changed(small(), {"tracker.position_um": value})
+    with pytest.raises(InputError, match='has no key "3"'):
+        changed(small(), {3: 3})
 
 
 def test_a_scenario_cannot_be_changed_in_place():
