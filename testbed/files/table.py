@@ -137,7 +137,7 @@ class DataTable:
         return min(counts, default=0), max(counts, default=0)
 
     def only(self, name: str) -> str | None:
-        """The one text a column holds all along; None if there is no such column.
+        """The one text a column holds, in rows that say it; None if there is no such column.
 
         Raises
         ------
@@ -146,7 +146,7 @@ class DataTable:
         """
         if name not in self:
             return None
-        texts = sorted(set(self.texts(name)))
+        texts = sorted({*filter(None, self.texts(name))} or {""})
         if len(texts) != 1:
             message = f"{name} is not the same in all lines: {', '.join(texts[:4])}"
             raise refusal(self.where, name, message, fix="split the file")

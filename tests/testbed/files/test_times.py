@@ -5,7 +5,7 @@ from datetime import UTC, datetime, timedelta, timezone
 import numpy as np
 import pytest
 
-from testbed.files.read import read_session
+from testbed.files.read import ReadOptions, read_session
 from tests.testbed.files.made import ROBOT, columns, csv, made, with_spread
 
 COUNT = 60
@@ -35,8 +35,20 @@ def stated(offsets):
         [text.replace("+00:00", "Z") for text in stated([0] * COUNT)],
         [moment.strftime("%Y-%m-%d %H:%M") for moment in MOMENTS],
         [moment.strftime("%Y%m%dT%H%M%S.250") for moment in MOMENTS],
+        [moment.strftime("%d.%m.%Y %H:%M:%S") for moment in MOMENTS],
+        [moment.strftime("%d. %m. %Y; %H:%M").replace(";", "") for moment in MOMENTS],
+        [moment.strftime("%-d.%-m.%Y %-H:%M:%S.5") for moment in MOMENTS],
     ],
-    ids=["clocks that go back", "two zones", "UTC", "no zone", "basic form"],
+    ids=[
+        "clocks that go back",
+        "two zones",
+        "UTC",
+        "no zone",
+        "basic form",
+        "dots",
+        "dots and spaces",
+        "no zeros",
+    ],
 )
 def test_rows_one_minute_apart_are_so_in_every_way_to_write_them(tmp_path, texts):
     session = read(tmp_path, texts)
@@ -54,3 +66,26 @@ def test_times_with_and_without_a_zone_are_not_compared(tmp_path):
         f"{tmp_path / 'a.csv'}: 58 of 60 times state a time zone and the others do not: "
         "they are not used"
     )
+
+
+def test_days_with_dots_are_those_of_iso_dates(tmp_path):
+    iso = read(tmp_path, [moment.strftime("%Y-%m-%d %H:%M") for moment in MOMENTS])
+    dots = read(tmp_path, [moment.strftime("%d.%m.%Y %H:%M") for moment in MOMENTS])
+    assert dots.set_up.date == iso.set_up.date == "2026-10-25"
+
+
+def test_a_row_that_is_left_out_takes_no_time_from_the_others(tmp_path):
+    table = with_spread(columns(made(m=COUNT))) | {"euler": ["XYZ"] * COUNT}
+    table["time"] = [moment.strftime("%Y-%m-%d %H:%M") for moment in MOMENTS]
+    lines = csv(table).splitlines()
+    (tmp_path / "a.csv").write_text("\n".join([*lines, "Mean" + "," * lines[0].count(",")]))
+    session = read_session(tmp_path / "a.csv", ROBOT, options=ReadOptions(drop_invalid=True))
+    np.testing.assert_array_equal(session.time, 60.0 * np.arange(COUNT))
+
+
+def test_numbers_without_a_unit_are_said_to_be_taken_as_seconds(tmp_path):
+    session = read(tmp_path, list(map(str, range(COUNT))))
+    np.testing.assert_array_equal(session.time, np.arange(COUNT))
+    (said,) = session.warnings
+    assert said.endswith("numbers without a unit and taken as seconds; call their column time_s if "
+                         "they are")  # fmt: skip
