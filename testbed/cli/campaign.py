@@ -9,7 +9,7 @@ import typer
 from calib.errors import InputError, refuse
 from testbed.cli.app import Debug, Json, Plain, Quiet, app, scenes_like
 from testbed.cli.exit_codes import MACHINE, SOME_FAILED, exit_codes
-from testbed.cli.output import say, say_found, say_json, warn
+from testbed.cli.output import say, say_found, say_json, say_next, warn
 from testbed.machine import COMPUTING
 
 if TYPE_CHECKING:
@@ -88,7 +88,7 @@ def run(
                 for name, reason in played.failed.items():
                     say(f"FAILED {name}: {reason}")
                 say(f"Slice {part}   {played.pieces} pieces in {folder / 'parts'}")
-                say(f"Next       when all slices have ended: {' '.join(words)} --resume")
+                say_next(*words, "--resume", when="when all slices have ended: ")
             return
         end.resume = [*words, "--resume"]
         from testbed.engines.choice import cores, workers_of
@@ -191,7 +191,7 @@ def tell(folder: Path, *, quiet: bool, as_json: bool, exported: Path | None = No
         say(f"Report     {folder / 'report.html'}")
         if exported is not None:
             say(f"Exported   {exported}")
-        say(f"Next       truebed view {folder}")
+        say_next("truebed", "view", folder)
 
 
 def scenario_of(scene: str, seed: int | None) -> "tuple[Scenario, str]":

@@ -7,7 +7,7 @@ import typer
 
 from testbed.cli.app import Debug, Json, Plain, Quiet, app, robots_like
 from testbed.cli.exit_codes import exit_codes
-from testbed.cli.output import say, say_found, say_json
+from testbed.cli.output import say, say_found, say_json, say_next
 
 Out = Annotated[Path, typer.Option(metavar="FILE", help="File to write.")]
 
@@ -98,7 +98,7 @@ def robot(
                 say(f"  assumed  {sentence}")
             say(f"Robot      {out}")
             tell_schema(out, line)
-            say(f"Next       truebed check {out}")
+            say_next("truebed", "check", out)
 
 
 @new.command()
@@ -129,7 +129,7 @@ def scene(
         if not quiet:
             say(f"Scene      {out}")
             tell_schema(out, line)
-            say(f"Next       truebed run {out}")
+            say_next("truebed", "run", out)
 
 
 def tell_schema(out: Path, line: str) -> None:

@@ -62,6 +62,13 @@ def say_found(text: str, *, good: bool | None = None) -> None:
         say(line, color=(GOOD if good else CARE) if is_verdict else "")
 
 
+def say_next(*words: object, when: str = "") -> None:
+    """Print the command to type next, as a shell takes it: names with spaces are quoted."""
+    import shlex
+
+    say(f"Next       {when}{shlex.join(map(str, words))}")
+
+
 def colored() -> bool:
     """Whether stdout is a terminal that shows colors, and its user wants them."""
     wanted = not os.environ.get("NO_COLOR") and not is_plain()

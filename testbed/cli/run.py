@@ -8,7 +8,7 @@ import typer
 from testbed.cli.app import Debug, Json, Plain, Quiet, app, robots_like
 from testbed.cli.campaign import Overwrite, Scene, Seed, default_folder, scenario_of, warn_of
 from testbed.cli.exit_codes import SOME_FAILED, exit_codes
-from testbed.cli.output import say, say_found, say_json
+from testbed.cli.output import say, say_found, say_json, say_next
 from testbed.machine import COMPUTING
 
 Data = Annotated[
@@ -50,7 +50,7 @@ def plan(
             say_found(terminal_text(made))
             say()
             say(f"Report     {folder / REPORT}")
-            say(f"Next       truebed view {folder / RECORDING}")
+            say_next("truebed", "view", folder / RECORDING)
 
 
 @app.command()
@@ -169,7 +169,7 @@ def identify(
             say(f"Robot      {folder / 'robot'}")
             if (folder / GEOMETRIC).is_dir():
                 say(f"URDF, MJCF {folder / GEOMETRIC}  fitted without joint terms")
-            say(f"Next       truebed view {folder}")
+            say_next("truebed", "view", folder)
 
 
 @app.command()
@@ -214,7 +214,7 @@ def iso9283(
             say()
             say(f"Figures    {folder / ISO9283}")
             say(f"Report     {folder / REPORT}")
-            say(f"Next       truebed view {folder}")
+            say_next("truebed", "view", folder)
 
 
 def folder_of(data: Path, ending: str) -> Path:

@@ -72,6 +72,7 @@ def session_text(
 
 def next_command(proposed: Proposed, name: str, robot: str | None) -> str:
     """What to type next, of a session.toml of a name."""
+    name = shlex.quote(name)
     if proposed.is_test:
         return f"truebed iso9283 {name}"
     arm = shlex.quote(robot) if robot is not None else "ROBOT"

@@ -4,6 +4,7 @@ import fcntl
 import json
 import os
 import re
+import shlex
 import struct
 import subprocess
 import sys
@@ -63,6 +64,18 @@ def test_run_writes_a_run_folder_and_says_what_to_type_next(truebed, scene):
     assert lines[0].startswith("[1/10] setting: ")
     assert lines[-1].startswith("done in ")
     assert len(lines) == 11
+
+
+def test_what_to_type_next_can_be_typed_where_names_have_spaces(truebed, scene, tmp_path):
+    spaced = tmp_path / "my scene's.toml"
+    spaced.write_bytes(scene.read_bytes())
+    result = truebed("run", spaced, "--out", "my runs/first one")
+    assert result.exit_code == 0
+    *_, last = result.stdout.rstrip().splitlines()
+    assert shlex.split(last.removeprefix("Next")) == ["truebed", "view", "my runs/first one"]
+    result = truebed("new", "scene", "staubli_tx60", "--out", "my scene.toml")
+    *_, last = result.stdout.rstrip().splitlines()
+    assert shlex.split(last.removeprefix("Next")) == ["truebed", "run", "my scene.toml"]
 
 
 def test_quiet_says_nothing(truebed, scene):
