@@ -40,7 +40,10 @@ PROGRAMS = {
     "a TP program (FANUC)": re.compile(r"\s*/(PROG|ATTR|MN|POS)\b"),
     "an INFORM job (Yaskawa)": re.compile(r"\s*/(JOB|/NAME|/POS)\b"),
     "a URScript program (Universal Robots)": re.compile(
-        r"\s*(def\s+\w+\s*\(.*\)\s*:|mov[ejlp]+\()"
+        r"\s*(def\s+\w+\s*\(.*\)\s*:|move[jlpc]\s*\(\s*(p?\[|get_))"
+    ),
+    "a VAL3 program (Stäubli)": re.compile(
+        r"\s*(program\s+\w+\s*\(|begin\s*$|move[jlc]\s*\(\s*\w)"
     ),
 }
 """A line of programs of robots that are not read, among their first ones."""

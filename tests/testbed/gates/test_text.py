@@ -78,6 +78,7 @@ PROGRAMS = {
     "a TP program (FANUC)": ["/PROG  CAL", "/MN", "   1:J P[1] 100% FINE ;", "/POS", "P[1]{", "};"],
     "an INFORM job (Yaskawa)": ["/JOB", "//NAME CAL", "//POS", "///NPOS 1,0,0,0,0,0", "C0=1,2,3"],
     "a URScript program (Universal Robots)": ["def cal():", "  movej([0.1,-1.5,1,0,0.5,0])", "end"],
+    "a VAL3 program (Stäubli)": ["begin", "  jPose[0]={1, 2, 3, 4, 5, 6}", "  movej(jPose[0],t,m)"],
 }
 
 
