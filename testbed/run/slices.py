@@ -122,7 +122,10 @@ def merge_runs(
     files: dict[str, _Found] = {}
     for folder in (first, *others):
         for one in _whole_files(folder, specs):
-            _agree(files.setdefault(one.name, one), one)
+            kept = files.setdefault(one.name, one)
+            _agree(kept, one)
+            # of two kinds of processors the same one, in whatever order the folders are named
+            files[one.name] = min(kept, one, key=lambda found: (found.processor, found.digest))
     with RunFolder.create(Path(out), overwrite=overwrite) as opened:
         opened.begin(dump_scenario(scenario), about(scenario, robot))
         for name, one in files.items():

@@ -12,6 +12,7 @@ import pytest
 
 from calib.arrays import Array
 from calib.errors import CalibError, InputError, MachineError
+from testbed.engines import piece as played_by
 from testbed.engines.engine import Alone
 from testbed.robots import catalog
 from testbed.run.play import play_run
@@ -325,6 +326,22 @@ def test_each_piece_says_which_processor_played_it(tmp_path):
     assert piece_from(path.read_bytes(), path.stem, spec(path)).processor == processor()
     manifest = json.loads((tmp_path / layout.MANIFEST).read_bytes())
     assert manifest["processors"] == {processor(): 7}
+
+
+def test_of_two_kinds_of_processors_the_order_of_folders_decides_nothing(tmp_path, monkeypatch):
+    for name, wrong in (("a", 0.0), ("b", 1e-15)):
+        monkeypatch.setattr(played_by, "processor", lambda name=name: f"kind {name}")
+        many = Many()
+        many.wrong = wrong
+        part(tmp_path / name, 1, 1, many)
+    folders = [tmp_path / "a", tmp_path / "b"]
+    merge(folders, tmp_path / "one")
+    merge(folders[::-1], tmp_path / "other")
+    found = content(tmp_path / "one")
+    assert found == content(tmp_path / "other")
+    both = [(folder / layout.PARTS / "many.000001.npz").read_bytes() for folder in folders]
+    assert both[0] != both[1]
+    assert found["many.000001.npz"] == both[0]
 
 
 def test_loops_compiled_and_not_count_as_two_kinds_of_processors(monkeypatch):
