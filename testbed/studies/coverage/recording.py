@@ -77,7 +77,7 @@ def chapter(campaign: Campaign) -> Chapter:
             f"- {some} robots of each of {len(studies)} kinds come in one by one",
             "- a dot: share of one robot's held-out points inside what is stated",
             f"- pale line: the promised {100 * studies[0].level:g} %",
-            "- large: mean so far, blue where the promise is kept",
+            "- large: mean so far, vermilion where it falls short",
             f"- {short} of {len(found)} statements fall short, by bands over robots",
         ),
         draw=partial(_draw, studies, found),
