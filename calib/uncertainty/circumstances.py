@@ -10,6 +10,7 @@ from calib.errors import refuse
 from calib.geometry.model import RobotModel
 from calib.identification.identify import Identification
 from calib.measurement.observations import Measurements, joined
+from calib.measurement.tool_target import ToolTarget
 from calib.uncertainty.statement.evidence import NoiseRepeats
 from calib.uncertainty.statement.repeats import noise_repeats
 
@@ -30,8 +31,8 @@ class Circumstances:
     """What tells it."""
     drawn: bool = True
     """Whether held-out poses were drawn where the robot is used: designed ones guard nothing."""
-    target: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    """Point in the tool frame that is stated [m]."""
+    target: ToolTarget | tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """Point in the tool frame that is stated [m], or a reflector of the model."""
     doubted: tuple[Array, Array] | None = None
     """Part of the covariances (m, 6, 6) of what identified and (n, 6, 6) of what is held out that
     nothing measured tells: as noise it is in the weights, as misfit in the region."""

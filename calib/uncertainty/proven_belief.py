@@ -124,7 +124,7 @@ def stated_radius(
     first = np.unique(where.pose_id, return_index=True)[1]
     return stated_point(
         belief, where.q[first], at=where.conditions.rows(first),
-        target=np.asarray(known.target, float), held_out=held, repeatability=sd,
+        target=known.target, held_out=held, repeatability=sd,
         told_by=known.told_by,
         measured=quiet.test.rows(~quiet.test.is_distance)
         if held and belief.n_guards

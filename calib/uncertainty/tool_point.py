@@ -12,7 +12,6 @@ from numpy.typing import ArrayLike
 from calib.arrays import Array, Bool, check, frozen
 from calib.geometry.chain import joint_vectors
 from calib.geometry.frames import exp_so3
-from calib.geometry.jacobian import reflector_rows
 from calib.geometry.model import RobotModel
 from calib.geometry.operating import AS_USUAL, OperatingConditions
 from calib.information.propagation import (
@@ -21,6 +20,7 @@ from calib.information.propagation import (
     propagated,
     tool_covariance,
 )
+from calib.measurement.tool_target import ToolTarget
 from calib.shown import Shown
 from calib.uncertainty.discrepancy import Discrepancy
 from calib.uncertainty.regions import coverage_factor, ellipsoid, inside
@@ -82,7 +82,7 @@ def tool_statement(
     *,
     discrepancy: Discrepancy | None = None,
     probability: float = 0.95,
-    target: ArrayLike | None = None,
+    target: ArrayLike | ToolTarget | None = None,
     at: OperatingConditions = AS_USUAL,
 ) -> ToolStatement:
     """State the tool point at joints q (N, n) [rad, m].
@@ -99,8 +99,9 @@ def tool_statement(
         Added at every posture; the region then uses its wider factor.
     probability : float
         Content of each region.
-    target : (3,) array_like, optional
-        Point in the tool frame that is stated; its origin by default [m].
+    target : (3,) array_like or ToolTarget, optional
+        Point in the tool frame that is stated, or a reflector of the model; the origin of the frame
+        by default [m].
     at : OperatingConditions, optional
         Under which the robot goes there.
 
@@ -125,15 +126,13 @@ def _of_target(
     model: RobotModel,
     q: ArrayLike,
     covariance: ArrayLike,
-    target: ArrayLike,
+    target: ArrayLike | ToolTarget,
     at: OperatingConditions,
 ) -> tuple[Array, Array]:
     """Positions (N, 3) and covariances (N, 3, 3) of a point fixed in the tool frame."""
-    covariance, target = check(
-        f"{model.n_numbers} {model.n_numbers}, 3", covariance=covariance, target=target
-    )
+    (covariance,) = check(f"{model.n_numbers} {model.n_numbers}", covariance=covariance)
     T, J = model.poses_and_jacobian(q, at)
-    position, rows = reflector_rows(T, J, np.broadcast_to(target, (len(T), 3)))
+    position, rows = ToolTarget.of(target).positions_and_rows(model, T, J)
     return position, propagated(rows, covariance)
 
 

@@ -203,6 +203,7 @@ def _calibrated(
     if own is not None:
         result, rows = own.weighed(result, used), used | own.rows
     shared = shared_of(session, result, measurements.rows(rows), judged)
+    target = stated_target(measurements, result)
     proof = proof_of(
         result,
         session,
@@ -211,6 +212,7 @@ def _calibrated(
         is_test=split.is_test,
         visits=~left_out,
         comes_back=comes_back,
+        target=target,
         seed=options.seed,
         shared=None if shared is None else shared.covariance,
     )
@@ -218,7 +220,7 @@ def _calibrated(
     handback = hand_back(
         robot, session, links, prior_share(trained, train, len(links.sd)), proof.belief,
         stated.q[np.unique(stated.pose_id, return_index=True)[1]],
-        target=stated_target(measurements), repeatability=comes_back[0],
+        target=target, repeatability=comes_back[0],
     )  # fmt: skip
     misses = row_errors(before, measurements)
     return Calibration(
@@ -235,6 +237,7 @@ def _calibrated(
         set_up=session.set_up,
         order_told_by=order_words(session),
         repeatability=comes_back[0],
+        target=target,
         decision=session.decision,
         reflector_names=session.reflector_names,
         stated_reflectors=session.stated_reflectors,
@@ -266,7 +269,11 @@ def _calibrated(
             *guard_warnings(session, measurements.rows(split.is_test)),
             *standing_warnings(session, chosen.identification),
             *turn_warnings(session, measurements, chosen.identification.model.fixtures.anchors),
-            *(() if handback.in_use else target_warnings(measurements)),
+            *(
+                ()
+                if handback.in_use
+                else target_warnings(measurements, target, session.reflector_names)
+            ),
             *held_out_warnings(session.conditions, session.set_up, used, split.is_test),
         ),
     )

@@ -11,6 +11,7 @@ from calib.identification.fit_statistics import RED
 from calib.identification.identify import Status
 from calib.identification.outliers.moved import Moved
 from calib.measurement.observations import Measurements
+from calib.measurement.tool_target import ToolTarget
 from calib.shown import ResultTable, Shown
 from calib.uncertainty.judgement import Judgement
 from calib.uncertainty.statement.conditions import Conditions
@@ -60,6 +61,8 @@ class Calibration(Shown):
     repeatability: Annotated[Array, "n"]
     """(n,) standard deviation with which each joint comes back; zero where nothing tells it [rad,
     m]."""
+    target: ToolTarget
+    """The point of the tool that is stated."""
     decision: Decision | None
     """A tolerance and its rule, if one was stated."""
     reflector_names: tuple[str, ...]

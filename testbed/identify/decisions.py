@@ -62,8 +62,11 @@ def at_held_out(calibration: Calibration, q: Array) -> tuple[Conformity, Conform
     if belief is None or asked is None or calibration.elsewhere:
         return None
     S = widened(belief.regions(q, target=belief.proven.target))
-    at = np.append(belief.proven.target, 1.0)
-    goes = ((belief.model.poses(q) - calibration.before.poses(q)) @ at)[:, :3]
+    identified, nominal = (
+        belief.proven.target.positions(model, model.poses(q))
+        for model in (belief.model, calibration.before)
+    )
+    goes = identified - nominal
     before, after = (
         conformity(d, S, asked.tolerance, rule=asked.rule) for d in (goes, np.zeros_like(goes))
     )

@@ -1,5 +1,7 @@
 """How a calibration is judged: what a session knows beside its readings, and the judgement."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from calib.arrays import Array, Bool, frozen
@@ -8,8 +10,10 @@ from calib.held_out_counts import fewest_poses
 from calib.identification.fit_statistics import RED
 from calib.identification.identify import Identification
 from calib.measurement.observations import GIVEN, Measurements
+from calib.measurement.tool_target import ToolTarget
 from calib.uncertainty.judgement import Circumstances, Judgement, judge
 from calib.uncertainty.statement.repeats import FEWEST_FREEDOM, joint_scatter, repeated
+from calib.uncertainty.tool_point import tool_statement
 from testbed.files.session import Session
 from testbed.robots.robot import Robot
 from testbed.streams import stream
@@ -33,6 +37,7 @@ def proof_of(
     is_test: Bool,
     visits: Bool,
     comes_back: tuple[Array, str],
+    target: ToolTarget,
     seed: int,
     shared: Array | None = None,
 ) -> Judgement:
@@ -50,6 +55,8 @@ def proof_of(
         Rows identified from; held out; all that are no gross errors.
     comes_back : tuple
         Standard deviation (n,) with which each joint does [rad, m], and what tells it.
+    target : ToolTarget
+        The point of the tool that is stated.
     seed : int
         Of virtual calibrations.
     shared : (P, P) array, optional
@@ -66,7 +73,7 @@ def proof_of(
         told_by=comes_back[1],
         drawn=session.wanted.held_out == "drawn",
         doubted=(scatter[used], scatter[is_test]) if session.joint_scatter.any() else None,
-        target=stated_target(measurements),
+        target=target,
         stations_are_visits=bool(session.visits),
     )
     rng = stream(seed, "bootstrap") if len(train) <= MOST_ROWS else None
@@ -89,13 +96,21 @@ def guard_warnings(session: Session, test: Measurements) -> tuple[str, ...]:
     return ()
 
 
-def target_warnings(measurements: Measurements) -> tuple[str, ...]:
-    """What no region contains of a tool point that no row looked at."""
+def target_warnings(
+    measurements: Measurements, target: ToolTarget, names: Sequence[str]
+) -> tuple[str, ...]:
+    """What no region contains of a tool point that no row looked at; names of the reflectors."""
+    if target.reflector != GIVEN:
+        others = ", the least known of them" * (len(np.unique(measurements.reflector)) > 1)
+        return (
+            "the places of the targets were found with the robot: the tool point that is stated is "
+            f"{names[target.reflector]}{others}; where the flange lies beside it is taken from its "
+            "description, as the last link is, and no region contains an error of that",
+        )
     if (measurements.reflector != GIVEN).any():
         return (
             "the places of the targets were found with the robot: where the tool point lies beside "
-            "them is taken from its description, as the last link is, and no region contains an "
-            "error of that",
+            "them is taken from its description, and no region contains an error of that",
         )
     if not measurements.is_pose.any() and len(np.unique(measurements.offset, axis=0)) == 1:
         return (
@@ -153,13 +168,27 @@ def one_after_another(session: Session) -> bool:
     return 2 * (len(pose) - len(at_stops)) > again
 
 
-def stated_target(measurements: Measurements) -> tuple[float, float, float]:
-    """Point in the tool frame that is stated [m]: the one that all rows look at, if it is known."""
+def stated_target(measurements: Measurements, result: Identification) -> ToolTarget:
+    """The point of the tool that is stated, of a fit of the measurements.
+
+    The one that all rows look at, if its place is known. Where nothing but targets of unknown place
+    was measured, the least known of them: readings test it, and nothing tests a point beside it.
+    """
+    seen = measurements.reflector
+    if len(seen) and (seen != GIVEN).all() and not measurements.tool.any():
+        q, covariance = measurements.q, result.full_covariance
+        found = [ToolTarget(reflector=k) for k in np.unique(seen).tolist()]
+        spread = [
+            np.trace(
+                tool_statement(result.model, q, covariance, target=one).covariance, axis1=1, axis2=2
+            ).mean()
+            for one in found
+        ]
+        return found[int(np.argmax(spread))]
     places = np.unique(measurements.offset, axis=0)
-    if len(places) > 1 or (measurements.reflector != GIVEN).any():
-        return (0.0, 0.0, 0.0)
-    x, y, z = map(float, places[0])
-    return (x, y, z)
+    if len(places) > 1 or (seen != GIVEN).any():
+        return ToolTarget()
+    return ToolTarget.of(places[0])
 
 
 def repeatability(

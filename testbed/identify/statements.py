@@ -10,7 +10,6 @@ from calib.uncertainty.statement.gain import of_all_numbers
 from calib.uncertainty.statement.stated_point import common_radius
 from calib.uncertainty.tool_point import ToolStatement, tool_statement
 from testbed.identify.calibration import Calibration
-from testbed.identify.proof import stated_target
 from testbed.units import UM, counted, probability
 
 BELIEVED, NOT_NEEDED = "believed", "not needed"
@@ -114,5 +113,5 @@ def _by_numbers(
     return tool_statement(
         result.model, calibration.stated_q, covariance,
         discrepancy=calibration.proof.discrepancy if discrepancy else None,
-        target=stated_target(calibration.measurements),
+        target=calibration.target,
     )  # fmt: skip

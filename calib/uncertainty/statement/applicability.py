@@ -13,7 +13,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from calib.arrays import Array, Bool, Index, check, frozen
 from calib.errors import refuse
-from calib.geometry.jacobian import reflector_rows
 from calib.geometry.joint_errors import JointErrors, harmonic_terms
 from calib.geometry.model import RobotModel
 from calib.geometry.operating import AS_USUAL, OperatingConditions
@@ -23,6 +22,7 @@ from calib.identification.joint_models import extended_model
 from calib.information.propagation import propagated
 from calib.measurement.observations import Measurements
 from calib.measurement.prediction import predict
+from calib.measurement.tool_target import ToolTarget
 from calib.shown import Shown
 from calib.uncertainty.statement.gain import estimator_gain, untold
 
@@ -89,8 +89,8 @@ class Proven:
     """(P,) the columns of the identified model's numbers."""
     up: Annotated[Array, 3]
     """(3,) upwards, in the axes of the base."""
-    target: Annotated[Array, 3]
-    """(3,) point in the tool frame that is stated [m]."""
+    target: ToolTarget
+    """The point of the tool that is stated."""
     absorbed: Annotated[Array, "P", "k + 1"]
     """(P, k + 1) how the estimate follows a unit of each term, and of a foot that yields."""
     covariance: Annotated[Array, "P", "P"]
@@ -129,13 +129,13 @@ class Proven:
     def own_rows(self, q: Array) -> Array:
         """Derivative (N, 3, P) of the stated point by the numbers of the model."""
         T, J = self.wide.poses_and_jacobian(q, AS_USUAL)
-        at_target = np.broadcast_to(self.target, (len(T), 3))
-        return np.asarray(reflector_rows(T, J, at_target)[1][:, :, self.own])
+        rows = self.target.positions_and_rows(self.wide, T, J)[1]
+        return np.asarray(rows[:, :, self.own])
 
     def left(self, q: Array, at: OperatingConditions = AS_USUAL) -> Array:
         """(3, N) variance of the target left by a unit of every term, by the foot, by the noise."""
         T, J = self.wide.poses_and_jacobian(q, at)
-        _, rows = reflector_rows(T, J, np.broadcast_to(self.target, (len(T), 3)))
+        _, rows = self.target.positions_and_rows(self.wide, T, J)
         own = rows[:, :, self.own]
         G = unheld(self.wide, self.columns, self.up, q, rows)
         G -= np.tensordot(own, self.absorbed, 1)
@@ -148,7 +148,7 @@ def proven_at(
     train: Measurements,
     q: ArrayLike,
     *,
-    target: ArrayLike = (0.0, 0.0, 0.0),
+    target: ArrayLike | ToolTarget = (0.0, 0.0, 0.0),
     up: ArrayLike = (0.0, 0.0, 1.0),
 ) -> Proven:
     """What a calibration was proven at, to ask where else it applies.
@@ -219,7 +219,7 @@ def proven_by(
     train: Measurements,
     q: ArrayLike,
     *,
-    target: ArrayLike = (0.0, 0.0, 0.0),
+    target: ArrayLike | ToolTarget = (0.0, 0.0, 0.0),
     up: ArrayLike = (0.0, 0.0, 1.0),
 ) -> Proven:
     """What an estimate is proven at, made already or only planned.
@@ -238,8 +238,8 @@ def proven_by(
         Rows it comes from; their readings play no part.
     q : (n, j) array_like
         Joints of the held-out poses [rad, m].
-    target : (3,) array_like
-        Point in the tool frame that is stated [m].
+    target : (3,) array_like or ToolTarget
+        Point in the tool frame that is stated [m], or a reflector of the model.
     up : (3,) array_like
         Upwards in the axes of the base: a foot yields under the weight of the arm.
 
@@ -248,7 +248,7 @@ def proven_by(
     G(q) = B(q) - J(q) F B(train); g = tr(G G') over its mean. B: every wave of a joint that the
     model has no number for, and apart from these the turn of the arm about its foot by p x up.
     """
-    (q, target, up) = check("m j, 3, 3", q=q, target=target, up=up)
+    (q, up) = check("m j, 3", q=q, up=up)
     if not len(q):
         raise refuse(
             "q", code="A3", message="no held-out pose says where this was proven",
@@ -262,9 +262,9 @@ def proven_by(
     absorbed = np.zeros((model.n_numbers, B.shape[2]))
     absorbed[parameters.free_index] = np.einsum("mfe,mek->fk", gain, B)
     here = Proven(
-        wide, frozen(columns, np.int64), frozen(own, np.int64), up, target, frozen(absorbed),
-        frozen(covariance), np.ones(3), frozen(q.min(axis=0)), frozen(q.max(axis=0)),
-        frozen(np.zeros(q.shape[1])),
+        wide, frozen(columns, np.int64), frozen(own, np.int64), up, ToolTarget.of(target),
+        frozen(absorbed), frozen(covariance), np.ones(3), frozen(q.min(axis=0)),
+        frozen(q.max(axis=0)), frozen(np.zeros(q.shape[1])),
     )  # fmt: skip
     return replace(here, usual=frozen(here.left(q).mean(axis=1)))
 

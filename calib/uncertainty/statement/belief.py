@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from scipy.special import chdtri
 
 from calib.arrays import Array, check, frozen
-from calib.geometry.jacobian import joint_columns, reflector_rows
+from calib.geometry.jacobian import joint_columns
 from calib.geometry.model import RobotModel
 from calib.geometry.operating import AS_USUAL, OperatingConditions
 from calib.held_out_counts import fewest_poses
@@ -19,6 +19,7 @@ from calib.identification.identify import Identification
 from calib.information.propagation import propagated
 from calib.measurement.observations import Measurements
 from calib.measurement.prediction import predict, predicted_positions
+from calib.measurement.tool_target import ToolTarget
 from calib.shown import Shown
 from calib.uncertainty.regions import coverage_factor, mahalanobis_squared
 from calib.uncertainty.statement.applicability import Proven, proven_at
@@ -65,7 +66,7 @@ class Belief(Shown):
         self,
         q: ArrayLike,
         *,
-        target: ArrayLike = (0.0, 0.0, 0.0),
+        target: ArrayLike | ToolTarget = (0.0, 0.0, 0.0),
         growth: ArrayLike | None = None,
         repeatability: ArrayLike | None = None,
         at: OperatingConditions = AS_USUAL,
@@ -76,8 +77,8 @@ class Belief(Shown):
         ----------
         q : (N, n) array_like
             Commanded joint values.
-        target : (3,) array_like
-            Point in the tool frame that is stated [m].
+        target : (3,) array_like or ToolTarget
+            Point in the tool frame that is stated [m], or a reflector of the model.
         growth : (N,) or scalar array_like, optional
             Factor of the misfit's variance at each posture, one or more; by default what `proven`
             says of it.
@@ -96,16 +97,15 @@ class Belief(Shown):
         self,
         q: ArrayLike,
         *,
-        target: ArrayLike = (0.0, 0.0, 0.0),
+        target: ArrayLike | ToolTarget = (0.0, 0.0, 0.0),
         growth: ArrayLike | None = None,
         repeatability: ArrayLike | None = None,
         at: OperatingConditions = AS_USUAL,
     ) -> tuple[ToolStatement, ToolStatement | None]:
         """`regions` of the mean of many moves, and of one move where a repeatability is given."""
-        (target,) = check("3", target=target)
         grown = self.proven.applies(q, at).growth if growth is None else np.asarray(growth, float)
         T, J = self.model.poses_and_jacobian(q, at)
-        position, rows = reflector_rows(T, J, np.broadcast_to(target, (len(T), 3)))
+        position, rows = ToolTarget.of(target).positions_and_rows(self.model, T, J)
         sigma = _region(self, rows, np.broadcast_to(grown, (len(T),)))
         mean = ToolStatement(frozen(position), frozen(sigma), self.factor, self.probability)
         if repeatability is None:
@@ -134,7 +134,7 @@ def believe(
     shared: ArrayLike | None = None,
     repeats: NoiseRepeats | None = None,
     probability: float = 0.95,
-    target: ArrayLike = (0.0, 0.0, 0.0),
+    target: ArrayLike | ToolTarget = (0.0, 0.0, 0.0),
     drawn: bool = True,
     quiet: tuple[Measurements, Measurements | None] | None = None,
 ) -> Belief:
@@ -156,8 +156,8 @@ def believe(
         What repeats say of the noise.
     probability : float
         Content of the regions.
-    target : (3,) array_like
-        Point in the tool frame at which growth is counted [m].
+    target : (3,) array_like or ToolTarget
+        Point in the tool frame at which growth is counted [m], or a reflector of the model.
     drawn : bool
         Whether the held-out poses were drawn at random: designed ones guard nothing.
     quiet : tuple of Measurements, optional

@@ -3,12 +3,14 @@
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.special import bdtr
 
 from calib.arrays import Array, FloatOrNan
 from calib.geometry.operating import AS_USUAL, OperatingConditions
 from calib.measurement.observations import Measurements
 from calib.measurement.prediction import predict
+from calib.measurement.tool_target import ToolTarget
 from calib.uncertainty.regions import coverage_factor
 from calib.uncertainty.statement.belief import Belief
 from calib.uncertainty.statement.distance import radius_over
@@ -66,7 +68,7 @@ def stated_point(
     belief: Belief,
     q: Array,
     *,
-    target: Array,
+    target: ArrayLike | ToolTarget,
     held_out: bool,
     repeatability: Array | None = None,
     told_by: str = "",
@@ -85,8 +87,8 @@ def stated_point(
         Of the identified robot.
     q : (n, j) array
         Postures [rad, m].
-    target : (3,) array
-        Point in the tool frame that is stated [m].
+    target : (3,) array_like or ToolTarget
+        Point in the tool frame that is stated [m], or a reflector of the model.
     held_out : bool
         Whether these poses were held out.
     repeatability : (j,) array, optional

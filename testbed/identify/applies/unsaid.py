@@ -14,7 +14,6 @@ from calib.geometry.operating import AS_USUAL, OperatingConditions
 from calib.uncertainty.statement.stated_point import common_radius
 from calib.uncertainty.tool_point import ToolStatement
 from testbed.identify.calibration import Calibration
-from testbed.identify.proof import stated_target
 from testbed.units import UM, listed, significant
 
 MOST_ROWS = 64
@@ -119,9 +118,9 @@ def unsaid_words(calibration: Calibration) -> tuple[str, ...]:
     names = [name for name in names if np.ptp(getattr(seen, name), axis=0).any()]
     if belief is None or point is None or not names:
         return ()
-    q, place = calibration.stated_q, np.array(stated_target(calibration.measurements))
-    spread = unsaid_spread(model, q, AS_USUAL, seen, place)
-    radius = common_radius(widened_by(belief.regions(q, target=place), spread))
+    q, target = calibration.stated_q, calibration.target
+    spread = unsaid_spread(model, q, AS_USUAL, seen, target.place(model))
+    radius = common_radius(widened_by(belief.regions(q, target=target), spread))
     return (
         f"R95 is of poses of which one knows {listed([WORDS[name] for name in names])}; where "
         "nobody does, anywhere among those of the measurements, it is "

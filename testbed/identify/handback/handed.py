@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from typing import Annotated
 
 from calib.arrays import Array
+from calib.measurement.tool_target import ToolTarget
 from calib.shown import in_a_line
 from calib.uncertainty.statement.belief import Belief
 from testbed.files.session import Session
@@ -45,7 +46,7 @@ def hand_back(
     belief: Belief | None,
     q: Array,
     *,
-    target: tuple[float, float, float],
+    target: ToolTarget,
     repeatability: Array,
 ) -> HandBack:
     """What the record says, from what the fit and its proof have found.

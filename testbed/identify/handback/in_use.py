@@ -13,6 +13,7 @@ import numpy as np
 from calib.arrays import Array, FloatOrNan, frozen
 from calib.geometry.frames import slide
 from calib.geometry.model import RobotModel
+from calib.measurement.tool_target import ToolTarget
 from calib.uncertainty.statement.belief import Belief
 from calib.uncertainty.statement.distance import distance_radius
 from calib.uncertainty.statement.stated_point import common_radius, widened
@@ -45,7 +46,7 @@ def tool_statement_of(
     tool: ToolInUse,
     q: Array,
     *,
-    target: tuple[float, float, float],
+    target: ToolTarget,
     link_sd: Array,
     repeatability: Array,
 ) -> ToolInUseStatement:
@@ -59,8 +60,8 @@ def tool_statement_of(
         The tool.
     q : (n, j) array
         Joints of the judged poses [rad, m].
-    target : tuple
-        Place of the target that was measured, in the tool's frame as it was identified [m].
+    target : ToolTarget
+        The one that was measured, in the tool's frame as it was identified.
     link_sd : (j, 5) array
         Of the prior [rad, m, m, rad, rad].
     repeatability : (j,) array
@@ -123,7 +124,7 @@ def carried(belief: Belief, tool: ToolInUse, point: Array, link_sd: Array) -> Be
         proven=replace(  # what is left there is compared with what was left at the target
             proven,
             wide=_with_tool(proven.wide, point),
-            target=np.zeros(3),
+            target=ToolTarget(),
             absorbed=frozen(proven.absorbed * own[:, None]),
             covariance=frozen(covariance),
         ),

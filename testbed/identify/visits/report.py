@@ -9,7 +9,6 @@ from calib.uncertainty.statement.stated_point import common_radius
 from testbed.files.visits.visit import OWN, RobotVisit
 from testbed.identify.calibration import Calibration
 from testbed.identify.fit import figures_of
-from testbed.identify.proof import stated_target
 from testbed.identify.records import Figures
 from testbed.report.page import Section, Table, Text
 from testbed.store.quantities import METRE, RADIAN, Quantity, below
@@ -207,8 +206,7 @@ def radius_there(calibration: Calibration, rows: Bool) -> float | None:
     belief, point = calibration.proof.belief, calibration.proof.point
     if belief is None or point is None:
         return None
-    target = stated_target(calibration.measurements)
-    plain = common_radius(belief.regions(calibration.stated_q, target=target))
+    plain = common_radius(belief.regions(calibration.stated_q, target=calibration.target))
     there = belief.seen_regions(calibration.measurements.rows(rows))
     return common_radius(there) * point.radius_mean / plain
 

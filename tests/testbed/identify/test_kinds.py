@@ -8,6 +8,8 @@ from calib.geometry.chain import COLUMNS
 from calib.geometry.fixtures import Fixtures
 from calib.measurement import tables
 from calib.measurement.observations import joined
+from calib.uncertainty.statement.distance import distance_radius
+from calib.uncertainty.statement.stated_point import widened
 from testbed.identify.calibrate import Options, calibrate
 from testbed.identify.frames import frames_of
 from testbed.identify.session import with_test
@@ -57,7 +59,15 @@ def test_three_reflectors_of_unknown_place_are_enough():
     for i, j in ((0, 1), (0, 2), (1, 2)):
         apart = np.linalg.norm(between[i] - between[j])
         assert apart == pytest.approx(np.linalg.norm(PLACES[i] - PLACES[j]), abs=1e-4)
-    assert any("no region contains an error of that" in text for text in found.warnings)
+    # of what was measured, the least known is stated: its region is that of its readings
+    target, belief = found.target, found.proof.belief
+    (said,) = (text for text in found.warnings if "no region contains an error of that" in text)
+    assert f"the tool point that is stated is {'ABC'[target.reflector]}, the least" in said
+    rows = [table.rows(table.reflector == k) for k in range(3)]
+    radii = [distance_radius(widened(belief.seen_regions(one))).mean() for one in rows]
+    own = distance_radius(widened(belief.regions(rows[0].q, target=target)))
+    np.testing.assert_allclose(own.mean(), radii[target.reflector], rtol=1e-9)
+    assert own.mean() > 0.95 * max(radii)  # by the noise alone: the misfit may say another
     # one radius per pose: three points of one pose share its error
     assert found.proof.conformal.n_poses == 20
 

@@ -12,6 +12,7 @@ from calib.geometry.frames import exp_so3
 from calib.geometry.jacobian import joint_columns
 from calib.measurement import tables
 from calib.measurement.observations import joined
+from calib.measurement.tool_target import ToolTarget
 from testbed.identify.calibrate import Options, calibrate
 from testbed.identify.order import order_words, require_order
 from testbed.identify.proof import (
@@ -168,22 +169,27 @@ def test_the_point_that_all_rows_look_at_is_stated_if_its_place_is_known():
     poses = sound_session().measurements
     xyz = np.zeros((5, 3))
     known = tables.points(q, xyz, sd=1e-5, offset=place)
-    assert stated_target(poses) == (0.0, 0.0, 0.0)
-    assert stated_target(known) == (0.01, 0.02, 0.03)
-    assert stated_target(joined([known, tables.points(q, xyz, sd=1e-5)])) == (0.0, 0.0, 0.0)
-    unknown = tables.points(q, xyz, sd=1e-5, reflector=0)
-    assert stated_target(unknown) == (0.0, 0.0, 0.0)
+    fit = sound().fit.identification
+    assert stated_target(poses, fit) == ToolTarget()
+    assert stated_target(known, fit) == ToolTarget((0.01, 0.02, 0.03))
+    assert stated_target(joined([known, tables.points(q, xyz, sd=1e-5)]), fit) == ToolTarget()
+    one = tables.points(q, xyz, sd=1e-5, reflector=0)
+    assert stated_target(joined([known, one]), fit) == ToolTarget()
 
 
 def test_of_one_point_nothing_is_said_of_another():
+    def said(table, **target):
+        return " ".join(target_warnings(table, ToolTarget(**target), ["B"]))
+
     q, xyz = pool_r(5), np.zeros((5, 3))
     one, other = (
         tables.points(q, xyz, sd=1e-5, offset=place) for place in ([0, 0, 0], [0.1, 0, 0])
     )
-    assert "of that point, and nothing of the tool's orientation" in target_warnings(one)[0]
-    assert target_warnings(joined([one, other])) == ()
-    assert target_warnings(sound_session().measurements) == ()
-    assert "found with the robot" in target_warnings(tables.points(q, xyz, sd=1e-5, reflector=0))[0]
+    assert "of that point, and nothing of the tool's orientation" in said(one)
+    assert said(joined([one, other])) == said(sound_session().measurements) == ""
+    found = tables.points(q, xyz, sd=1e-5, reflector=0)
+    assert "that is stated is B; where the flange lies" in said(found, reflector=0)
+    assert "where the tool point lies beside them" in said(joined([one, found]))
 
 
 CORNERS = np.array([[2.0, 0.0, 0.5], [2.0, 1.0, 0.5], [0.0, 2.0, 0.5]])
