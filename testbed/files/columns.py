@@ -112,7 +112,9 @@ def is_known(name: str) -> bool:
 
 
 def close_to(name: str) -> str:
-    """``did you mean "x_mm"?``, or nothing."""
+    """``did you mean "x_mm"?``, or nothing; a bare number is the place of a column, no name."""
+    if name.isdigit():
+        return ""
     known = [
         *PLAIN,
         *(f"{stem}_{unit}" for stem, kind in STEMS.items() for unit in UNITS[kind]),

@@ -214,8 +214,9 @@ def repeatability(
     best, upper = found
     if upper < 1 and one_after_another(session):
         return stated, f"{said}, as repeats without another pose between them tell less than that"
+    found_of_it = f"{best:.2g} times" if best > 0 else "none of"
     told = (
-        f"repeats find {best:.2g} times what {by} states, and allow {upper:.2g} times, which is "
+        f"repeats find {found_of_it} what {by} states, and allow {upper:.2g} times it, which is "
         "taken"
     )
     return frozen(upper * stated), told

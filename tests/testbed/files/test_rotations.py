@@ -70,3 +70,4 @@ def test_every_name_of_the_layout_is_known_and_carries_its_unit():
     assert all(is_known(name) for name in covariance_names())
     assert close_to("x_mmm") == 'did you mean "x_mm"?'
     assert close_to("colour") == ""
+    assert close_to("11") == ""  # the eleventh column of a file without names, not r11
