@@ -36,6 +36,8 @@ FEWEST = 100
 UNSETTLED = 0.01
 """Part of the replicates that may not settle: their last steps are long for a solver, short beside
 the scatter of all."""
+FURTHER = 4
+"""So many times the steps are taken where more than that part is left."""
 BAND = 4.0
 """Standard errors that a sound result stays within: one of 16 000 numbers goes beyond."""
 
@@ -110,8 +112,8 @@ class Bootstrap(Shown):
         worst, lean = int(np.argmax(off)), int(np.argmax(np.abs(self.bias)))
         if not self.settled:
             return (
-                f"{self.unconverged} of {N} virtual calibrations did not settle in the steps "
-                "allowed; take more steps"
+                f"{self.unconverged} of {N} virtual calibrations did not settle: the readings "
+                "hardly tell some numbers; vary the poses more, or free fewer numbers"
             )
         if self.agrees:
             late = f"; {self.unconverged} of them did not settle" if self.unconverged else ""
@@ -158,7 +160,8 @@ def bootstrap(
     replicates : int
         N, at least 100.
     steps : int
-        Steps of each fit, but of those that are fitted one by one.
+        Steps of each fit, but of those that are fitted one by one; `FURTHER` times as many where
+        fits did not settle in these.
     prior_precision : (f, f) array_like, optional
         Lambda0 of the identification; the center of the prior is drawn anew for each replicate, so
         that the scatter to expect is inv(A'A + Lambda0).
@@ -219,7 +222,11 @@ def _replicate(
     if spread.any():
         center = spread @ rng.standard_normal(center.shape)
     first = pulls @ normal.reshape(blocks, -1, WIDTH)
-    return descend(start, measured, center, steps, loops.gradient, first).first(count)
+    for taken in (steps, FURTHER * steps):
+        found = descend(start, measured, center, taken, loops.gradient, first).first(count)
+        if (~found.converged).mean() <= UNSETTLED:
+            break  # numbers that the readings hardly tell ask for more
+    return found
 
 
 def _pulls(start: Frozen) -> Array:

@@ -12,7 +12,7 @@ from calib.identification.identify import identify
 from calib.measurement import tables
 from calib.uncertainty.bootstrap import Bootstrap, bootstrap
 from calib.uncertainty.parallel import in_batches
-from calib.uncertainty.refit import freeze, refit
+from calib.uncertainty.refit import SETTLED, freeze, refit
 from tests.reference import DEG, READABLE30, WEN24, pool_r, rigid_truth, tx60
 from tests.truth.measuring import measured
 
@@ -151,6 +151,22 @@ def test_a_strongly_bent_model_is_noticed_and_counted():
     )
     assert run.unconverged > 100
     assert not run.agrees
+
+
+def test_fits_that_two_steps_leave_unsettled_take_more():
+    """Poses much alike: a number is known to a quarter of a degree, and propagation is linear."""
+    q = Q[0] + 0.25 * np.random.default_rng(3).uniform(-1, 1, (60, 6))
+    table = tables.poses(q, tx60().poses(q), sd=(3e-4, 3e-3))
+    free = parameters_of(tx60(), WEN24)
+    one, two, more = (
+        bootstrap(tx60(), table, free, np.random.default_rng(0), replicates=200, steps=steps)
+        for steps in (1, 2, 20)
+    )
+    assert not one.settled  # not even in four
+    assert two.unconverged == 0
+    assert two.agrees
+    gap = np.abs(two.estimates - more.estimates) / np.sqrt(np.diagonal(two.covariance))
+    assert gap.max() < SETTLED  # what the last step of a fit may still be long
 
 
 def test_zero_noise_is_refused():
