@@ -9,6 +9,7 @@ import numpy as np
 from calib.arrays import Array, Bool, Index, frozen
 from calib.errors import CalibError, InputError, refuse
 from calib.geometry.chain import Chain
+from calib.geometry.frames import inverse
 from calib.geometry.parameters import Parameters
 from calib.information.goals import Goals
 from calib.measurement.observations import DISTANCE
@@ -113,11 +114,12 @@ def require_station(bench: Bench, station: Array, name: str, field: str) -> None
         message = f"lies {below * 1e3:.0f} mm below the floor"
         raise refusal(message, "", "put the tracker above the floor")
     needed = reach(chain, bench.robot.limits) + BESIDE
-    if np.linalg.norm(station) < needed:
+    apart = from_arm(chain, bench.robot.limits, station)
+    if apart < needed:
         meters = 0 < np.linalg.norm(station) < METERS
+        place = "where the arm can slide" if leading_slides(chain) else "the base"
         raise refusal(
-            f"is {np.linalg.norm(station):.2f} m from the base: the tracker would stand in the "
-            "robot's work space",
+            f"is {apart:.2f} m from {place}: the tracker would stand in the robot's work space",
             f"it needs {needed:.2f} m or more, the arm's length and {BESIDE:g} m",
             "it is in mm: are these meters?" if meters else "move the tracker away from the robot",
         )
@@ -139,13 +141,44 @@ def require_ranges(bench: Bench, q: Array, whose: str) -> None:
             )  # fmt: skip
 
 
+def leading_slides(chain: Chain) -> int:
+    """Sliding joints before the first one that turns: they carry the arm without turning it."""
+    return next((k for k, kind in enumerate(chain.kinds) if kind != "prismatic"), chain.n_joints)
+
+
 def reach(chain: Chain, limits: Array) -> float:
-    """Length of the stretched arm, base to tool, sliding joints at their farthest [m]."""
+    """Length of the stretched arm from where it begins to turn, later slides at their farthest [m].
+
+    It begins at the base, or at the end of slides that carry it.
+    """
     frames, _, tool = placements(chain)
-    # the first frame stands in the world: where the base is, not how long the arm is
-    lengths = sum(float(np.linalg.norm(frame[:3, 3])) for frame in (*frames[1:], tool))
+    k = leading_slides(chain)
+    # a frame up to that joint says where the arm begins, not how long it is
+    parts = [*frames[k + 1 :], tool] if k < chain.n_joints else []
+    lengths = sum(float(np.linalg.norm(frame[:3, 3])) for frame in parts)
     slides = chain.prismatic.astype(bool)
+    slides[:k] = False
     return lengths + float(np.abs(limits[slides]).max(axis=1, initial=0.0).sum())
+
+
+def from_arm(chain: Chain, limits: Array, station: Array) -> float:
+    """Distance of a station (3,) in the base frame from the nearest place where the arm begins [m].
+
+    The place that slides carry it to is linear in their values, which have limits.
+    """
+    from scipy.optimize import lsq_linear
+
+    frames, _, tool = placements(chain)
+    k = leading_slides(chain)
+    if not k:
+        return float(np.linalg.norm(station))
+    T, axes = inverse(chain.T_world_base), list[Array]()
+    for number, frame in enumerate((*frames, tool)[: k + 1]):
+        T = T @ frame
+        if number < k:
+            axes.append(T[:3, 2])
+    nearest = lsq_linear(np.column_stack(axes), station - T[:3, 3], limits[:k].T)
+    return float(np.sqrt(2 * nearest.cost))
 
 
 def compare_stations(

@@ -5,14 +5,24 @@ import pytest
 from typer.testing import CliRunner
 
 from calib.errors import InputError
+from calib.geometry.frames import inverse
 from testbed.assets import scenes
 from testbed.cli import app
 from testbed.laboratory.bench import open_bench
-from testbed.laboratory.tracker.stations import BESIDE, NEAREST, require_ranges, require_stations
+from testbed.laboratory.tracker.stations import (
+    BESIDE,
+    NEAREST,
+    from_arm,
+    require_ranges,
+    require_stations,
+)
 from testbed.laboratory.tracker.stations import reach as length_of
+from testbed.robots.catalog import load_robot
+from testbed.robots.robot import workspace
 from testbed.scenario.read import changed
 from testbed.streams import stream
 from testbed.studies import load_scenario
+from tests.testbed.robots.described_cases import ARMS
 
 NOWHERE = {
     "below the floor": (
@@ -82,6 +92,30 @@ def test_every_shipped_scene_has_room_for_its_tracker(scene):
     require_ranges(bench, q, "any")
     away = bench.robot.model.poses(q)[:, :3, 3] - bench.tracker.station
     assert np.linalg.norm(away, axis=1).min() > NEAREST + 0.2  # whatever is mounted on the tool
+
+
+def test_a_gantry_has_its_tracker_beside_its_slides_and_not_beyond_all_of_them(tmp_path):
+    """Slides carry the arm along lines: 8 m in all, and the arm that they carry is 1 m long."""
+    (tmp_path / "gantry.urdf").write_text(ARMS["gantry"])
+    robot = load_robot(tmp_path / "gantry.urdf")
+    scene = load_scenario("quick").model_copy(update={"robot": str(tmp_path / "gantry.urdf")})
+    chain, limits = robot.model.chain, robot.limits
+
+    def standing(place):
+        tracker = scene.tracker.model_copy(update={"station_mm": tuple(1e3 * place)})
+        return open_bench(scene.model_copy(update={"tracker": tracker}))
+
+    # the one that `truebed new scene` proposes
+    beside = np.array(workspace(robot).station_mm) / 1e3
+    require_stations(standing(beside))
+    q = np.random.default_rng(0).uniform(*limits.T, (5000, 6))
+    T = inverse(chain.T_world_base) @ robot.model.poses(q)
+    free = from_arm(chain, limits, beside) - length_of(chain, limits)
+    assert 0.5 < free <= np.linalg.norm(T[:, :3, 3] - beside, axis=1).min()
+    # among the places of its tool, and a little above them
+    for x, y, z in T[:2, :3, 3]:
+        with pytest.raises(InputError, match=r"m from where the arm can slide: the tracker would"):
+            require_stations(standing(np.array([x, y, max(z, 3.5)])))
 
 
 def test_a_target_as_near_as_a_tracker_measures_is_taken_and_a_nearer_one_is_not():
