@@ -146,11 +146,13 @@ def pose_budget(
         )
     if not (isinstance(target, Real) and 0 < target < np.inf):
         raise refuse("target", target, "above zero", code="A3", message=f"target is {target} m")
-    free, least = int(problem.open.sum()), problem.fewest
+    # where poses may repeat, a set may be larger than the pool
+    most, least = np.inf if problem.repeats else int(problem.open.sum()), problem.fewest
     curve = _Curve(problem, criterion, rng, restarts)
     grid = _grid(least, problem.m) if counts is None else np.unique(require_counts(counts)).tolist()
-    if not grid or grid[0] < least or grid[-1] > free:
-        message, wanted = "counts holds numbers of poses that cannot be", f"{least} to {free}"
+    if not grid or grid[0] < least or grid[-1] > most:
+        wanted = f"{least} or more" if problem.repeats else f"{least} to {most}"
+        message = "counts holds numbers of poses that cannot be"
         raise refuse("counts", allowed=wanted, code="M27", message=message)
     # climb the grid until a designed set reaches the target
     low, high = grid[0], grid[-1]
@@ -208,6 +210,7 @@ def _sentence(
         if proven is None:
             return words + f", and no set of {high} gives less than {bound * 1e6:.4g} um"
         return words + f"; fewer than {proven} poses are proven to be too few"
+    reach = "1 pose reaches" if smallest == 1 else f"{smallest} poses reach"
     if proven == smallest:
-        return f"{smallest} poses reach {asked}, and no fewer can"
-    return f"{smallest} poses reach {asked}; fewer than {proven} are proven to be too few"
+        return f"{reach} {asked}, and no fewer can"
+    return f"{reach} {asked}; fewer than {proven} are proven to be too few"

@@ -26,6 +26,8 @@ from calib.information.criteria.named import criterion_named
 from calib.information.goals import goal_matrix
 from calib.shown import Shown
 
+HUGE = 1e60
+"""Largest number in a block, and one over the smallest largest one of a column."""
 LARGER_POOL = "enlarge the pool or choose fewer poses"
 
 
@@ -103,6 +105,17 @@ class Problem(Shown):
         if not blocks.size:
             shape = f"blocks has shape {blocks.shape}"
             raise refuse("blocks", allowed="none may be 0", code="A1", message=shape)
+        size = np.abs(blocks).max(axis=(0, 1))
+        if (size > HUGE).any() or ((size > 0) & (size < 1 / HUGE)).any():
+            at = float(size[np.argmax(np.abs(np.log(np.where(size > 0, size, 1.0))))])
+            raise refuse(
+                "blocks",
+                at,
+                f"sizes from {1 / HUGE:g} to {HUGE:g}, or 0: squares of squares are computed",
+                code="A3",
+                message=f"blocks holds numbers of the size {at:g}",
+                fix="choose other units of the numbers",
+            )
         if criterion.n_numbers not in (None, p):
             raise refuse(
                 "criterion",

@@ -126,6 +126,20 @@ def test_poses_of_no_sense_are_refused(change, says: str):
         Problem.of_poses(**options)
 
 
+@pytest.mark.parametrize("size", [1e-150, 1e-61, 1e61, 1e150])
+def test_numbers_whose_squares_of_squares_are_none_are_refused(size: float):
+    for unit in (size, np.array([1.0, 1.0, size, 1.0, 1.0])):
+        with pytest.raises(InputError, match="blocks holds numbers of the size"):
+            Problem.of_blocks(BLOCKS * unit, 5, "A")
+    near = BLOCKS * size ** (0.9 * 60 / abs(np.log10(size)))
+    for criterion in ("D", "A", "E"):
+        figures = [
+            exchange(Problem.of_blocks(each, 5, criterion), rng(), restarts=1)
+            for each in (BLOCKS, near)
+        ]
+        assert figures[0].indices.tolist() == figures[1].indices.tolist()
+
+
 def test_places_targets_and_tolerances_of_no_sense_are_refused():
     for wrong in ("x", None, np.nan, np.inf, -1.0):
         with pytest.raises(InputError, match="tolerance is"):

@@ -122,6 +122,24 @@ def test_a_number_of_poses_that_no_set_can_do_with_is_passed_over(counts):
     assert "no set of so many was found that tells all numbers apart" in none.sentence
 
 
+def test_where_poses_may_repeat_a_budget_goes_beyond_the_pool():
+    blocks, criterion = small_pool(2, 6), small_criterion("V")
+    problem = Problem.of_blocks(blocks, 60, criterion, repeats=True)
+    whole = criterion.figure(information(blocks), 6)
+    found = pose_budget(problem, whole / 2, np.random.default_rng(0))
+    # four times every pose halves the figure: the best 24 do no worse
+    assert 6 < found.proven <= found.smallest <= 24
+    assert criterion.figure(information(blocks[found.chosen]), 24) <= whole / 2
+    with pytest.raises(InputError, match=r"counts holds.*; 3 or more"):
+        pose_budget(problem, whole, np.random.default_rng(0), counts=[2])
+
+
+def test_one_pose_is_told_as_one():
+    problem = Problem.of_blocks(small_pool(2), 3, small_criterion("V"), prior=np.eye(5))
+    found = pose_budget(problem, 1e3, np.random.default_rng(0))
+    assert found.sentence.startswith("1 pose reaches")
+
+
 @pytest.mark.slow
 def test_what_is_known_before_saves_poses(v):
     blocks = whitened_pool(200)
