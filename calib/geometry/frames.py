@@ -8,6 +8,9 @@ import numpy as np
 from calib.arrays import Array
 from calib.errors import refuse
 
+ROUNDED, EXACT = 5e-3, 1e-9
+"""How far rotations of a file may be from right angles, and how far rounding alone leaves them."""
+
 
 def skew(v: Array) -> Array:
     """Matrix [v]x (..., 3, 3) with [v]x w = v x w."""
@@ -150,3 +153,25 @@ def require_rigid(T: Array, field: str, name: str = "", value: object = None) ->
             code="A3",
             message=f"{name or field} is not a rigid transform",
         )
+
+
+def rigid(T: Array) -> Array:
+    """Transforms (m, 4, 4) without the rounding of a file; refuses what is no transform."""
+    R = T[:, :3, :3]
+    skewed = np.abs(np.swapaxes(R, 1, 2) @ R - np.eye(3)).max(axis=(1, 2))
+    for wrong, why in (
+        (
+            np.abs(T[:, 3] - [0.0, 0.0, 0.0, 1.0]).max(axis=1) > ROUNDED,
+            "does not end in 0, 0, 0, 1",
+        ),
+        (
+            skewed > ROUNDED,
+            "has no rotation in it: its axes are not at right angles and of length 1",
+        ),
+        (np.linalg.det(R) < 0, "is left-handed"),
+    ):
+        if wrong.any():
+            row = int(np.argmax(wrong))
+            allowed = "rigid transforms; transposed or scaled ones are none"
+            raise refuse("T", row, allowed, code="A3", message=f"T[{row}] {why}")
+    return nearest_rigid(T) if len(T) and skewed.max() > EXACT else T

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 
 from calib.arrays import Array, Bool, check, frozen
 from calib.errors import refuse
+from calib.geometry.frames import rigid
 from calib.geometry.inverse_search import (
     NUDGES,
     PoseSearch,
@@ -115,6 +116,7 @@ def inverse_kinematics(
     """
     n = model.chain.n_joints
     T, limits = check(f"m 4 4, {n} 2", T=T, limits=limits)
+    T = rigid(T)
     if (limits[:, 0] > limits[:, 1]).any():
         message = "limits has a lower limit above its upper one"
         raise refuse("limits", limits.tolist(), code="A3", message=message, fix="swap them")
@@ -122,6 +124,8 @@ def inverse_kinematics(
     every = every[:, None] if every.ndim == 2 else every
     (every,) = check(f"{len(T)} s {n}", seeds=every)
     targets, starts = len(T), every.shape[1]
+    if not starts:
+        raise refuse("seeds", every.shape, "at least one for each target", code="A1")
     at.require_rows(targets)
     own = at.rows(np.repeat(np.arange(targets), starts))
     each = np.repeat(T, starts, axis=0), every.reshape(-1, n)

@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike
 
 from calib.arrays import Array, Index, check, whole_numbers, wrong_shape
 from calib.errors import refuse
-from calib.geometry.frames import nearest_rigid
+from calib.geometry.frames import rigid
 from calib.measurement.observations import (
     DISTANCE,
     GIVEN,
@@ -16,9 +16,6 @@ from calib.measurement.observations import (
     Measurements,
     first_met,
 )
-
-ROUNDED, EXACT = 5e-3, 1e-9
-"""How far rotations of a file may be from right angles, and how far rounding alone leaves them."""
 
 
 def poses(
@@ -50,7 +47,7 @@ def poses(
         Which pose and which visit of it; by default rows at the same joints are visits of one pose.
     """
     (T,) = check("m 4 4", T=T)
-    T = _rigid(T)
+    T = rigid(T)
     sd = np.asarray(sd, dtype=np.float64)
     if sd.ndim == 0:
         allowed = "two numbers, of position [m] and rotation [rad], or six, or covariances (6, 6)"
@@ -133,28 +130,6 @@ def distances(
     return _table(q, DISTANCE, covariance, np.zeros((len(d), 3)), offset=offset,
                   reflector=reflector, anchor=anchor, distance=d, pose_id=pose_id,
                   repeat=repeat)  # fmt: skip
-
-
-def _rigid(T: Array) -> Array:
-    """Transforms (m, 4, 4) without the rounding of a file; refuses what is no transform."""
-    R = T[:, :3, :3]
-    skewed = np.abs(np.swapaxes(R, 1, 2) @ R - np.eye(3)).max(axis=(1, 2))
-    for wrong, why in (
-        (
-            np.abs(T[:, 3] - [0.0, 0.0, 0.0, 1.0]).max(axis=1) > ROUNDED,
-            "does not end in 0, 0, 0, 1",
-        ),
-        (
-            skewed > ROUNDED,
-            "has no rotation in it: its axes are not at right angles and of length 1",
-        ),
-        (np.linalg.det(R) < 0, "is left-handed"),
-    ):
-        if wrong.any():
-            row = int(np.argmax(wrong))
-            allowed = "rigid transforms; transposed or scaled ones are none"
-            raise refuse("T", row, allowed, code="A3", message=f"T[{row}] {why}")
-    return nearest_rigid(T) if len(T) and skewed.max() > EXACT else T
 
 
 def _table(

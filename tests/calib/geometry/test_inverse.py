@@ -188,8 +188,31 @@ def test_an_arm_of_few_joints_ends_at_the_nearest_of_its_poses():
         (np.zeros((1, 5)), limits_of(TX60), "seeds has shape"),
         (np.zeros((1, 6)), np.tile([1, -1], (6, 1)), "lower limit above its upper one"),
         (np.full((1, 6), np.nan), limits_of(TX60), "is nan"),
+        (np.zeros((1, 0, 6)), limits_of(TX60), "at least one for each target"),
     ],
 )
 def test_bad_input_is_named(seeds, limits, said):
     with pytest.raises(InputError, match=said):
         inverse_kinematics(RobotModel(TX60), np.eye(4)[None], seeds, limits)
+
+
+@pytest.mark.parametrize("spoiled", ["transposed", "scaled", "mirrored"])
+def test_a_target_that_is_no_transform_is_refused_instead_of_out_of_reach(spoiled):
+    model, q = RobotModel(TX60), np.full((1, 6), 0.3)
+    T = model.poses(q)
+    if spoiled == "transposed":
+        T = T.swapaxes(1, 2)
+    elif spoiled == "scaled":
+        T = np.concatenate([2 * T[:, :3], T[:, 3:]], axis=1)
+    else:
+        T = T * [1, 1, -1, 1]
+    with pytest.raises(InputError, match=r"T\[0\]"):
+        inverse_kinematics(model, T, q, limits_of(TX60))
+
+
+def test_a_target_with_few_digits_is_reached_at_the_rotation_that_they_mean():
+    model, q = RobotModel(TX60), np.full((1, 6), 0.3)
+    found = inverse_kinematics(model, model.poses(q).round(5), q, limits_of(TX60))
+    assert found.status == ("reached",)
+    # half of the last digit, in some directions more
+    np.testing.assert_allclose(found.q, q, atol=2e-4)
