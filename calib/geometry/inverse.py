@@ -126,7 +126,7 @@ def inverse_kinematics(
     targets, starts = len(T), every.shape[1]
     if not starts:
         raise refuse("seeds", every.shape, "at least one for each target", code="A1")
-    at.require_rows(targets)
+    at.require_rows(targets, n)
     own = at.rows(np.repeat(np.arange(targets), starts))
     each = np.repeat(T, starts, axis=0), every.reshape(-1, n)
     task = PoseSearch(model, *each, limits, own, whole_turns, position_first)

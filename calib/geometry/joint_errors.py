@@ -15,6 +15,7 @@ import numpy as np
 from calib.arrays import LATER, Array, check, frozen
 from calib.errors import refuse
 from calib.geometry.bodies import Z
+from calib.geometry.chain import Chain
 from calib.geometry.operating import AS_USUAL, OperatingConditions
 from calib.geometry.springs import SprungJoints
 
@@ -54,7 +55,8 @@ class JointTerm:
             message = f"wave of the term {self.name} is {self.wave!r}"
             allowed = f"one of {', '.join(get_args(Wave))}"
             raise refuse("wave", self.wave, allowed, code="A3", message=message)
-        whole = (int(w) if float(w).is_integer() else float(w) for w in self.weights)
+        (weights,) = check("n", weights=self.weights)
+        whole = (int(w) if w.is_integer() else w for w in weights.tolist())
         object.__setattr__(self, "weights", tuple(whole))
 
     @property
@@ -98,6 +100,24 @@ class JointErrors:
             wanted = f"one per term, {count}"
             raise refuse("coefficients", allowed=wanted, code="A1", message=message)
         object.__setattr__(self, "coefficients", coefficients)
+
+    def require_chain(self, chain: Chain) -> None:
+        """Refuse errors of another arm than `chain`."""
+        n = chain.n_joints
+        for term in self.terms:
+            own = (NO_JOINT,) if term.wave == "lengths" else range(n)
+            if term.joint not in own:
+                message = f"the term {term.name} ({term.wave}) is on joint {term.joint}"
+                allowed = f"{NO_JOINT} of lengths, else 0 to {n - 1}"
+                raise refuse("joint", term.joint, allowed, code="A3", message=message)
+            if len(term.weights) != n:
+                message = f"the term {term.name} has {len(term.weights)} weights"
+                allowed = f"one for each of {n} joints"
+                raise refuse("weights", len(term.weights), allowed, code="A1", message=message)
+        if self.springs is not None and self.springs.weight.chain.kinds != chain.kinds:
+            message = f"the springs weigh an arm of joints {self.springs.weight.chain.kinds}"
+            raise refuse("springs", allowed=f"those of the chain, {chain.kinds}", code="A3",
+                         message=message)  # fmt: skip
 
     @property
     def names(self) -> tuple[str, ...]:

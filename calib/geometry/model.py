@@ -48,6 +48,10 @@ class RobotModel(Shown):
 
     def __post_init__(self) -> None:
         require_kind("chain", self.chain, Chain, "a calib.Chain of the links")
+        require_kind("joint_errors", self.joint_errors, JointErrors, "a JointErrors of the terms")
+        require_kind("fixtures", self.fixtures, Fixtures, "a Fixtures of what stands beside it")
+        if len(self.joint_errors.coefficients):
+            self.joint_errors.require_chain(self.chain)
 
     def __repr__(self) -> str:
         return f"RobotModel({self.chain.n_joints} joints, {self.n_numbers} numbers)"
@@ -106,7 +110,7 @@ class RobotModel(Shown):
     def poses(self, q: ArrayLike, at: OperatingConditions = AS_USUAL) -> Array:
         """Tool poses T_world_tool (m, 4, 4) at commanded joint values q (m, n)."""
         q, errors = joint_vectors(self.chain, q), self.joint_errors
-        at.require_rows(len(q))
+        at.require_rows(*q.shape)
         if errors.springs:
             return bent_forward(self.chain, q, errors.bends(q, at), errors.growth(at))
         if errors.terms:
@@ -124,7 +128,7 @@ class RobotModel(Shown):
         are zero: no tool moves with them.
         """
         q, errors = joint_vectors(self.chain, q), self.joint_errors
-        at.require_rows(len(q))
+        at.require_rows(*q.shape)
         if not len(errors.coefficients):
             T, own = pose_and_jacobian(self.chain, q)
             if not self.fixtures.n_numbers:

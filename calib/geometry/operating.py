@@ -7,7 +7,7 @@ from typing import Annotated
 import numpy as np
 from numpy.typing import ArrayLike
 
-from calib.arrays import Array, Bool, Index, check
+from calib.arrays import Array, Bool, Index, check, wrong_shape
 from calib.errors import refuse
 from calib.shown import Shown
 
@@ -85,12 +85,16 @@ class OperatingConditions(Shown):
             np.array_equal(getattr(self, name), getattr(other, name)) for name in self.stated
         )
 
-    def require_rows(self, m: int) -> None:
-        """Refuse conditions of other than m poses."""
+    def require_rows(self, m: int, n: int) -> None:
+        """Refuse conditions of other than m poses, or of arms of other than n joints."""
         for name in self.stated:
-            if len(getattr(self, name)) != m:
-                allowed = f"one for each of {m} poses"
-                raise refuse(name, len(getattr(self, name)), allowed, code="A1")
+            shape = getattr(self, name).shape
+            if shape[0] != m:
+                raise refuse(name, shape[0], f"one for each of {m} poses", code="A1")
+            if name in ("approach", "torque") and shape[1] != n:
+                message = f"{name} has {shape[1]} columns"
+                allowed = f"one for each of {n} joints"
+                raise refuse(name, shape[1], allowed, code="A1", message=message)
 
 
 AS_USUAL = OperatingConditions()
@@ -139,6 +143,8 @@ def approaches(q: ArrayLike, order: ArrayLike | None = None) -> Array:
         What sorts the poses by time; by default they stand in their order.
     """
     (q,) = check("m n", q=q)
+    if order is not None and np.shape(order) != (len(q),):
+        raise wrong_shape("order", np.shape(order), f"one for each of {len(q)} poses")
     at = np.arange(len(q)) if order is None else np.argsort(order, kind="stable")
     moves = np.diff(q[at], axis=0)
     sides = np.where(np.abs(moves) > STILL, np.sign(moves), 0.0)

@@ -111,11 +111,18 @@ def parameters_of(
     length : float
         Characteristic length L [m].
     """
+    if not length > 0:
+        raise refuse("length", length, "above 0 m", code="A3")
+    names = model.names
+    if len({*names}) < len(names):
+        twice = next(name for name in names if names.count(name) > 1)
+        message, fix = f"two numbers of the model are called {twice}", "rename the term"
+        raise refuse("names", twice, code="A3", message=message, fix=fix)
     is_length = np.array(model.is_length)
     table = Parameters(
-        model.names,
+        names,
         is_length,
-        np.ones(len(model.names), dtype=bool),
+        np.ones(len(names), dtype=bool),
         np.where(is_length, 1.0, 1.0 / length),
     )
     return table if free is None else table.freeing(free)

@@ -93,7 +93,7 @@ class Measurements(Shown):
             if column.shape != (m,):
                 raise wrong_shape(name, column.shape, f"expected ({m},)")
             object.__setattr__(self, name, column)
-        self.conditions.require_rows(m)
+        self.conditions.require_rows(*arrays[0].shape)
         self._require_sense()
 
     def _require_sense(self) -> None:

@@ -6,13 +6,22 @@ import pytest
 import calib
 from calib.arrays import frozen
 from calib.errors import InputError
-from calib.geometry.joint_errors import JointTerm
+from calib.geometry.gravity import Weight
+from calib.geometry.joint_errors import JointErrors, JointTerm
+from calib.geometry.operating import OperatingConditions, approaches
+from calib.geometry.springs import SprungJoints
 
 LINKS = [[0, 0.4, 0.1, -1.57, 0], [0, 0, 0.5, 0, 0], [0, 0, 0.4, 0, 0]]
 ARM = calib.RobotModel(calib.Chain(LINKS))
 Q = np.random.default_rng(0).uniform(-2, 2, (60, 3))
 SEEN = calib.points(Q, ARM.poses(Q)[:, :3, 3], sd=2e-5)
 TRAIN, TEST = SEEN.split(held_out=20)
+SLIDES = calib.Chain(LINKS, ("prismatic",) * 3)
+SLIDING = SprungJoints(Weight(SLIDES, np.ones((3, 4))), [1], [2], [1.0], np.zeros((3, 4)))
+
+
+def with_term(name, joint, wave="sin", weights=(0, 1, 0)):
+    return calib.RobotModel(ARM.chain, JointErrors((JointTerm(name, joint, wave, weights),)))
 
 
 @pytest.mark.parametrize(
@@ -47,6 +56,29 @@ TRAIN, TEST = SEEN.split(held_out=20)
             lambda: JointTerm("a", 1, "tan", (0, 1, 0)),
             "wave of the term a is 'tan'; one of sin, cos, approach, torque, lengths",
         ),
+        (lambda: JointTerm("a", 1, "sin", (0, np.nan, 0)), r"weights\[1\] is nan"),
+        (lambda: with_term("a", 3), r"term a \(sin\) is on joint 3; -1 of lengths, else 0 to 2"),
+        # Python counts from the end, and nothing would move by it
+        (lambda: with_term("a", -2), r"term a \(sin\) is on joint -2"),
+        (lambda: with_term("a", -1), r"term a \(sin\) is on joint -1"),
+        (lambda: with_term("a", 0, "lengths"), r"term a \(lengths\) is on joint 0"),
+        (lambda: with_term("a", 0, weights=(1,)), "has 1 weights; one for each of 3 joints"),
+        (
+            lambda: calib.parameters_of(with_term("theta2", 0)),
+            "two numbers of the model are called theta2; rename the term",
+        ),
+        (lambda: calib.RobotModel(ARM.chain, ()), "joint_errors is of the type tuple"),
+        (lambda: calib.RobotModel(ARM.chain, fixtures=None), "fixtures is of the type NoneType"),
+        (
+            lambda: calib.RobotModel(ARM.chain, JointErrors(springs=SLIDING)),
+            "springs weigh an arm of joints .*prismatic.*; those of the chain",
+        ),
+        (
+            lambda: ARM.poses(Q, OperatingConditions(torque=np.zeros((60, 2)))),
+            "torque has 2 columns; one for each of 3 joints",
+        ),
+        (lambda: approaches(Q, [1, 0]), r"order has shape \(2,\); one for each of 60 poses"),
+        (lambda: calib.parameters_of(ARM, length=0.0), "length is 0.0; above 0 m"),
     ],
 )
 def test_a_value_of_another_kind_is_refused_in_words(wrong, sentence):

@@ -47,7 +47,7 @@ def test_torques_that_nobody_knows_vary_as_those_of_the_rows():
 
 def test_a_warmth_that_nobody_knows_is_as_likely_up_to_that_of_the_furthest_row():
     """Cold starts: most rows are of the warm arm, a program may run in the first minutes."""
-    lengths = JointErrors((JointTerm("growth", 0, "lengths", (0.0,) * 6, 27.0),), np.array([2e-5]))
+    lengths = JointErrors((JointTerm("growth", -1, "lengths", (0.0,) * 6, 27.0),), np.array([2e-5]))
     model, q = replace(robot().model, joint_errors=lengths), pool_r(6)
     degrees = np.r_[22.0, 26.0, np.full(30, 28.0)]
     found = unsaid_spread(model, q, AS_USUAL, OperatingConditions(temperature=degrees), POINT)
