@@ -91,16 +91,15 @@ class ElasticArm:
         q = joint_vectors(self._chain, q)
         position, rotation = np.empty((len(q), 3)), np.empty((len(q), 9))
         angles = np.empty((len(q), len(self._elastic)))
+        usual = self.springs.payload
         for k, joints in enumerate(q):
             if growth is not None:
                 self._grow(float(growth[k]))
-            if payload is not None:
-                hang(self._model, float(payload[k]))
+            # each time: what hung before may have stayed where the springs gave way
+            hang(self._model, usual if payload is None else float(payload[k]))
             angles[k] = self._settle(joints, k)
             position[k] = self._data.site_xpos[self._tool]
             rotation[k] = self._data.site_xmat[self._tool]
-        if payload is not None:
-            hang(self._model, self.springs.payload)
         return transform(rotation.reshape(-1, 3, 3), position), angles
 
     def _settle(self, joints: Array, row: int) -> Array:

@@ -275,3 +275,11 @@ def test_springs_that_cannot_carry_the_arm_are_refused():
     for share in (1e-2, 1e-3, 1e-5):  # bends too far; further; falls over
         with pytest.raises(InputError, match=r"gives way at q\[0\].*raise drive_nm_per_mrad"):
             ElasticArm(CHAIN, springs(drive=share * DRIVE)).poses(q)
+
+
+def test_a_payload_that_was_too_much_does_not_stay_on_the_arm():
+    arm = ElasticArm(CHAIN, springs())
+    usual = arm.poses(Q)
+    with pytest.raises(InputError, match="gives way"):
+        arm.poses(Q, payload=np.full(60, 200.0))
+    np.testing.assert_array_equal(arm.poses(Q), usual)
