@@ -78,10 +78,15 @@ class VirtualLaboratory:
         Parameters
         ----------
         kind : {"whitened", "paper"}
-            Rows over their stated noise, columns scaled; or those of Wen et al. 2022.
+            Rows over their stated noise, columns scaled; or those of Wen et al. 2022, of full poses
+            seen from one station.
         """
         if kind not in ("whitened", "paper"):
             raise refuse("kind", kind, "whitened or paper", code="A3")
+        if kind not in ("whitened", self.inside.usual_rows):
+            message = "rows of the paper are of full poses, which this laboratory does not measure"
+            fix = 'ask for "whitened" ones'
+            raise refuse("kind", kind, code="A3", message=message, fix=fix)
         return self.inside.design_blocks(kind)
 
     def rng(self, *names: str | int) -> np.random.Generator:
@@ -192,7 +197,8 @@ class VirtualLaboratory:
 
 def _digest(q: Array) -> str:
     """What tells poses (m, n) from others: who measures one at a time has noise anew each time."""
-    return sha256((q + 0.0).tobytes()).hexdigest()  # of both zeros one
+    # of both zeros one, and of joints that another machine rounds elsewhere
+    return sha256((np.round(q, 9) + 0.0).tobytes()).hexdigest()
 
 
 def _visit(repeat: int) -> int:

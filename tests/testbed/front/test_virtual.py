@@ -213,6 +213,14 @@ def test_own_joints_may_leave_the_box_but_not_what_the_robot_can_do(lab):
         assert sentence in str(caught.value)
 
 
+@pytest.mark.parametrize("scene", ["position_only", "stations"])
+def test_where_points_are_measured_there_are_no_rows_of_the_paper(scene):
+    lab = truebed.laboratory(scene, SMALL)
+    assert lab.blocks().shape[0] == 60
+    with pytest.raises(InputError, match="of full poses, which this laboratory"):
+        lab.blocks("paper")
+
+
 def test_a_scenario_that_cannot_be_played_is_refused_by_its_name():
     with pytest.raises(InputError) as caught:
         truebed.laboratory("quick", SMALL | {"pool.box_center_mm": [9000.0, 0.0, 0.0]})
