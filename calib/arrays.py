@@ -130,7 +130,7 @@ def require_numbers(name: str, value: ArrayLike) -> Array:
     _require_whole(name, value)
     try:
         return frozen(value)
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, OverflowError) as error:
         message = f"{name} is not an array of numbers"
         raise refuse(name, code="A1", message=message) from error
 

@@ -5,7 +5,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from calib.arrays import require_kind
 from calib.errors import refuse
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import parameters_of
@@ -15,7 +14,8 @@ from calib.identification.prior import Prior, frame_places, own_prior, own_words
 from calib.identification.result import Identification
 from calib.identification.robust import Loss
 from calib.identification.start.start import Start, start_frames
-from calib.measurement.observations import MEASURED, Measurements
+from calib.kinds import checked_kinds
+from calib.measurement.observations import Measurements
 from calib.measurement.prediction import predict
 from calib.shown import ResultTable, Shown
 from calib.uncertainty.judgement import Circumstances, Judgement, judge
@@ -59,6 +59,7 @@ class CalibratedRobot(Shown):
         lines = [*frames, misfit, own, self.identification.summary()]
         return "\n".join(line for line in lines if line)
 
+    @checked_kinds
     def judge(
         self,
         test: Measurements,
@@ -82,6 +83,7 @@ class CalibratedRobot(Shown):
         )
 
 
+@checked_kinds
 def calibrate(
     model: RobotModel,
     measured: Measurements,
@@ -134,9 +136,6 @@ def calibrate(
     >>> result.identification.status.name, result.judge(test).trust.believe
     ('CONVERGED', 'region')
     """
-    has_it = "a robot of truebed has it as robot.model"
-    require_kind("model", model, RobotModel, "a calib.RobotModel", has_it)
-    require_kind("measured", measured, Measurements, MEASURED)
     start = start_frames(model, measured, free_tool=free_tool, free_anchors=free_anchors)
     if free_tool:  # a tool that is held may be far off
         _require_likeness(model, start.position_rms)

@@ -30,6 +30,7 @@ from calib.geometry.inverse_search import joint_condition
 from calib.geometry.model import RobotModel
 from calib.geometry.operating import AS_USUAL, OperatingConditions
 from calib.geometry.parameters import CHARACTERISTIC_LENGTH
+from calib.kinds import checked_kinds
 from calib.measurement.accuracy import position_errors, rotation_errors
 from calib.shown import ResultTable, Shown
 
@@ -114,6 +115,7 @@ class PoseCorrection(_Corrected):
         return f"PoseCorrection({self.corrected.sum()} of {len(self.q)} targets)"
 
 
+@checked_kinds
 def compensate(
     nominal: RobotModel,
     identified: RobotModel,
@@ -170,6 +172,7 @@ def compensate(
     )
 
 
+@checked_kinds
 def corrected_poses(
     nominal: RobotModel,
     identified: RobotModel,

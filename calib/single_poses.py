@@ -7,6 +7,7 @@ import numpy as np
 from calib.arrays import Array, frozen
 from calib.errors import refuse
 from calib.geometry.model import RobotModel
+from calib.kinds import checked_kinds
 from calib.shown import Shown
 
 
@@ -33,6 +34,7 @@ class SinglePoses(Shown):
         return f"SinglePoses({len(self.links)} joints)"
 
     @classmethod
+    @checked_kinds
     def of(cls, model: RobotModel) -> "SinglePoses":
         """Compile a model; the first call of a process takes half a second.
 
@@ -74,6 +76,9 @@ class SinglePoses(Shown):
         """
         from calib.kernels.single_pose import single_pose
 
+        if not isinstance(q, np.ndarray) or q.dtype != np.float64:
+            raise refuse("q", code="A1", message="q is not an array of floats",
+                         fix="numpy.asarray(q, dtype=float)")  # fmt: skip
         if len(q) != len(self.links):
             wanted = f"{len(self.links)} joint values"
             raise refuse("q", len(q), wanted, code="A1", message=f"q has {len(q)} values")

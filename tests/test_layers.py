@@ -69,7 +69,7 @@ FLOORS = {
     ),
     "calib": (
         ("errors",),
-        ("arrays", "shown"),
+        ("arrays", "kinds", "shown"),
         ("geometry", "held_out_counts", "kernels"),
         ("measurement",),
         ("information", "compensation", "single_poses"),

@@ -17,6 +17,7 @@ from calib.geometry.frames import (
     step_transform,
     transform_step,
 )
+from calib.kinds import of_kind
 from calib.shown import Shown
 
 JointKind = Literal["revolute", "prismatic"]
@@ -58,13 +59,20 @@ class Chain(Shown):
                 T_flange_tool=self.T_flange_tool,
             )
         except InputError as error:
-            if error.field == "links" and np.shape(self.links)[1:] == (4,):
+            if (
+                error.field == "links"
+                and isinstance(error.value, tuple)
+                and error.value[1:] == (4,)
+            ):
                 error = refuse(
                     "links", error.value, "theta, d, a, alpha, beta of each joint", code="A1",
                     message=error.message, fix="add a column of zeros for beta",
                 )  # fmt: skip
             raise error from None
-        kinds = tuple(self.kinds) or ("revolute",) * len(links)
+        given = self.kinds
+        kinds = (given if type(given) is tuple else of_kind("kinds", given, Sequence[str])) or (
+            "revolute",
+        ) * len(links)
         if len(kinds) != len(links) or set(kinds) - {"revolute", "prismatic"}:
             wanted = f"{len(links)} entries, each revolute or prismatic"
             raise refuse("kinds", kinds, wanted, code="A3")

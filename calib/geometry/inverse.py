@@ -11,7 +11,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from calib.arrays import Array, Bool, check, frozen
+from calib.arrays import Array, Bool, check, frozen, require_numbers
 from calib.errors import refuse
 from calib.geometry.frames import rigid
 from calib.geometry.inverse_search import (
@@ -29,6 +29,7 @@ from calib.geometry.inverse_search import (
 from calib.geometry.inverse_search import joint_jacobian as joint_jacobian
 from calib.geometry.model import RobotModel
 from calib.geometry.operating import AS_USUAL, OperatingConditions
+from calib.kinds import checked_kinds
 from calib.shown import Shown
 
 InverseStatus = Literal["reached", "singular", "limits", "out of reach"]
@@ -67,6 +68,7 @@ class Inverse(Shown):
         return len(self.q)
 
 
+@checked_kinds
 def inverse_kinematics(
     model: RobotModel,
     T: ArrayLike,
@@ -120,7 +122,7 @@ def inverse_kinematics(
     if (limits[:, 0] > limits[:, 1]).any():
         message = "limits has a lower limit above its upper one"
         raise refuse("limits", limits.tolist(), code="A3", message=message, fix="swap them")
-    every = np.asarray(seeds, dtype=np.float64)
+    every = require_numbers("seeds", seeds)
     every = every[:, None] if every.ndim == 2 else every
     (every,) = check(f"{len(T)} s {n}", seeds=every)
     targets, starts = len(T), every.shape[1]

@@ -1,6 +1,6 @@
 """Which numbers of a model are free, and in what units their columns are scaled."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from difflib import get_close_matches
 from itertools import compress
@@ -11,6 +11,7 @@ import numpy as np
 from calib.arrays import Array, Bool, check, frozen
 from calib.errors import refuse
 from calib.geometry.model import RobotModel
+from calib.kinds import checked_kinds, of_kind
 from calib.shown import Shown
 
 CHARACTERISTIC_LENGTH = 0.3
@@ -31,13 +32,15 @@ class Parameters(Shown):
     """(P,) step that counts as one scaled unit [m or rad]: 1 m, and 1/L rad for angles."""
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "names", of_kind("names", self.names, Sequence[str]))
         p = len(self.names)
         (scale,) = check(f"{p}", scale=self.scale)
         if (scale <= 0).any():
             raise refuse("scale", code="A3", message="scale must be positive")
         object.__setattr__(self, "scale", scale)
         for name in ("is_length", "free"):
-            object.__setattr__(self, name, frozen(getattr(self, name), np.bool_))
+            (flags,) = check(f"{p}", **{name: getattr(self, name)})
+            object.__setattr__(self, name, frozen(flags != 0, np.bool_))
 
     def __repr__(self) -> str:
         return f"Parameters({self.n_free} of {len(self.names)} free)"
@@ -62,6 +65,7 @@ class Parameters(Shown):
         """(f,) column scale of the free numbers [m or rad]."""
         return self.scale[self.free]
 
+    @checked_kinds
     def freeing(self, names: Iterable[str]) -> "Parameters":
         """Same table with exactly `names` free."""
         if isinstance(names, str) or not isinstance(names, Iterable):
@@ -97,6 +101,7 @@ def shown_in(name: str, is_length: bool) -> tuple[str, float]:
     return (f"{unit} per N m, N or A" if name.startswith("torque") else unit), scale
 
 
+@checked_kinds
 def parameters_of(
     model: RobotModel, free: Iterable[str] | None = None, *, length: float = CHARACTERISTIC_LENGTH
 ) -> Parameters:

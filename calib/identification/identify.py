@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from calib.arrays import Array, require_kind
+from calib.arrays import Array
 from calib.errors import refuse
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import Parameters
@@ -18,7 +18,8 @@ from calib.identification.robust import LOSSES, Loss, flattened
 from calib.identification.sufficiency import require_equations
 from calib.identification.tangent import NEGLIGIBLE, System
 from calib.information.reduction import Reduction, reduce
-from calib.measurement.observations import MEASURED, Measurements
+from calib.kinds import checked_kinds
+from calib.measurement.observations import Measurements
 from calib.measurement.residual import Stack, linearize, paper_stack, table_whiteners
 from calib.measurement.term_rows import TermRows
 
@@ -30,6 +31,7 @@ NEARBY = 1e-2
 moves each number by."""
 
 
+@checked_kinds
 def identify(
     nominal: RobotModel,
     measurements: Measurements,
@@ -87,9 +89,6 @@ def identify(
     Generalized least squares with known covariance; Wen et al. 2022, eqs. (3)-(5), for paper mode;
     Huber 1981 and Holland & Welsch 1977 for the losses.
     """
-    require_kind("nominal", nominal, RobotModel, "a calib.RobotModel")
-    require_kind("measurements", measurements, Measurements, MEASURED)
-    require_kind("parameters", parameters, Parameters, "what calib.parameters_of gave")
     require_match(nominal, parameters)
     _require_whitened(mode, prior, loss)
     belief = None if prior is None else prior_rows(prior, nominal, parameters)

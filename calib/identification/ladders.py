@@ -17,6 +17,7 @@ from calib.geometry.model import RobotModel
 from calib.identification.gravity_ladder import gravity_ladder
 from calib.identification.levels import NOTHING, Ladder, Level
 from calib.information.sizes import FIRST, SAG, SECOND, usual_sizes
+from calib.kinds import checked_kinds
 
 SMALL = 0.25
 """Part of the usual sizes of one and two waves a turn at a level of small waves."""
@@ -26,6 +27,7 @@ MAP_ORDERS = 32
 """How many waves a turn a joint map knows."""
 
 
+@checked_kinds
 def ladders_of(
     nominal: RobotModel,
     mounted: Chain | None = None,

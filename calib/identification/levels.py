@@ -6,10 +6,11 @@ from functools import reduce
 
 import numpy as np
 
-from calib.arrays import Array, check, frozen
+from calib.arrays import Array, check, frozen, require_numbers
 from calib.geometry.joint_errors import JointErrors
 from calib.geometry.model import NO_ERRORS, RobotModel
 from calib.identification.prior import Prior
+from calib.kinds import check_fields
 from calib.shown import Shown
 
 
@@ -31,8 +32,9 @@ class Level(Shown):
     it."""
 
     def __post_init__(self) -> None:
+        check_fields(self)
         k = len(self.errors.names)
-        mean = self.mean if np.size(self.mean) else np.zeros(k)
+        mean = self.mean if require_numbers("mean", self.mean).size else np.zeros(k)
         sd, mean = check(f"{k}, {k}", sd=self.sd, mean=mean)
         object.__setattr__(self, "sd", sd)
         object.__setattr__(self, "mean", mean)

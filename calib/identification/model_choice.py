@@ -25,6 +25,7 @@ from calib.identification.prior import Prior, weak_prior
 from calib.identification.result import Identification
 from calib.identification.robust import Loss
 from calib.identification.row_ladders import NOTHING_KNOWN, RowTerms, row_ladders
+from calib.kinds import checked_kinds
 from calib.measurement.observations import Measurements
 from calib.shown import ResultTable, Shown
 
@@ -58,6 +59,7 @@ class ModelChoice(Shown):
         return self.identifications[self.chosen == "extended"]
 
 
+@checked_kinds
 def choose(
     nominal: RobotModel,
     measurements: Measurements,

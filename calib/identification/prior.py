@@ -7,13 +7,14 @@ from difflib import get_close_matches
 import numpy as np
 from numpy.typing import ArrayLike
 
-from calib.arrays import Array, Index, check, frozen
+from calib.arrays import Array, Index, check, frozen, require_numbers
 from calib.errors import refuse
 from calib.geometry.frames import exp_so3, right_jacobian_inverse
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import Parameters
 from calib.identification.tangent import Believed
 from calib.information.sizes import weak_prior_sd
+from calib.kinds import checked_kinds, of_kind
 from calib.shown import Shown
 
 AGREE = 1e-6
@@ -37,7 +38,7 @@ class Prior(Shown):
     """(k, k) Lambda0, inverse covariance [1/m^2, 1/(m rad), 1/rad^2]; from `sd` unless given."""
 
     def __post_init__(self) -> None:
-        names = tuple(self.names)
+        names = of_kind("names", self.names, Sequence[str])
         mean, sd = check(f"{len(names)}, {len(names)}", mean=self.mean, sd=self.sd)
         if not names or len(set(names)) < len(names):
             twice = sorted({name for name in names if names.count(name) > 1})
@@ -49,7 +50,7 @@ class Prior(Shown):
             message = f"the prior sd of {names[k]} is {sd[k]:g}"
             fix = "hold a number fixed that is known exactly: do not free it"
             raise refuse("sd", float(sd[k]), "above zero", code="A3", message=message, fix=fix)
-        if np.size(self.precision):
+        if require_numbers("precision", self.precision).size:
             (precision,) = check(f"{len(names)} {len(names)}", precision=self.precision)
             stated = _sd_of(precision)
             off = np.abs(sd / stated - 1)
@@ -71,10 +72,11 @@ class Prior(Shown):
         return f"Prior(of {len(self.names)} numbers)"
 
     @classmethod
+    @checked_kinds
     def of_precision(cls, mean: ArrayLike, precision: ArrayLike, names: Sequence[str]) -> "Prior":
         """Prior of correlated numbers, from its precision (k, k), symmetric positive definite."""
         (precision,) = check("k k", precision=precision)
-        return cls(frozen(mean), _sd_of(precision), tuple(names), precision)
+        return cls(require_numbers("mean", mean), _sd_of(precision), tuple(names), precision)
 
     def weighed(self, factor: float) -> "Prior":
         """The same belief with `factor` times the precision."""
@@ -145,6 +147,7 @@ class PriorRows:
         return Believed(r[some], A[some][:, columns], *alone[:, columns])
 
 
+@checked_kinds
 def weak_prior(parameters: Parameters, model: RobotModel | None = None) -> Prior:
     """What is believed of the free numbers of any carefully built arm: they are near nominal.
 

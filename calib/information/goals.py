@@ -5,11 +5,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from calib.arrays import Array, check, frozen
+from calib.arrays import Array, check, frozen, require_numbers
 from calib.errors import refuse
 from calib.geometry.jacobian import reflector_rows
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import Parameters
+from calib.kinds import checked_kinds
 from calib.shown import Shown
 
 NAME_GOALS = "name the poses or the box where the tool must be right"
@@ -51,6 +52,7 @@ class Goals(Shown):
         return np.asarray(F.T @ F)
 
 
+@checked_kinds
 def goal_matrix(
     model: RobotModel,
     q_goals: ArrayLike,
@@ -81,7 +83,7 @@ def goal_matrix(
     """
     q, target = check(f"g {model.chain.n_joints}, 3", q_goals=q_goals, target=target)
     g = len(q)
-    share = np.ones(g) if weights is None else weights
+    share = np.ones(g) if weights is None else require_numbers("weights", weights)
     if g:
         T, J = model.poses_and_jacobian(q)
         rows = reflector_rows(T, J, np.tile(target, (g, 1)))[1]

@@ -7,9 +7,20 @@ from typing import Annotated
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.arrays import LATER, Array, Bool, Index, check, frozen, whole_numbers, wrong_shape
+from calib.arrays import (
+    LATER,
+    Array,
+    Bool,
+    Index,
+    check,
+    frozen,
+    require_numbers,
+    whole_numbers,
+    wrong_shape,
+)
 from calib.errors import refuse
 from calib.geometry.operating import AS_USUAL, OperatingConditions, joined_conditions
+from calib.kinds import checked_kinds
 from calib.shown import ResultTable, Shown
 
 POSE, POINT, DISTANCE = "pose", "point", "distance"
@@ -180,12 +191,26 @@ class Measurements(Shown):
 
     def rows(self, which: Sequence[int] | Bool | Index) -> "Measurements":
         """The table restricted to some rows (a mask or indices); of all in order, itself."""
-        index = np.asarray(which) if len(which) else np.zeros(0, dtype=np.int64)
+        index = self._places(which)
         every = np.ones(len(self), bool) if index.dtype == np.bool_ else np.arange(len(self))
         if np.array_equal(index, every):
             return self
         some = {name: getattr(self, name)[index] for name in COLUMNS}
         return replace(self, **some, conditions=self.conditions.rows(index))
+
+    def _places(self, which: Sequence[int] | Bool | Index) -> Bool | Index:
+        """A mask of the rows, or places among them; Python's from the end as well."""
+        m, there = len(self), require_numbers("which", which).size
+        index = np.asarray(which) if there else np.zeros(0, dtype=np.int64)
+        if index.dtype == np.bool_:
+            sound = index.shape == (m,)
+        else:
+            sound = index.ndim == 1 and index.dtype.kind in "iu"
+            sound = sound and bool(((index >= -m) & (index < m)).all())
+        if not sound:
+            allowed = f"a mask of {m} rows, or places from 0 to {m - 1}"
+            raise refuse("which", allowed=allowed, code="A3", message="which names no such rows")
+        return index
 
     @property
     def together(self) -> Index:
@@ -199,11 +224,13 @@ class Measurements(Shown):
         """
         pose = self.together
         several = np.unique(pose)
-        whole = isinstance(held_out, int | np.integer)
+        whole = isinstance(held_out, int | np.integer) and not isinstance(held_out, bool)
         if not whole or not 0 < held_out < len(several):
             allowed = f"1 to {len(several) - 1}, of {len(several)} poses"
             fix = "" if whole else "give a number of poses, not a share of them"
             raise refuse("held_out", held_out, allowed, code="A3", fix=fix)
+        if not isinstance(seed, int | np.integer) or seed < 0:
+            raise refuse("seed", seed, "a whole number, 0 or more", code="A3")
         drawn = np.random.default_rng(seed).choice(several, held_out, replace=False)
         is_test = np.isin(pose, drawn)
         return self.rows(~is_test), self.rows(is_test)
@@ -215,12 +242,15 @@ COLUMNS = tuple(name for name in Measurements.__slots__ if name != "conditions")
 """Fields of a table that have one entry a row."""
 
 
+@checked_kinds
 def joined(tables: Sequence[Measurements]) -> Measurements:
     """One table of the rows of several, in order.
 
     `pose_id` is kept, unless tables call different poses by one number, as tables do that were
     numbered each by itself: then rows of one pose of a table, or at the same joints, get a new one.
     """
+    if not len(tables):
+        raise refuse("tables", 0, "at least one", code="A3", message="there are no tables to join")
     columns = {name: np.concatenate([getattr(table, name) for table in tables]) for name in COLUMNS}
     counts = [len(table) for table in tables]
     own = np.repeat(np.arange(len(tables)), counts)

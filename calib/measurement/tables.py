@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from calib.arrays import Array, Index, check, whole_numbers, wrong_shape
+from calib.arrays import Array, Index, check, require_numbers, whole_numbers, wrong_shape
 from calib.errors import refuse
 from calib.geometry.frames import rigid
 from calib.measurement.observations import (
@@ -48,7 +48,7 @@ def poses(
     """
     (T,) = check("m 4 4", T=T)
     T = rigid(T)
-    sd = np.asarray(sd, dtype=np.float64)
+    sd = require_numbers("sd", sd)
     if sd.ndim == 0:
         allowed = "two numbers, of position [m] and rotation [rad], or six, or covariances (6, 6)"
         raise refuse("sd", float(sd), allowed, code="A3")
@@ -158,7 +158,7 @@ def _table(
             raise wrong_shape(name, numbers.shape, f"expected one number, or {m}")
         return np.array(np.broadcast_to(numbers, (m,)))
 
-    offset = np.asarray(offset, dtype=np.float64)
+    offset = require_numbers("offset", offset)
     if offset.shape not in ((3,), (m, 3)):
         raise wrong_shape("offset", offset.shape, f"expected (3,) or ({m}, 3)")
     table = Measurements(
@@ -173,7 +173,7 @@ def _table(
         reflector=column("reflector", reflector),
         station=column("station", station),
         anchor=column("anchor", anchor),
-        distance=np.broadcast_to(np.asarray(distance, dtype=np.float64), (m,)),
+        distance=np.broadcast_to(require_numbers("distance", distance), (m,)),
         tool=column("tool", tool),
     )
     if repeat is None:
@@ -193,7 +193,7 @@ def _earlier(group: Index) -> Index:
 
 def covariances_of_sd(sd: ArrayLike, size: int, m: int, name: str = "sd") -> Array:
     """Covariances (m, k, k), from standard deviations or from covariances."""
-    sd = np.asarray(sd, dtype=np.float64)
+    sd = require_numbers(name, sd)
     if size == 6 and sd.shape == (2,):
         sd = np.repeat(sd, 3)
     if sd.shape in ((), (size,)):
@@ -206,7 +206,7 @@ def covariances_of_sd(sd: ArrayLike, size: int, m: int, name: str = "sd") -> Arr
 
 def _positive(sd: ArrayLike) -> Array:
     """Standard deviations, all of them finite and above zero."""
-    sd = np.asarray(sd, dtype=np.float64)
+    sd = require_numbers("sd", sd)
     if not (np.isfinite(sd) & (sd > 0)).all():
         raise refuse("sd", sd.tolist(), "finite standard deviations above zero", code="A3")
     return sd

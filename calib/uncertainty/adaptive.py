@@ -8,6 +8,7 @@ from scipy.linalg import solve_triangular
 
 from calib.arrays import Array, check, frozen, require_probability
 from calib.errors import refuse
+from calib.kinds import checked_kinds
 from calib.shown import Shown
 from calib.uncertainty.covariance import correlation
 from calib.uncertainty.monte_carlo import numerical_tolerance
@@ -63,6 +64,7 @@ def fewest_draws(probability: float) -> int:
     return int(np.ceil(100 / (1 - probability) - 1e-6))
 
 
+@checked_kinds
 def adaptive(
     sample: Sample,
     rng: np.random.Generator,

@@ -11,6 +11,7 @@ from calib.errors import refuse
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import Parameters
 from calib.kernels.loops import Loops, loops_for
+from calib.kinds import checked_kinds
 from calib.measurement.observations import Measurements
 from calib.measurement.prediction import predict
 from calib.shown import ResultTable, Shown
@@ -130,6 +131,7 @@ class Bootstrap(Shown):
         )
 
 
+@checked_kinds
 def bootstrap(
     model: RobotModel,
     measurements: Measurements,
@@ -172,6 +174,8 @@ def bootstrap(
     ----------
     x += inv(A'A + Lambda0) (A(x)'r(x) + Lambda0 (x0 - x)), the Hessian frozen at the model.
     """
+    if steps < 1:
+        raise refuse("steps", steps, "at least 1", code="A3")
     if replicates < FEWEST:
         allowed = f"{FEWEST} or more: fewer leave a standard deviation unknown by 7 %"
         raise refuse("replicates", replicates, allowed, code="A3")

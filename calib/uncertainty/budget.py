@@ -11,6 +11,7 @@ from calib.errors import refuse
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import Parameters
 from calib.information.propagation import point_uncertainty, tool_covariance
+from calib.kinds import checked_kinds
 from calib.shown import ResultTable, Shown
 from calib.uncertainty.covariance import (
     common_input_covariance,
@@ -152,6 +153,7 @@ class Budget(Shown):
         )
 
 
+@checked_kinds
 def budget(
     start: Frozen,
     noise: Sequence[RowNoise],

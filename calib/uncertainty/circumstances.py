@@ -9,6 +9,7 @@ from calib.arrays import Array, Index, check
 from calib.errors import refuse
 from calib.geometry.model import RobotModel
 from calib.identification.identify import Identification
+from calib.kinds import check_fields
 from calib.measurement.observations import Measurements, joined
 from calib.measurement.tool_target import ToolTarget
 from calib.uncertainty.statement.evidence import NoiseRepeats
@@ -40,6 +41,9 @@ class Circumstances:
     """Whether each station is a visit of its own, which may stand in another frame by itself."""
     unmodelled: tuple[str, ...] = ()
     """What is known to be in no covariance: then a drift is looked for whatever a test says."""
+
+    def __post_init__(self) -> None:
+        check_fields(self)
 
     def require_fitting(
         self, identification: Identification, train: Measurements, test: Measurements

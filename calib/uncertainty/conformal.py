@@ -9,6 +9,7 @@ from scipy.special import betaincinv
 from calib.arrays import check
 from calib.errors import refuse
 from calib.held_out_counts import fewest_poses
+from calib.kinds import checked_kinds
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,6 +49,7 @@ class Conformal:
         )
 
 
+@checked_kinds
 def conformal(distance: ArrayLike, *, probability: float = 0.95) -> Conformal:
     """Radius from the errors (n,) [m] at held-out poses, `HeldOut.distance`.
 

@@ -9,6 +9,7 @@ from scipy.special import fdtri
 from calib.arrays import Array, frozen, require_probability
 from calib.errors import refuse
 from calib.held_out_counts import FEWEST
+from calib.kinds import checked_kinds
 from calib.shown import Shown
 from calib.uncertainty.held_out import HeldOut
 
@@ -57,6 +58,7 @@ class Discrepancy(Shown):
         )
 
 
+@checked_kinds
 def discrepancy(validation: HeldOut) -> Discrepancy:
     """Sigma_d from independent held-out poses.
 

@@ -10,6 +10,7 @@ from scipy.special import chdtrc
 from calib.arrays import Array, check, frozen
 from calib.errors import refuse
 from calib.geometry.model import RobotModel
+from calib.kinds import checked_kinds
 from calib.measurement.observations import Measurements
 from calib.measurement.prediction import predict
 from calib.shown import ResultTable, Shown
@@ -58,6 +59,7 @@ class HeldOut(Shown):
         return np.asarray(np.linalg.norm(self.error, axis=1))
 
 
+@checked_kinds
 def held_out(
     model: RobotModel,
     covariance: ArrayLike,

@@ -9,11 +9,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calib.arrays import require_kind
 from calib.held_out_counts import FEWEST, fewest_poses
 from calib.identification.fit_statistics import RED
 from calib.identification.identify import Identification, Status
-from calib.measurement.observations import MEASURED, Measurements
+from calib.kinds import checked_kinds
+from calib.measurement.observations import Measurements
 from calib.measurement.remembered import remembering
 from calib.shown import ResultTable, Shown
 from calib.uncertainty.bootstrap import REPLICATES, Bootstrap, bootstrap
@@ -97,6 +97,7 @@ class Judgement(Shown):
         return "\n".join([*lines, f"believe: {self.trust.believe}", self.trust.sentence])
 
 
+@checked_kinds
 @remembering()
 def judge(
     identification: Identification,
@@ -141,10 +142,6 @@ def judge(
         If a held-out pose was used for the identification, too, or what is known of the campaign
         is not of these rows.
     """
-    own = "what calib.identify gave; calib.calibrate has it as .identification"
-    require_kind("identification", identification, Identification, own)
-    for name, rows in (("test", test), ("train", train)):
-        require_kind(name, rows, Measurements, MEASURED)
     known = Circumstances() if circumstances is None else circumstances
     known.require_fitting(identification, train, test)
     require_disjoint(test.q, train.q)

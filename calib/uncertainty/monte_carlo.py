@@ -5,10 +5,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from calib.arrays import Array, check, frozen
+from calib.arrays import Array, check, frozen, require_probability
 from calib.errors import refuse
 from calib.geometry.model import RobotModel
 from calib.information.propagation import point_uncertainty, tool_covariance
+from calib.kinds import checked_kinds
 from calib.shown import Shown
 from calib.uncertainty.covariance import checked, covariance_factor, drawn
 from calib.uncertainty.covariance import correlated_draws as correlated_draws
@@ -111,6 +112,7 @@ class PointSpread(Shown):
         return float(_in_units(gaps, u).max())
 
 
+@checked_kinds
 def distance_spread(
     model: RobotModel,
     q: ArrayLike,
@@ -147,6 +149,7 @@ def distance_spread(
     (standard,) = check(f"{model.n_numbers}", standard=standard)
     steps = independent_draws(standard, draws, rng)
     moving = np.flatnonzero(standard)
+    require_probability(probability)
     tails = [(1 - probability) / 2, (1 + probability) / 2]
     T, J = model.poses_and_jacobian(q)
     nominal = T[:, :3, 3]
@@ -196,6 +199,7 @@ def distance_spread(
     )
 
 
+@checked_kinds
 def point_spread(
     model: RobotModel,
     q: ArrayLike,
@@ -225,7 +229,7 @@ def point_spread(
     ----------
     JCGM 101:2008, clause 7; linear result as control variate.
     """
-    covariance = np.asarray(covariance, dtype=np.float64)
+    (covariance,) = check(f"{model.n_numbers} {model.n_numbers}", covariance=covariance)
     linear = tool_covariance(model, q, covariance)[:, :3, :3]
     L = covariance_factor(covariance)
     moving = np.flatnonzero(L.any(axis=1))

@@ -7,11 +7,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.linalg import solve_triangular
 
-from calib.arrays import Array, Bool, check, frozen
+from calib.arrays import Array, Bool, check, frozen, require_numbers, wrong_shape
 from calib.errors import refuse
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import Parameters
 from calib.kernels.loops import loops_for
+from calib.kinds import checked_kinds
 from calib.measurement.observations import GIVEN, Measurements
 from calib.measurement.prediction import perfect, targets
 from calib.measurement.residual import linearize, padded_covariance, table_whiteners
@@ -83,6 +84,7 @@ class Frozen:
         return self.measurements.n_equations
 
 
+@checked_kinds
 def freeze(
     model: RobotModel,
     measurements: Measurements,
@@ -181,6 +183,7 @@ def require_loops(start: Frozen) -> None:
         )  # fmt: skip
 
 
+@checked_kinds
 def refit(
     start: Frozen,
     position: ArrayLike,
@@ -215,7 +218,9 @@ def refit(
     if K == 0 or steps < 1:
         field, message = "steps" if K else "position", f"{K} tables and {steps} steps"
         raise refuse(field, allowed="at least one of each", code="A3", message=message)
-    center = np.zeros((K, f)) if prior_mean is None else np.asarray(prior_mean, dtype=np.float64)
+    center = np.zeros((K, f)) if prior_mean is None else require_numbers("prior_mean", prior_mean)
+    if center.shape not in ((f,), (K, f)):
+        raise wrong_shape("prior_mean", center.shape, f"({f},) or ({K}, {f})")
     (center,) = check(f"{K} {f}", prior_mean=np.broadcast_to(center, (K, f)))
     size = BLOCKS * WIDTH
     gradient = loops_for(K).gradient

@@ -4,13 +4,22 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.special import chdtri, stdtrit
 
-from calib.arrays import Array, Bool, require_probability
+from calib.arrays import (
+    Array,
+    Bool,
+    require_finite,
+    require_numbers,
+    require_probability,
+    wrong_shape,
+)
 from calib.errors import InputError, refuse
+from calib.kinds import checked_kinds
 
 FLAT = 1e-12
 """A direction whose variance is below this part of the largest has none: rounding of J C J'."""
 
 
+@checked_kinds
 def coverage_factor(dimension: int = 1, probability: float = 0.95) -> float:
     """Factor k of the ellipsoid that holds a normal m-vector: sqrt of the chi-square quantile.
 
@@ -37,15 +46,19 @@ def student_factor(degrees_of_freedom: ArrayLike, probability: float = 0.95) -> 
     return np.asarray(stdtrit(degrees_of_freedom, (1 + require_probability(probability)) / 2))
 
 
+@checked_kinds
 def expanded(standard: Array, *, dimension: int = 1, probability: float = 0.95) -> Array:
     """Expanded uncertainty U = k u of the same shape and unit as `standard`.
 
     `dimension` is that of the statement: 1 for an interval of one number, 3 for a semi-axis of the
     ellipsoid of a point.
     """
-    return coverage_factor(dimension, probability) * standard
+    return np.asarray(
+        coverage_factor(dimension, probability) * require_numbers("standard", standard)
+    )
 
 
+@checked_kinds
 def ellipsoid(covariance: Array, *, probability: float = 0.95) -> tuple[Array, Array]:
     """Semi-axes (..., d) and orientation (..., d, d) of the coverage ellipsoid, longest axis first.
 
@@ -63,6 +76,7 @@ def ellipsoid(covariance: Array, *, probability: float = 0.95) -> tuple[Array, A
     orientation : (..., d, d) array
         Right-handed rotation; its columns are the axes, in the frame of the covariance.
     """
+    covariance = _square(covariance)
     values, vectors = np.linalg.eigh(covariance)
     values, vectors = values[..., ::-1], vectors[..., ::-1]
     # an axis has no sign: point its largest component up, then make the last one right-handed
@@ -100,6 +114,7 @@ def mahalanobis_squared(error: Array, covariance: Array) -> Array:
     return np.asarray((white**2).sum(axis=-1))
 
 
+@checked_kinds
 def inside(error: Array, covariance: Array, *, probability: float = 0.95) -> Bool:
     """Whether the coverage region holds the truth (...,).
 
@@ -116,6 +131,10 @@ def inside(error: Array, covariance: Array, *, probability: float = 0.95) -> Boo
     probability : float
         Content of the region.
     """
+    covariance, error = _square(covariance), require_numbers("error", error)
+    require_finite("error", error)
+    if error.ndim == 0 or error.shape[-1] != covariance.shape[-1]:
+        raise wrong_shape("error", error.shape, f"expected (..., {covariance.shape[-1]})")
     values, vectors = np.linalg.eigh(covariance)
     along = (np.swapaxes(vectors, -1, -2) @ error[..., None])[..., 0]
     flat = values <= FLAT * values[..., -1:]
@@ -125,6 +144,15 @@ def inside(error: Array, covariance: Array, *, probability: float = 0.95) -> Boo
         [0.0, *(coverage_factor(k, probability) for k in range(1, flat.shape[-1] + 1))]
     )
     return np.asarray((square <= factors[(~flat).sum(axis=-1)] ** 2) & ~off_plane)
+
+
+def _square(covariance: Array) -> Array:
+    """A covariance (..., d, d), of finite numbers."""
+    covariance = require_numbers("covariance", covariance)
+    if covariance.ndim < 2 or not 0 < covariance.shape[-1] == covariance.shape[-2]:
+        raise wrong_shape("covariance", covariance.shape, "expected (..., d, d)")
+    require_finite("covariance", covariance)
+    return covariance
 
 
 def _not_definite(what: str, numbers: str) -> InputError:

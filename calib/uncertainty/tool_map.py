@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike
 
 from calib.arrays import Array, Index, check, frozen
 from calib.errors import refuse
+from calib.kinds import checked_kinds
 from calib.shown import Shown
 from calib.uncertainty.statement.stated_point import widened
 from calib.uncertainty.tool_point import ToolStatement
@@ -48,6 +49,7 @@ class ToolMap(Shown):
         return x, y, z
 
 
+@checked_kinds
 def tool_map(
     regions: Callable[[Array], ToolStatement], q: ArrayLike, *, cell: float = 0.05
 ) -> ToolMap:

@@ -20,6 +20,7 @@ from calib.information.propagation import (
     propagated,
     tool_covariance,
 )
+from calib.kinds import checked_kinds
 from calib.measurement.tool_target import ToolTarget
 from calib.shown import Shown
 from calib.uncertainty.discrepancy import Discrepancy
@@ -75,6 +76,7 @@ class ToolStatement(Shown):
         return inside(error, stretch * self.covariance, probability=self.probability)
 
 
+@checked_kinds
 def tool_statement(
     model: RobotModel,
     q: ArrayLike,
@@ -176,6 +178,7 @@ def configurations(
     return Configurations(model, np.cos(turn), np.sin(turn), slide, basis, q)
 
 
+@checked_kinds
 def propagate(model: RobotModel, q: ArrayLike, steps: ArrayLike) -> Array:
     """Tool points (M, N, 3) [m] in the world of M moved models at N postures.
 

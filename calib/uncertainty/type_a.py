@@ -7,6 +7,7 @@ from numpy.typing import ArrayLike
 
 from calib.arrays import Array, Index, check, frozen
 from calib.errors import refuse
+from calib.kinds import checked_kinds
 from calib.shown import Shown
 
 
@@ -25,6 +26,7 @@ class TypeA(Shown):
         return f"TypeA({len(self.mean)} numbers, {self.degrees_of_freedom} degrees of freedom)"
 
 
+@checked_kinds
 def type_a(estimates: ArrayLike) -> TypeA:
     """Experimental standard deviation of repeated estimates, with n - 1.
 

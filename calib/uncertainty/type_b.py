@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike
 
 from calib.arrays import Array, check, frozen
 from calib.errors import refuse
+from calib.kinds import checked_kinds
 from calib.shown import Shown
 from calib.uncertainty.covariance import common_input_covariance, covariance_factor
 from calib.uncertainty.refit import Frozen
@@ -42,6 +43,7 @@ class CommonInput(Shown):
         return f"CommonInput({self.name!r}, {len(self.covariance)} numbers)"
 
 
+@checked_kinds
 def common_inputs(
     names: Sequence[str],
     sensitivity: ArrayLike,

@@ -7,7 +7,9 @@ from typing import Annotated, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from calib.arrays import Array, check, frozen
+from calib.arrays import Array, check, frozen, require_numbers, wrong_shape
+from calib.errors import refuse
+from calib.kinds import checked_kinds
 from calib.shown import Shown
 from calib.uncertainty.adaptive import Adaptive
 from calib.uncertainty.covariance import correlation, covariance_factor
@@ -64,6 +66,7 @@ class LinearCheck(Shown):
         return self.outcome == "validated"
 
 
+@checked_kinds
 def first_order(
     model: Callable[[Array], Array], mean: ArrayLike, covariance: ArrayLike
 ) -> FirstOrder:
@@ -88,9 +91,13 @@ def first_order(
     for row, i in enumerate(moving):
         steps[row, :, i] = h[i] * np.array([-2, -1, 1, 2])
     points = np.concatenate([mean[None], (mean + steps).reshape(-1, len(mean))])
-    out = np.asarray(model(points), dtype=np.float64)
+    if not len(mean):
+        raise refuse("mean", 0, "at least one input", code="A1", message="there are no inputs")
+    out = require_numbers("model", model(points))
+    if out.ndim not in (1, 2) or len(out) != len(points):
+        raise wrong_shape("model", out.shape, f"a row of outputs for each of {len(points)} rows")
     (out,) = check(f"{len(points)} k", model=out.reshape(len(points), -1))
-    around = out[1:].reshape(len(moving), 4, -1)
+    around = out[1:].reshape(len(moving), 4, out.shape[1])
     slope = np.einsum("s,nsk->kn", np.array([1, -8, 8, -1]) / 12, around) / h[moving]
     C = np.zeros((out.shape[1], len(mean)))
     C[:, moving] = slope
@@ -98,6 +105,7 @@ def first_order(
     return FirstOrder(frozen(out[0]), frozen((sigma + sigma.T) / 2), frozen(C))
 
 
+@checked_kinds
 def validate(
     value: ArrayLike,
     covariance: ArrayLike,

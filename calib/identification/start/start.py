@@ -20,6 +20,7 @@ from calib.errors import refuse
 from calib.geometry.chain import Chain
 from calib.geometry.model import RobotModel
 from calib.identification.start.one_tool import FoundFrames, frames_of_one_tool, refined_frames
+from calib.kinds import checked_kinds
 from calib.measurement.observations import GIVEN, POINT, Measurements
 from calib.measurement.prediction import require_fixtures, targets
 from calib.shown import Shown
@@ -42,6 +43,7 @@ class Start(Shown):
         return f"Start(misses by {1e3 * self.position_rms:.3g} mm rms: {self.notes[0]})"
 
 
+@checked_kinds
 def start_frames(
     model: RobotModel,
     measurements: Measurements,
