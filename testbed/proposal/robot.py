@@ -32,8 +32,17 @@ NUMBERED = ("joint", "axis", "link", "i", "j", "no", "nr", "#", "")
 TO = {"mm": {"mm": 1.0, "m": 1e3, "in": 25.4}, "deg": {"deg": 1.0, "rad": 180 / np.pi}}
 SMALL = {"mm": (("mm", "m"), 8.0), "deg": (("deg", "rad"), 6.4)}
 """Usual units of lengths and angles, and the largest sizes that are still meters and radians."""
-TURNS = {"lower_deg": -180.0, "upper_deg": 180.0}
+TURNS, SLIDES = {"lower_deg": -180.0, "upper_deg": 180.0}, {"lower_mm": -1e3, "upper_mm": 1e3}
 """Limits of joints that have none."""
+TRAVEL = {"lower_deg": "lower_mm", "upper_deg": "upper_mm", "max_speed_deg_s": "max_speed_mm_s"}
+"""Keys of a turning joint, and those of a sliding one in their place."""
+KIND = ("kind", "type", "joint type")
+"""What a column is called that says which joints slide."""
+KINDS = {
+    **dict.fromkeys(("r", "revolute", "rotary", "rotational", "rotation", "turning"), False),
+    **dict.fromkeys(("p", "prismatic", "linear", "translational", "translation", "sliding"), True),
+}
+"""Whether a joint slides, by what people write there."""
 Column = tuple[str, Sequence[float], str]
 """What a column is called, its numbers, and the unit that it states, if any."""
 HEAD = """\
@@ -44,7 +53,8 @@ HEAD = """\
 name = "{name}"  # small letters, digits and _
 # title = "Maker, model, reach"
 """
-JOINT = '\n[[joints]]  # {number}\nkind = "revolute"  # or "prismatic": lower_mm, upper_mm\n'
+JOINT = "\n[[joints]]  # {number}\nkind = {kind}\n"
+TURNING, SLIDING = '"revolute"  # or "prismatic": lower_mm, upper_mm', '"prismatic"'
 REST = """
 # Only what needs them asks for more, in each [[joints]]:
 #   max_speed_deg_s, repeatability_urad            (plans; the scatter of single moves)
@@ -64,29 +74,32 @@ def robot_text(table: Path | None, joints: int, name: str) -> tuple[str, tuple[s
     """
     if table is None:
         rows: list[dict[str, float]] = [dict.fromkeys(("theta_deg", *NEEDED), 0.0)] * joints
+        slides = [False] * joints
         origin = (
             "Proposed by truebed new robot: no table was given, so all numbers are to be filled in"
         )
         assumed: tuple[str, ...] = ("every link number is 0: write those of the robot",)
     else:
         sheet = read_sheet(text_of(table, str(table), sheet=None, max_mb=MAX_MB))
-        rows, assumed = _rows(sheet)
+        rows, slides, assumed = _rows(sheet)
         origin = f"Proposed by truebed new robot from {table.name} ({counted(len(rows), 'joint')})"
-    limits = not all("lower_deg" in row and "upper_deg" in row for row in rows)
-    assumed += ("limits of 180 deg to either side: write those of the robot",) * limits
+    limits = not all({*row} >= {*TURNS} or {*row} >= {*SLIDES} for row in rows)
+    ends = "180 deg" + ", or 1000 mm where it slides," * any(slides)
+    assumed += (f"limits of {ends} to either side: write those of the robot",) * limits
     said = "".join(f"# Assumed: {sentence}\n" for sentence in assumed)
     text = HEAD.format(origin=origin, name=name, assumed=said)
-    for number, row in enumerate(rows, 1):
-        whole = {"theta_deg": 0.0} | row | (TURNS if limits else {})
-        text += JOINT.format(number=number)
+    for number, (row, slide) in enumerate(zip(rows, slides, strict=True), 1):
+        whole = {"theta_deg": 0.0} | row | ((SLIDES if slide else TURNS) if limits else {})
+        text += JOINT.format(number=number, kind=SLIDING if slide else TURNING)
         text += "".join(f"{key} = {value + 0.0!r}\n" for key, value in whole.items())
     return text + REST, assumed
 
 
-def _rows(sheet: Sheet) -> tuple[list[dict[str, float]], tuple[str, ...]]:
-    """Numbers of each joint in mm and deg, and what was assumed."""
+def _rows(sheet: Sheet) -> tuple[list[dict[str, float]], list[bool], tuple[str, ...]]:
+    """Numbers of each joint in mm and deg, whether it slides, and what was assumed."""
     found: dict[str, Column] = {}
-    used = set()
+    said, slides = _slides(sheet)
+    used = {said}
     for name, below in zip(sheet.head, sheet.units or [""] * len(sheet.head), strict=True):
         text, unit = without_unit(name)
         if unit and below and unit != below:
@@ -109,7 +122,11 @@ def _rows(sheet: Sheet) -> tuple[list[dict[str, float]], tuple[str, ...]]:
         )  # fmt: skip
     assumed = []
     columns: dict[str, Sequence[float]] = {}
-    units = _units(found)
+    of_turns = {
+        key: (name, [v for v, slide in zip(values, slides, strict=True) if not slide], unit)
+        for key, (name, values, unit) in found.items() if key in TRAVEL
+    }  # fmt: skip
+    units = _units(found | of_turns)
     for key, (name, values, _) in found.items():
         for row, value in enumerate(values):
             if not np.isfinite(value):
@@ -117,15 +134,32 @@ def _rows(sheet: Sheet) -> tuple[list[dict[str, float]], tuple[str, ...]]:
                 where = f"{sheet.where}:{sheet.lines[row]}"
                 raise refusal(where, name, f'{name} is "{cell}"', code="M25", fix="write a number")
         unit, why = units[key]
-        if why and any(values):
+        if why and any(of_turns.get(key, (name, values))[1]):
             assumed.append(f"{name} is in {unit}, {why}")
-        factor = TO[_kind(key)][unit]
-        columns[key] = [float(f"{value * factor:.12g}") for value in values]
+        own, other = TO[_kind(key)][unit], TO["mm"][units["d_mm"][0]]
+        if key in TRAVEL and any(slides):
+            assumed.append(f"{name} of joints that slide is in {units['d_mm'][0]}, as d")
+        columns[key] = [
+            float(f"{value * (other if slide and key in TRAVEL else own):.12g}")
+            for value, slide in zip(values, slides, strict=True)
+        ]
     left = [name for name in sheet.head if name not in used and name.lower() not in NUMBERED]
     if left:
         assumed.append(f"not used: {', '.join(left)}")
-    return [{key: columns[key][k] for key in KEYS if key in columns}
-            for k in range(len(sheet.rows))], tuple(assumed)  # fmt: skip
+    rows = [
+        {TRAVEL.get(key, key) if slide else key: columns[key][k] for key in KEYS if key in columns}
+        for k, slide in enumerate(slides)
+    ]
+    return rows, slides, tuple(assumed)
+
+
+def _slides(sheet: Sheet) -> tuple[str, list[bool]]:
+    """Which joints slide, and the column that says so; all turn where none does."""
+    for column, name in enumerate(sheet.head):
+        words = [row[column].strip().lower() for row in sheet.rows]
+        if name.strip().lower() in KIND and all(word in KINDS for word in words):
+            return name, [KINDS[word] for word in words]
+    return "", [False] * len(sheet.rows)
 
 
 def _kind(key: str) -> str:
@@ -161,4 +195,4 @@ def _units(found: Mapping[str, Column]) -> dict[str, tuple[str, str]]:
 
 def _size(values: Sequence[float]) -> float:
     """Largest size of any number of a column."""
-    return float(np.abs(values).max())
+    return float(np.abs(values).max(initial=0.0))

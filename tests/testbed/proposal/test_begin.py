@@ -81,6 +81,39 @@ def test_columns_of_a_table_that_are_alike_have_one_unit(head, told, tmp_path):
     np.testing.assert_allclose(load_robot(out).model.chain.links, by_hand, rtol=1e-12, atol=0)
 
 
+@pytest.mark.parametrize(("long", "turn"), [(1e3, 180 / np.pi), (1.0, 1.0)])
+def test_a_table_may_say_which_joints_slide(long, turn, tmp_path):
+    rows = [
+        ("R", 0, 0.4, 0.325, 0, -2.9, 2.9),
+        ("R", 0, 0, 0.225, np.pi, -2.6, 2.6),
+        ("P", 0, 0, 0, 0, 0, 0.2),
+        ("R", 0, 0.05, 0, 0, -6.2, 6.2),
+    ]
+    table = "type,theta,d,a,alpha,min,max\n"
+    for kind, *row in rows:
+        last = long if kind == "P" else turn
+        sizes = zip(row, (turn, long, long, turn, last, last), strict=True)
+        table += ",".join([kind, *(f"{value * unit:.15g}" for value, unit in sizes)]) + "\n"
+    (tmp_path / "scara.csv").write_text(table)
+    out = tmp_path / "robot.toml"
+    done = call("new", "robot", tmp_path / "scara.csv", "--out", out)
+    assert done.exit_code == 0, done.stderr
+    assert f"min of joints that slide is in {'mm' if long == 1e3 else 'm'}, as d" in done.stdout
+    robot = load_robot(out)
+    assert robot.model.chain.kinds == ("revolute", "revolute", "prismatic", "revolute")
+    numbers = np.array([row[1:] for row in rows])
+    np.testing.assert_allclose(robot.model.chain.links[:, :4], numbers[:, :4], atol=1e-11)
+    np.testing.assert_allclose(robot.limits, numbers[:, 4:], atol=1e-11)
+
+
+def test_joints_that_slide_have_other_limits_where_a_table_has_none(tmp_path):
+    (tmp_path / "arm.csv").write_text("Kind,d_mm,a_mm,alpha_deg\nlinear,400,0,90\nrotary,0,225,0\n")
+    out = tmp_path / "robot.toml"
+    done = call("new", "robot", tmp_path / "arm.csv", "--out", out)
+    assert "limits of 180 deg, or 1000 mm where it slides, to either side" in done.stdout
+    np.testing.assert_allclose(load_robot(out).limits, [[-1, 1], [-np.pi, np.pi]])
+
+
 def test_a_line_of_units_below_the_names_says_those_of_the_links(tmp_path):
     table = link_table("universal_ur10", tmp_path, ("θ", "d", "a", "α", "min", "max"), 1.0, 1.0)
     names, *rows = table.read_text(encoding="utf-8").splitlines()
