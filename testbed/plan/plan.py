@@ -36,6 +36,7 @@ from testbed.plan.records import Plan
 from testbed.plan.task import DesignTask
 from testbed.plan.tour import held_out, readings_of, start_of, tour_of
 from testbed.progress import Progress
+from testbed.robots.robot import NO_MASS
 from testbed.scenario.checks import check_robot
 from testbed.scenario.scenario import Scenario
 from testbed.streams import stream
@@ -130,6 +131,19 @@ def _plan(scenario: Scenario, tell: Progress, where: str) -> Plan:
         next_poses=next_poses(task, places),
         stations=stations,
         obstacles=bench.cell,
+        assumed=assumed_of(bench),
+    )
+
+
+def assumed_of(bench: Bench) -> tuple[str, ...]:
+    """What was assumed of a robot whose file leaves it open, but for masses: no plan asks them."""
+    stated = bench.scenario.truth.joint_repeatability_mdeg is not None
+    return tuple(
+        note
+        for note in bench.robot.notes
+        if "assumed" in note
+        and not note.startswith(NO_MASS)
+        and not (stated and "repeatability" in note)
     )
 
 

@@ -209,6 +209,8 @@ class Plan(Shown):
     """Tracker stations compared; the plan is for the best one. None: only the tracker's own."""
     obstacles: tuple[Obstacle, ...]
     """Of the cell."""
+    assumed: tuple[str, ...]
+    """What the robot's file leaves open and the promise rests on, in words."""
 
     def __repr__(self) -> str:
         R95, count = 1e6 * self.foresight.R95_over, len(self.places)

@@ -167,6 +167,7 @@ def _task(plan: Plan, robot: Robot) -> Iterator[Quantity]:
     yield Quantity("poses_measured_already", len(plan.measured_q))
     yield Quantity("held_out_poses", plan.tour.roles.count("test"))
     yield Quantity("parameters", plan.parameters.free_names)
+    yield Quantity("assumed", plan.assumed)
     yield Quantity("use", _use(plan), AS_NAMED)
 
 

@@ -103,6 +103,7 @@ def reasons(plan: Plan) -> tuple[str, ...]:
         order_words(plan),
         clearance_words(plan),
         measured_words(plan),
+        assumed_words(plan),
         *use_words(plan),
         station_words(plan),
     )
@@ -193,6 +194,13 @@ def measured_words(plan: Plan) -> str:
         f"The {counted(len(plan.measured_q), 'pose')} measured already count as measured from "
         f"[tracker] station_mm, {in_mm(plan.station_mm)} mm, with this tracker and base"
     )
+
+
+def assumed_words(plan: Plan) -> str:
+    """What was assumed of the robot; nothing if its file says all."""
+    if not plan.assumed:
+        return ""
+    return f"What is promised rests on what the robot's file leaves open: {'; '.join(plan.assumed)}"
 
 
 def use_words(plan: Plan) -> tuple[str, ...]:

@@ -23,8 +23,12 @@ from testbed.plan.report_goal import source_blocks
 from testbed.plan.results import goal_csv, plan_numbers
 from testbed.plan.words import terminal_text
 from testbed.report.page import Table
+from testbed.robots.catalog import load_robot
+from testbed.scenario.read import changed
+from testbed.studies import load_scenario
 from tests.planned import QUICK, ROBOT, legs, quick_plan, scenario
 from tests.reported import VERSIONS, read
+from tests.testbed.robots.described_cases import ARMS
 
 CHAIN = ROBOT.model.chain
 WHOLE = {"tracker.systematic": True, "plan.method": "exchange", "plan.held_out": 20}
@@ -198,6 +202,31 @@ def test_what_the_tracker_does_and_the_promise_leaves_out_is_warned_of():
     ):
         assert "the promise counts no drift, and [tracker] drift_um_per_sqrt_h is 20" in said
         assert "outliers is 2 and missed is 1; plan 3 poses more" in said
+
+
+def test_what_is_assumed_of_a_robot_is_said_with_the_promise_that_rests_on_it(tmp_path):
+    """A URDF says nothing of how well joints return; R95 goes with it."""
+    (tmp_path / "scara.urdf").write_text(ARMS["scara"])
+    small = {
+        "robot": str(tmp_path / "scara.urdf"), "plan.poses": 8, "plan.held_out": 0,
+        "plan.goal.poses": 5, "pool.size": 30, "identification.estimators": ["whitened"],
+        "truth.joint_repeatability_mdeg": "robot",
+    }  # fmt: skip
+    made = plan(changed(load_scenario("quick"), small))
+    robot = load_robot(tmp_path / "scara.urdf")
+    told = "rests on what the robot's file leaves open: the repeatability of the joints is assumed"
+    for said in (
+        " ".join(terminal_text(made).split()),
+        " ".join(read(plan_report_html(made, robot, versions=VERSIONS)).text),
+    ):
+        assert told in said
+        assert "mass" not in said.partition(told)[2][:60]
+    (note,) = plan_numbers(made, robot)["assumed"]
+    assert "14.5 urad" in note
+    stated = small | {"truth.joint_repeatability_mdeg": 10 * np.degrees(14.5e-6) * 1e3}
+    loose = plan(changed(load_scenario("quick"), stated))
+    assert loose.assumed == quick_plan().assumed == ()
+    assert loose.foresight.R95_over > 1.2 * made.foresight.R95_over
 
 
 PLACED = _placed(
