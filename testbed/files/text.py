@@ -83,7 +83,8 @@ def read_sheet(text: FileText, *, separator: str = "", header: bool | None = Non
 def titles_above(content: Sequence[tuple[int, str]], separator: str = "") -> int:
     """How many lines of free text stand above the one that names the columns.
 
-    That is the line of words, with a number in the row below it, under which the most cells fit.
+    That is the line of words under which the most cells fit, with a number in the row below it, or
+    below a line of units.
     """
     best = most = 0
     lines = [(1, line) for _, line in content[: 3 * MOST_TITLES]]
@@ -100,7 +101,9 @@ def titles_above(content: Sequence[tuple[int, str]], separator: str = "") -> int
             continue
         fit = [len(row) >= len(names) > 1 and not any(row[len(names) :]) for row in cells[k + 1 :]]
         many = sum(fit) * len(names)
-        if fit[0] and many > most and any(map(NUMBER.fullmatch, cells[k + 1])):
+        below = cells[k + 1 :]
+        first = below[bool(_units(below[:1], len(names))) :][:1]
+        if fit[0] and many > most and any(NUMBER.fullmatch(cell) for row in first for cell in row):
             best, most = k, many
     return best
 

@@ -73,6 +73,11 @@ ODD = {
         "Nr;Joints;;;;;;Tool;;[mm]\n"
         + csv({"Nr": np.arange(M)} | joints("A{}") | places("{}"), **GERMAN)
     ),
+    "a title, merged cells, names and a line of units": (
+        "Calibration 2026\n;Joints;;;;;;Tool\n"
+        + with_units(csv({"Nr": np.arange(M)} | joints("A{}") | places("{}"), **GERMAN), ";",
+                     ["", *["deg"] * 6, *["mm"] * 3])
+    ),
     "minus as in print": csv(PLAIN, **GERMAN).replace("-", "\u2212"),
     "a first cell that could not be computed": csv(
         {"Nr": ["#N/A", *(f"P{k}" for k in range(1, M))]} | PLAIN
