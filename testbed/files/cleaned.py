@@ -23,6 +23,7 @@ from testbed.files.readings import Readings, lost_readings
 from testbed.files.refusal import no_rows
 from testbed.files.rows.copies import is_fine
 from testbed.files.rows.kinds import own_rows, some_rows
+from testbed.files.rows.planned import of_stops
 from testbed.files.rows.wide import one_target_a_row
 from testbed.files.session import Drift, Sources
 from testbed.files.session_toml import SessionFile
@@ -170,7 +171,7 @@ def table_in(text: FileText, settings: SessionFile, *sections: FileTable | None)
     dialect = settings.dialect
     if isinstance(sections[0], JointsTable) and sections[0].format == "rapid":
         return table_of(read_rapid(text), {}, decimal=".")
-    sheet = read_sheet(text, separator=dialect.separator or "", header=dialect.header)
+    sheet = of_stops(read_sheet(text, separator=dialect.separator or "", header=dialect.header))
     for k, section in enumerate(sections):
         if isinstance(section, PointsTable) and section.targets and _holds(sheet, section, k == 0):
             sheet = one_target_a_row(sheet, section)

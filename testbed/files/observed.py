@@ -13,12 +13,17 @@ from testbed.files.joints import extra_columns, extras_of
 from testbed.files.readings import Readings, plain_readings
 from testbed.files.refusal import refusal, require_names
 from testbed.files.rotations import checked_rotations, stated_in
+from testbed.files.rows.planned import foretold
 from testbed.files.session import Stated
 from testbed.files.session_toml import UncertaintyTable
 from testbed.files.table import Columns, DataTable, together
 from testbed.files.uncertainty import spread_columns, spread_of
 from testbed.files.valid import valid_rows
 
+BESIDE_PLAN = (
+    "it says what a plan foretells: give what was measured beside it, by truebed new session PLAN "
+    "MEASURED"
+)
 PROPOSED = "name the columns so, or let `truebed new session` propose them"
 
 
@@ -38,7 +43,8 @@ def section_of(table: DataTable, fix: str = PROPOSED) -> ObservedTable:
         return FramesTable()
     if any(table.find("length", stem) for stem in ("x", "range", "difference_x")):
         return PointsTable()
-    hint = misspelt_reading(table.names)
+    ahead = foretold(table.names)
+    hint = BESIDE_PLAN if ahead else misspelt_reading(table.names)
     raise refusal(
         table.where, "columns", "has no readings", value=", ".join(table.names)[:200],
         allowed="needed: x_mm y_mm z_mm (also _m), with qw qx qy qz, rx_deg ry_deg rz_deg or r11 "
@@ -129,7 +135,10 @@ def unused_columns(table: DataTable, *used: Columns, elsewhere: Collection[str] 
 
 def misspelt_columns(table: DataTable) -> list[str]:
     """Warnings of columns that look like a name of this program but are none."""
-    hints = {name: close_to(name) for name in table.names if not is_known(name)}
+    ahead = foretold(table.names)
+    hints = {
+        name: close_to(name) for name in table.names if name not in ahead and not is_known(name)
+    }
     return [
         f'{table.where}: column "{name}" is not used; {hint}'
         for name, hint in hints.items()

@@ -11,6 +11,7 @@ from calib.errors import InputError
 from testbed.files.dialects.rapid import is_rapid, read_rapid
 from testbed.files.dialects.spatial_lines import name_fields, sa_lines
 from testbed.files.refusal import refusal
+from testbed.files.rows.planned import foretold, of_stops
 from testbed.files.session import text_of
 from testbed.files.text import NUMBER, Sheet, read_sheet, titles_above
 from testbed.gates.paths import is_there, real
@@ -62,8 +63,8 @@ class Found:
 
     def column(self, name: str) -> tuple[str, ...]:
         """Cells of a column."""
-        table = read_rapid(self.text) if self.kind == "rapid" else read_sheet(
-            self.text, header=False if self.kind == "bare" else None)  # fmt: skip
+        table = read_rapid(self.text) if self.kind == "rapid" else of_stops(
+            read_sheet(self.text, header=False if self.kind == "bare" else None))  # fmt: skip
         return tuple(row[table.head.index(name)] for row in table.rows)
 
 
@@ -128,7 +129,7 @@ def _looked(path: Path, name: str, sheet: str | None, text: FileText) -> Found:
         except InputError:
             if commented:
                 raise
-    return _of_sheet(path, name, sheet, text, "table", read_sheet(text))
+    return _of_sheet(path, name, sheet, text, "table", of_stops(read_sheet(text)))
 
 
 def _cells(line: str) -> list[str]:
@@ -149,7 +150,10 @@ def _of_sheet(
     path: Path, name: str, sheet: str | None, text: FileText, kind: Kind, table: Sheet
 ) -> Found:
     """A table with a head."""
-    means = meanings(table.head, table.units)
+    ahead = foretold(table.head)
+    kept = [k for k, own in enumerate(table.head) if own not in ahead]
+    units = [table.units[k] for k in kept] if table.units else []
+    means = meanings([table.head[k] for k in kept], units)
     return Found(path, name, sheet, text, kind, table.head, len(table.rows), means)
 
 

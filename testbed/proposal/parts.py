@@ -9,6 +9,7 @@ from calib.arrays import Array
 from testbed.files.alternatives import BY_AXIS
 from testbed.files.columns import MATRIX_COLUMNS, PLAIN, QUATERNION_COLUMNS
 from testbed.files.refusal import refusal
+from testbed.files.rows.planned import foretold
 from testbed.files.table import number_of
 from testbed.proposal.data import Document, Found, Part
 from testbed.proposal.exports import exported_parts
@@ -108,7 +109,8 @@ def seen_parts(look: Found, n: int) -> Iterator[Part]:
 
 def _targets(look: Found, n: int) -> Iterator[Part]:
     """[points] of a file whose rows hold several targets each, in each unit that is left open."""
-    found = targets_in_a_row(look.head)
+    ahead = foretold(look.head)
+    found = targets_in_a_row([name for name in look.head if name not in ahead])
     names = [name for columns in found.values() for name in columns.values()]
     units = {without_unit(name)[1] for name in names}
     told = units - {""} if len(units) == 1 else set()

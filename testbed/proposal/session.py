@@ -3,7 +3,9 @@
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from testbed.files.observed import BESIDE_PLAN
 from testbed.files.refusal import no_rows, refusal
+from testbed.files.rows.planned import foretold
 from testbed.proposal.beside import with_origin
 from testbed.proposal.both import is_ranged, merged
 from testbed.proposal.cycles import cycles_in
@@ -128,6 +130,11 @@ def _proposed(looks: tuple[Found, ...], robot: Robot | None, root: Path) -> Prop
     n = robot.model.chain.n_joints if robot is not None else _count(looks)
     drafts = list(drafts_of(looks, n))
     if not drafts:
+        ahead = [foretold(one.head) for one in looks]
+        if any(ahead):
+            raise refusal(
+                looks[0].name, "DATA", "has no column known as a reading", fix=BESIDE_PLAN
+            )
         wished = [name for one in looks for name in one.head if is_wished(name)]
         fix = "name the columns, or name them under columns in session.toml by hand"
         if any(one.kind == "bare" and one.rows <= n + 12 < 2 * one.width for one in looks):
