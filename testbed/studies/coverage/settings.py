@@ -70,9 +70,11 @@ class CoverageSettings(ManyRobots):
             )
             fix = 'write preset = "at960", or remove "hidden"'
             return Fault(("coverage", "truths"), message, fix=fix, value=truth)
-        if truth in SLIGHT and robot.model.chain.prismatic.any():
+        slides = bool(robot.model.chain.prismatic.any())
+        if truth in SLIGHT and (slides or robot.model.joint_errors.springs is not None):
+            has = "slides" if slides else "springs of its own"
             message = f'[coverage] truths has "{truth}", whose joints are sprung'
-            message += f"; {robot.name} has slides"
+            message += f"; {robot.name} has {has}"
             fix = f'remove "{truth}"'
             return Fault(("coverage", "truths"), message, fix=fix, value=truth)
         return super()._fault(scenario, robot, truth)

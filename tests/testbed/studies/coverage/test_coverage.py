@@ -37,6 +37,7 @@ from testbed.units import NARROW, Mean
 from tests.campaign import record_hash, with_records
 from tests.reported import VERSIONS, assert_same, played
 from tests.sbc import evenness, prior_ranks
+from tests.testbed.robots.test_springs import PLAIN, tx60_at_rest
 from tests.testbed.scenario.test_messages import on_a_wall
 
 SMALL = {
@@ -536,6 +537,19 @@ def test_an_arm_without_closed_gravity_is_refused_by_name_and_may_play_the_rest(
     changes = {"coverage.truths": ["rigid", "elastic"], "truth.gravity_mdeg": [0.0, 0.0, 0.0]}
     rest = changed(load_scenario("coverage"), changes)
     check_robot(rest, wall, where="x.toml")
+
+
+@pytest.mark.parametrize("kind", ["slight", "shift", "one_move"])
+def test_kinds_with_springs_are_refused_to_an_arm_that_has_its_own(kind):
+    """Before anything is played: each of its robots would fail."""
+    arm = replace(PLAIN, model=tx60_at_rest())
+    truths, scene = {"coverage.truths": ["rigid", kind]}, load_scenario("coverage")
+    still = {"truth.gravity_mdeg": [0.0, 0.0, 0.0]}
+    said = f'truths has "{kind}", whose joints are sprung; staubli_tx60 has springs of its own'
+    with pytest.raises(InputError, match=said):
+        check_robot(changed(scene, truths | still), arm, where="x.toml")
+    rigid = changed(scene, {"coverage.truths": ["rigid"]} | still)
+    check_robot(rigid, arm, where="x.toml")
 
 
 def test_hidden_errors_belong_to_a_tracker_that_states_them():
