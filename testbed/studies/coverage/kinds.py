@@ -5,9 +5,9 @@ after the best geometric fit, which no test sees. The others differ in how they 
 used.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -18,6 +18,7 @@ from testbed.scenario.laboratory import At960Tracker, TruthSettings
 from testbed.streams import stream
 from testbed.studies.coverage.settings import SLIGHT, CoverageSettings
 
+T = TypeVar("T")
 MISFITS: tuple[Mapping[str, Any], ...] = (
     {"drive_nm_per_mrad": (90.0, 90.0, 40.0, 12.0, 10.0, 6.0)},
     {"high_harmonic_mdeg": 2.5},
@@ -37,6 +38,10 @@ SIZED_AT = 100
 """Postures of the pool over which a misfit is sized."""
 UNIT = 0.05
 """Scale of `MISFITS` at which a misfit is sized: small, where all of them are linear."""
+FELT = 1e-4
+"""Part of the noise that terms so small leave at least, or an arm does not feel them."""
+LEVEL = 1e-6
+"""A place is told by what varies by more over the pool [m or rad]: a level arm is at one height."""
 MEMORY = 15.0
 """Rows over which the noise of a drifting station remembers."""
 MORE_KG = 3.0
@@ -66,9 +71,9 @@ def drawn(laboratory: Laboratory, kind: str, robot: int, truth: TruthSettings | 
     scenario, name = laboratory.scenario, ("coverage", "robot", robot)
     truth = truth or scenario.table(CoverageSettings).truth_of(scenario, kind)
     if kind in SLIGHT:
-        rng = stream(scenario.seed, "coverage", "slight", robot)
-        terms = MISFITS[robot % len(MISFITS)]
-        truth = slight(laboratory, truth, terms, rng.uniform(*SIZES), robot)
+        size = stream(scenario.seed, "coverage", "slight", robot).uniform(*SIZES)
+        found = (slight(laboratory, truth, terms, size, robot) for terms in in_turn(MISFITS, robot))
+        truth = next(one for one in found if one is not None)  # any arm has waves
     if kind == "hidden" and isinstance(scenario.tracker, At960Tracker):
         tracker = scenario.tracker.model_copy(update={"systematic": True})
         laboratory = replace(laboratory, scenario=scenario.model_copy(update={"tracker": tracker}))
@@ -80,10 +85,17 @@ def drawn(laboratory: Laboratory, kind: str, robot: int, truth: TruthSettings | 
     return Use(own, used, (truth.payload_kg, more), kind == "one_move")
 
 
+def in_turn(several: Sequence[T], robot: int) -> Iterator[T]:
+    """All of them, begun at another one for each robot."""
+    return (several[(robot + k) % len(several)] for k in range(len(several)))
+
+
 def slight(
     laboratory: Laboratory, truth: TruthSettings, terms: Mapping[str, Any], size: float, robot: int
-) -> TruthSettings:
+) -> TruthSettings | None:
     """The truth with such terms, scaled so that geometry leaves `size` sd of the noise of them.
+
+    None where it leaves nothing, as of the sag of an arm whose axes are all upright.
 
     References
     ----------
@@ -99,7 +111,10 @@ def slight(
     rows = J[:, :3].reshape(len(error), -1)
     left = error - rows @ np.linalg.lstsq(rows, error, rcond=1e-9)[0]
     noise = np.sqrt(np.trace(laboratory.covariance(q)[:, :3, :3], axis1=1, axis2=2).mean() / 3)
-    scale = UNIT * size * float(noise / np.sqrt(np.mean(left**2)))
+    missed = np.sqrt(np.mean(left**2))
+    if missed < FELT * noise:
+        return None
+    scale = UNIT * size * float(noise / missed)
     return truth.model_copy(update=scaled(laboratory, terms, scale))
 
 
@@ -125,8 +140,11 @@ def apart(
     The part is told by one number: how far to the side, turned, bent or high. Measured where it is
     below the pool's share `APART[0]`, used above `APART[1]`.
     """
-    place = PLACES[robot % len(PLACES)]
-    low, high = np.quantile(where(laboratory, place, laboratory.pool_q), APART)
+    told = (
+        (place, where(laboratory, place, laboratory.pool_q)) for place in in_turn(PLACES, robot)
+    )
+    place, there_is = next(one for one in told if np.ptp(one[1]) > LEVEL)  # joint 1 does turn
+    low, high = np.quantile(there_is, APART)
     train, held_out, judged = counts
     here, there = np.zeros((2, 0, laboratory.pool_q.shape[1]))
     rng = stream(laboratory.scenario.seed, "coverage", "apart", robot)

@@ -1,5 +1,7 @@
 """Kinds of robots of the coverage study: what is wrong has the size, place and memory it should."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -7,7 +9,7 @@ from testbed.laboratory.truth.laboratory import open_laboratory
 from testbed.laboratory.truth.setting import make_setting
 from testbed.scenario.read import changed
 from testbed.streams import stream
-from testbed.studies import load_scenario
+from testbed.studies import load_scenario, scenario_of
 from testbed.studies.coverage.kinds import APART, MEMORY, SIZES, apart, drawn, remembering, where
 from testbed.studies.coverage.play import measure_robot
 
@@ -74,3 +76,43 @@ def test_what_is_judged_is_the_load_and_the_single_move_of_the_kind(bench):
     columns = [bench.setting.nominal.names.index(f"theta{i}") for i in range(1, 7)]
     sd = J[:, :3, columns] * bench.robot.repeatability
     assert np.sqrt((off**2).mean()) == pytest.approx(np.sqrt((sd**2).sum(2).mean()), rel=0.25)
+
+
+LEVEL_ARM = """<robot name="level"><link name="l0"/>{joints}<link name="tool0"/>
+<joint name="t" type="fixed"><parent link="l3"/><child link="tool0"/>
+<origin xyz="0.1 0 0.06"/></joint></robot>"""
+TURNS = """<joint name="j{k}" type="revolute"><parent link="l{before}"/><child link="l{k}"/>
+<origin xyz="{x} 0 {z}"/><axis xyz="0 0 1"/>
+<limit lower="-2.4" upper="2.4" velocity="2" effort="100"/></joint>
+<link name="l{k}"><inertial><origin xyz="0.1 0 0"/><mass value="3"/>
+<inertia ixx=".01" iyy=".01" izz=".01" ixy="0" ixz="0" iyz="0"/></inertial></link>"""
+
+
+@pytest.fixture(scope="module")
+def level(tmp_path_factory):
+    """A laboratory with an arm of upright axes: it does not sag, and its tool is at one height."""
+    path = tmp_path_factory.mktemp("level") / "level.urdf"
+    links = ((0.0, 0.3), (0.35, 0.0), (0.3, 0.0))
+    joints = (TURNS.format(k=k, before=k - 1, x=x, z=z) for k, (x, z) in enumerate(links, 1))
+    path.write_text(LEVEL_ARM.format(joints="".join(joints)), encoding="utf-8")
+    small = {"pool": {"size": 60}, "test": {"poses": 5}, "tracker": {"preset": "paper"}}
+    trial = {"name": "a", "poses": 8, "method": "random"}
+    names = {"format": 1, "name": "level", "robot": str(path), "truth": {"preset": "rigid"}}
+    study = {"robots": 4, "truths": ["shift"], "validation_poses": 19}
+    scenario = scenario_of({**names, **small, "trial": [trial], "coverage": study})
+    return open_laboratory(scenario, make_setting(scenario))
+
+
+@pytest.mark.parametrize("robot", range(4))
+def test_an_arm_that_does_not_sag_is_wrong_by_waves_and_used_elsewhere_than_lower(level, robot):
+    """Else a spring would be as soft as it takes, and no posture be higher than another."""
+    own = drawn(level, "shift", robot)
+    q = level.pool_q
+    setting = own.laboratory.setting
+    still = replace(setting.true, joint_errors=setting.nominal.joint_errors)
+    error = (own.laboratory.held_out(q) - still.poses(q))[:, :3, 3]
+    assert 1e-6 < np.abs(error).max() < 1e-4  # a few noises of 17.5 um
+    train, held_out, judged = apart(own.laboratory, robot, (8, 19, 5))
+    at = [where(level, "half", some) for some in (np.vstack([train, held_out]), judged)]
+    if robot in (0, 3):  # height tells nothing, the next one in turn does
+        assert at[0].max() < at[1].min()
