@@ -27,7 +27,15 @@ FEWEST = 2
 READ = {"read", "actual", "act", "feedback", "measured", "current", "ist", "istwert"}
 """Words of a joint that was read back."""
 TARGETS = {"goal", "target", "nominal", "nom", "cmd", "command", "commanded", "ref", "set", "t",
-           "soll", "sollwert"}  # fmt: skip
+           "soll", "sollwert", "reference", "desired", "programmed", "prog", "planned", "plan",
+           "theo", "theoretical", "predicted", "expected", "calc", "calculated", "computed",
+           "model", "cad", "sim", "simulated", "fk"}  # fmt: skip
+MEASURED = (
+    {"meas", "measured", "mess", "messwert", "gemessen", "seen", "observed", "tracker", "laser",
+     "lasertracker", "lt"},
+    {"actual", "act", "ist", "istwert", "real", "true"},
+)  # fmt: skip
+"""Words of what an instrument saw: beside the first ones, the others are what a controller says."""
 DIFFERENCES = {"dif", "diff", "difference", "delta", "err", "error", "dev", "deviation"}
 WISHED = TARGETS | DIFFERENCES
 """Words of a place that was not measured."""
@@ -97,11 +105,22 @@ def meanings(head: Sequence[str], units: Sequence[str] = ()) -> tuple[Meaning, .
     best: dict[str, list[Meaning]] = {}
     for meaning in found:
         best.setdefault(meaning.plain, []).append(meaning)
-    return tuple(
-        next((one for one in several if one.known), several[0])
-        for several in best.values()
-        if len(several) == 1 or any(one.known for one in several)
-    )
+    chosen = []
+    for several in best.values():
+        known = [one for one in several if one.known]
+        names = _measured([one.theirs for one in several])
+        left = known[:1] or [one for one in several if one.theirs in names]
+        chosen += left if len(left) == 1 else []
+    return tuple(chosen)
+
+
+def _measured(labels: Sequence[str]) -> list[str]:
+    """Of several labels those that say that they were measured, where others do not; else all."""
+    for words in MEASURED:
+        said = [one for one in labels if words & set(without_unit(one)[0].split())]
+        if 0 < len(said) < len(labels):
+            return said
+    return list(labels)
 
 
 def _from_zero(head: Sequence[str]) -> dict[str, str]:
@@ -135,8 +154,9 @@ def targets_in_a_row(head: Sequence[str]) -> dict[str, dict[str, str]]:
             at = name.lower().find(label)
             label = name[at : at + len(label)] if at >= 0 else label  # in its own letters
             found.setdefault(label, {}).setdefault(entry[2], name)
-    whole = {label: columns for label, columns in found.items() if len(columns) == 3}
-    return whole if len(whole) > 1 else {}
+    whole = [label for label, columns in found.items() if len(columns) == 3]
+    measured = _measured(whole)
+    return {label: found[label] for label in measured} if len(measured) > 1 else {}
 
 
 def is_wished(name: str) -> bool:

@@ -92,6 +92,25 @@ def test_targets_and_differences_beside_readings_are_named_and_compared(away, to
     np.testing.assert_allclose(session.measurements.position, points() / 1e3, rtol=0, atol=6e-11)
 
 
+@pytest.mark.parametrize("form", ["{1} {0}", "{0}_{1}"])
+@pytest.mark.parametrize(
+    ("other", "measured"),
+    [("theo", "meas"), ("predicted", "real"), ("fk", "SMR"), ("robot", "tracker"),
+     ("actual", "laser"), ("controller", "Ist")],
+)  # fmt: skip
+def test_places_that_a_controller_computes_are_no_second_target(other, measured, form, tmp_path):
+    """They fit a nominal robot best, being made from it."""
+    computed = 1e3 * ROBOT.model.poses(data().q)[:, :3, 3]
+    table = joints(*(f"J{k}" for k in range(1, 7)))
+    table |= places(*(form.format(axis, other) for axis in "XYZ"), values=computed)
+    table |= places(*(form.format(axis, measured) for axis in "XYZ"))
+    files = write(tmp_path, a__csv=csv(table))
+    proposed(tmp_path, files, "--robot", ROBOT.name)
+    seen = read_session(tmp_path / "session.toml", ROBOT).measurements
+    assert len(seen) == M
+    np.testing.assert_allclose(seen.position, points() / 1e3, rtol=0, atol=1e-12)
+
+
 LETTERS = {"KUKA": "CBA", "FANUC": "WPR", "KUKA with units": ("C [deg]", "B [deg]", "A [deg]")}
 """Names of the turns about x, y and z."""
 
