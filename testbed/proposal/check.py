@@ -91,7 +91,8 @@ def _robot(robot: Robot, what: str, where: str) -> list[str]:
     """Sentences on a robot."""
     chain = robot.model.chain
     reach = float(abs(chain.links[:, 1:3]).sum())
-    if not reach:
+    drawn = robot.joint_names or chain.prismatic.all() or chain.T_flange_tool[:3, 3].any()
+    if not reach and not drawn:
         message, fix = f"{robot.name} has no lengths: all d and a are 0", "write the link numbers"
         raise refuse("joints", 0.0, code="S37", message=message, fix=fix, where=where)
     said = f"{what}, {robot.name}: {counted(chain.n_joints, 'joint')}"

@@ -147,6 +147,20 @@ def test_a_robot_to_fill_in_is_told_as_such(tmp_path):
     assert "a robot, robot: 7 joints, links of 700 mm in all" in call("check", out).stdout
 
 
+def test_an_arm_whose_axes_meet_where_it_ends_is_no_robot_to_fill_in(tmp_path):
+    """A slide, or a table that turns, described by its maker."""
+    links = '<link name="foot"/><link name="tool0"/>'
+    for kind in ("revolute", "prismatic"):
+        (tmp_path / "arm.urdf").write_text(
+            f'<robot name="one">{links}<joint name="a" type="{kind}"><parent link="foot"/>'
+            '<child link="tool0"/><limit lower="-1" upper="1" effort="1" velocity="1"/></joint>'
+            "</robot>"
+        )
+        done = call("check", tmp_path / "arm.urdf")
+        assert (done.exit_code, done.stderr) == (0, "")
+        assert "a robot description, one: 1 joint, links of 0 mm in all" in done.stdout
+
+
 def test_a_table_without_link_numbers_is_refused(tmp_path):
     (tmp_path / "a.csv").write_text("theta,d,length\n1,2,3\n")
     (tmp_path / "b.csv").write_text("theta,d,a,alpha\n1,x,3,4\n")
