@@ -37,6 +37,9 @@ class Circumstances:
     doubted: tuple[Array, Array] | None = None
     """Part of the covariances (m, 6, 6) of what identified and (n, 6, 6) of what is held out that
     nothing measured tells: as noise it is in the weights, as misfit in the region."""
+    stops: tuple[Array, Array] | None = None
+    """Roots (m, 6, j) and (n, 6, j) of that part of both tables' noise, which is in their
+    covariances, that rows of one pose and repeat share: the arm comes back once for all of them."""
     stations_are_visits: bool = False
     """Whether each station is a visit of its own, which may stand in another frame by itself."""
     unmodelled: tuple[str, ...] = ()
@@ -72,6 +75,9 @@ class Circumstances:
             (sd,) = check(f"{joints}", repeatability=self.repeatability)
             if (sd < 0).any():
                 raise refuse("repeatability", float(sd.min()), "zero or more", code="A3")
+        if self.stops is not None:
+            check(f"{counts[0]} 6 j, {counts[1]} 6 j", stops_of_train=self.stops[0],
+                  stops_of_test=self.stops[1])  # fmt: skip
         if self.doubted is None:
             return
         shapes = ", ".join(f"{m} 6 6" for m in counts)

@@ -51,7 +51,7 @@ def proven_belief(
         found = believe(
             fit, train, held_out, covariance=numbers, shared=known.shared, repeats=quiet.repeats,
             probability=probability, target=known.target, drawn=known.drawn,
-            quiet=None if quiet.train is train else less,
+            quiet=None if quiet.train is train else less, stops=known.stops,
         )  # fmt: skip
         if turned is None:
             return found

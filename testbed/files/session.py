@@ -120,7 +120,7 @@ class Session(Shown):
     """What the instrument gets wrong in all readings alike, where it is stated."""
     joint_scatter: Array
     """(n,) repeatability of the joints that the covariances do *not* hold yet [rad or m]; add it
-    by `calib.measurement.noise.with_joint_noise` once base and tool are known."""
+    once base and tool are known."""
     fixtures: Fixtures
     """Reflectors, anchors and stations the rows refer to; zero where nothing is known yet."""
     placed: bool = False

@@ -48,7 +48,7 @@ from testbed.identify.proof import (
     turn_warnings,
 )
 from testbed.identify.records import HeldOutSplit, OutlierRows
-from testbed.identify.session import origin_of, row_names, with_scatter
+from testbed.identify.session import origin_of, row_names, scatter_root, with_scatter
 from testbed.identify.shared import shared_of
 from testbed.identify.visits.apart import require_shared
 from testbed.identify.visits.fit import with_own_frames
@@ -143,7 +143,8 @@ def _calibrated(
     frames = frames_of(robot, session, session.measurements.rows(split.is_train))
     own = own_frames(session, frames.start, split)
     before = frames.before if own is None else own.placed(frames.before)
-    measurements = with_scatter(session, before)
+    root = scatter_root(session, before)
+    measurements = with_scatter(session, root)
     if own is not None:
         own = own.among(measurements)
         before = own.placed(frames.before)
@@ -211,6 +212,7 @@ def _calibrated(
         used=rows,
         is_test=split.is_test,
         visits=~left_out,
+        root=root,
         comes_back=comes_back,
         target=target,
         seed=options.seed,

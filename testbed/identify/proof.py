@@ -36,6 +36,7 @@ def proof_of(
     used: Bool,
     is_test: Bool,
     visits: Bool,
+    root: Array,
     comes_back: tuple[Array, str],
     target: ToolTarget,
     seed: int,
@@ -53,6 +54,8 @@ def proof_of(
         All rows (m), the scatter of the joints in their covariances.
     used, is_test, visits : (m,) array of bool
         Rows identified from; held out; all that are no gross errors.
+    root : (m, 6, n) array
+        Of what the joints scatter at each row, in the covariances [m, rad].
     comes_back : tuple
         Standard deviation (n,) with which each joint does [rad, m], and what tells it.
     target : ToolTarget
@@ -73,11 +76,22 @@ def proof_of(
         told_by=comes_back[1],
         drawn=session.wanted.held_out == "drawn",
         doubted=(scatter[used], scatter[is_test]) if session.joint_scatter.any() else None,
+        stops=_of_stops(measurements, root, used, is_test),
         target=target,
         stations_are_visits=bool(session.visits),
     )
     rng = stream(seed, "bootstrap") if len(train) <= MOST_ROWS else None
     return judge(result, test, train=train, circumstances=known, rng=rng, replicates=REPLICATES)
+
+
+def _of_stops(
+    measurements: Measurements, root: Array, used: Bool, is_test: Bool
+) -> tuple[Array, Array] | None:
+    """What the joints scatter at rows that identify and that judge; None where no stop has two."""
+    stop = np.column_stack([measurements.pose_id, measurements.repeat])
+    if not root.any() or len(np.unique(stop, axis=0)) == len(stop):
+        return None
+    return root[used], root[is_test]
 
 
 def guard_warnings(session: Session, test: Measurements) -> tuple[str, ...]:

@@ -7,9 +7,9 @@ import numpy as np
 
 from calib.arrays import Array
 from calib.errors import refuse
+from calib.geometry.frames import right_jacobian_inverse
 from calib.geometry.jacobian import joint_columns
 from calib.geometry.model import RobotModel
-from calib.measurement.noise import with_joint_noise
 from calib.measurement.observations import Measurements, joined
 from calib.measurement.prediction import predict
 from testbed.files.conditions import joined as joined_conditions
@@ -98,19 +98,27 @@ def _both_stated(one: Stated, two: Stated) -> Stated:
     return replace(one, numbers=np.concatenate([one.numbers, two.numbers]))
 
 
-def with_scatter(session: Session, model: RobotModel) -> Measurements:
-    """The rows with the joints' own scatter in their covariances, where it is not in them yet."""
-    measurements = session.measurements
-    if not session.joint_scatter.any():
-        return measurements
-    if session.visits:  # of the tool that was mounted, in the axes of the station that saw it
-        J = predict(model, measurements).rows[:, :, joint_columns(model.chain)]
-        J = J * session.joint_scatter
-        return replace(measurements, covariance=measurements.covariance + J @ np.swapaxes(J, 1, 2))
-    covariance = with_joint_noise(
-        model, measurements.q, measurements.covariance, session.joint_scatter
+def scatter_root(session: Session, model: RobotModel) -> Array:
+    """Root S (m, 6, n) of what the joints scatter at each row, where it is not in the noise yet.
+
+    Of the target that it looks at, in the axes of the station that saw it; a distance along itself.
+    """
+    seen, pose = predict(model, session.measurements), session.measurements.is_pose
+    root = seen.rows[:, :, joint_columns(model.chain)] * session.joint_scatter
+    # no noise follows what was read: turns of the tool, not of the residual
+    root[pose, 3:] = np.linalg.solve(
+        right_jacobian_inverse(seen.residual[pose, 3:]), root[pose, 3:]
     )
-    return replace(measurements, covariance=covariance)
+    return np.asarray(root)
+
+
+def with_scatter(session: Session, root: Array) -> Measurements:
+    """The rows with what joints scatter in their noise; `scatter_root` (m, 6, n) is its root."""
+    measurements = session.measurements
+    if not root.any():
+        return measurements
+    S = measurements.covariance + root @ np.swapaxes(root, 1, 2)
+    return replace(measurements, covariance=S)
 
 
 def row_names(session: Session, measurements: Measurements) -> list[str]:

@@ -31,6 +31,7 @@ from calib.uncertainty.statement.misfit import (
     HiddenMisfit,
     misfit,
     misfit_covariance,
+    stop_covariance,
 )
 from calib.uncertainty.tool_point import ToolStatement
 
@@ -137,6 +138,7 @@ def believe(
     target: ArrayLike | ToolTarget = (0.0, 0.0, 0.0),
     drawn: bool = True,
     quiet: tuple[Measurements, Measurements | None] | None = None,
+    stops: tuple[Array, Array] | None = None,
 ) -> Belief:
     """State what may be believed after an identification.
 
@@ -163,6 +165,8 @@ def believe(
     quiet : tuple of Measurements, optional
         Both tables with the noise that is known to be there, where more is stated than anything
         measured tells: the rest bounds the misfit and guards the factor as if it were misfit.
+    stops : tuple of arrays, optional
+        Roots (m, 6, j) and (n, 6, j) of the noise in both tables that rows of one stop share.
 
     References
     ----------
@@ -176,13 +180,15 @@ def believe(
     n = 0 if held_out is None else held_out.rows(~held_out.is_distance).n_poses
     guarded = drawn and n >= fewest_poses(probability)
     drop = DROP if guarded else UNGUARDED_DROP
-    size = misfit(identification, train, held_out, repeats=repeats, drop=drop)
+    size = misfit(identification, train, held_out, repeats=repeats, stops=stops, drop=drop)
     if quiet is not None:
         held_out = quiet[1]
         size = size.at_least(misfit(identification, *quiet, repeats=repeats, drop=drop))
     P = identification.model.n_numbers
     of_noise = identification.full_covariance if covariance is None else covariance
     (whole,) = check(f"{P} {P}", covariance=of_noise)
+    if stops is not None and covariance is None:
+        whole = whole + stop_covariance(identification, train, stops[0])
     whole = size.larger_noise**2 * whole
     plain = Belief(
         identification.model, frozen(whole), size,

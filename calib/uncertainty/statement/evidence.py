@@ -111,10 +111,12 @@ def position_rows(
     table: Measurements,
     shape: MisfitShape,
     sound: Bool,
+    stops: Array | None = None,
 ) -> PositionRows:
     """Turn the `sound` position rows (m,) of each pose so that noise and misfit are diagonal.
 
-    By U' inv(L), where N = L L' and inv(L) D inv(L)' = U lam U'.
+    By U' inv(L), where N = L L' and inv(L) D inv(L)' = U lam U'. `stops` (m, 6, j) is the root of
+    that part of the noise which rows of one stop share.
     """
     seen = predict(model, table)
     A = seen.rows[:, :3, parameters.free_index] * parameters.free_scale
@@ -134,6 +136,8 @@ def position_rows(
         for k in range(rows.shape[1]):
             part = slice(3 * k, 3 * k + 3)
             noise[:, part, part] = N[rows[:, k]]
+        if stops is not None and rows.shape[1] > 1:
+            noise += _shared_by_stops(stops[rows, :3], table.repeat[rows])
         noise = noise[:, pick][:, :, pick]
         root = np.linalg.cholesky(noise)
         lean = np.linalg.solve(root, stacked(B))
@@ -148,6 +152,15 @@ def position_rows(
             )
         )
     return found
+
+
+def _shared_by_stops(root: Array, repeat: Index) -> Array:
+    """Covariances (n, 3 k, 3 k) between the k rows of n poses, from roots (n, k, 3, j) [m]."""
+    n, k = repeat.shape
+    other = (repeat[:, :, None] == repeat[:, None]) & ~np.eye(k, dtype=np.bool_)
+    flat = root.reshape(n, 3 * k, -1)
+    whole = flat @ np.swapaxes(flat, 1, 2)
+    return np.asarray(whole * np.repeat(np.repeat(other, 3, axis=1), 3, axis=2))
 
 
 def believed_before(identification: Identification, precision: Array | None = None) -> PositionRows:

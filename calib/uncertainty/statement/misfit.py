@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import chdtrc
 
-from calib.arrays import Array, Bool, FloatOrNan, frozen
+from calib.arrays import Array, Bool, FloatOrNan, Index, frozen
 from calib.errors import refuse
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import Parameters
@@ -128,6 +128,7 @@ def misfit(
     held_out: Measurements | None = None,
     *,
     repeats: NoiseRepeats | None = None,
+    stops: tuple[Array, Array] | None = None,
     drop: float = DROP,
 ) -> HiddenMisfit:
     """Size of what the model misses, by the restricted likelihood of all position rows.
@@ -142,6 +143,8 @@ def misfit(
         Poses, points or distances drawn from where the robot is used.
     repeats : NoiseRepeats, optional
         What repeats say of the noise; without them its scale is known within `DOUBT`.
+    stops : tuple of arrays, optional
+        Roots (m, 6, j) and (n, 6, j) of the noise that rows of one stop share, of both tables.
     drop : float
         Fall of the log-likelihood at the upper limit.
 
@@ -158,7 +161,7 @@ def misfit(
         )  # fmt: skip
     sound = sound_rows(identification, len(train))
     shape, rows = evidence_rows(
-        identification.model, identification.parameters, train, held_out, sound
+        identification.model, identification.parameters, train, held_out, sound, stops
     )
     unit, noise_sd = rows.unit, rows.noise_sd
     found = likelihood(rows, unit, repeats, believed_before(identification))
@@ -183,17 +186,20 @@ def evidence_rows(
     train: Measurements,
     held_out: Measurements | None,
     sound: Bool,
+    stops: tuple[Array, Array] | None = None,
 ) -> tuple[MisfitShape, PositionRows]:
     """Shape of a misfit where the robot is used, and the position rows that may show it.
 
-    Of the rows of `train` those that are `sound` (m,).
+    Of the rows of `train` those that are `sound` (m,). `stops` as `misfit` takes them.
     """
+    own, theirs = (None, None) if stops is None else stops
     if held_out is None or not len(held_out):
         shape = misfit_shape(model, train)
-        return shape, position_rows(model, parameters, train, shape, sound)
+        return shape, position_rows(model, parameters, train, shape, sound, own)
     shape = misfit_shape(model, held_out)
-    rows = position_rows(model, parameters, train, shape, sound)
-    more = position_rows(model, parameters, held_out, shape, np.ones(len(held_out), np.bool_))
+    rows = position_rows(model, parameters, train, shape, sound, own)
+    every = np.ones(len(held_out), np.bool_)
+    more = position_rows(model, parameters, held_out, shape, every, theirs)
     return shape, rows.joined(more)
 
 
@@ -218,11 +224,29 @@ def misfit_covariance(
     """
     B = shape.rows(predict(identification.model, train).rows)
     each = estimator_gain(identification, train) @ B  # (m, f, k)
-    _, pose = np.unique(train.pose_id, return_inverse=True)
-    moved = np.zeros((int(pose.max()) + 1, *each.shape[1:]))
-    np.add.at(moved, pose.ravel(), each)
+    return of_all_numbers(identification, _of_groups(each, train.pose_id[:, None]))
+
+
+def stop_covariance(identification: Identification, train: Measurements, root: Array) -> Array:
+    """What P (P, P) of independent rows lacks, where rows of one stop share noise of a root.
+
+    References
+    ----------
+    F V F' less the same by rows, V = S S' of the stops and S (m, 6, j) their root.
+    """
+    each = estimator_gain(identification, train) @ root
+    alone = _of_groups(each, np.arange(len(train))[:, None])
+    stop = np.column_stack([train.pose_id, train.repeat])
+    return of_all_numbers(identification, _of_groups(each, stop) - alone)
+
+
+def _of_groups(each: Array, group: Index) -> Array:
+    """Covariance (f, f) of the sums of columns (m, f, k) whose rows of a group share their draw."""
+    _, number = np.unique(group, axis=0, return_inverse=True)
+    moved = np.zeros((int(number.max()) + 1, *each.shape[1:]))
+    np.add.at(moved, number.ravel(), each)
     root = np.moveaxis(moved, 0, 1).reshape(each.shape[1], -1)
-    return of_all_numbers(identification, root @ root.T)
+    return np.asarray(root @ root.T)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

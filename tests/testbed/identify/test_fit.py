@@ -1,6 +1,7 @@
 """Geometric or extended: chosen within the training, priors weighed against the noise there is."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -15,17 +16,20 @@ from calib.identification.joint_models import extended_model, extended_parameter
 from calib.identification.larger_noise import noise_factor
 from calib.identification.model_choice import identify_extended
 from calib.identification.prior import weak_prior
+from calib.measurement.prediction import predict
 from testbed.identify.calibrate import Options, calibrate
 from testbed.identify.fit import figures_of, fit
 from testbed.identify.records import Choice, RowErrors
+from testbed.identify.session import scatter_root, with_scatter
 from testbed.store.codec import pack, unpack
+from tests.calib import kinds
 from tests.calibrated import real, robot, session_of, table_of, true_model
 from tests.reference import pool_r
 
 
-def train_of(**kinds):
-    noise = kinds.pop("noise", 1.0)
-    return table_of(true_model(own_frames=True, **kinds), pool_r(60), noise=noise)
+def train_of(**how):
+    noise = how.pop("noise", 1.0)
+    return table_of(true_model(own_frames=True, **how), pool_r(60), noise=noise)
 
 
 @pytest.mark.parametrize(("harmonics", "model"), [(0.0, "geometric"), (0.01, "extended")])
@@ -134,3 +138,22 @@ def test_a_pose_of_several_rows_counts_once_in_every_figure():
     for one in (found.position, found.rotation):
         assert (one.mean, one.maximum) == pytest.approx(((first + 5e-3) / 2, 5e-3))
     assert found.median == pytest.approx((first + 5e-3) / 2)
+
+
+def test_what_joints_scatter_is_that_of_the_target_the_station_and_the_distance():
+    """Of every kind of row, against readings of an arm whose joints went aside one by one."""
+    rng, sd, step = np.random.default_rng(4), 1e-5 * np.arange(1.0, 7.0), 1e-6
+    true = kinds.true_robot("tx60", rng)
+    table = kinds.everything(true, kinds.joints("tx60", rng, 4), rng)
+    session = SimpleNamespace(joint_scatter=sd, measurements=table)
+    root = scatter_root(session, true)
+    here = predict(true, table).residual
+    for joint in range(6):
+        aside = replace(table, q=table.q + step * np.eye(6)[joint])
+        moved = (here - predict(true, aside).residual) / step * sd[joint]
+        # forward differences of 1e-6 rad, and angles whose residuals are some 1e-4
+        np.testing.assert_allclose(root[:, :, joint], moved, atol=1e-3 * sd[joint])
+    added = with_scatter(session, root)
+    far = table.is_distance
+    along = (root[far, 0] ** 2).sum(axis=1)
+    np.testing.assert_allclose((added.covariance - table.covariance)[far, 0, 0], along, rtol=1e-6)
