@@ -8,12 +8,12 @@ import numpy as np
 from calib.errors import refuse
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import parameters_of
-from calib.identification.barely_told import barely_told, barely_told_words
 from calib.identification.identify import Status, identify
 from calib.identification.prior import Prior, frame_places, own_prior, own_words
 from calib.identification.result import Identification
 from calib.identification.robust import Loss
 from calib.identification.start.start import Start, start_frames
+from calib.identification.untold.barely_told import barely_told, barely_told_words
 from calib.kinds import checked_kinds
 from calib.measurement.observations import Measurements
 from calib.measurement.prediction import predict

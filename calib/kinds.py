@@ -97,8 +97,9 @@ def of_kind(name: str, value: object, kind: Any) -> Any:
         return _of_one(name, value, parts)
     if origin is Literal:
         if not any(type(value) is type(one) and value == one for one in parts):
+            said = f'"{value}"' if isinstance(value, str) else repr(value)
             raise refuse(name, value, f"one of {', '.join(map(str, parts))}", code="A3",
-                         message=f"{name} is {value!r}")  # fmt: skip
+                         message=f"{name} is {said}")  # fmt: skip
         return value
     if kind is Callable or origin is Callable:
         kind = Callable

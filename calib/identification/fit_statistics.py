@@ -39,6 +39,8 @@ class SolvedFit:
     prior: Prior | None
     belief: PriorRows | None
     loss: Loss
+    mirrored: tuple[str, ...] = ()
+    """Numbers on whose other side another answer fits as well."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -71,9 +73,17 @@ def with_statistics(
         statistics = _squared_statistics(fit, measurements, whitening)
     else:
         statistics = _robust_statistics(fit, measurements, rows(fit.solution.x))
-    notes = (*fit.reduction.sentences, *statistics.notes)
+    # judged where the fit began: from beside it readings do tell these numbers
+    untold = tuple(f"{name} " for name in fit.mirrored)
+    told = (one for one in fit.reduction.sentences if not untold or not one.startswith(untold))
+    notes = (*told, *statistics.notes)
     errors, names = fit.solution.x.joint_errors, fit.kept.free_names
     notes += against_gravity(errors, names, statistics.covariance)
+    if fit.mirrored:
+        notes += (
+            f"the readings look alike on both sides of {', '.join(fit.mirrored)}: an answer on the "
+            "other side fits as well; start on the right one",
+        )
     if fit.solution.status is not Status.CONVERGED:
         notes += (f"the fit {fit.solution.status.value}",)
     return Identification(

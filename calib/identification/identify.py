@@ -1,10 +1,11 @@
 """Identification: the robot model that explains a table of measurements best."""
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
-from calib.arrays import Array
+from calib.arrays import Array, frozen
 from calib.errors import refuse
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import Parameters
@@ -17,6 +18,7 @@ from calib.identification.result import Mode as Mode
 from calib.identification.robust import LOSSES, Loss, flattened
 from calib.identification.sufficiency import require_equations
 from calib.identification.tangent import NEGLIGIBLE, System
+from calib.identification.untold.saddles import way_down
 from calib.information.reduction import Reduction, reduce
 from calib.kinds import checked_kinds
 from calib.measurement.observations import Measurements
@@ -26,6 +28,8 @@ from calib.measurement.term_rows import TermRows
 MOST_STEPS = 100
 UNMOVED = 1e-12
 """Rounding of a step between two models [m, rad]."""
+MOST_SADDLES = 5
+"""Saddles of numbers that only a prior tells, from which a fit goes on."""
 NEARBY = 1e-2
 """Relative offset at which a fit ends that the next loss starts from: a hundredth of what noise
 moves each number by."""
@@ -117,9 +121,11 @@ def identify(
     many = None if whitening is None else TermRows.of(nominal, measurements, whitening, kept)
     for step in LOSSES[: LOSSES.index(loss) + 1]:
         until = NEGLIGIBLE if step == loss else NEARBY
-        solution = _solve(nominal, first, rows, kept, belief, step, near, until, report, many)
+        solution, mirrored = _solve(
+            nominal, first, rows, kept, belief, step, near, until, report, many
+        )
         near = solution.x
-    fit = SolvedFit(nominal, kept, reduction, solution, mode, prior, belief, loss)
+    fit = SolvedFit(nominal, kept, reduction, solution, mode, prior, belief, loss, mirrored)
     return with_statistics(fit, measurements, whitening, rows)
 
 
@@ -185,8 +191,11 @@ def _solve(
     until: float,
     report: Callable[[int, float], None] | None,
     many: TermRows | None,
-) -> Solution[RobotModel]:
-    """Least squares over the kept numbers; the system at the nominal model is already at hand."""
+) -> tuple[Solution[RobotModel], tuple[str, ...]]:
+    """Least squares over the kept numbers; the system at the nominal model is already at hand.
+
+    And the numbers on whose other side another answer fits as well.
+    """
     columns, every = kept.free_index, kept.free.all()
 
     def evaluate(model: RobotModel) -> System:
@@ -198,14 +207,35 @@ def _solve(
         own = stack.A if every else stack.A[:, columns]
         return System(*flattened(stack.r, own, stack.row_of, loss), believed)
 
-    return solve(
-        evaluate,
-        start,
-        move=lambda model, step: model.moved(kept.expand(step)),
-        most=MOST_STEPS,
-        until=until,
-        report=report,
-    )
+    def move(model: RobotModel, step: Array) -> RobotModel:
+        return model.moved(kept.expand(step))
+
+    def ended(near: RobotModel) -> Solution[RobotModel]:
+        return solve(evaluate, near, move=move, most=MOST_STEPS, until=until, report=report)
+
+    found, mirrored = ended(start), tuple[str, ...]()
+    if belief is None:
+        return found, mirrored
+    # a wave is linear in its number: where no reading has a slope by it, none ever has
+    waves = nominal.chain.n_numbers + np.arange(len(nominal.joint_errors.terms))
+    bent = ~np.isin(belief.index, waves)
+    some = np.searchsorted(columns, belief.index[bent])
+    sd = 1 / np.linalg.norm(belief.root, axis=0)[bent]
+    for _ in range(MOST_SADDLES):
+        down = None
+        if found.status is Status.CONVERGED and len(some):
+            down = way_down(evaluate, move, found.x, some, sd)
+        if down is None:
+            break
+        again = ended(move(found.x, down.step))
+        found = replace(
+            again,
+            iterations=found.iterations + 1 + again.iterations,
+            trace=frozen(np.concatenate([found.trace, again.trace])),
+        )
+        if down.both:
+            mirrored += tuple(kept.free_names[k] for k in down.along)
+    return found, mirrored
 
 
 def require_match(nominal: RobotModel, parameters: Parameters) -> None:

@@ -268,7 +268,7 @@ def test_what_a_public_function_is_fed_is_taken_or_refused_in_words(name):
             lambda: calib.parameters_of(ARM, "d1"),
             r"free is of the type str.* give a list: \['d1'\]",
         ),
-        (lambda: calib.identify(ARM, TRAIN, SOME, loss="hubr"), "loss is 'hubr'; one of squared,"),
+        (lambda: calib.identify(ARM, TRAIN, SOME, loss="hubr"), 'loss is "hubr"; one of squared,'),
         (lambda: calib.judge(FOUND.identification, TEST, train=TRAIN, rng=1), "rng is of the type"),
         (lambda: SEEN.rows([40]), "which names no such rows; a mask of 40 rows, or places from 0"),
         (lambda: SEEN.rows([0.5]), "which names no such rows"),

@@ -5,9 +5,9 @@ import pytest
 
 import calib
 from calib.geometry.parameters import parameters_of
-from calib.identification.barely_told import barely_told
 from calib.identification.identify import Status, identify
 from calib.identification.prior import Prior, weak_prior
+from calib.identification.untold.barely_told import barely_told
 from tests.calib.kinds import ARMS
 
 SD = 9e-6
