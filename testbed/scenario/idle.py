@@ -34,11 +34,6 @@ def _loaded(scenario: Scenario) -> bool:
     return bool(scenario.truth.payload_kg or any(scenario.truth.payloads_kg))
 
 
-def _geared(scenario: Scenario) -> bool:
-    """Whether gears err, or a model that is chosen is offered them."""
-    return bool(np.any(scenario.truth.gear_mdeg)) or scenario.identification.model == "choose"
-
-
 def _found(scenario: Scenario) -> bool:
     """Whether any place is to be found by the calibration."""
     fixtures = scenario.fixtures
@@ -50,7 +45,7 @@ NEEDS: tuple[tuple[str, tuple[str, ...], Asked, str], ...] = (
     ("truth", ("offset_share",), _nonzero("length_sd_mm"), "length_sd_mm is 0"),
     ("truth", ("transmission_waves",), _nonzero("transmission_mdeg"), "transmission_mdeg is 0"),
     ("truth", ("encoder_periods",), _nonzero("encoder_mdeg"), "encoder_mdeg is 0"),
-    ("truth", ("gear_ratio",), _geared, "gear_mdeg is 0"),
+    ("truth", ("gear_ratio",), _nonzero("gear_mdeg"), "gear_mdeg is 0"),
     ("truth", ("backlash_side",), _nonzero("backlash_mdeg"), "backlash_mdeg is 0"),
     ("truth", ("thermal_h", "thermal_um_per_m_k"), _nonzero("thermal_k"), "thermal_k is 0"),
     ("truth", ("thermal_k",), _nonzero("thermal_um_per_m_k"), "thermal_um_per_m_k is 0"),
