@@ -114,7 +114,18 @@ def truth_faults(truth: TruthSettings, robot: "Robot") -> Iterator[Fault]:
                 f"[truth] {key} has {counted(len(value), 'entry')}; {robot.name} has {n} joints"
             )
             yield Fault(("truth", key), message, fix="give one per joint", value=value)
-    if any(truth.gravity_mdeg) and gravity_quarters(robot.model.chain) is None:
+    quarters, width = gravity_quarters(robot.model.chain), truth.backlash_mdeg
+    played = any(width) if isinstance(width, tuple) else width
+    upright = quarters == (0, 0) and n >= 5
+    if played and truth.backlash_side == "posture" and not upright:
+        yield Fault(
+            ("truth", "backlash_side"),
+            f'[truth] backlash_side = "posture" does not fit this arm, {robot.name}',
+            allowed="an upright arm of five joints or more, joints 2 and 3 level and parallel",
+            fix='write backlash_side = "load" or "approach"',
+            value=truth.backlash_side,
+        )
+    if any(truth.gravity_mdeg) and quarters is None:
         yield Fault(
             ("truth", "gravity_mdeg"),
             f"[truth] gravity_mdeg does not fit this arm, {robot.name}: its sag is no sine of q2 "

@@ -13,7 +13,6 @@ from calib.geometry.bodies import Z, bent_forward
 from calib.geometry.chain import Chain, chain_names, joint_vectors
 from calib.geometry.model import RobotModel
 from calib.geometry.operating import OperatingConditions
-from calib.identification.joint_models import gravity_quarters
 from testbed.laboratory.bench import joint_repeatability
 from testbed.laboratory.simulator import Simulator
 from testbed.laboratory.truth.springs import ElasticArm
@@ -188,21 +187,9 @@ def draw_truth(robot: Robot, truth: TruthSettings, seed: int) -> TrueRobot:
 
 
 def unmodelled_terms(robot: Robot, truth: TruthSettings) -> UnmodelledTerms:
-    """Backlash, thermal growth, springs and motion of a scenario; no random numbers are drawn.
-
-    Raises
-    ------
-    InputError
-        If the play goes by the posture of an arm of another kind; see `gravity_quarters`.
-    """
+    """Backlash, thermal growth, springs and motion of a scenario; no random numbers are drawn."""
     chain, play, warmth, springs, motion = robot.model.chain, None, None, None, None
     if np.any(truth.backlash_mdeg):
-        upright = gravity_quarters(chain) == (0, 0) and chain.n_joints >= 5
-        if truth.backlash_side == "posture" and not upright:
-            allowed = "an upright arm of five joints or more, joints 2 and 3 level and parallel"
-            message = '[truth] backlash_side = "posture" does not fit this arm'
-            fix, key = 'write backlash_side = "load" or "approach"', "truth.backlash_side"
-            raise refuse(key, "posture", allowed, code="S37", message=message, fix=fix)
         width = np.where(chain.prismatic, 0.0, per_joint(chain, truth.backlash_mdeg))
         play = backlash(robot, truth, width / 2)
     if truth.thermal_k:
