@@ -57,10 +57,12 @@ def check_robot(scenario: Scenario, robot: "Robot", *, where: str) -> None:
 
 def _name_faults(scenario: Scenario, robot: "Robot") -> Iterator[Fault]:
     """Faults of parameters and sets that the robot does not have."""
-    names, settings = robot.model.names, scenario.identification
-    for table, key, value, word in (
-        ("truth", "perturb", scenario.truth.perturb, "links"),
-        ("identification", "free", settings.free, "identifiable"),
+    settings, every = scenario.identification, robot.model.names
+    # joint errors that the robot has already are known: only its links are drawn anew
+    links = every[: robot.model.chain.n_numbers]
+    for table, key, value, word, names in (
+        ("truth", "perturb", scenario.truth.perturb, "links", links),
+        ("identification", "free", settings.free, "identifiable", every),
     ):
         known = tuple(dict.fromkeys((word, *robot.free_sets))) if isinstance(value, str) else names
         for name in [value] if isinstance(value, str) else value:

@@ -3,7 +3,9 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
+from calib.errors import InputError
 from calib.geometry.joint_errors import JointErrors, JointTerm
 from calib.geometry.model import RobotModel
 from calib.identification.joint_models import extended_model
@@ -14,6 +16,7 @@ from testbed.laboratory.truth.robot import draw_truth
 from testbed.laboratory.truth.setting import in_turn, journey
 from testbed.robots.write.folder import write_robot_folder
 from testbed.robots.write.identified import identified_robot
+from testbed.scenario.checks import check_robot
 from testbed.scenario.read import changed
 from testbed.studies import load_scenario
 from testbed.studies.trial.compare import true_step
@@ -54,6 +57,16 @@ def test_the_true_robot_has_the_play_its_nominal_model_knows():
     np.testing.assert_allclose(there, play.poses(q, said), rtol=0, atol=1e-12)
     assert np.abs(there - play.poses(q))[:, :3, 3].max() > 50e-6
     assert ManyTrueRobots.of([true]) is None  # its rows are beyond what arrays know
+
+
+def test_numbers_of_known_joint_errors_are_not_perturbed():
+    """And who asks for it is told so by the check, not by the run."""
+    term = KNOWN.model.joint_errors.names[0]
+    scenario = changed(load_scenario("quick"), {"truth.perturb": ["alpha2", term]})
+    with pytest.raises(InputError, match=rf'perturb has "{term}", which mine does not know'):
+        check_robot(scenario, KNOWN, where="x.toml")
+    sound = changed(scenario, {"truth.perturb": ["alpha2", "base.x"]})
+    check_robot(changed(sound, {"identification.estimators": ["whitened"]}), KNOWN, where="x.toml")
 
 
 def test_what_the_scenario_adds_comes_on_top():
