@@ -1,4 +1,7 @@
-"""Where a misfit may come from: poses where the training says little, an arm that hangs."""
+"""Where a misfit may come from: poses where the training says little, an arm that hangs.
+
+And a model taken that held-out poses do not bear out.
+"""
 
 import numpy as np
 
@@ -7,12 +10,15 @@ from calib.geometry.model import RobotModel
 from calib.identification.climbing import ASKED
 from calib.uncertainty.statement.conditions import named
 from testbed.identify.calibration import Calibration
+from testbed.identify.fit import of_poses
 from testbed.units import DEG, MM, fixed, significant
 
 FARTHER = 2.0
 """So many times as far must held-out poses be missed: with ten of them or more, no chance does it
 where both kinds come from one place."""
 FEWEST = 10
+CHANCE = 2.0
+"""Standard errors by which chance makes one of two alike models worse, one time in forty."""
 AHEAD, AHEAD_SLIDE = np.radians(5.0), 0.02
 """A joint is named that goes further beyond its training range [rad, m]."""
 
@@ -49,6 +55,36 @@ def beyond_words(calibration: Calibration) -> tuple[str, ...]:
         f"{text}no joint goes beyond its training poses; either {there}, and {mend}; or the robot "
         "was another one then: bumped, otherwise loaded, or not this one",
     )
+
+
+def simpler_words(calibration: Calibration) -> tuple[str, ...]:
+    """That geometry alone misses held-out poses by less than the model taken, where it does.
+
+    It is said and changes nothing: poses that chose a model would be no test of it.
+    """
+    choice, is_test = calibration.choice, calibration.split.is_test
+    fits = {fit.model: fit for fit in calibration.fits}
+    if choice.chosen != "extended" or "geometric" not in fits or calibration.elsewhere:
+        return ()
+    if fits["geometric"].test is None:
+        return ()
+    simpler, taken = (
+        of_poses(fits[name].misses.position, calibration.measurements, is_test)
+        for name in ("geometric", "extended")
+    )
+    more = taken - simpler
+    if more.mean() <= 0:
+        return ()
+    count = len(more)
+    text = (
+        f"Geometry alone misses the {count} held-out poses by less than the model taken: "
+        f"{fixed(simpler.mean() * MM, 4)} against {fixed(taken.mean() * MM, 4)} mm on average"
+    )
+    if count > 1 and (error := float(more.std(ddof=1)) / np.sqrt(count)) > 0:
+        size = float(more.mean()) / error
+        text += f", {significant(size, 2)} standard errors of the difference, pose by pose: "
+        text += "chance may do that" if size < CHANCE else "more than chance makes likely"
+    return (f"{text}; --model geometric takes it",)
 
 
 def gravity_words(calibration: Calibration) -> tuple[str, ...]:

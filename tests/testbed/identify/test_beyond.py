@@ -9,7 +9,7 @@ from calib.geometry.chain import Chain
 from calib.geometry.joint_errors import JointErrors, harmonic_terms
 from calib.geometry.model import RobotModel
 from calib.identification.climbing import Offer
-from testbed.identify.applies.beyond import beyond_words, gravity_words, map_words
+from testbed.identify.applies.beyond import beyond_words, gravity_words, map_words, simpler_words
 
 ARM = Chain(np.zeros((3, 5)), ("revolute", "prismatic", "revolute"))
 Q = np.zeros((30, 3))
@@ -134,3 +134,39 @@ def test_targets_half_a_wave_beyond_the_measurements_of_a_map_are_told():
     assert text.startswith("target 2 turns joint 1 ")
     assert map_words(model, measured, edge[:1]) == ()
     assert map_words(RobotModel(chain), measured, q) == ()
+
+
+def two_models(simpler, taken, **more):
+    """Errors [m] of two rows at each of some held-out poses, behind one that identified."""
+    poses = len(simpler)
+    rows = np.concatenate([[0], np.repeat(np.arange(1, poses + 1), 2)])
+
+    def fit(name, errors):
+        misses = np.concatenate([[1.0], np.repeat(errors, 2)])
+        return SimpleNamespace(model=name, misses=SimpleNamespace(position=misses), test=True)
+
+    known = {
+        "fits": (fit("geometric", simpler), fit("extended", taken)),
+        "choice": SimpleNamespace(chosen="extended"),
+        "split": SimpleNamespace(is_test=rows > 0),
+        "measurements": SimpleNamespace(pose_id=rows),
+        "elsewhere": False,
+    }
+    return SimpleNamespace(**known | more)
+
+
+def test_that_geometry_alone_is_better_at_held_out_poses_is_said_with_its_chance():
+    """Differences of -1, 3, -1, 3 um: their mean is 1 um, its standard error sqrt(16/3/4) um."""
+    simpler = np.array([40e-6, 44e-6, 42e-6, 42e-6])
+    taken = simpler + np.array([-1e-6, 3e-6, -1e-6, 3e-6])
+    (text,) = simpler_words(two_models(simpler, taken))
+    assert "misses the 4 held-out poses by less than the model taken: 0.0420 against 0.0430" in text
+    assert "0.87 standard errors of the difference, pose by pose: chance may do that" in text
+    assert text.endswith("--model geometric takes it")
+    (text,) = simpler_words(two_models(simpler, simpler + np.array([4e-6, 5e-6, 6e-6, 5e-6])))
+    assert "more than chance makes likely" in text
+    assert simpler_words(two_models(taken, simpler)) == ()
+    assert simpler_words(two_models(simpler, taken, elsewhere=True)) == ()
+    assert simpler_words(two_models(simpler, taken, choice=GEOMETRIC)) == ()
+    one = two_models(simpler[:1], taken[:1] + 2e-6)
+    assert simpler_words(one)[0].endswith("mm on average; --model geometric takes it")
