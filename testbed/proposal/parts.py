@@ -173,8 +173,8 @@ def _more(look: Found) -> dict[str, str]:
             found |= {f"{one.stem}_{one.unit or 'mm'}": one.theirs for one in centers
                       if not one.known}  # fmt: skip
     name = found.get("pose_id")
-    if name is not None and (look.has("target") or len(set(look.column(name))) < look.rows):
-        # a name that comes again is that of a reflector
+    if name is not None and look.has("target") == (len(set(look.column(name))) == look.rows):
+        # a name that comes again is a reflector; beside one, numbers that do not are of rows
         del found["pose_id"]
     return found
 

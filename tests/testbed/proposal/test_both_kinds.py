@@ -7,7 +7,7 @@ import pytest
 
 from testbed.files.read import read_session
 from tests.testbed.files.made import ROBOT, csv, made
-from tests.testbed.proposal.test_session import call, proposed
+from tests.testbed.proposal.test_session import call, proposed, write
 
 M, FIRST = 60, 35
 ARM, NEST = np.array([0.05, 0.03, 0.08]), np.array([3.0, 2.0, 0.5])
@@ -129,3 +129,24 @@ def test_without_a_robot_both_kinds_are_proposed_as_well(tmp_path):
     _, text = proposed(tmp_path, [tmp_path / f"{name}.csv" for name in tables])
     told = tomllib.loads(text)
     assert (told["points"]["file"], told["ranges"]["file"]) == ("p.csv", "r.csv")
+
+
+@pytest.mark.parametrize(("head", "of_poses"), [("Pose", True), ("No", False)])
+def test_a_pose_that_comes_with_each_target_is_one_pose(head, of_poses, tmp_path):
+    """Joints read back at each shot differ by microdegrees; numbers of rows name no pose."""
+    rng, three = np.random.default_rng(1), range(3)
+    q = np.repeat(np.column_stack(list(JOINTS.values())), 3, axis=0)
+    q = q + rng.uniform(-2e-6, 2e-6, q.shape)
+    number = np.repeat(np.arange(M), 3) if of_poses else np.arange(3 * M)
+    corners = ARM + 0.05 * np.eye(3)
+    T = made(3, M).T
+    p = np.stack([T[:, :3, 3] + T[:, :3, :3] @ corner for corner in corners], axis=1)
+    table = {head: number, "SMR": [f"S{k}" for k in three] * M}
+    table |= {f"J{k + 1}": q[:, k] for k in range(6)}
+    table |= dict(zip(("X", "Y", "Z"), 1e3 * p.reshape(-1, 3).T, strict=True))
+    proposed(tmp_path, write(tmp_path, a__csv=csv(table)), "--robot", "staubli_tx60")
+    told = tomllib.loads((tmp_path / "session.toml").read_text(encoding="utf-8"))
+    assert told["points"]["columns"]["target"] == "SMR"
+    assert (told["points"]["columns"].get("pose_id") == head) == of_poses
+    if of_poses:
+        assert read_session(tmp_path / "session.toml", ROBOT).measurements.n_poses == M
