@@ -1,27 +1,38 @@
-"""Whether the trials of a scenario measure enough for what they identify, known before any is."""
+"""Whether a scenario can be measured, and enough for what it identifies, known before any is."""
 
 from dataclasses import replace
 
 from calib.errors import refuse
 from testbed.laboratory.bench import PROBED_POSES, Bench, open_bench
+from testbed.laboratory.tracker.stations import require_ranges, require_stations
 from testbed.scenario.laboratory import At960Tracker
 from testbed.scenario.scenario import Scenario
 from testbed.streams import stream
 
 
 def check_trials(scenario: Scenario) -> None:
-    """Refuse a trial with too few poses, by some of the poses that a run would draw; as it would.
+    """Refuse what a run would refuse before its first reading, by some poses that it would draw.
+
+    Stations where no tracker can stand, and trials with too few poses.
 
     Raises
     ------
     InputError
-        As `require_poses`, or as a run says that there are no such poses.
+        As `require_stations`, `require_ranges`, `Bench.check_views` and `require_poses`, or as a
+        run says that there are no such poses.
     """
     if not scenario.trial:
         return
     bench = open_bench(scenario)
+    here = not scenario.plan.stations.given  # else the plan looks for a place of its own
+    if here:
+        require_stations(bench)
     size = min(scenario.pool.size, PROBED_POSES)
     q = bench.candidates().draw(stream(scenario.seed, "pool"), size=size).q
+    if here:
+        require_ranges(bench, q, "the pool")
+    if size == scenario.pool.size:  # else others may show what none of these does
+        bench.check_views(q)
     require_poses(replace(bench, pool_q=q))
 
 

@@ -6,10 +6,12 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from calib.errors import InputError
 from testbed.cli import app
+from testbed.laboratory.truth.setting import make_setting
 from testbed.robots.catalog import load_robot, robot_names
 from testbed.run.play import robot_of
-from testbed.scenario.read import scenario_path
+from testbed.scenario.read import changed, dump_scenario, scenario_path
 from testbed.studies import load_scenario
 from tests.testbed.files.made import poses_csv
 
@@ -186,6 +188,41 @@ def test_a_new_scene_fits_its_robot(robot, tmp_path):
     assert f"a scenario, my_scene, for {robot}; trials: designed-" in call("check", out).stdout
     again = call("new", "scene", robot, "--out", out)
     assert (again.exit_code, "exists already" in again.stderr) == (2, True)
+
+
+@pytest.mark.parametrize(
+    ("scene", "changes", "told"),
+    [
+        ("quick", {"tracker.station_mm": [300.0, 0.0, 300.0]}, "in the robot's work space"),
+        ("quick", {"tracker.station_mm": [2.6, -2.0, 0.3]}, "it is in mm: are these meters?"),
+        ("quick", {"tracker.station_mm": [2600.0, 0.0, -3000.0]}, "below the floor"),
+        ("stations", {"fixtures.stations_mm": [[300.0, 0.0, 300.0]]}, "stations_mm entry 1"),
+        ("stations", {"fixtures.anchors_mm": {"P1": [0.0, 0.0, 0.0]}, "fixtures.free": ["B"]},
+         'anchor "P1" at (0, 0, 0) mm sees nothing'),
+    ],
+)  # fmt: skip
+def test_where_no_tracker_can_stand_the_check_says_so_as_the_run_does(
+    scene, changes, told, tmp_path
+):
+    file = tmp_path / "scene.toml"
+    scenario = changed(load_scenario(scene), {"pool.size": 100, **changes})
+    file.write_text(dump_scenario(scenario), encoding="utf-8")
+    done = call("check", file)
+    assert (done.exit_code, done.stdout) == (2, "")
+    assert told in done.stderr
+    with pytest.raises(InputError) as caught:
+        make_setting(scenario)
+    assert str(caught.value) in done.stderr
+
+
+def test_a_plan_that_looks_for_its_station_stands_wherever_it_finds_best(tmp_path):
+    """Not at that of [tracker], of which a run would say that no tracker can stand there."""
+    file, places = tmp_path / "scene.toml", {"plan.stations.list_mm": [[2600.0, -2000.0, 300.0]]}
+    scenario = changed(
+        load_scenario("quick"), {"tracker.station_mm": [300.0, 0.0, 300.0], **places}
+    )
+    file.write_text(dump_scenario(scenario), encoding="utf-8")
+    assert call("check", file).exit_code == 0
 
 
 @pytest.mark.study
