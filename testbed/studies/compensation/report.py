@@ -3,7 +3,7 @@
 from testbed.report.page import Block, Figure, Points, Section, Table, Text, Verdict
 from testbed.studies.compensation.plots import accuracy_by_pose, readings_of_one
 from testbed.studies.compensation.study import STUDY, CompensationStudy
-from testbed.studies.compensation.summary import Outcome, Typical, outcomes
+from testbed.studies.compensation.summary import Outcome, Typical, compared, outcomes
 from testbed.studies.protocol import Answer
 from testbed.studies.trial.records import Campaign
 from testbed.studies.trial.verdict import trial_verdict
@@ -204,9 +204,11 @@ def answer(campaign: Campaign) -> Answer:
     """The first screen: on which kinds of robots the corrected program is better, by how much."""
     studies = STUDY.of(campaign)
     found = [outcomes(study) for study in studies]
-    better = sum(chosen.ap.value < before.ap.value for before, _, chosen in found)
-    kinds = f"{better} of {counted(len(found), 'kind')} of robots"
-    mark = f"{'✓' if better == len(found) else '✗'} The corrected program is better on {kinds}"
+    said = compared(studies)
+    better, open_ = said.count("better"), said.count("undecided")
+    sign = "✓" if better == len(said) else "✗" if "worse" in said else "?"
+    mark = f"{sign} The corrected program is better on {better} of "
+    mark += f"{counted(len(said), 'kind')} of robots" + f", undecided on {open_}" * bool(open_)
     first, *rest = [text for rows in found for text in sentences(rows)]
     own = trial_verdict(campaign)
     reasons = tuple(plain(text) for text in (*rest, own.sentence))

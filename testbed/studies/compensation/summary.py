@@ -1,6 +1,6 @@
 """What the compensation study found, for the report and for result.json."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -8,6 +8,8 @@ import numpy as np
 from calib.arrays import Array
 from testbed.store.quantities import METRE, RADIAN, Quantity, below, in_si
 from testbed.studies.compensation.study import VARIANTS, WORTH, CompensationStudy
+from testbed.studies.many_robots import Outcome as Compared
+from testbed.studies.many_robots import family_confidence, log_ratio_over_robots, outcome_of
 
 VALUE, UNCERTAINTY, FLOOR = range(len(WORTH))
 PUBLISHED = {"median": "value", "p05": "low", "p95": "high", "u": "uncertainty", "floor": "floor"}
@@ -94,6 +96,22 @@ def outcomes(study: CompensationStudy) -> tuple[Outcome, ...]:
             )
         )
     return tuple(found)
+
+
+def compared(studies: Sequence[CompensationStudy]) -> list[Compared]:
+    """Whether AP of the program that the chosen model corrects is better than before, by kind.
+
+    Robot by robot, by intervals that hold for all kinds at once.
+    """
+    together, chosen = family_confidence(len(studies)), VARIANTS.index("chosen")
+    return [
+        outcome_of(
+            log_ratio_over_robots(
+                mean_accuracy(study, chosen), mean_accuracy(study, 0), probability=together
+            )
+        )
+        for study in studies
+    ]
 
 
 def mean_accuracy(study: CompensationStudy, variant: int) -> Array:

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy import stats
 
 from calib.compensation import compensate
 from calib.errors import InputError
@@ -21,11 +22,11 @@ from testbed.store.codec import pack, unpack
 from testbed.studies import load_scenario
 from testbed.studies.compensation.cube import cube_joints, cube_poses
 from testbed.studies.compensation.play import execute, gather, play_robots, robot_of
-from testbed.studies.compensation.report import section, sentences, summary_table
+from testbed.studies.compensation.report import answer, section, sentences, summary_table
 from testbed.studies.compensation.settings import CompensationSettings
 from testbed.studies.compensation.study import STUDY, CompensationStudy
-from testbed.studies.compensation.summary import mean_accuracy, outcomes
-from tests.campaign import record_hash
+from testbed.studies.compensation.summary import compared, mean_accuracy, outcomes
+from tests.campaign import record_hash, with_records
 from tests.reported import assert_same, played
 from tests.testbed.scenario.test_messages import on_a_wall
 
@@ -150,6 +151,31 @@ def test_a_robot_that_comes_out_worse_is_said(studies):
     figures[2, 0, 0, 3] = 0.01
     said = " ".join(sentences(outcomes(replace(study, figures=figures))))
     assert "Corrected by the chosen model, 1 elastic robot came out worse than before." in said
+
+
+BETTER = "The corrected program is better on"
+
+
+@pytest.mark.parametrize(
+    ("factors", "mark"),
+    [
+        ((0.1, 0.12, 0.2, 0.1, 0.15), f"✓ {BETTER} 3 of 3 kinds of robots"),
+        # the median is smaller, and two robots of five are no better
+        ((0.5, 1.1, 0.9, 1.3, 0.8), f"? {BETTER} 2 of 3 kinds of robots, undecided on 1"),
+        ((1.5, 1.8, 1.6, 1.7, 1.4), f"✗ {BETTER} 2 of 3 kinds of robots"),
+    ],
+)
+def test_the_tick_is_for_programs_that_are_better_beyond_luck(campaign, studies, factors, mark):
+    rigid = studies["rigid"]
+    figures = rigid.figures.copy()
+    figures[2, 0, 0] = figures[0, 0, 0] * np.array(factors)[:, None]
+    changed_ = with_records(campaign, compensation__rigid=replace(rigid, figures=figures))
+    assert answer(changed_).verdict.mark == mark
+    ratio = np.log(factors)
+    half = stats.t.ppf(1 - 0.05 / 3 / 2, 4) * ratio.std(ddof=1) / np.sqrt(5)
+    ends = ratio.mean() - half, ratio.mean() + half
+    word = "better" if ends[1] < 0 else "worse" if ends[0] > 0 else "undecided"
+    assert compared(STUDY.of(changed_))[0] == word
 
 
 def test_the_five_poses_lie_in_one_plane_of_the_cube_and_one_configuration(campaign, studies):
