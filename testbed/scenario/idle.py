@@ -6,7 +6,7 @@ import numpy as np
 
 from testbed.scenario.laboratory import SYSTEMATIC
 from testbed.scenario.scenario import Scenario
-from testbed.scenario.tables import Settings
+from testbed.scenario.tables import BudgetSettings, Settings
 from testbed.strict import flat
 from testbed.units import listed
 
@@ -61,6 +61,10 @@ NEEDS: tuple[tuple[str, tuple[str, ...], Asked, str], ...] = (
     ("fixtures", ("turn_sd_deg",), lambda s: s.fixtures and s.fixtures.stations_mm,
      "there are no stations_mm"),
     ("fixtures", ("place_sd_mm",), _found, "nothing has to be found"),
+    ("studies", ("pose_count_max",), lambda s: s.studies.pose_count, "pose_count is false"),
+    ("budget", tuple(BudgetSettings.model_fields), lambda s: s.studies.paper_budget,
+     "[studies] paper_budget is false"),
+    ("plan", ("target_is",), lambda s: s.plan.target_um, "target_um is 0"),
 )  # fmt: skip
 """Keys of a table, who reads them, and what is the case where nothing does."""
 

@@ -62,6 +62,11 @@ def test_a_noise_below_that_of_any_tracker_is_said(tmp_path):
          "[tracker] nests_s changes nothing: drift_um_per_sqrt_h is 0"),
         ({"tracker.preset": "at960", "tracker.outlier_mm": 2.0},
          "[tracker] outlier_mm changes nothing: outliers is 0"),
+        ({"budget.poses": 40, "budget.environment_mm": 0.1},
+         "[budget] poses and environment_mm change nothing: [studies] paper_budget is false"),
+        ({"studies.pose_count_max": 90},
+         "[studies] pose_count_max changes nothing: pose_count is false"),
+        ({"plan.target_is": "worst"}, "[plan] target_is changes nothing: target_um is 0"),
     ],
 )  # fmt: skip
 def test_a_key_whose_term_is_switched_off_is_said(changes, sentence):
@@ -71,7 +76,8 @@ def test_a_key_whose_term_is_switched_off_is_said(changes, sentence):
     assert odd_settings(scenario) == (sentence,)
     on = {
         "truth.encoder_mdeg": 1.0, "truth.gear_mdeg": 1.0, "truth.backlash_mdeg": 1.0,
-        "truth.thermal_k": 1.0, "truth.thermal_um_per_m_k": 12.0,
+        "truth.thermal_k": 1.0, "truth.thermal_um_per_m_k": 12.0, "studies.pose_count": True,
+        "studies.paper_budget": True, "plan.target_um": 30.0, "plan.poses": 0,
     }  # fmt: skip
     if "truth.dwell_s" in changes:
         on["truth.motion"] = True
