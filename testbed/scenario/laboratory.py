@@ -52,7 +52,8 @@ class TruthSettings(Settings):
     gravity_mdeg: tuple[Sag, Sag, Sag]
     """g1, g2, g3 of the closed-form sag of joints 2 and 3."""
     harmonic_mdeg: PerJoint
-    """h of once and twice a turn."""
+    """h of the error once a turn, whose amplitude is 0.5 to 1.5 h, drawn for each joint; that twice
+    a turn is half as large."""
     high_harmonic_mdeg: PerJoint = 0.0
     """Three and (0.6 of it) seven times a turn; no model of an identification has them."""
     frame_sd_mm: LengthSd
@@ -60,8 +61,8 @@ class TruthSettings(Settings):
     frame_sd_deg: AngleSd
     """The same of their rotation, per axis."""
     transmission_mdeg: PerJoint = 0.0
-    """Standard deviation, around the turn, of gear errors at each number of waves in the range
-    below; no model of an identification has them all."""
+    """Standard deviation, around the turn, of gear errors at all numbers of waves in the range
+    below together; no model of an identification has them all."""
     transmission_waves: tuple[Waves, Waves] = (10, 40)
     """Fewest and most waves a turn."""
     encoder_mdeg: PerJoint = 0.0
@@ -115,7 +116,8 @@ class TruthSettings(Settings):
     damping: Annotated[float, Field(ge=0.0, le=5.0)] = 0.05
     """Of every spring, as a share of the critical damping of what it carries on average."""
     joint_repeatability_mdeg: Annotated[float, Field(ge=0.0, le=1000.0)] | None
-    """Every joint, per approach; None: the robot's own (written "robot" in the file)."""
+    """Standard deviation of every joint that turns, anew at each approach; one that slides keeps
+    the robot's own, none at 0. None: the robot's own (written "robot" in the file)."""
 
 
 Micrometres = Annotated[float, Field(ge=0.0, le=10_000.0)]
