@@ -119,12 +119,12 @@ def scene(
     """Write a scenario for a robot, with the box it works in and a place for the tracker."""
     with exit_codes(debug=debug, plain=plain):
         from testbed.proposal.scene import scene_text
-        from testbed.proposal.write import plain_name, require_new, write_new
+        from testbed.proposal.write import plain_name, require_new, seen_from, write_new
         from testbed.robots.catalog import load_robot
         from testbed.schemas.editor import schema_beside
 
         require_new(out)
-        text = scene_text(load_robot(robot), robot, plain_name(out))
+        text = scene_text(load_robot(robot), seen_from(out, robot), plain_name(out))
         write_new(out, (line := schema_beside(out, "scene")) + text)
         if not quiet:
             say(f"Scene      {out}")

@@ -52,7 +52,7 @@ PER_JOINT = 5
 
 
 def scene_text(robot: Robot, named: str, name: str) -> str:
-    """The text of a scenario; `named` is how the user named the robot."""
+    """The text of a scenario; `named` is how its file names the robot."""
     place = workspace(robot)
     ranges = [list(pair) for pair in place.joint_ranges_deg]
     return SCENE.format(

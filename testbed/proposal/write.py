@@ -1,12 +1,15 @@
 """New files: written whole or not at all, and never over another."""
 
+import os
 import re
 from pathlib import Path
 
 from calib.errors import visible
+from testbed.assets import robot_names
 from testbed.disk import atomic_write
 from testbed.files.refusal import refusal
 from testbed.gates.paths import is_there, real
+from testbed.robots.catalog import ROBOT_FILE
 
 
 def require_new(path: Path) -> None:
@@ -31,6 +34,14 @@ def plain_name(path: Path) -> str:
     """A name of small letters, digits and _ from that of a file."""
     letters = re.sub(r"[^a-z0-9]+", "_", path.stem.lower()).strip("_")
     return (letters if letters[:1].isalpha() else f"r_{letters}".rstrip("_"))[:60]
+
+
+def seen_from(out: Path, robot: str) -> str:
+    """A robot as a file `out` names it: by the path from there, or a shipped one by its name."""
+    if robot in robot_names():
+        return robot
+    file = Path(robot) / ROBOT_FILE if Path(robot).is_dir() else Path(robot)
+    return Path(os.path.relpath(file.resolve(), out.parent.resolve())).as_posix()
 
 
 def write_new(path: Path, text: str) -> None:

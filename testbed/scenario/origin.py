@@ -9,6 +9,7 @@ import json
 from collections.abc import Collection, Iterator, Mapping
 from typing import Any, Literal
 
+from testbed.gates.kinds import DESCRIPTIONS
 from testbed.scenario.laboratory import TruthPreset
 from testbed.scenario.presets import written
 from testbed.scenario.scenario import Scenario
@@ -82,8 +83,8 @@ def unknown(origin: OriginTable, keys: Mapping[str, Collection[str]]) -> Iterato
 
 
 def is_path(robot: str) -> bool:
-    """Whether a robot is named by a path: it has a separator or ends in .toml."""
-    return "/" in robot or "\\" in robot or robot.endswith(".toml")
+    """Whether a robot is named by a path: it has a separator, or ends as a file of a robot does."""
+    return "/" in robot or "\\" in robot or robot.lower().endswith((".toml", *DESCRIPTIONS))
 
 
 def dotted(path: KeyPath) -> str:

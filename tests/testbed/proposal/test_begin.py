@@ -1,6 +1,7 @@
 """New robots and scenes are taken by the verbs that follow, and check tells every kind of file."""
 
 import json
+import re
 
 import numpy as np
 import pytest
@@ -223,6 +224,25 @@ def test_a_plan_that_looks_for_its_station_stands_wherever_it_finds_best(tmp_pat
     )
     file.write_text(dump_scenario(scenario), encoding="utf-8")
     assert call("check", file).exit_code == 0
+
+
+@pytest.mark.parametrize("named", ["arm.urdf", "models", "models/robot.toml"])
+def test_a_new_scene_finds_its_robot_from_wherever_it_is_read(named, tmp_path, monkeypatch):
+    """Paths of a scenario begin in its own folder, the user's in the one where he is."""
+    shipped = load_robot("staubli_tx60").folder
+    (tmp_path / "models").mkdir()
+    (tmp_path / "scenes").mkdir()
+    (tmp_path / "models/robot.toml").write_text(
+        (shipped / "robot.toml").read_text().split("[[parts]]")[0]
+    )
+    text = (shipped / "staubli_tx60.urdf").read_text()
+    (tmp_path / "arm.urdf").write_text(re.sub(r"(?s)<(visual|collision).*?</\1>", "", text))
+    monkeypatch.chdir(tmp_path)
+    for out in ("scene.toml", "scenes/scene.toml"):
+        assert call("new", "scene", named, "--out", out).exit_code == 0
+    monkeypatch.chdir("/")
+    for out in ("scene.toml", "scenes/scene.toml"):
+        assert robot_of(load_scenario(tmp_path / out), "a").name == "staubli_tx60"
 
 
 @pytest.mark.study
