@@ -44,7 +44,8 @@ class PoseBudget(Shown):
     smallest: int | None
     """Fewest poses with which a designed set reaches the target; None if none does."""
     proven: int | None
-    """No set of fewer poses reaches the target; None if not even the bound does."""
+    """No set of fewer poses reaches the target; None if not even the bound does, 0 if what is known
+    before reaches it without any."""
     chosen: Index
     """(m,) the designed set of `smallest` poses, or of the largest number looked at."""
     sentence: str
@@ -171,6 +172,10 @@ def pose_budget(
         smallest = min(m for m, point in curve.points.items() if point.reached <= target)
     last = high if smallest is None else smallest
     proven = curve.fewest(lambda point: point.possible, target, least, last)
+    known = np.inf
+    if not problem.is_singular(()):
+        known = criterion.figure(problem.base, max(len(problem.given), 1))
+        proven = 0 if known <= target else proven
     sizes = sorted({*shown, *filter(None, (smallest, proven))})
     points = [curve.at(m) for m in sizes]
     return PoseBudget(
@@ -183,7 +188,7 @@ def pose_budget(
         smallest=smallest,
         proven=proven,
         chosen=frozen(curve.at(last).chosen, np.int64),
-        sentence=_sentence(target, smallest, proven, high, curve),
+        sentence=_sentence(target, smallest, proven, high, curve, known),
     )
 
 
@@ -196,10 +201,17 @@ def _grid(least: int, top: int) -> list[int]:
 
 
 def _sentence(
-    target: float, smallest: int | None, proven: int | None, high: int, curve: _Curve
+    target: float,
+    smallest: int | None,
+    proven: int | None,
+    high: int,
+    curve: _Curve,
+    known: float,
 ) -> str:
-    """The budget in words."""
+    """The budget in words; `known` is the figure before any pose of it."""
     asked = f"u = {target * 1e6:.4g} um"
+    if known <= target:
+        return f"{asked} is reached by what is known before: {known * 1e6:.4g} um without a pose"
     if smallest is None:
         _, figure, bound = curve.at(high)
         words = f"{asked} is not reached with {high} poses: "

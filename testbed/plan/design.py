@@ -17,6 +17,7 @@ from calib.design import (
 )
 from calib.design.blocks import has_full_rank, unobservable_in_words
 from calib.design.certificate import no_proof
+from calib.design.problem import NO_POSES
 from calib.design.relaxation import relaxation
 from calib.errors import InputError, refuse
 from testbed.laboratory.tracker.predicted import goal_u
@@ -164,7 +165,7 @@ def _curve(task: DesignTask, budget: PoseBudget, places: Index, rng: np.random.G
         # another pose never hurts: what fewer poses reach, more reach as well; errors in common
         # may reach the goal through it
         u = np.minimum.accumulate(u)
-    wanted = task.target is not None
+    fewest = None if task.target is None else max(budget.proven or 0, task.fewest)
     return Curve(
         counts=frozen(counts, np.int64),
         u=frozen(np.where(counts == m, own, u)),
@@ -174,18 +175,22 @@ def _curve(task: DesignTask, budget: PoseBudget, places: Index, rng: np.random.G
         random=frozen(random_u(task, counts, rng)),
         random_sets=RANDOM_SETS,
         target=task.target,
-        reached=m if wanted else None,
-        fewest=budget.proven if wanted else None,
-        sentence=_sentence(task, m, budget.proven) if wanted else "",
+        reached=fewest if fewest in (None, 0) else m,
+        fewest=fewest,
+        sentence="" if fewest is None else _sentence(task, m, fewest),
     )
 
 
-def _sentence(task: DesignTask, m: int, proven: int | None) -> str:
+def _sentence(task: DesignTask, m: int, proven: int) -> str:
     """What is proven about the number of poses."""
     settings = task.settings
     over = OVER["G" if settings.target_is == "worst" else "V"]
     asked = f"U = {settings.target_um:g} µm ({factor_words(settings.coverage, over)})"
     reach = _poses(m, "reach", "reaches", "more pose" if len(task.before) else "pose")
+    if not proven:
+        here = significant(settings.coverage * task.u(NO_POSES) * UM)
+        before = counted(len(task.before) // task.blocks.shape[1], "pose")
+        return f"The {before} measured already reach {asked}: they give {here} µm without another"
     if m == proven:
         return f"{reach} {asked}, and it is proven that no fewer can"
     return f"{reach} {asked}; it is proven that fewer than {proven} from this pool do not"

@@ -43,7 +43,8 @@ class Curve(Shown):
     target: float | None
     """Standard uncertainty wanted [m]; None without a target."""
     reached: int | None
-    """Smallest number of poses whose designed set reaches the target; None if none does."""
+    """Smallest number of poses whose designed set reaches the target; None if none does, 0 if those
+    measured already do."""
     fewest: int | None
     """Proven: no set of fewer poses from this pool reaches the target."""
     sentence: str

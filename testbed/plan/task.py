@@ -44,9 +44,9 @@ class DesignTask:
 
     @property
     def fewest(self) -> int:
-        """Fewest poses that give a calibration more equations than numbers."""
+        """Fewest poses that give a calibration more equations than numbers; maybe none."""
         r = int(self.blocks.shape[1])
-        return max((self.p - len(self.before)) // r + 1, 1)
+        return max((self.p - len(self.before)) // r + 1, 0)
 
     @property
     def criterion(self) -> Criterion:

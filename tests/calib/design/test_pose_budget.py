@@ -134,9 +134,25 @@ def test_where_poses_may_repeat_a_budget_goes_beyond_the_pool():
         pose_budget(problem, whole, np.random.default_rng(0), counts=[2])
 
 
+@pytest.mark.parametrize("known", ["prior", "given"])
+def test_where_what_is_known_reaches_the_target_no_pose_is_said_to_be_needed(known):
+    blocks, criterion = small_pool(2), small_criterion("V")
+    before = {"prior": 2.0 * np.eye(5)} if known == "prior" else {"given": (0, 1, 2, 3)}
+    M = 2.0 * np.eye(5) if known == "prior" else information(blocks[:4])
+    here = criterion.figure(M, 4)
+    problem = Problem.of_blocks(blocks, 6, criterion, **before)
+    reached = pose_budget(problem, here * (1 + 1e-9), np.random.default_rng(0))
+    assert reached.proven == 0
+    assert "reached by what is known before" in reached.sentence
+    missed = pose_budget(problem, here * (1 - 1e-6), np.random.default_rng(0))
+    assert missed.proven == missed.smallest == 1
+    assert "no fewer can" in missed.sentence
+
+
 def test_one_pose_is_told_as_one():
     problem = Problem.of_blocks(small_pool(2), 3, small_criterion("V"), prior=np.eye(5))
-    found = pose_budget(problem, 1e3, np.random.default_rng(0))
+    here = problem.criterion.figure(problem.base, 1)
+    found = pose_budget(problem, 0.999 * here, np.random.default_rng(0))
     assert found.sentence.startswith("1 pose reaches")
 
 

@@ -12,6 +12,8 @@ from testbed.laboratory.simulator import Simulator
 from testbed.laboratory.tracker.stations import require_ranges
 from testbed.plan.foresight import planned_rows
 from testbed.plan.plan import plan
+from testbed.plan.results import plan_csv
+from testbed.units import significant
 from tests.planned import QUICK, ROBOT, legs, quick_plan, rows_of, scenario, small_plan
 
 CHAIN = ROBOT.model.chain
@@ -74,6 +76,20 @@ def test_a_target_passes_over_numbers_of_poses_that_no_set_can_do_with(method):
     assert made.curve.counts.min() >= 3
     assert np.isfinite(made.curve.u).all()
     assert len(made.places) == made.curve.reached == 3
+
+
+def test_a_target_that_poses_measured_already_reach_is_said_to_need_no_more(tmp_path):
+    first = quick_plan()
+    (tmp_path / "measured.csv").write_text(plan_csv(first), encoding="utf-8")
+    more = {"plan.poses": 0, "plan.measured": str(tmp_path / "measured.csv")}
+    u = 2e6 * first.u_mean
+    rich = plan(scenario(QUICK, **more, **{"plan.target_um": 1.001 * u}))
+    assert (rich.curve.reached, rich.curve.fewest, len(rich.places)) == (0, 0, 1)
+    assert f"The 8 poses measured already reach U = {1.001 * u:g} µm" in rich.curve.sentence
+    assert f"they give {significant(u)} µm without another" in rich.curve.sentence
+    poor = plan(scenario(QUICK, **more, **{"plan.target_um": 0.999 * u}))
+    assert (poor.curve.reached, poor.curve.fewest) == (1, 1)
+    assert "no fewer can" in poor.curve.sentence
 
 
 def test_lengths_alone_are_planned_though_angles_tell_them_nothing():
