@@ -36,6 +36,7 @@ from testbed.files.rows.shifts import (
 )
 from testbed.files.session import Session
 from testbed.robots.robot import Robot
+from testbed.units import significant
 
 TIMES = 5.0
 """An alternative is named if what it leaves is so many times smaller."""
@@ -217,8 +218,8 @@ def _warnings(robot: Robot, session: Session, rows: Index, stated: Misfit) -> tu
     warnings = []
     if stated.position < MODEL:
         warnings.append(
-            f"base and tool explain the positions to {stated.position * 1e9:.2g} nm: these are a "
-            "controller's own poses, not measurements"
+            f"base and tool explain the positions to {significant(stated.position * 1e9, 2)} nm: "
+            "these are a controller's own poses, not measurements"
         )
     if session.read_back is not None:
         other = replace(as_read(session, rows), q=session.read_back[rows])

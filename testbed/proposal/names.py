@@ -32,10 +32,12 @@ TARGETS = {"goal", "target", "nominal", "nom", "cmd", "command", "commanded", "r
            "model", "cad", "sim", "simulated", "fk"}  # fmt: skip
 MEASURED = (
     {"meas", "measured", "mess", "messwert", "gemessen", "seen", "observed", "tracker", "laser",
-     "lasertracker", "lt"},
+     "lasertracker", "lt", "smr", "reflector", "prism"},
     {"actual", "act", "ist", "istwert", "real", "true"},
 )  # fmt: skip
 """Words of what an instrument saw: beside the first ones, the others are what a controller says."""
+CONTROLLED = {"robot", "rob", "controller", "tcp", "flange"}
+"""Words of what a controller says, where other columns do not say so."""
 DIFFERENCES = {"dif", "diff", "difference", "delta", "err", "error", "dev", "deviation"}
 WISHED = TARGETS | DIFFERENCES
 """Words of a place that was not measured."""
@@ -120,7 +122,8 @@ def _measured(labels: Sequence[str]) -> list[str]:
         said = [one for one in labels if words & set(without_unit(one)[0].split())]
         if 0 < len(said) < len(labels):
             return said
-    return list(labels)
+    left = [one for one in labels if not CONTROLLED & set(without_unit(one)[0].split())]
+    return left or list(labels)
 
 
 def _from_zero(head: Sequence[str]) -> dict[str, str]:

@@ -96,7 +96,7 @@ def test_targets_and_differences_beside_readings_are_named_and_compared(away, to
 @pytest.mark.parametrize(
     ("other", "measured"),
     [("theo", "meas"), ("predicted", "real"), ("fk", "SMR"), ("robot", "tracker"),
-     ("actual", "laser"), ("controller", "Ist")],
+     ("actual", "laser"), ("controller", "Ist"), ("tcp", "ball")],
 )  # fmt: skip
 def test_places_that_a_controller_computes_are_no_second_target(other, measured, form, tmp_path):
     """They fit a nominal robot best, being made from it."""
