@@ -66,6 +66,7 @@ TURNS = {
     "qw": "qw", "qx": "qx", "qy": "qy", "qz": "qz", "q0": "qw",
 }  # fmt: skip
 
+OF_TURNS = {*TURNS.values(), *(f"r{i}{j}" for i in "123" for j in "123"), "rvx", "rvy", "rvz"}
 LETTERS = ({"a": "rz", "b": "ry", "c": "rx"}, {"w": "rx", "p": "ry", "r": "rz"})
 """Turns of KUKA, about z, then y, then x, and of FANUC, about fixed x, y, z: they are the same."""
 
@@ -107,13 +108,27 @@ def meanings(head: Sequence[str], units: Sequence[str] = ()) -> tuple[Meaning, .
     best: dict[str, list[Meaning]] = {}
     for meaning in found:
         best.setdefault(meaning.plain, []).append(meaning)
-    chosen = []
+    chosen, others = list[Meaning](), 0
     for several in best.values():
         known = [one for one in several if one.known]
         names = _measured([one.theirs for one in several])
         left = known[:1] or [one for one in several if one.theirs in names]
         chosen += left if len(left) == 1 else []
-    return tuple(chosen)
+        if len(left) == 1 and left[0].plain in ("x", "y", "z"):
+            others += len(several) - 1
+    # turns beside places that do not count may be those of these places
+    place = next((one.theirs for one in chosen if one.plain == "x"), "")
+    return tuple(
+        one for one in chosen
+        if not (others and one.plain in OF_TURNS) or _of_one(place, one.theirs)
+    )  # fmt: skip
+
+
+def _of_one(place: str, turn: str) -> bool:
+    """Whether the names of a place and of a turn say alike that they were measured."""
+    said = [[bool(words & set(without_unit(name)[0].split())) for words in MEASURED]
+            for name in (place, turn)]  # fmt: skip
+    return said[0] == said[1] and any(said[0])
 
 
 def _measured(labels: Sequence[str]) -> list[str]:

@@ -8,6 +8,7 @@ import tomllib
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from testbed.files.probe import probe
 from testbed.files.read import read_session
@@ -109,6 +110,35 @@ def test_places_that_a_controller_computes_are_no_second_target(other, measured,
     seen = read_session(tmp_path / "session.toml", ROBOT).measurements
     assert len(seen) == M
     np.testing.assert_allclose(seen.position, points() / 1e3, rtol=0, atol=1e-12)
+
+
+RZYX = ("Rz", "Ry", "Rx")
+
+
+@pytest.mark.parametrize(
+    ("names", "place", "turn"),
+    [("ABC", "{}_meas", ""), (RZYX, "SMR {}", ""), (RZYX, "ball {}", ""),
+     ("ABC", "tracker {}", "tracker R{}"), (RZYX, "tracker {}", "actual R{}")],
+)  # fmt: skip
+def test_turns_of_a_controller_never_stand_beside_places_of_a_tracker(names, place, turn, tmp_path):
+    T = ROBOT.model.poses(data().q)
+    table = joints(*(f"J{k}" for k in range(1, 7)))
+    said = "tcp {}" if "ball" in place else "{}"
+    table |= places(*(said.format(axis) for axis in "XYZ"), values=1e3 * T[:, :3, 3])
+    table |= dict(
+        zip(names, Rotation.from_matrix(T[:, :3, :3]).as_euler("ZYX", True).T, strict=True)
+    )
+    table |= places(*(place.format(axis) for axis in "XYZ"))
+    own = Rotation.from_matrix(data().T[:, :3, :3]).as_euler("XYZ", True).T
+    table |= {turn.format(axis): v for axis, v in zip("xyz", own, strict=True)} if turn else {}
+    files = write(tmp_path, a__csv=csv(table))
+    proposed(tmp_path, files, "--robot", ROBOT.name)
+    seen = read_session(tmp_path / "session.toml", ROBOT).measurements
+    np.testing.assert_allclose(seen.position, points() / 1e3, rtol=0, atol=1e-12)
+    whole = "tracker" in turn
+    assert seen.is_pose.tolist() == [whole] * M
+    if whole:
+        np.testing.assert_allclose(seen.rotation, data().T[:, :3, :3], rtol=0, atol=1e-12)
 
 
 LETTERS = {"KUKA": "CBA", "FANUC": "WPR", "KUKA with units": ("C [deg]", "B [deg]", "A [deg]")}
