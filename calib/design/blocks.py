@@ -16,6 +16,8 @@ from calib.measurement.tables import covariances_of_sd
 
 PAPER_LENGTH = 1e-3
 """The paper counts lengths in mm: its indices depend on that."""
+HUGE = 1e60
+"""Largest number in a block, and one over the smallest largest one of a column."""
 NEARLY_SINGULAR = 1e-7
 """Unit columns with a singular value below this part of the largest leave M = A'A singular."""
 
@@ -144,6 +146,10 @@ def prior_rows(prior: ArrayLike | None, p: int) -> Array:
     if prior is None:
         return np.zeros((0, p))
     (precision,) = check(f"{p} {p}", prior=prior)
+    if (size := float(np.abs(precision).max())) > HUGE**2:
+        said = f"prior holds numbers of the size {size:g}"
+        fix = "leave out what is known exactly"
+        raise refuse("prior", size, f"at most {HUGE**2:g}", code="A3", message=said, fix=fix)
     w, U = np.linalg.eigh((precision + precision.T) / 2)
     slack = p * np.finfo(np.float64).eps * max(np.abs(w).max(), np.finfo(np.float64).tiny)
     if np.abs(precision - precision.T).max() > 1e-9 * np.abs(precision).max() or w[0] < -slack:

@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike
 
 from calib.arrays import Array, Bool, Index, check, is_whole, require_kind
 from calib.design.blocks import (
+    HUGE,
     has_full_rank,
     identifiable_blocks,
     information,
@@ -26,8 +27,6 @@ from calib.information.criteria.named import criterion_named
 from calib.information.goals import goal_matrix
 from calib.shown import Shown
 
-HUGE = 1e60
-"""Largest number in a block, and one over the smallest largest one of a column."""
 LARGER_POOL = "enlarge the pool or choose fewer poses"
 
 

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from difflib import get_close_matches
 
-from calib.arrays import require_kind
+from calib.arrays import require_count, require_kind
 from calib.errors import refuse
 from calib.information.criteria.base import Criterion
 from calib.information.criteria.d import D
@@ -47,6 +47,9 @@ def criterion_named(
     if isinstance(criterion, Criterion):
         return criterion
     require_kind("criterion", criterion, str, f"one of {', '.join(NAMES)}")
+    if goals is not None:
+        require_kind("goals", goals, Goals, "what calib.information.goals.goal_matrix gave")
+    inputs = require_count("inputs", inputs, 0)
     if criterion in _FREE_OF_GOALS:
         return _FREE_OF_GOALS[criterion](criterion)
     if criterion in _OF_GOALS:

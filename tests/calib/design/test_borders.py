@@ -23,7 +23,7 @@ from calib.design.pose_count import stable_count
 from calib.errors import InputError
 from calib.information.criteria.named import criterion_named
 from calib.information.observability import indices
-from tests.calib.design.design_cases import small_pool
+from tests.calib.design.design_cases import small_goals, small_pool
 from tests.reference import pool_r, tx60
 
 BLOCKS = small_pool(0)
@@ -116,7 +116,7 @@ def test_problems_of_no_sense_are_refused(change, says: str):
         ({"free": []}, "free names no number"),
         ({"free": "base.x"}, "free is of the type str"),
         ({"free": 5}, "free is of the type int"),
-        ({"free": [5]}, 'no parameter is called "5"'),
+        ({"free": [5]}, "free.*is of the type int"),
         ({"pool_q": np.zeros((0, 6))}, "q has no poses"),
     ],
 )
@@ -155,3 +155,9 @@ def test_places_targets_and_tolerances_of_no_sense_are_refused():
             pose_count(PROBLEM, rng(), counts=wrong)
     with pytest.raises(InputError, match="criterion is of the type dict"):
         criterion_named({})
+    with pytest.raises(InputError, match="goals is of the type ndarray"):
+        criterion_named("V", goals=np.ones((3, 3, 5)))
+    with pytest.raises(InputError, match="inputs is -1"):
+        criterion_named("V", goals=small_goals(0), inputs=-1)
+    with pytest.raises(InputError, match="prior holds numbers of the size 1e\\+300"):
+        Problem.of_blocks(BLOCKS, 5, "A", prior=1e300 * np.eye(5))
