@@ -6,6 +6,7 @@ A sin(q + phi) = (A cos phi) sin q + (A sin phi) cos q. Springs bend a joint abo
 term moves no joint: the lengths of a warm arm.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 from typing import Annotated, Literal, get_args
@@ -18,6 +19,7 @@ from calib.geometry.bodies import Z
 from calib.geometry.chain import Chain
 from calib.geometry.operating import AS_USUAL, OperatingConditions
 from calib.geometry.springs import SprungJoints
+from calib.kinds import of_kind
 
 _WAVES: tuple[Literal["sin", "cos"], ...] = ("sin", "cos")
 Wave = Literal["sin", "cos", "approach", "torque", "lengths"]
@@ -51,7 +53,7 @@ class JointTerm:
     torque for each N m [1/(N m)]."""
 
     def __post_init__(self) -> None:
-        if self.wave not in get_args(Wave):
+        if not isinstance(self.wave, str) or self.wave not in get_args(Wave):
             message = f"wave of the term {self.name} is {self.wave!r}"
             allowed = f"one of {', '.join(get_args(Wave))}"
             raise refuse("wave", self.wave, allowed, code="A3", message=message)
@@ -91,6 +93,9 @@ class JointErrors:
     """What gives way under load, if anything."""
 
     def __post_init__(self) -> None:
+        if type(self.terms) is not tuple or not all(type(term) is JointTerm for term in self.terms):
+            terms = of_kind("terms", self.terms, Sequence[JointTerm])
+            object.__setattr__(self, "terms", terms)
         (coefficients,) = check("k", coefficients=self.coefficients)
         count = len(self.terms) + (0 if self.springs is None else len(self.springs.names))
         if not len(coefficients):

@@ -16,6 +16,7 @@ from calib.geometry.operating import AS_USUAL, OperatingConditions
 from calib.shown import Shown
 
 NO_ERRORS, NO_FIXTURES = JointErrors(), Fixtures()
+CONDITIONS = "OperatingConditions of the rows"
 
 
 class ColumnsApart(NamedTuple):
@@ -98,6 +99,7 @@ class RobotModel(Shown):
 
     def step_to(self, other: "RobotModel") -> Array:
         """Step (P,) that moves this model to `other`, of the same joint terms and fixtures."""
+        require_kind("other", other, RobotModel, "a calib.RobotModel")
         (here, there) = check(
             "k, k",
             own=self.joint_errors.coefficients,
@@ -110,6 +112,7 @@ class RobotModel(Shown):
     def poses(self, q: ArrayLike, at: OperatingConditions = AS_USUAL) -> Array:
         """Tool poses T_world_tool (m, 4, 4) at commanded joint values q (m, n)."""
         q, errors = joint_vectors(self.chain, q), self.joint_errors
+        require_kind("at", at, OperatingConditions, CONDITIONS)
         at.require_rows(*q.shape)
         if errors.springs:
             return bent_forward(self.chain, q, errors.bends(q, at), errors.growth(at))
@@ -128,6 +131,7 @@ class RobotModel(Shown):
         are zero: no tool moves with them.
         """
         q, errors = joint_vectors(self.chain, q), self.joint_errors
+        require_kind("at", at, OperatingConditions, CONDITIONS)
         at.require_rows(*q.shape)
         if not len(errors.coefficients):
             T, own = pose_and_jacobian(self.chain, q)

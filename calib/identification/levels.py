@@ -7,7 +7,8 @@ from functools import reduce
 import numpy as np
 
 from calib.arrays import Array, check, frozen, require_numbers
-from calib.geometry.joint_errors import JointErrors
+from calib.errors import refuse
+from calib.geometry.joint_errors import JointErrors, JointTerm
 from calib.geometry.model import NO_ERRORS, RobotModel
 from calib.identification.prior import Prior
 from calib.kinds import check_fields
@@ -68,6 +69,23 @@ class Ladder(Shown):
 def joined(levels: Iterable[Level]) -> JointErrors:
     """The joint errors of some levels as one."""
     return reduce(JointErrors.joined, (level.errors for level in levels), NO_ERRORS)
+
+
+def distinct_terms(errors: Iterable[JointErrors]) -> tuple[JointTerm, ...]:
+    """The terms of some joint errors, each name once.
+
+    Raises
+    ------
+    InputError
+        A4: a name stands for two of them, which would be taken for one.
+    """
+    found: dict[str, JointTerm] = {}
+    for term in (term for each in errors for term in each.terms):
+        first = found.setdefault(term.name, term)
+        if replace(first, share=term.share) != term:
+            message = f"two levels have different terms of the name {term.name}"
+            raise refuse("ladders", term.name, code="A4", message=message, fix="rename one of them")
+    return tuple(found.values())
 
 
 def foreseen(levels: Iterable[Level]) -> bool:

@@ -20,6 +20,7 @@ from calib.geometry.bodies import Z
 from calib.geometry.joint_errors import JointErrors
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import Parameters
+from calib.identification.levels import distinct_terms
 from calib.identification.prior import Prior
 from calib.identification.spring_products import Products, products_of, settled
 from calib.measurement.observations import Measurements
@@ -254,7 +255,7 @@ def normal_equations(
         Of all free numbers of the geometry.
     """
     added = tuple(added)
-    terms = tuple({t.name: t for errors in added for t in errors.terms}.values())
+    terms = distinct_terms(added)
     springs = [errors.springs for errors in added if errors.springs is not None]
     q, at = measurements.q, measurements.conditions
     T, J, bends = fitted.poses_and_bends(q, at)
