@@ -12,6 +12,7 @@ from calib.geometry.frames import inverse
 from calib.geometry.gravity import moments_of
 from calib.geometry.model import RobotModel
 from calib.shown import Shown
+from testbed.robots.room import outside
 from testbed.units import in_units
 
 Affine: TypeAlias = tuple[tuple[float, ...], ...]
@@ -187,13 +188,9 @@ def workspace_of_reach(robot: Robot) -> Workspace:
     low, high = np.percentile(place[above] if above.any() else place, SHARE, axis=0)
     center, size = (low + high) / 2, np.maximum(high - low, STEP)
     away = max(AWAY * float(np.linalg.norm(size)) / 2, NEAREST)
-    station = np.array(
-        [
-            center[0] + away * np.cos(ASIDE),
-            center[1] + away * np.sin(ASIDE),
-            robot.base_offset + STAND,
-        ]
-    )
+    aside = np.array([np.cos(ASIDE), np.sin(ASIDE), 0.0])
+    station = np.array([center[0], center[1], robot.base_offset + STAND]) + away * aside
+    station = outside(robot.model.chain, robot.limits, station, aside)
     kept: tuple[tuple[float, float], ...] = ()
     if not np.array_equal(ranges, robot.limits):
         slides = robot.model.chain.prismatic.astype(bool)[:, None]

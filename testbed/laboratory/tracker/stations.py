@@ -8,18 +8,14 @@ import numpy as np
 
 from calib.arrays import Array, Bool, Index, frozen
 from calib.errors import CalibError, InputError, refuse
-from calib.geometry.chain import Chain
-from calib.geometry.frames import inverse
 from calib.geometry.parameters import Parameters
 from calib.information.goals import Goals
 from calib.measurement.observations import DISTANCE
 from testbed.laboratory.bench import Bench
 from testbed.laboratory.tracker.predicted import goal_uncertainty, shared_rows
-from testbed.robots.placements import placements
+from testbed.robots.room import BESIDE, from_arm, leading_slides, reach
 from testbed.scenario.planning import StationSettings
 
-BESIDE = 0.5
-"""A tracker stands at least so far outside the robot's reach [m]."""
 METERS = 0.05
 """A station so near the base was stated in meters [m]."""
 NEAREST = 0.8
@@ -139,46 +135,6 @@ def require_ranges(bench: Bench, q: Array, whose: str) -> None:
                 code="S37", fix="move the tracker away from the robot",
                 message=f"a pose of {whose} brings the target to {nearest:.2f} m from the tracker",
             )  # fmt: skip
-
-
-def leading_slides(chain: Chain) -> int:
-    """Sliding joints before the first one that turns: they carry the arm without turning it."""
-    return next((k for k, kind in enumerate(chain.kinds) if kind != "prismatic"), chain.n_joints)
-
-
-def reach(chain: Chain, limits: Array) -> float:
-    """Length of the stretched arm from where it begins to turn, later slides at their farthest [m].
-
-    It begins at the base, or at the end of slides that carry it.
-    """
-    frames, _, tool = placements(chain)
-    k = leading_slides(chain)
-    # a frame up to that joint says where the arm begins, not how long it is
-    parts = [*frames[k + 1 :], tool] if k < chain.n_joints else []
-    lengths = sum(float(np.linalg.norm(frame[:3, 3])) for frame in parts)
-    slides = chain.prismatic.astype(bool)
-    slides[:k] = False
-    return lengths + float(np.abs(limits[slides]).max(axis=1, initial=0.0).sum())
-
-
-def from_arm(chain: Chain, limits: Array, station: Array) -> float:
-    """Distance of a station (3,) in the base frame from the nearest place where the arm begins [m].
-
-    The place that slides carry it to is linear in their values, which have limits.
-    """
-    from scipy.optimize import lsq_linear
-
-    frames, _, tool = placements(chain)
-    k = leading_slides(chain)
-    if not k:
-        return float(np.linalg.norm(station))
-    T, axes = inverse(chain.T_world_base), list[Array]()
-    for number, frame in enumerate((*frames, tool)[: k + 1]):
-        T = T @ frame
-        if number < k:
-            axes.append(T[:3, 2])
-    nearest = lsq_linear(np.column_stack(axes), station - T[:3, 3], limits[:k].T)
-    return float(np.sqrt(2 * nearest.cost))
 
 
 def compare_stations(

@@ -22,12 +22,14 @@ from testbed.report.page import render
 from testbed.robots.catalog import TRACKER, TRACKER_FILE, load_robot, robot_names
 from testbed.robots.file import TrackerFile
 from testbed.robots.robot import STAND, workspace, workspace_of_reach
+from testbed.robots.room import BESIDE, from_arm, reach
 from testbed.run.derive import page_of, recording_bytes
 from testbed.run.play import play_run
 from testbed.scenario.checks import check_robot
 from testbed.scenario.presets import TRUTH_PRESETS
 from testbed.scenario.read import dump_scenario
 from testbed.studies import parse_scenario, scenario_of
+from tests.testbed.robots.described_cases import ARMS, urdf
 
 TX60, UR10, IIWA = (load_robot(n) for n in ("staubli_tx60", "universal_ur10", "kuka_iiwa7"))
 SCALE = 0.3
@@ -115,6 +117,30 @@ def test_the_workspace_found_from_the_reach_holds_feasible_poses():
     # joints that turn on and on are kept to half a turn about the middle
     assert workspace_of_reach(UR10).joint_ranges_deg == ((-180.0, 180.0),) * 6
     assert workspace_of_reach(TX60).joint_ranges_deg == ()
+
+
+FOLDED = [
+    (f"a{k}", kind, ".1 0 .3", "0 0 0", "0 0 1", (-1, 1))
+    for k, kind in enumerate(("revolute", "revolute", "prismatic", "revolute"))
+]
+"""Its slide counts at its farthest: the box of its tool is small beside its length."""
+
+
+@pytest.mark.parametrize("name", [*ARMS, "folded"])
+def test_the_station_found_from_the_reach_is_where_a_tracker_can_stand(name, tmp_path):
+    arm = urdf(name, FOLDED) if name == "folded" else ARMS[name]
+    (tmp_path / "arm.urdf").write_text(arm)
+    robot = load_robot(tmp_path / "arm.urdf")
+    chain, limits = robot.model.chain, robot.limits
+    station = np.array(workspace_of_reach(robot).station_mm) / 1e3
+    assert from_arm(chain, limits, station) >= reach(chain, limits) + BESIDE
+    # by numbers worked out here, where nothing slides before it turns
+    if chain.kinds[0] == "revolute":
+        slides = np.abs(limits).max(axis=1) @ chain.prismatic
+        ends = np.linalg.norm(chain.T_flange_tool[:3, 3]) + slides
+        arm = np.hypot(chain.links[:, 1], chain.links[:, 2]).sum() + ends
+        assert reach(chain, limits) <= arm + 1e-12
+        assert np.linalg.norm(station) >= reach(chain, limits) + BESIDE
 
 
 @pytest.mark.parametrize(

@@ -9,16 +9,11 @@ from calib.geometry.frames import inverse
 from testbed.assets import scenes
 from testbed.cli import app
 from testbed.laboratory.bench import open_bench
-from testbed.laboratory.tracker.stations import (
-    BESIDE,
-    NEAREST,
-    from_arm,
-    require_ranges,
-    require_stations,
-)
-from testbed.laboratory.tracker.stations import reach as length_of
+from testbed.laboratory.tracker.stations import NEAREST, require_ranges, require_stations
 from testbed.robots.catalog import load_robot
 from testbed.robots.robot import workspace
+from testbed.robots.room import BESIDE, from_arm
+from testbed.robots.room import reach as length_of
 from testbed.scenario.read import changed
 from testbed.streams import stream
 from testbed.studies import load_scenario

@@ -1,0 +1,67 @@
+"""How much room an arm takes: how far it reaches, and where beside it a tracker can stand."""
+
+import numpy as np
+
+from calib.arrays import Array
+from calib.geometry.chain import Chain
+from calib.geometry.frames import inverse
+from testbed.robots.placements import placements
+
+BESIDE = 0.5
+"""A tracker stands at least so far outside the robot's reach [m]."""
+SPARE, TRIES = 0.05, 1000
+"""Of a place that is proposed [m], and steps until it is found."""
+
+
+def leading_slides(chain: Chain) -> int:
+    """Sliding joints before the first one that turns: they carry the arm without turning it."""
+    return next((k for k, kind in enumerate(chain.kinds) if kind != "prismatic"), chain.n_joints)
+
+
+def reach(chain: Chain, limits: Array) -> float:
+    """Length of the stretched arm from where it begins to turn, later slides at their farthest [m].
+
+    It begins at the base, or at the end of slides that carry it.
+    """
+    frames, _, tool = placements(chain)
+    k = leading_slides(chain)
+    # a frame up to that joint says where the arm begins, not how long it is
+    parts = [*frames[k + 1 :], tool] if k < chain.n_joints else []
+    lengths = sum(float(np.linalg.norm(frame[:3, 3])) for frame in parts)
+    slides = chain.prismatic.astype(bool)
+    slides[:k] = False
+    return lengths + float(np.abs(limits[slides]).max(axis=1, initial=0.0).sum())
+
+
+def from_arm(chain: Chain, limits: Array, station: Array) -> float:
+    """Distance of a station (3,) in the base frame from the nearest place where the arm begins [m].
+
+    The place that slides carry it to is linear in their values, which have limits.
+    """
+    from scipy.optimize import lsq_linear
+
+    frames, _, tool = placements(chain)
+    k = leading_slides(chain)
+    if not k:
+        return float(np.linalg.norm(station))
+    T, axes = inverse(chain.T_world_base), list[Array]()
+    for number, frame in enumerate((*frames, tool)[: k + 1]):
+        T = T @ frame
+        if number < k:
+            axes.append(T[:3, 2])
+    nearest = lsq_linear(np.column_stack(axes), station - T[:3, 3], limits[:k].T)
+    return float(np.sqrt(2 * nearest.cost))
+
+
+def outside(chain: Chain, limits: Array, station: Array, direction: Array) -> Array:
+    """A station (3,) in the base frame, moved along a direction until a tracker can stand there.
+
+    Farther by a few centimeters than it must, so that its place can be rounded [m].
+    """
+    needed = reach(chain, limits) + BESIDE + SPARE
+    for _ in range(TRIES):
+        lacking = needed - from_arm(chain, limits, station)
+        if lacking <= 0:
+            break
+        station = station + max(lacking, SPARE) * direction
+    return station
