@@ -10,12 +10,12 @@ from testbed.units import counted
 
 TARGET = re.compile(r"\[\s*\[([^\[\]]*)\]\s*,\s*\[([^\[\]]*)\]\s*\]")
 """``[[10,20,30,40,50,60],[9E9,9E9,9E9,9E9,9E9,9E9]]``: robot axes, external axes."""
-DECLARED = re.compile(r"\bjointtarget\s+(\w+)\s*(?:\{([^}]*)\}\s*)?(:=|;|$)", re.IGNORECASE)
+INDEX = r"\s*(?:\{([^{}]{0,99})\})?\s*"
+"""Which of an array, or how many it has; bounded, as all that may be tried at each word is."""
+DECLARED = re.compile(rf"\bjointtarget\s+(\w+){INDEX}(:=|;|$)", re.IGNORECASE)
 """``CONST jointtarget p1 :=`` or, of an array, ``PERS jointtarget p{3} :=``."""
-MOVED = re.compile(
-    r"\bMoveAbsJ\b\s*(?:\\Conc\s*,\s*)?(\w*)\s*(?:\{\s*([^}]*?)\s*\})?", re.IGNORECASE
-)
-ASSIGNED = re.compile(r"(\w+)\s*(?:(?:\{[^}]*\}|\.\s*\w+)\s*)*:=")
+MOVED = re.compile(rf"\bMoveAbsJ\b\s*(?:\\Conc\s*,\s*)?(\w*){INDEX}", re.IGNORECASE)
+ASSIGNED = re.compile(r"\b(\w+)(?:\s?(?:\{[^{}]{0,99}\}|\.\w{1,99})){0,4}\s{0,99}:=")
 """A target, or a part of one, that gets another value."""
 TOKEN = re.compile(r'"[^"]*"?|!.*|;|[^"!;]+')
 """A text, a comment, the end of a statement, or code."""
@@ -106,7 +106,7 @@ def _moved(
     move: re.Match[str], declared: dict[str, Row], where: str
 ) -> tuple[str, tuple[str, ...]]:
     """Name and axes of the target that a move names."""
-    index = move[2]
+    index = None if move[2] is None else move[2].strip()
     if index is not None and not index.isdigit():
         raise refusal(
             where, "joints",

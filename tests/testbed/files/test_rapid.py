@@ -1,5 +1,7 @@
 """RAPID programs as joints: the moves in their order, or what is declared."""
 
+from time import process_time
+
 import numpy as np
 import pytest
 
@@ -118,6 +120,21 @@ def test_what_cannot_be_read_is_one_sentence(tmp_path, lines, told):
     with pytest.raises(InputError) as caught:
         sheet(tmp_path, *lines)
     assert str(caught.value).startswith(told)
+
+
+@pytest.mark.parametrize(
+    "word", ["9", "a{", "{", "a.", "a .b", "jointtarget a{", "MoveAbsJ a{ ", "a ", "a :", "p1{1}."]
+)
+def test_a_long_line_of_anything_takes_no_time(tmp_path, word):
+    """Ten times as long takes about ten times as long; by the square it would take a hundred."""
+    spent = []
+    for count in (6_000, 60_000):
+        line = word * (count // len(word))
+        begun = process_time()
+        with pytest.raises(InputError):
+            sheet(tmp_path, f"CONST jointtarget p1 := [[1,2],{NONE}];", line, "MoveAbsJ p2,v,z,t;")
+        spent.append(process_time() - begun)
+    assert spent[1] < 30 * max(spent[0], 0.01)
 
 
 def test_a_session_takes_its_joints_from_a_program(tmp_path):
