@@ -24,7 +24,6 @@ from testbed.laboratory.tracker.predicted import goal_u
 from testbed.plan.promises import OVER, efficiency_word, factor_words
 from testbed.plan.records import Curve, NextPose, Proof
 from testbed.plan.task import DesignTask, rms
-from testbed.scenario.planning import DEFAULT_POSES
 from testbed.units import UM, counted, significant
 
 RANDOM_SETS = 40
@@ -247,9 +246,8 @@ def next_poses(task: DesignTask, places: Index) -> tuple[NextPose, ...]:
     )
 
 
-def quick_design(task: DesignTask, rng: np.random.Generator) -> Index:
-    """A pose set to compare stations by: the same number and procedure for each."""
-    m = task.settings.poses or DEFAULT_POSES
+def quick_design(task: DesignTask, m: int, rng: np.random.Generator) -> Index:
+    """A set of m poses to compare stations by: the same number and procedure for each."""
     return exchange(task.problem(m, task.judge), rng, restarts=1).indices
 
 

@@ -21,6 +21,7 @@ from testbed.laboratory.tracker.stations import (
     require_station,
     require_stations,
     station_grid,
+    visible_from,
 )
 from testbed.plan.design import (
     check_enough,
@@ -38,6 +39,7 @@ from testbed.plan.tour import held_out, readings_of, start_of, tour_of
 from testbed.progress import Progress
 from testbed.robots.robot import NO_MASS
 from testbed.scenario.checks import check_robot
+from testbed.scenario.planning import DEFAULT_POSES
 from testbed.scenario.scenario import Scenario
 from testbed.streams import stream
 
@@ -155,18 +157,21 @@ def compared(bench: Bench, goal: Goal) -> StationComparison | None:
     rng = stream(scenario.seed, "plan", "stations")
     q = bench.candidates(seen=False).draw(rng).q
     parameters, _ = bench.reduction(q[:PROBED_POSES])
-    goals = _goals(bench, goal, parameters)
+    goals, stations = _goals(bench, goal, parameters), station_grid(scenario.plan.stations)
+    # of common candidates a station sees a part: as many as the best one sees, where that will do
+    seen = max(int(visible_from(bench.standing_at(one), q)[1].sum()) for one in stations)
+    count = scenario.plan.poses or DEFAULT_POSES
+    if seen * bench.equations > parameters.n_free:
+        count = min(count, seen)
 
     def designer(blocks: Array, shared: Array) -> Index:
         """A set of the number wanted, from nothing measured before."""
         none = np.zeros((0, blocks.shape[2] + shared.shape[2]))
         settings, names = scenario.plan, parameters.free_names
         task = DesignTask(blocks, shared, goals, none, settings, names)
-        return quick_design(task, stream(scenario.seed, "plan", "stations", "select"))
+        return quick_design(task, count, stream(scenario.seed, "plan", "stations", "select"))
 
-    return compare_stations(
-        bench, station_grid(scenario.plan.stations), q, parameters, goals, designer
-    )
+    return compare_stations(bench, stations, q, parameters, goals, designer)
 
 
 def _task(

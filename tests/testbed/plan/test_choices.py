@@ -63,6 +63,7 @@ def test_the_same_seed_gives_the_same_plan_and_another_seed_another():
     assert rows_of(other) != rows_of(again)
 
 
+STANDS = [[2600.0, -2000.0, 300.0], [2600.0, 0.0, 300.0]]
 FRAMES = [f"{frame}.{axis}" for frame in ("base", "tool") for axis in "xyz"]
 LENGTHS = [*FRAMES, *(f"{kind}{k}" for kind in "ad" for k in range(1, 7))]
 
@@ -76,6 +77,21 @@ def test_a_target_passes_over_numbers_of_poses_that_no_set_can_do_with(method):
     assert made.curve.counts.min() >= 3
     assert np.isfinite(made.curve.u).all()
     assert len(made.places) == made.curve.reached == 3
+
+
+def test_stations_that_see_a_part_of_few_candidates_are_compared_by_what_they_see():
+    """29 poses are usual, and enough for none here: the plan itself needs six."""
+    few = {
+        "pool.size": 40,
+        "plan.poses": 0,
+        "plan.target_um": 80.0,
+        "plan.stations.list_mm": STANDS,
+    }
+    made = plan(scenario(QUICK, **few))
+    seen = made.stations
+    assert 6 <= seen.visible.max() < 29
+    assert [len(design) for design in seen.designs if len(design)] == [seen.visible.max()]
+    assert len(made.places) == 6
 
 
 def test_a_target_that_poses_measured_already_reach_is_said_to_need_no_more(tmp_path):
