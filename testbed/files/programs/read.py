@@ -1,6 +1,7 @@
 """The targets of a robot program in CSV: joints, or poses of the tool and how the arm stands."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -33,6 +34,8 @@ ONE_MORE = (
     'write one of them with another number of digits, as "1,2340", or all with a decimal point'
 )
 """What to do where a decimal comma may be a thousands mark: a program has no place to say it."""
+OF_READINGS = {"repeat", "order", "time", "time_s", "split", "approach"}
+"""What rows say that were measured: in a program it is anything, and stays as it is."""
 AS_TABLE = "write its targets as a CSV, one a line, under a line q1_deg, q2_deg ..."
 STARTS = 64
 """Postures over the joint ranges from which a target is sought that is not near the one before."""
@@ -59,6 +62,8 @@ def read_program(path: Path, robot: Robot) -> tuple[FileText, DataTable]:
             fix = "correct the program as it was, not a corrected one"
             raise refusal(path.name, name, message, fix=fix)
     table = table_of(sheet, joints_by_number(sheet, robot), in_doubt=ONE_MORE)
+    names = {own: name for own, name in table.names.items() if own not in OF_READINGS}
+    table = replace(table, names=names)
     if not len(table):
         raise refusal(path.name, "file", "has no targets", fix="write one target a line")
     for name in NAMES:

@@ -198,6 +198,23 @@ def test_a_decimal_comma_and_a_semicolon_stay(tmp_path, real):
     np.testing.assert_allclose(q, found.q, atol=1e-15)
 
 
+def test_columns_of_measurements_say_nothing_in_a_program(tmp_path, real):
+    joints = {f"q{k + 1}_deg": column for k, column in enumerate(np.degrees(Q).T.tolist())}
+    plain = written(tmp_path / "p.csv", list(joints), zip(*joints.values(), strict=True))
+    wild = {"order": ["", 1, "x"], "repeat": [0.5, "", 2], "split": ["a", "", "test"]}
+    wild |= {"time": ["soon", 5, ""], "time_s": ["", "", "x"], "approach": ["", "up", ""]}
+    table = {"order": wild.pop("order"), **joints, **wild}
+    path = written(tmp_path / "w.csv", list(table), zip(*table.values(), strict=True))
+    found = correct_program(path, ROBOT, real, tmp_path / "w_out.csv")
+    same = correct_program(plain, ROBOT, real, tmp_path / "p_out.csv")
+    np.testing.assert_array_equal(found.q, same.q)
+    assert found.sentences == same.sentences
+    out = cells(tmp_path / "w_out.csv")
+    assert [[row[name] for row in out] for name in wild] == [
+        [str(cell) for cell in column] for column in wild.values()
+    ]
+
+
 def test_a_comma_before_three_digits_of_a_degree_is_the_decimal_mark(tmp_path, real):
     head = [f"q{k}_deg" for k in range(1, 7)]
     rows = np.round(np.degrees(Q)) + 0.125
