@@ -144,7 +144,8 @@ def values_and_uncertainties(result: Identification) -> tuple[Array, Array]:
     )
     values = nothing.step_to(result.model)
     moves = step_derivative(values, result.model)
-    return values, np.sqrt(np.diagonal(moves @ result.full_covariance @ moves.T))
+    variance = np.diagonal(moves @ result.full_covariance @ moves.T)
+    return values, np.sqrt(np.maximum(variance, 0.0))  # rounding may leave a hair below
 
 
 def numbers(result: Identification) -> ResultTable:

@@ -44,7 +44,8 @@ def propagated(rows: Array, covariance: Array) -> Array:
 
 def axis_uncertainty(sigma: Array) -> Array:
     """u_x, u_y, u_z (m, 3) [m] of tool covariances (m, 6, 6) or (m, 3, 3)."""
-    return np.sqrt(np.diagonal(sigma, axis1=-2, axis2=-1)[..., :3])
+    # rounding may leave a hair below zero where nothing uncertain moves the tool
+    return np.sqrt(np.maximum(np.diagonal(sigma, axis1=-2, axis2=-1)[..., :3], 0.0))
 
 
 def point_uncertainty(sigma: Array) -> Array:

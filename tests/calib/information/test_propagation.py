@@ -12,6 +12,7 @@ from calib.information.propagation import (
     axis_uncertainty,
     distance_uncertainty,
     point_uncertainty,
+    propagated,
     tool_covariance,
 )
 from tests.reference import DEG, pool_r, tx60
@@ -91,3 +92,16 @@ def test_a_turn_of_the_base_moves_the_tool_but_not_its_distance():
 def test_a_covariance_of_the_wrong_size_is_refused():
     with pytest.raises(InputError, match="covariance"):
         tool_covariance(tx60(), Q, np.eye(24))
+
+
+def test_a_tool_that_nothing_uncertain_moves_has_no_uncertainty_and_no_nan():
+    """Of a covariance v v' rows across v have none; rounding leaves half of them below zero."""
+    rng = np.random.default_rng(0)
+    v = rng.standard_normal(6)
+    across = np.linalg.svd(v[None])[2][1:]
+    rows = rng.standard_normal((50, 3, 5)) @ across
+    sigma = propagated(rows, np.outer(v, v))
+    assert (np.diagonal(sigma, axis1=1, axis2=2) < 0).any()
+    # sums of a few products of numbers near one, then a root
+    assert point_uncertainty(sigma).max() < 1e-7
+    np.testing.assert_array_equal(point_uncertainty(np.eye(3)[None] * [[4.0, -1e-30, 0.0]]), [2.0])
