@@ -8,7 +8,7 @@ from calib.arrays import Array, Bool
 from calib.measurement.noise import spherical_covariance
 from calib.measurement.observations import Measurements
 from testbed.bounds import LENGTH_SD
-from testbed.files.columns import AXES, covariance_names
+from testbed.files.columns import AXES, bound_of, covariance_names
 from testbed.files.refusal import refusal
 from testbed.files.session_toml import UncertaintyTable
 from testbed.files.table import Columns, DataTable, together
@@ -182,13 +182,15 @@ def _without_zeros(table: DataTable, columns: Columns, good: Bool) -> tuple[Arra
             continue
         fewest, most = table.decimals(name)
         others = u[good & ~zero, k]
-        rounded = fewest == most and most > 0
+        floor = 10.0**-most / 12**0.5 * factor
+        # no instrument is as good as many decimals are fine: there a zero is nothing said
+        rounded = fewest == most and most > 0 and bound_of(name).is_usual(floor)
         if not rounded and not len(others):
             message = f"{table.names[name]} is zero in all rows"
             fix = "state it under [uncertainty] in session.toml"
             raise refusal(table.where, name, message, code="M33", allowed=ABOVE_ZERO, fix=fix)
         # a fixed number of decimals hides what is below its last digit; otherwise there was none
-        floor = 10.0**-most / 12**0.5 * factor if rounded else float(np.median(others))
+        floor = floor if rounded else float(np.median(others))
         u[zero, k] = floor
         what = "its print resolution / sqrt(12)" if rounded else "the median of the others"
         warnings.append(

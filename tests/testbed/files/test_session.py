@@ -414,6 +414,20 @@ def test_zero_uncertainties_are_what_their_printing_hides(tmp_path):
     assert "uy_mm is zero in 20 of 29 rows" in session.warnings[0]
 
 
+def test_zeros_of_more_decimals_than_an_instrument_has_are_no_uncertainty(tmp_path):
+    """A tenth of a nanometer would make these rows, or this axis, all that counts."""
+    table = columns(made()) | {"euler": ["XYZ"] * 29}
+    table |= {f"u{a}_mm": ["0.012000"] * 29 for a in "xz"}
+    table |= {"uy_mm": ["0.000000"] * 9 + ["0.030000"] * 20}
+    table |= {f"ur{a}_deg": ["0.01"] * 29 for a in "xyz"}
+    session = read_session(saved(tmp_path / "a.csv", csv(table)), ROBOT)
+    np.testing.assert_allclose(session.measurements.covariance[:, 1, 1], 9e-10, rtol=1e-9)
+    assert "is zero in 9 of 29 rows; taken as 0.03 mm, the median of" in session.warnings[0]
+    table["uy_mm"] = ["0.000000"] * 29
+    with pytest.raises(InputError, match="uy_mm is zero in all rows"):
+        read_session(saved(tmp_path / "b.csv", csv(table)), ROBOT)
+
+
 def test_a_column_that_looks_misspelled_is_named(tmp_path):
     table = with_spread(columns(made())) | {"euler": ["XYZ"] * 29, "repaet": [0] * 29}
     session = read_session(saved(tmp_path / "a.csv", csv(table)), ROBOT)
