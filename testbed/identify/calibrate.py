@@ -1,6 +1,6 @@
 """The straight line of `identify`: from sessions to a calibrated, proven robot."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -12,6 +12,7 @@ from testbed.files.probe import Probe
 from testbed.files.rows.terms import row_terms
 from testbed.files.session import Session
 from testbed.files.visits.probing import probed
+from testbed.identify.applies.mounting import mounting_words
 from testbed.identify.applies.poses import warnings_of
 from testbed.identify.calibration import Calibration
 from testbed.identify.conditions import held_out_warnings
@@ -225,7 +226,7 @@ def _calibrated(
         target=target, repeatability=comes_back[0],
     )  # fmt: skip
     misses = row_errors(before, measurements)
-    return Calibration(
+    found = Calibration(
         source=origin_of(robot, session, probes),
         nominal=robot.model,
         before=before,
@@ -279,6 +280,8 @@ def _calibrated(
             *held_out_warnings(session.conditions, session.set_up, used, split.is_test),
         ),
     )
+    hangs = mounting_words(found, replace(looking, train=train), plain.model)
+    return replace(found, warnings=(*found.warnings, *hangs))
 
 
 def loss_of(option: str) -> Loss:

@@ -4,7 +4,7 @@ import numpy as np
 
 from calib.held_out_counts import fewest_poses
 from calib.uncertainty.statement.stated_point import StatedPoint
-from testbed.identify.applies.beyond import beyond_words, gravity_words, simpler_words
+from testbed.identify.applies.beyond import beyond_words, simpler_words
 from testbed.identify.applies.unsaid import unsaid_words
 from testbed.identify.calibration import Calibration
 from testbed.identify.conditions import conditions_words
@@ -123,9 +123,7 @@ def reasons(calibration: Calibration) -> tuple[str, ...]:
             "U of the numbers is made from their scatter from pose to pose instead"
         )
     texts.append(f"Model: {calibration.choice.sentence}")
-    texts += [
-        *simpler_words(calibration), *gravity_words(calibration), *beyond_words(calibration)
-    ]  # fmt: skip
+    texts += [*simpler_words(calibration), *beyond_words(calibration)]
     out = int(calibration.gross.left_out.sum())
     if out:
         texts.append(f"{counted(out, 'row')} did not fit and took no part: see Outliers")

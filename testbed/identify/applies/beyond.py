@@ -1,4 +1,4 @@
-"""Where a misfit may come from: poses where the training says little, an arm that hangs.
+"""Where a misfit may come from: poses where the training says little.
 
 And a model taken that held-out poses do not bear out.
 """
@@ -7,7 +7,6 @@ import numpy as np
 
 from calib.arrays import Array
 from calib.geometry.model import RobotModel
-from calib.identification.climbing import ASKED
 from calib.uncertainty.statement.conditions import named
 from testbed.identify.calibration import Calibration
 from testbed.identify.fit import of_poses
@@ -85,24 +84,6 @@ def simpler_words(calibration: Calibration) -> tuple[str, ...]:
         text += f", {significant(size, 2)} standard errors of the difference, pose by pose: "
         text += "chance may do that" if size < CHANCE else "more than chance makes likely"
     return (f"{text}; --model geometric takes it",)
-
-
-def gravity_words(calibration: Calibration) -> tuple[str, ...]:
-    """Which way gravity was taken, where no level of it helps an arm that the numbers do not fit.
-
-    A robot file that does not turn its base says nothing of how the arm is mounted.
-    """
-    offers = [offer for offer in calibration.choice.offered if offer.ladder == "gravity"]
-    asked = [offer.gain for offer in offers if not np.isnan(offer.gain)]
-    turned = (calibration.nominal.chain.T_world_base[:3, :3] != np.eye(3)).any()
-    if not calibration.refuted or turned or not asked or max(asked) > ASKED:
-        return ()
-    if calibration.moved is not None:  # that is the reason
-        return ()
-    return (
-        "Gravity is taken along -z of the base, and what it bends does not explain the readings: "
-        "if the arm hangs on a wall or ceiling, say so in robot.toml ([base] rotation_vector_deg)",
-    )
 
 
 def map_words(model: RobotModel, measured: Array, q: Array) -> tuple[str, ...]:

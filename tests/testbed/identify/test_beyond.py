@@ -8,8 +8,7 @@ import pytest
 from calib.geometry.chain import Chain
 from calib.geometry.joint_errors import JointErrors, harmonic_terms
 from calib.geometry.model import RobotModel
-from calib.identification.climbing import Offer
-from testbed.identify.applies.beyond import beyond_words, gravity_words, map_words, simpler_words
+from testbed.identify.applies.beyond import beyond_words, map_words, simpler_words
 
 ARM = Chain(np.zeros((3, 5)), ("revolute", "prismatic", "revolute"))
 Q = np.zeros((30, 3))
@@ -81,35 +80,6 @@ def test_one_shot_far_off_is_named_and_the_place_is_not_blamed():
 )  # fmt: skip
 def test_nothing_is_told_where_the_place_may_be_the_same(other):
     assert beyond_words(other) == ()
-
-
-def hanging(*gains, refuted=True, turn=None, moved=None):
-    base = np.eye(4)
-    if turn is not None:
-        base[:3, :3] = turn
-    offered = [Offer("gravity", f"level {k}", gain, "") for k, gain in enumerate(gains)]
-    return SimpleNamespace(
-        refuted=refuted,
-        moved=moved,
-        nominal=SimpleNamespace(chain=SimpleNamespace(T_world_base=base)),
-        choice=SimpleNamespace(offered=[*offered, Offer("waves", "small waves", 40.0, "taken")]),
-    )
-
-
-def test_gravity_is_asked_about_where_it_explains_nothing_and_no_mounting_is_stated():
-    (text,) = gravity_words(hanging(-8.0, np.nan))
-    assert "along -z of the base" in text
-    assert "[base] rotation_vector_deg" in text
-    ceiling = np.diag([1.0, -1.0, -1.0])
-    for other in (
-        hanging(-8.0, refuted=False),
-        hanging(-8.0, turn=ceiling),
-        hanging(-8.0, 100.0),
-        hanging(-8.0, moved="a station"),
-        hanging(np.nan),
-        hanging(),
-    ):
-        assert gravity_words(other) == ()
 
 
 def test_targets_half_a_wave_beyond_the_measurements_of_a_map_are_told():

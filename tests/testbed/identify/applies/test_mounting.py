@@ -1,0 +1,55 @@
+"""An arm on a wall whose file says nothing of it, and arms that stand upright."""
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+
+from calib.geometry.frames import exp_so3
+from calib.identification.ladders import ladders_of
+from calib.identification.levels import with_errors
+from testbed.identify.calibrate import Options, calibrate
+from testbed.identify.words import reasons
+from tests.calibrated import robot, session_of, table_of, true_model
+from tests.reference import pool_r
+
+WALL = np.eye(4)
+WALL[:3, :3] = exp_so3(np.radians([90.0, 0.0, 0.0]))
+
+
+def on_wall(model):
+    """The model with its base turned as an arm on a wall has it."""
+    return replace(model, chain=replace(model.chain, T_world_base=WALL))
+
+
+@cache
+def hanging():
+    """Eighty poses of an arm that bends under gravity along y of its base."""
+    plain, arm = true_model(), robot()
+    bends = ladders_of(arm.model, on_wall(arm.model).chain, limits=arm.limits)[0].levels[1]
+    true = with_errors(plain, bends.errors)
+    step = np.zeros(true.n_numbers)
+    step[[true.names.index(name) for name in bends.names]] = 0.7 * np.asarray(bends.sd)
+    return session_of(table_of(true.moved(step), pool_r(80)), model="choose")
+
+
+def said(found):
+    return [text for text in found.warnings if "rotation_vector_deg" in text]
+
+
+def test_an_arm_on_a_wall_is_told_to_say_so_and_saying_so_mends_it():
+    found = calibrate(robot(), hanging(), Options(seed=1))
+    (text,) = said(found)
+    assert text.endswith("= [90, 0, 0] or [-90, 0, 0])")  # a compliance may have either sign
+    assert f"{text}." in reasons(found)
+    stated = replace(robot(), model=on_wall(robot().model))
+    mended = calibrate(stated, hanging(), Options(seed=1))
+    assert said(mended) == []
+    assert mended.fit.test.position.mean < 0.5 * found.fit.test.position.mean
+
+
+def test_larger_noise_of_an_upright_arm_is_no_hint_of_a_wall():
+    loud = session_of(table_of(true_model(), pool_r(60), noise=2.0), model="choose")
+    found = calibrate(robot(), loud, Options(seed=1))
+    assert found.refuted  # by the noise that is stated
+    assert said(found) == []
