@@ -145,7 +145,7 @@ def session_of(
     warnings += [text for one in cleaned for text in one.warnings]
     warnings += [text for _, match in joined for text in match.warnings]
     masked = [*(one.masked for one in cleaned), *(match.masked for _, match in joined)]
-    if settings.robot and settings.robot != robot.name:
+    if settings.robot and not _names(settings.robot, robot):
         warnings.append(f'the session names the robot "{settings.robot}", not {robot.name}')
     drifts = [one.drift for one in cleaned if one.drift is not None]
     return replace(
@@ -237,3 +237,9 @@ def session_file(path: Path) -> Path:
     if not is_there(path / SESSION_FILE):
         raise no_session(path)
     return path / SESSION_FILE
+
+
+def _names(stated: str, robot: Robot) -> bool:
+    """Whether a session names this robot: by its name, or by a path of its file or folder."""
+    last = Path(stated).name
+    return robot.name == stated or robot.folder.name == last or is_there(robot.folder / last)

@@ -168,3 +168,19 @@ def test_what_the_session_says_of_use_stands_in_for_columns_that_are_missing(tmp
     assert own.conditions == ("as measured", "as measured", "other payload")
     assert corrected(tmp_path, {}, measured).conditions == (NOT_STATED,) * 3
     assert corrected(tmp_path, {}, None).conditions == (NOT_STATED,) * 3
+
+
+@pytest.mark.parametrize(
+    ("named", "warned"),
+    [
+        (ROBOT.name, False),
+        ("../models/staubli_tx60/robot.toml", False),
+        ("models/staubli_tx60", False),
+        ("staubli_tx60.urdf", False),
+        ("kuka_iiwa7", True),
+        ("../models/kuka_iiwa7/kuka_iiwa7.urdf", True),
+    ],
+)
+def test_a_session_may_name_its_robot_by_the_path_of_its_file(named, warned, tmp_path):
+    session = read(tmp_path, rows(), f'robot = "{named}"')
+    assert ("names the robot" in " | ".join(session.warnings)) == warned
