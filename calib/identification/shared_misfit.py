@@ -1,6 +1,6 @@
-"""What all visits of one pose share: a misfit of that pose, beside the noise of each row.
+"""What visits and reflectors of one pose share: a misfit of it, beside the noise of each row.
 
-Visits average the noise and leave the misfit of a pose what it is. Where each row counted for
+They average the noise and leave the misfit of a pose what it is. Where each row counted for
 itself, the evidence would be as sure of that misfit as of so many poses, and ask for whatever model
 fits these.
 """
@@ -35,8 +35,9 @@ class SharedMisfit(Shown):
     s^2 (1 + v 1 1'): their mean counts for r / (1 + r v) rows, and what they differ by in full.
     The variance is that of most evidence, of each model its own.
 
-    Groups are rows of one pose that see the same thing from the same place, each with its misfit in
-    its own noise. Weights of a robust loss are those of the rows in their mean.
+    Groups are rows of one kind at one pose, seen from one place: visits of it, and its reflectors,
+    which a bent joint moves about alike. Each has the misfit in its own noise. Weights of a robust
+    loss are those of the rows in their mean.
     """
 
     bare: NormalEquations
@@ -58,8 +59,9 @@ class SharedMisfit(Shown):
     @classmethod
     def of(cls, bare: NormalEquations, measurements: Measurements) -> "SharedMisfit":
         """Of the rows of a table, weighed already."""
-        group = first_met(np.column_stack([measurements.together, measurements.target_key]))
         rows = measurements.equations
+        seen = (rows, measurements.station, measurements.anchor)
+        group = first_met(np.column_stack([measurements.together, *seen]))
         weight = bare.equations / rows
         count = np.bincount(group).astype(np.float64)
         share = np.sqrt(weight / np.bincount(group, weight)[group])

@@ -58,7 +58,7 @@ def plan_of(
 ) -> ClimbPlan | None:
     """What all of so many robots that climb share; None where arrays do not know it.
 
-    They know full poses of one station at the same joints, each visited once, of which nothing
+    They know full poses of one station at the same joints, each measured once, of which nothing
     further is said, up to `MOST_ROWS` rows; a nominal chain alone; and ladders of waves, believed
     to be zero, and of one kind of springs. All else climbs one by one, which takes five to seven
     times as long: points and distances, stated payloads, approach, torque and temperature, joint
