@@ -1,7 +1,7 @@
 """Columns of other programs under our names: what a name says, and what it leaves open."""
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from testbed.bounds import FACTORS
@@ -22,8 +22,6 @@ TRANSFORM = re.compile(r"([a-z]) ?([1-4]) ?([1-4])")
 """An entry of a transform: T11 ... T34."""
 OF_TARGET = re.compile(r"(.*?) ?([xyz]) ?(\d{0,3})")
 """A coordinate of one of several targets: x1, P1 x, SMR A x."""
-FEWEST = 2
-"""Joints that are more than so many may be counted from 0."""
 READ = {"read", "actual", "act", "feedback", "measured", "current", "ist", "istwert"}
 """Words of a joint that was read back."""
 TARGETS = {"goal", "target", "nominal", "nom", "cmd", "command", "commanded", "ref", "set", "t",
@@ -65,7 +63,8 @@ TURNS = {
     "rx": "rx", "ry": "ry", "rz": "rz", "roll": "rx", "pitch": "ry", "yaw": "rz",
     "qw": "qw", "qx": "qx", "qy": "qy", "qz": "qz", "q0": "qw",
 }  # fmt: skip
-
+SCALAR_FIRST = {"q0": "qw", "q1": "qx", "q2": "qy", "q3": "qz"}
+"""Beside q0, which is no joint, q1 is no joint either."""
 OF_TURNS = {*TURNS.values(), *(f"r{i}{j}" for i in "123" for j in "123"), "rvx", "rvy", "rvz"}
 LETTERS = ({"a": "rz", "b": "ry", "c": "rx"}, {"w": "rx", "p": "ry", "r": "rz"})
 """Turns of KUKA, about z, then y, then x, and of FANUC, about fixed x, y, z: they are the same."""
@@ -96,11 +95,13 @@ def meanings(head: Sequence[str], units: Sequence[str] = ()) -> tuple[Meaning, .
     A stem that several columns claim alike is given to none. `units` are those that a line below
     the names says, "" of columns that have none.
     """
-    found, shifted = [], _from_zero(head)
+    found, shifted, turns = [], _from_zero(head), turns_of_letters(head)
+    if "q0" in {name.strip().lower() for name in head if name not in shifted}:
+        turns = turns | SCALAR_FIRST
     for name, unit in zip(head, units or [""] * len(head), strict=True):
         bare = not (is_known(name) or without_unit(name)[1])
         said = f"{shifted.get(name, name)} [{unit}]" if unit and bare else shifted.get(name, name)
-        if (meaning := _meaning(said, head)) is not None:
+        if (meaning := _meaning(said, head, turns)) is not None:
             if name in shifted and meaning.known:
                 stem, _, unit = meaning.stem.rpartition("_")
                 meaning = Meaning(name, stem, unit)
@@ -110,9 +111,9 @@ def meanings(head: Sequence[str], units: Sequence[str] = ()) -> tuple[Meaning, .
         best.setdefault(meaning.plain, []).append(meaning)
     chosen, others = list[Meaning](), 0
     for several in best.values():
-        known = [one for one in several if one.known]
         names = _measured([one.theirs for one in several])
-        left = known[:1] or [one for one in several if one.theirs in names]
+        left = [one for one in several if one.known][:1]
+        left = left or [one for one in several if one.theirs in names]
         chosen += left if len(left) == 1 else []
         if len(left) == 1 and left[0].plain in ("x", "y", "z"):
             others += len(several) - 1
@@ -150,12 +151,9 @@ def _from_zero(head: Sequence[str]) -> dict[str, str]:
     shifted = {}
     for word, columns in families.items():
         count = len(columns)
-        # q0 to q3 are a quaternion
-        if (
-            count > FEWEST
-            and set(columns) == set(range(count))
-            and not (word[-1] == "q" and count == 4)
-        ):
+        # q0 to q3 are a quaternion, and two say too little
+        is_turn = word[-1] == "q" and count == 4
+        if count > 2 and set(columns) == set(range(count)) and not is_turn:
             for number, name in columns.items():
                 before, _, after = name.rpartition(str(number))
                 shifted[name] = f"{before}{number + 1}{after}"
@@ -190,20 +188,19 @@ def turns_of_letters(head: Sequence[str]) -> dict[str, str]:
     return next(both, {})
 
 
-def _meaning(name: str, head: Sequence[str]) -> Meaning | None:
-    """What one column is; None if its name says nothing that we know."""
+def _meaning(name: str, head: Sequence[str], turns: Mapping[str, str]) -> Meaning | None:
+    """What one column is; None if its name says nothing that we know.
+
+    `turns` are names that are turns in this table alone.
+    """
     if is_known(name):
         return Meaning(name, name, "", known=True)
     text, unit = without_unit(name)
     words = set(text.split())
     if text.replace(" ", "_") in ROS:
         return Meaning(name, f"q{ROS[text.replace(' ', '_')]}", unit)
-    # q0 beside q1 is a quaternion, its scalar first
-    scalar = {"q0"} <= {other.strip().lower() for other in head if other not in _from_zero(head)}
-    if scalar and text in ("q0", "q1", "q2", "q3"):
-        return Meaning(name, f"q{'wxyz'[int(text[1])]}", "")
-    if len(text) == 1 and (turns := turns_of_letters(head)) and text in turns:
-        return Meaning(name, turns[text], unit)
+    if text in turns:
+        return Meaning(name, turns[text], unit if len(text) == 1 else "")
     for own, known in PLAIN.items():
         if text in known:
             return Meaning(name, own, "")
@@ -221,8 +218,8 @@ def _meaning(name: str, head: Sequence[str]) -> Meaning | None:
     joint = JOINT.fullmatch(" ".join(word for word in text.split() if word not in READ | WISHED))
     if joint and not words & {"error", "diff", "dev", "deviation"}:
         return Meaning(name, f"q{joint[1]}{'_read' if words & READ else ''}", unit)
-    polar = any(ANGLE & set(without_unit(other)[0].split()) for other in head)
-    if words & DISTANCE and not polar and not words & {"x", "y", "z"}:
+    far = words & DISTANCE and not words & {"x", "y", "z"}
+    if far and not any(ANGLE & set(without_unit(other)[0].split()) for other in head):
         mark = "U95" if words & EXPANDED else "u" if words & STANDARD else ""
         return Meaning(name, f"{mark}_distance" if mark else "distance", unit)
     if words & WISHED or text in ("dx", "dy", "dz"):
@@ -245,8 +242,8 @@ def _wished(name: str, text: str, unit: str) -> Meaning | None:
 def _of_quaternion(text: str, head: Sequence[str]) -> bool:
     """Whether a name ends with x, y, z or w where all four have the words before it."""
     before, _, last = text.rpartition(" ")
-    others = {without_unit(name)[0] for name in head}
-    return last in tuple("xyzw") and {f"{before} {axis}" for axis in "xyzw"} <= others
+    wanted = {f"{before} {axis}" for axis in "xyzw"}
+    return last in tuple("xyzw") and wanted <= {without_unit(name)[0] for name in head}
 
 
 def _is_transform(letter: str, head: Sequence[str]) -> bool:
