@@ -93,9 +93,9 @@ def test_the_lesson_says_how_far_a_sag_moves_the_tool():
 
 def test_more_poses_with_a_wrong_model_hold_fewer_true_points(small):
     made = small("model", COUNTS=(15, 45), HELD_OUT=20)
-    found = made.held(range(1, 4))
-    # each of three robots, not the mean alone: the fall is what the class is to see
-    assert (found[2][:, 1] < found[2][:, 0]).all()
+    found = made.held(range(1, 13))
+    # of 5 mdeg; that of 2 scatters more than it falls: it takes the study's 29 to 120 poses
+    assert surely(found[5][:, 0] - found[5][:, 1])
     assert "and fewer" in made.answer(found)
 
 
