@@ -47,7 +47,9 @@ def test_the_scene_has_at_least_200_robots_of_every_kind():
 
 def test_on_rigid_robots_the_geometric_model_states_what_is_true(studies, campaign):
     cell = next(c for c in cells(STUDY.of(campaign)) if c.statement == "model")
-    assert (cell.truth, cell.model, cell.outcome) == ("rigid", "geometric", "holds")
+    few = len(studies["rigid"].before) < FULL  # who cannot tell 95 % from 90
+    assert (cell.truth, cell.model) == ("rigid", "geometric")
+    assert cell.outcome in ("holds", *["undecided"] * few)
     assert cell.share.low <= 0.95 <= cell.share.high
     check = numbers_check(studies["rigid"])
     assert len(check.names) == 30

@@ -50,8 +50,8 @@ class Moved(Shown):
     rows: int
     """Rows that stand off."""
     change: Annotated[Array, "k"]
-    """Shift [m] and turn [rad] of the station about the mean point; shift of the target in the axes
-    of the tool [m]; change of the joint [rad, m]."""
+    """(k,) shift [m] and turn [rad] of the station about the mean point; shift of the target in the
+    axes of the tool [m]; change of the joint [rad, m]."""
     size: float
     """Root mean square by which it moves those readings [m]."""
     explained: float

@@ -8,7 +8,7 @@ import pytest
 
 from tests.trace_quick import READ, ROOT
 
-CALLED = {READ: 28, "designed-29": 141, "random-29": 138}
+CALLED = {READ: 28, "designed-29": 147, "random-29": 144}
 """Files of which a function runs: may only fall, but for a module that is split because it had two
 subjects (what [truth] may not say, what is assumed of a robot, the likelihood of a misfit and the
 systems it solves, the circumstances and the setting of a campaign, the tracker of a scenario, the
@@ -16,9 +16,11 @@ conditions of a row, the links of a robot, what kind of file one is, what is bel
 readings of an instrument share, what an arm can hit have files of their own), for loops in numpy
 (of which a tracer sees more than of compiled ones), for replications computed together as arrays
 (11 files beside the single fit, their oracle), for gates that every path, TOML file and mesh
-passes, and for what a statement must know (17 files: the misfit that may hide, growth, repeats,
-frames and what a motion leaves, drift, radii). The aim was 16 to read a scene, 70 for a trial; of a
-trial's files 72 are calib's, which keeps each idea in a file of its own."""
+passes, for the doors of the design (4 files: what is a problem, a place or a count, and what an
+error says), and for what a statement must know (18 files: the misfit that may hide, growth,
+repeats, frames and what a motion leaves, drift, radii, which point is stated). The aim was 16 to
+read a scene, 70 for a trial; of a trial's files 78 are calib's, which keeps each idea in a file of
+its own."""
 IMPORTED = {READ: 9}
 """Files that are imported for it, beyond what the runner has imported before: may only fall."""
 
