@@ -159,12 +159,12 @@ def _number(name: str, value: object, *, whole: bool) -> Any:
     if not sound or isinstance(value, bool):
         raise _wrong(name, value, wanted)
     try:
-        number = float(value)  # type: ignore[arg-type]
+        number = float(value)  # type: ignore[arg-type]  # one of the kinds above
     except OverflowError:
         raise refuse(name, allowed=wanted, code="A3", message=f"{name} is too large") from None
     if np.isnan(number) or (whole and not number.is_integer()):
         raise refuse(name, value, wanted, code="A3")
-    return int(value) if whole else value  # type: ignore[call-overload]
+    return int(value) if whole else value  # type: ignore[call-overload]  # likewise
 
 
 def _words(kind: type) -> str:

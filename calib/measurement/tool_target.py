@@ -9,7 +9,15 @@ from calib.arrays import Array, check
 from calib.errors import refuse
 from calib.geometry.jacobian import reflector_rows
 from calib.geometry.model import RobotModel
-from calib.measurement.observations import GIVEN
+from calib.measurement.observations import GIVEN, Measurements
+
+
+def places_are_found(measurements: Measurements) -> bool:
+    """Whether nothing but reflectors was seen whose places the robot itself tells.
+
+    They take up all that the last link and the tool do: no row speaks of where the flange lies.
+    """
+    return len(measurements) > 0 and bool((measurements.reflector != GIVEN).all())
 
 
 @dataclass(frozen=True, slots=True)

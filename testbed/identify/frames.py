@@ -14,8 +14,9 @@ from calib.geometry.parameters import Parameters, parameters_of
 from calib.identification.identify import identify
 from calib.identification.start.start import start_frames
 from calib.information.sizes import FRAMES
-from calib.measurement.observations import GIVEN, Measurements
+from calib.measurement.observations import Measurements
 from calib.measurement.prediction import predict
+from calib.measurement.tool_target import places_are_found
 from testbed.files.session import Session
 from testbed.identify.visits.frames import require_determined
 from testbed.robots.catalog import Robot
@@ -108,21 +109,10 @@ def free_numbers(model: RobotModel, robot: Robot, session: Session) -> Parameter
         rest = tuple(name for name in names if name not in own)
         names = (*rest, *own) if how == "free" else rest
     held = {name for visit in session.visits if visit.held_out for name in visit.numbers}
-    if _tool_is_unseen(session):
+    if places_are_found(session.measurements):
+        # a prior on these would be of where the flange lies beside the targets
         held |= {f"{number}{model.chain.n_joints}" for number in COLUMNS}
     return table.freeing({*names, *model.fixtures.names} - set(session.fixed) - held)
-
-
-def _tool_is_unseen(session: Session) -> bool:
-    """Whether only targets of unknown place were measured, each to be found.
-
-    They take up all that the last link does, as they do of the tool: a prior on its numbers would
-    be of where the flange lies beside the targets, which no reading and no held-out pose speaks of.
-    """
-    reflector = session.measurements.reflector
-    places = {name.split(".")[0] for name in session.fixed}
-    found = {f"reflector{k + 1}" for k in np.unique(reflector)}
-    return bool(len(reflector)) and bool((reflector != GIVEN).all()) and not places & found
 
 
 def at_base(model: RobotModel, T_world_base: Array) -> RobotModel:

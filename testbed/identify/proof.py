@@ -10,7 +10,7 @@ from calib.held_out_counts import fewest_poses
 from calib.identification.fit_statistics import RED
 from calib.identification.identify import Identification
 from calib.measurement.observations import GIVEN, Measurements
-from calib.measurement.tool_target import ToolTarget
+from calib.measurement.tool_target import ToolTarget, places_are_found
 from calib.uncertainty.judgement import Circumstances, Judgement, judge
 from calib.uncertainty.statement.repeats import FEWEST_FREEDOM, joint_scatter, repeated
 from calib.uncertainty.tool_point import tool_statement
@@ -189,7 +189,7 @@ def stated_target(measurements: Measurements, result: Identification) -> ToolTar
     was measured, the least known of them: readings test it, and nothing tests a point beside it.
     """
     seen = measurements.reflector
-    if len(seen) and (seen != GIVEN).all() and not measurements.tool.any():
+    if places_are_found(measurements) and not measurements.tool.any():
         q, covariance = measurements.q, result.full_covariance
         found = [ToolTarget(reflector=k) for k in np.unique(seen).tolist()]
         spread = [

@@ -4,7 +4,7 @@ import numpy as np
 
 from calib.arrays import Array, Bool, frozen
 from calib.geometry.frames import inverse
-from calib.measurement.observations import GIVEN
+from calib.measurement.tool_target import places_are_found
 from calib.uncertainty.statement.applicability import Applicability
 from calib.uncertainty.statement.belief import Belief
 from calib.uncertainty.statement.conformity import Conformity, conformity
@@ -47,7 +47,7 @@ def statement_at(calibration: Calibration, program: ProgramResult) -> TargetStat
         links = calibration.handback.tolerance
         belief = carried(belief, in_use.tool, np.array(in_use.worst), links)
         point = np.zeros(3)
-    elif point.any() or targets_found(calibration):
+    elif point.any() or places_are_found(calibration.measurements):
         belief, point = of_file_tool(belief, calibration), np.zeros(3)
     departed = np.zeros(len(program.q), np.bool_) if program.departed is None else program.departed
     decidable = (reach.place != "outside") & ~departed & reach.reaches
@@ -89,11 +89,6 @@ def tool_point(calibration: Calibration) -> Array:
     return np.asarray(own[:3, 3])
 
 
-def targets_found(calibration: Calibration) -> bool:
-    """Whether the flange was seen by nothing but targets whose places the robot told."""
-    return bool((calibration.measurements.reflector != GIVEN).all())
-
-
 def of_file_tool(belief: Belief, calibration: Calibration) -> Belief:
     """What is believed of the tool of the robot's file, where another target was measured.
 
@@ -112,7 +107,7 @@ def tool_words(calibration: Calibration) -> tuple[str, ...]:
     point = tool_point(calibration)
     if calibration.handback.in_use is not None:
         return ()
-    if targets_found(calibration):
+    if places_are_found(calibration.measurements):
         return (
             f"R95 at targets is of the {FILE_TOOL}: how the flange stands to the targets that were "
             "measured is in no reading, the tolerances of the last link say it; [tool_in_use] "

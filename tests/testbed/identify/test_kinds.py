@@ -104,11 +104,10 @@ def test_what_the_targets_take_up_of_the_last_link_is_in_no_region():
     assert found.proof.point is not None
     assert found.proof.point.radius_mean < 5e-4
     # a target whose place is known does speak of the flange: then they are found with the rest
-    fixed = session_of(
-        table, **known | {"fixtures": Fixtures(reflectors=PLACES)},
-        fixed=tuple(f"reflector1.{axis}" for axis in "xyz"),
-    )  # fmt: skip
-    free = frames_of(robot(), fixed, table).parameters.free_names
+    T = true_model().poses(pool_r(12))
+    tip = T[:, :3, 3] + T[:, :3, :3] @ PLACES[0]
+    both = joined([table, tables.points(pool_r(12), tip, sd=SIGMA_POSITION, offset=PLACES[0])])
+    free = frames_of(robot(), session_of(both, **known), both).parameters.free_names
     assert set(last) <= set(free)
 
 
