@@ -61,7 +61,7 @@ FLOORS = {
         ("robots", "store", "report"),
         ("scenario", "recording", "jobsheet"),
         ("laboratory", "studies/protocol"),
-        ("studies/trial", "studies/many_robots", "plan", "files", "engines"),
+        ("studies/trial", "studies/many_robots", "studies/over_robots", "plan", "files", "engines"),
         ("studies/kinds", "iso9283", "schemas"),
         ("studies/pose_sets", "studies/coverage", "studies/compensation", "studies/wen2022",
          "identify", "run", "proposal"),
@@ -82,9 +82,9 @@ FLOORS = {
 """Rooms from the ground up: a room imports itself and lower floors only."""
 NEVER = (
     *(("testbed/run/", f"testbed.studies.{name}") for name in
-      ("pose_sets", "coverage", "compensation", "wen2022", "many_robots")),
+      ("pose_sets", "coverage", "compensation", "wen2022", "many_robots", "over_robots")),
     *(("testbed/engines/", f"testbed.studies.{name}") for name in
-      ("trial", "pose_sets", "coverage", "compensation", "wen2022", "many_robots")),
+      ("trial", "pose_sets", "coverage", "compensation", "wen2022", "many_robots", "over_robots")),
     ("testbed/identify/", "testbed.studies"),
     ("testbed/identify/", "testbed.laboratory.truth"),
     ("testbed/plan/", "testbed.studies"),

@@ -6,7 +6,8 @@ import numpy as np
 from scipy.special import fdtrc
 
 from calib.arrays import Array
-from calib.measurement.observations import Measurements, count_distinct
+from calib.measurement.grouping import count_distinct
+from calib.measurement.observations import Measurements
 
 
 @dataclass(frozen=True, slots=True)

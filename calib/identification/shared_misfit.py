@@ -13,7 +13,8 @@ from scipy.optimize import minimize_scalar
 from calib.arrays import Array, Index
 from calib.geometry.joint_errors import JointErrors
 from calib.identification.normal_equations import NormalEquations, Solved
-from calib.measurement.observations import Measurements, first_met
+from calib.measurement.grouping import first_met
+from calib.measurement.observations import Measurements
 from calib.shown import Shown
 
 LEAST, MOST = 1e-4, 1e6

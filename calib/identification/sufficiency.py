@@ -9,7 +9,8 @@ from calib.geometry.inverse import spread
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import Parameters
 from calib.information.reduction import reduce
-from calib.measurement.observations import GIVEN, Measurements, count_distinct
+from calib.measurement.grouping import count_distinct
+from calib.measurement.observations import GIVEN, Measurements
 from calib.measurement.residual import linearize
 
 

@@ -8,14 +8,8 @@ from numpy.typing import ArrayLike
 from calib.arrays import Array, Index, check, require_numbers, whole_numbers, wrong_shape
 from calib.errors import refuse
 from calib.geometry.frames import rigid
-from calib.measurement.observations import (
-    DISTANCE,
-    GIVEN,
-    POINT,
-    POSE,
-    Measurements,
-    first_met,
-)
+from calib.measurement.grouping import first_met
+from calib.measurement.observations import DISTANCE, GIVEN, POINT, POSE, Measurements
 
 
 def poses(

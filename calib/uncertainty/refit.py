@@ -239,12 +239,8 @@ def refit(
 
 def joined(parts: Sequence[Refits]) -> Refits:
     """Parts of a whole, in order."""
-    return Refits(
-        *(
-            frozen(np.concatenate([getattr(part, name) for part in parts]))
-            for name in Refits.__slots__
-        )
-    )
+    columns = (np.concatenate([getattr(part, name) for part in parts]) for name in Refits.__slots__)
+    return Refits(*map(frozen, columns))
 
 
 def descend(

@@ -10,13 +10,7 @@ from testbed.report.page import Section
 from testbed.scenario.hashes import goal_part, part, shared_part, truth_part
 from testbed.scenario.scenario import Scenario
 from testbed.store.quantities import Quantity, below
-from testbed.studies.many_robots import (
-    ManyRobots,
-    cut_of,
-    kind_of,
-    of_each_kind,
-    played_keys,
-)
+from testbed.studies.many_robots import ManyRobots, cut_of, kind_of, of_each_kind, played_keys
 from testbed.studies.protocol import Answer, Record, Records, Task
 from testbed.studies.trial.records import Campaign, Trial, campaign_of
 from testbed.studies.trial.study import SETTING

@@ -25,13 +25,13 @@ from calib.uncertainty.regions import coverage_factor, mahalanobis_squared
 from calib.uncertainty.statement.applicability import Proven, proven_at
 from calib.uncertainty.statement.distance import SPARE, distance_radius
 from calib.uncertainty.statement.evidence import NoiseRepeats
+from calib.uncertainty.statement.gain import stop_covariance
 from calib.uncertainty.statement.misfit import (
     DROP,
     UNGUARDED_DROP,
     HiddenMisfit,
     misfit,
     misfit_covariance,
-    stop_covariance,
 )
 from calib.uncertainty.tool_point import ToolStatement
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from calib.arrays import Array, frozen
+from calib.arrays import Array, Index, frozen
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import Parameters
 from calib.identification.identify import Identification
@@ -112,3 +112,25 @@ def untold(identification: Identification, table: Measurements, there: Array) ->
     root = np.zeros((model.n_numbers, len(some) - rank))
     root[some] = usual[some, None] * axes[rank:].T
     return root
+
+
+def stop_covariance(identification: Identification, train: Measurements, root: Array) -> Array:
+    """What P (P, P) of independent rows lacks, where rows of one stop share noise of a root.
+
+    References
+    ----------
+    F V F' less the same by rows, V = S S' of the stops and S (m, 6, j) their root.
+    """
+    each = estimator_gain(identification, train) @ root
+    alone = covariance_of_groups(each, np.arange(len(train))[:, None])
+    stop = np.column_stack([train.pose_id, train.repeat])
+    return of_all_numbers(identification, covariance_of_groups(each, stop) - alone)
+
+
+def covariance_of_groups(each: Array, group: Index) -> Array:
+    """Covariance (f, f) of the sums of columns (m, f, k) whose rows of a group share their draw."""
+    _, number = np.unique(group, axis=0, return_inverse=True)
+    moved = np.zeros((int(number.max()) + 1, *each.shape[1:]))
+    np.add.at(moved, number.ravel(), each)
+    root = np.moveaxis(moved, 0, 1).reshape(each.shape[1], -1)
+    return np.asarray(root @ root.T)

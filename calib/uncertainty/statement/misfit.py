@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import chdtrc
 
-from calib.arrays import Array, Bool, FloatOrNan, Index, frozen
+from calib.arrays import Array, Bool, FloatOrNan, frozen
 from calib.errors import refuse
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import Parameters
@@ -27,7 +27,7 @@ from calib.uncertainty.statement.evidence import (
     position_rows,
     sound_rows,
 )
-from calib.uncertainty.statement.gain import estimator_gain, of_all_numbers
+from calib.uncertainty.statement.gain import covariance_of_groups, estimator_gain, of_all_numbers
 from calib.uncertainty.statement.likelihood import DOUBT, likelihood
 from calib.uncertainty.statement.shape import (
     MisfitShape,
@@ -224,29 +224,7 @@ def misfit_covariance(
     """
     B = shape.rows(predict(identification.model, train).rows)
     each = estimator_gain(identification, train) @ B  # (m, f, k)
-    return of_all_numbers(identification, _of_groups(each, train.pose_id[:, None]))
-
-
-def stop_covariance(identification: Identification, train: Measurements, root: Array) -> Array:
-    """What P (P, P) of independent rows lacks, where rows of one stop share noise of a root.
-
-    References
-    ----------
-    F V F' less the same by rows, V = S S' of the stops and S (m, 6, j) their root.
-    """
-    each = estimator_gain(identification, train) @ root
-    alone = _of_groups(each, np.arange(len(train))[:, None])
-    stop = np.column_stack([train.pose_id, train.repeat])
-    return of_all_numbers(identification, _of_groups(each, stop) - alone)
-
-
-def _of_groups(each: Array, group: Index) -> Array:
-    """Covariance (f, f) of the sums of columns (m, f, k) whose rows of a group share their draw."""
-    _, number = np.unique(group, axis=0, return_inverse=True)
-    moved = np.zeros((int(number.max()) + 1, *each.shape[1:]))
-    np.add.at(moved, number.ravel(), each)
-    root = np.moveaxis(moved, 0, 1).reshape(each.shape[1], -1)
-    return np.asarray(root @ root.T)
+    return of_all_numbers(identification, covariance_of_groups(each, train.pose_id[:, None]))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -8,29 +8,26 @@ reserve stays as it was: the robot then does what it did before, and the row sta
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 
 from calib.arrays import Array, Bool
 from calib.compensation import (
-    PoseCorrection,
     compensate,
     corrected_poses,
     status_sentences,
     turned_sentences,
 )
 from calib.geometry.frames import inverse as inverse_transform
-from calib.geometry.inverse import InverseStatus
 from calib.geometry.model import RobotModel
 from calib.geometry.operating import AS_USUAL, OperatingConditions
 from calib.measurement.accuracy import rotation_errors
 from calib.uncertainty.statement.conditions import Conditions, departure
 from testbed.disk import atomic_write
-from testbed.files.columns import unit_of
 from testbed.files.conditions import SetUp, first_stated, target_conditions
-from testbed.files.joints import joint_columns, read_joints
+from testbed.files.joints import read_joints
 from testbed.files.programs.columns import renamed_words
+from testbed.files.programs.contradicted import TargetStatus, contradicted
 from testbed.files.programs.read import (
     ADDED,
     configurations,
@@ -46,8 +43,6 @@ from testbed.files.table import Columns, DataTable
 from testbed.robots.catalog import Robot
 from testbed.units import DEG, significant
 
-TargetStatus = InverseStatus | Literal["other joints"]
-"""What became of a target; "other joints" stand beside its pose than those that reach it."""
 WORDS: dict[str, str] = {
     "singular": "left as written: the posture is nearly singular, and its correction would move a "
     "joint far; move the target",
@@ -55,9 +50,6 @@ WORDS: dict[str, str] = {
     "corrected",
     "out of reach": "left as written: the robot does not reach it from a posture near this one",
 }
-APART, APART_SLIDE = float(np.radians(5.0)), 0.05
-"""Joints beside a Cartesian target that lie farther than this from the posture found for it belong
-to another one: those that name a configuration are rounded to a degree at most [rad, m]."""
 SAME = 1e-12
 """A number that the correction leaves as near as this is not written again [deg, rad, mm, m]."""
 BEYOND = 1e-6
@@ -244,7 +236,7 @@ def _correct_poses(
     seeds, assumed = configurations(table, robot, T)
     at, more = of_targets(identified, own, seeds)
     correction = corrected_poses(nominal, identified, T, seeds, robot.limits, at)
-    status, said = _contradicted(table, robot, seeds, correction)
+    status, said = contradicted(table, robot, seeds, correction)
     q = np.where(_reached(status)[:, None], correction.q, correction.q_before)
     poses = inverse_transform(base) @ correction.T
     new = in_form(stated.form, np.asarray(stated.numbers), poses[:, :3, :3])
@@ -263,37 +255,6 @@ def _correct_poses(
         at=at,
     )
     return result, _Targets(columns, np.hstack([poses[:, :3, 3], new]))
-
-
-def _contradicted(
-    table: DataTable, robot: Robot, stated: Array, correction: PoseCorrection
-) -> tuple[tuple[TargetStatus, ...], tuple[str, ...]]:
-    """Status of each target, and a sentence on joints (m, n) beside them that do not reach them."""
-    columns, slides = joint_columns(table, robot), robot.model.chain.prismatic > 0
-    if columns is None:
-        return correction.status, ()
-    off = np.abs(correction.q_before - stated)
-    # an axis of whole turns is where it is without them
-    off = np.where(slides, off, np.abs(np.mod(off + np.pi, 2 * np.pi) - np.pi))
-    far = (off > np.where(slides, APART_SLIDE, APART)) & correction.corrected[:, None]
-    if not far.any():
-        return correction.status, ()
-    row, count = int(np.argmax(far.any(axis=1))), int(far.any(axis=1).sum())
-    j = int(np.argmax(np.where(far[row], off[row] / np.where(slides, APART_SLIDE, APART), 0.0)))
-    taken = correction.q_before[row, j] / columns.factors[j]
-    name, many = columns.names[j], count > 1
-    them, theirs, first = ("them", "their poses", "the first ") if many else ("it", "its pose", "")
-    written = f'{table.names[name]} = "{table.texts(name)[row][:20]}"'
-    said = (
-        f"{count} of {len(table)} targets {'are' if many else 'is'} left as written: the joints "
-        f"beside {them} are not those of {theirs}, {first}in line {table.sheet.lines[row]}: "
-        f"{written}, and the pose is reached with {taken:.6g} {unit_of(name)}; put the joints "
-        "beside their poses, or leave their columns out"
-    )
-    status: list[TargetStatus] = list(correction.status)
-    for k in np.flatnonzero(far.any(axis=1)):
-        status[k] = "other joints"
-    return tuple(status), (said,)
 
 
 def _reached(status: Sequence[TargetStatus]) -> Bool:

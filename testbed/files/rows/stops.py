@@ -6,7 +6,8 @@ from dataclasses import replace
 import numpy as np
 
 from calib.arrays import Array, Bool, Index
-from calib.measurement.observations import Measurements, first_met, united
+from calib.measurement.grouping import first_met, united
+from calib.measurement.observations import Measurements
 from calib.uncertainty.statement.conditions import Conditions
 from testbed.files.matching import visits_of
 from testbed.files.rows.operating import SAME_JOINTS

@@ -8,8 +8,8 @@ import numpy as np
 from calib.arrays import Array
 from testbed.store.quantities import METRE, RADIAN, Quantity, below, in_si
 from testbed.studies.compensation.study import VARIANTS, WORTH, CompensationStudy
-from testbed.studies.many_robots import Outcome as Compared
-from testbed.studies.many_robots import family_confidence, log_ratio_over_robots, outcome_of
+from testbed.studies.over_robots import Outcome as Compared
+from testbed.studies.over_robots import family_confidence, log_ratio_over_robots, outcome_of
 
 VALUE, UNCERTAINTY, FLOOR = range(len(WORTH))
 PUBLISHED = {"median": "value", "p05": "low", "p95": "high", "u": "uncertainty", "floor": "floor"}

@@ -17,7 +17,7 @@ from calib.uncertainty.statement.memory import REMEMBERS
 from testbed.store.kept import each_row
 from testbed.store.quantities import METRE, Quantity, below, in_si
 from testbed.studies.coverage.study import BELIEVED, MODELS, STATEMENTS, CoverageStudy
-from testbed.studies.many_robots import family_confidence, share_over_robots
+from testbed.studies.over_robots import family_confidence, share_over_robots
 from testbed.studies.trial.replications import BAND, binomial_band, chi_square_mean_band
 from testbed.units import Mean
 

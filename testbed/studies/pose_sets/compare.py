@@ -13,7 +13,7 @@ import numpy as np
 
 from calib.arrays import Array
 from testbed.store.quantities import METRE, Quantity, below
-from testbed.studies.many_robots import (
+from testbed.studies.over_robots import (
     Outcome,
     family_confidence,
     log_ratio_over_robots,

@@ -2,7 +2,7 @@
 
 from testbed.report.plots import Look, interval, rows_of
 from testbed.report.svg import DARK, MIDDLE, SOFT, drawing, svg_of
-from testbed.studies.many_robots import Outcome, percent_of
+from testbed.studies.over_robots import Outcome, percent_of
 from testbed.studies.pose_sets.compare import Contest, Entry
 from testbed.studies.trial.plots import MOST_VIEWS
 

@@ -3,7 +3,7 @@
 from typing import get_args
 
 from testbed.report.page import Block, Figure, Points, Section, Table, Text, Verdict, table_of
-from testbed.studies.many_robots import CONFIDENCE, Outcome, percent_of
+from testbed.studies.over_robots import CONFIDENCE, Outcome, percent_of
 from testbed.studies.pose_sets.compare import Contest, Entry, contest_of, population_of
 from testbed.studies.pose_sets.plots import forest, kinds
 from testbed.studies.protocol import Answer

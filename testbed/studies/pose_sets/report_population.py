@@ -1,7 +1,7 @@
 """The report's section on many robots: which pose set is better, and whether that can be told."""
 
 from testbed.report.page import Points, Section, Table, Text, table_of
-from testbed.studies.many_robots import log_ratio_over_robots, mean_over_robots, percent_of
+from testbed.studies.over_robots import log_ratio_over_robots, mean_over_robots, percent_of
 from testbed.studies.pose_sets.compare import (
     Contest,
     PopulationStudy,

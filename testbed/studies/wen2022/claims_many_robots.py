@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable
 
 import numpy as np
 
-from testbed.studies.many_robots import change, plus_minus, printed_change, share, signed, within
+from testbed.studies.over_robots import change, plus_minus, printed_change, share, signed, within
 from testbed.studies.wen2022 import paper
 from testbed.studies.wen2022.finding import Finding, NotPlayedError, Verdict, graded, played
 from testbed.studies.wen2022.ratio import Split, over, printed_split

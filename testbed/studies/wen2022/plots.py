@@ -15,7 +15,7 @@ from testbed.report.plots import (
     share_ends,
 )
 from testbed.report.svg import DARK, FAINT, INK, LIGHT, MIDDLE, SOFT, drawing, svg_of
-from testbed.studies.many_robots import percent_of
+from testbed.studies.over_robots import percent_of
 from testbed.studies.trial.plots import LOOKS
 from testbed.studies.wen2022 import paper
 from testbed.studies.wen2022.ratio import PRINTED, Split

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from calib.arrays import Array, Index
-from testbed.studies.many_robots import mean_over_robots, share_over_robots
+from testbed.studies.over_robots import mean_over_robots, share_over_robots
 from testbed.studies.wen2022 import paper
 from testbed.studies.wen2022.records import Reexamined
 from testbed.units import Mean

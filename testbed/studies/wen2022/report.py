@@ -7,7 +7,7 @@ import numpy as np
 from scipy.special import gammaln
 
 from testbed.report.page import Block, Figure, Points, Section, Text, Verdict
-from testbed.studies.many_robots import plus_minus
+from testbed.studies.over_robots import plus_minus
 from testbed.studies.protocol import Answer
 from testbed.studies.trial.records import Campaign
 from testbed.studies.trial.verdict import trial_verdict

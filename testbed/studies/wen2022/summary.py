@@ -11,7 +11,7 @@ import numpy as np
 from calib.arrays import Array
 from testbed.scenario.tables import BudgetSettings
 from testbed.store.quantities import METRE
-from testbed.studies.many_robots import Outcome, family_confidence, outcome_of
+from testbed.studies.over_robots import Outcome, family_confidence, outcome_of
 from testbed.studies.trial.records import Campaign
 from testbed.studies.wen2022 import paper
 from testbed.studies.wen2022.paper_set import designed_trials

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from testbed.report.page import Table
-from testbed.studies.many_robots import change, plus_minus, printed_change, share, within
+from testbed.studies.over_robots import change, plus_minus, printed_change, share, within
 from testbed.studies.wen2022 import paper
 from testbed.studies.wen2022.ratio import PRINTED, over, printed_split
 from testbed.studies.wen2022.records import ESTIMATORS

@@ -17,7 +17,8 @@ from calib.geometry.parameters import parameters_of
 from calib.identification.identify import Identification, Status, identify
 from calib.identification.outliers.scores import outliers
 from calib.identification.sufficiency import independent_equations, require_equations
-from calib.measurement.observations import POINT, POSE, Measurements, count_distinct
+from calib.measurement.grouping import count_distinct
+from calib.measurement.observations import POINT, POSE, Measurements
 from calib.measurement.residual import linearize, paper_stack
 from tests.reference import (
     DEG,

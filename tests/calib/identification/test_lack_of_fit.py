@@ -10,7 +10,8 @@ from calib.geometry.operating import OperatingConditions
 from calib.geometry.parameters import parameters_of
 from calib.identification.identify import Identification, identify
 from calib.identification.prior import weak_prior
-from calib.measurement.observations import POINT, POSE, Measurements, count_distinct, joined
+from calib.measurement.grouping import count_distinct
+from calib.measurement.observations import POINT, POSE, Measurements, joined
 from calib.measurement.residual import linearize, table_whiteners
 from tests.reference import DEG, WEN24, pool_r, rigid_truth, tx60
 from tests.truth.measuring import measured

@@ -15,8 +15,8 @@ from calib.measurement.observations import joined
 from calib.measurement.prediction import predict
 from calib.uncertainty.statement.belief import believe
 from calib.uncertainty.statement.evidence import position_rows
-from calib.uncertainty.statement.gain import estimator_gain
-from calib.uncertainty.statement.misfit import misfit, misfit_shape, stop_covariance
+from calib.uncertainty.statement.gain import estimator_gain, stop_covariance
+from calib.uncertainty.statement.misfit import misfit, misfit_shape
 from tests.calib import kinds
 
 SCATTER = 20e-6

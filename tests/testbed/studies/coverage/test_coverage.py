@@ -32,7 +32,7 @@ from testbed.studies.coverage.summary import (
     uniform_p,
 )
 from testbed.studies.coverage.tables import attained_share
-from testbed.studies.many_robots import mean_over_robots, share_over_robots
+from testbed.studies.over_robots import mean_over_robots, share_over_robots
 from testbed.units import NARROW, Mean
 from tests.campaign import record_hash, with_records
 from tests.reported import VERSIONS, assert_same, played

@@ -18,7 +18,7 @@ from testbed.scenario.read import changed
 from testbed.scenario.tables import TrialSettings
 from testbed.streams import stream
 from testbed.studies import load_scenario
-from testbed.studies.many_robots import family_confidence, log_ratio_over_robots, outcome_of
+from testbed.studies.over_robots import family_confidence, log_ratio_over_robots, outcome_of
 from testbed.studies.pose_sets import report as report_pose_sets
 from testbed.studies.pose_sets.compare import contest_of, population_of
 from testbed.studies.pose_sets.play import set_for

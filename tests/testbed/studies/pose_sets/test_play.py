@@ -11,7 +11,7 @@ from testbed.laboratory.goal import goals_of
 from testbed.laboratory.truth.laboratory import open_laboratory
 from testbed.run.derive import headline
 from testbed.scenario.read import changed
-from testbed.studies.many_robots import log_ratio_over_robots, mean_over_robots
+from testbed.studies.over_robots import log_ratio_over_robots, mean_over_robots
 from testbed.studies.pose_sets.compare import contest_of, population_of
 from testbed.studies.pose_sets.play import gather, play_robot, play_robots, play_together
 from testbed.studies.pose_sets.report_population import population_section, sentences
