@@ -177,6 +177,8 @@ ESTIMATORS = {"whitened": "default"}
 
 def headline_rows(result: Mapping[str, Any]) -> list[list[str]]:
     """One row per trial and estimator of a result.json."""
+    from testbed.units import percent, plain
+
     return [
         [
             name,
@@ -187,7 +189,7 @@ def headline_rows(result: Mapping[str, Any]) -> list[list[str]]:
             _mm(found["held_out_after"]["p95_mm"]),
             _mm(found["held_out_after"]["max_mm"]),
             _mm(found["stated_u_3d_rms_mm"]),
-            f"{100 * found['held_out_inside_95']:.0f} %",
+            plain(percent(found["held_out_inside_95"])),
             "-" if found["chi_square_per_dof"] is None else f"{found['chi_square_per_dof']:.2f}",
             "yes" if found["believable"] else "no" if found.get("contradicted", True) else "?",
         ]

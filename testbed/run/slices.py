@@ -14,7 +14,7 @@ from testbed.run.cut import all_pieces, cut_names, sliced_cuts
 from testbed.run.derive import Derive, derived_file
 from testbed.run.play import RunOutcome, about, play_run, robot_of, scenario_in
 from testbed.run.work import Work
-from testbed.scenario.hashes import scenario_hash
+from testbed.scenario.hashes import growing_hash, scenario_hash
 from testbed.scenario.read import dump_scenario
 from testbed.scenario.scenario import Scenario
 from testbed.store import layout
@@ -50,7 +50,8 @@ def play_slice(
     """Play every `count`-th piece of the studies, from `number` (1 is the first), into a folder.
 
     Slices may share the folder and be played at the same time; what all pieces need each of them
-    makes, the same bytes. ``truebed run --resume`` or `merge_runs` make a run of them.
+    makes, the same bytes. A folder with fewer or more robots keeps its full pieces.
+    ``truebed run --resume`` or `merge_runs` make a run of them.
 
     Raises
     ------
@@ -66,9 +67,10 @@ def play_slice(
             code="C41", where=where, fix="leave --slice out",
             message="--slice is given, and no study of many robots is on",
         )  # fmt: skip
-    with RunFolder.share(Path(out), scenario_hash(scenario, robot)) as work.folder:
+    hashes = scenario_hash(scenario, robot), growing_hash(scenario, robot)
+    with RunFolder.share(Path(out), *hashes) as work.folder:
         try:
-            if not (work.folder.path / layout.MANIFEST).exists():
+            if not work.folder.begun:
                 work.folder.begin(dump_scenario(scenario), about(scenario, robot))
             return SliceOutcome(*work.play_slice(number, count))
         except InputError as error:

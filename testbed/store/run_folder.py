@@ -42,8 +42,17 @@ AGAIN = "give the command that wrote this folder again, with another --out"
 class RunFolder:
     """One run folder, locked until it is closed; `create`, `resume` or `reopen` one."""
 
-    def __init__(self, path: Path, lock: IO[str] | None = None, *, fresh: bool = False) -> None:
+    def __init__(
+        self,
+        path: Path,
+        lock: IO[str] | None = None,
+        *,
+        fresh: bool = False,
+        begun: bool = False,
+    ) -> None:
         self.path = path
+        self.begun = begun
+        """Whether it is of just this scenario already, as `begin` would write it."""
         self._lock = lock
         self._fresh = fresh
         """Begun by this process: may be removed again while no record is in it."""
@@ -83,21 +92,27 @@ class RunFolder:
         with writing(path):
             if not path.exists() or is_unused(path):
                 return cls.create(path)
+        return cls._stands(path, scenario_hash, growing_hash)
+
+    @classmethod
+    def share(cls, path: Path, scenario_hash: str, growing_hash: str = "") -> "RunFolder":
+        """As `resume`, for several processes that fill it at once."""
+        with writing(path):
+            if not path.exists() or is_unused(path):
+                return cls._locked(path, fresh=True, shared=True)
+        return cls._stands(path, scenario_hash, growing_hash, shared=True)
+
+    @classmethod
+    def _stands(
+        cls, path: Path, scenario_hash: str, growing_hash: str, *, shared: bool = False
+    ) -> "RunFolder":
+        """The folder of a run that began, without what was derived from other numbers of robots."""
         same = check_same_run(path, scenario_hash, growing_hash)
-        folder = cls._locked(path)
+        folder = cls._locked(path, shared=shared, begun=same)
         if not same:
             for name in layout.DERIVED:
                 (path / name).unlink(missing_ok=True)
         return folder
-
-    @classmethod
-    def share(cls, path: Path, scenario_hash: str) -> "RunFolder":
-        """The folder of a run that several processes fill at once; a new one if none began."""
-        with writing(path):
-            begun = path.exists() and not is_unused(path)
-        if begun:
-            check_same_run(path, scenario_hash)
-        return cls._locked(path, fresh=not begun, shared=True)
 
     @classmethod
     def reopen(cls, path: Path) -> "RunFolder":
@@ -106,7 +121,9 @@ class RunFolder:
         return cls._locked(path)
 
     @classmethod
-    def _locked(cls, path: Path, *, fresh: bool = False, shared: bool = False) -> "RunFolder":
+    def _locked(
+        cls, path: Path, *, fresh: bool = False, shared: bool = False, begun: bool = False
+    ) -> "RunFolder":
         """The folder, made if need be, under its lock and without what a killed process left."""
         with writing(path):
             (path / layout.TRIALS).mkdir(parents=True, exist_ok=True)
@@ -114,7 +131,7 @@ class RunFolder:
         # those of a folder that is shared may be of others that are alive
         for folder in () if shared else (path, path / layout.TRIALS, path / layout.PARTS):
             remove_leftovers(folder)
-        return cls(path, lock, fresh=fresh)
+        return cls(path, lock, fresh=fresh, begun=begun)
 
     def begin(self, scenario: str, about: Mapping[str, Any]) -> None:
         """Write what is played; the manifest comes last and makes this a run folder."""

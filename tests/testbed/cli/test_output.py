@@ -16,7 +16,7 @@ from testbed.cli import app, terminal
 from testbed.cli.course import TimeLeft
 from testbed.cli.exit_codes import exit_codes
 from testbed.cli.output import say, say_json, warn
-from testbed.cli.terminal import progress
+from testbed.cli.terminal import headline_rows, progress
 from testbed.robots.catalog import load_robot
 from testbed.robots.write.toml import robot_toml
 from testbed.screen_reader import plain_if
@@ -218,3 +218,12 @@ def test_a_screen_reader_gets_a_line_for_each_step_and_nothing_drawn(reason, mon
     assert "\x1b" not in text
     assert lines[0].startswith("[1/12] setting: ")
     assert len(lines) == 3
+
+
+@pytest.mark.parametrize(("share", "word"), [(0.996, "99.6 %"), (1.0, "100 %"), (0.94, "94 %")])
+def test_a_point_outside_is_not_rounded_away_in_the_headline_table(share, word):
+    mm = dict.fromkeys(("mean_mm", "p95_mm", "max_mm"), 0.1)
+    found = {"held_out_before": mm, "held_out_after": mm, "stated_u_3d_rms_mm": 0.1}
+    found |= {"held_out_inside_95": share, "chi_square_per_dof": 1.0, "believable": True}
+    trials = {"a": {"poses": 29, "estimates": {"whitened": found}}}
+    assert word in headline_rows({"trials": trials})[0]

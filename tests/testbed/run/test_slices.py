@@ -102,8 +102,8 @@ def run(out, many=None, *, what=None, **options):
     return play_run(what or scenario(), out, studies=(many,), derive=many.derive, **options)
 
 
-def part(out, number, count, many=None):
-    return play_slice(scenario(), out, number, count, studies=(many or Many(),))
+def part(out, number, count, many=None, *, what=None):
+    return play_slice(what or scenario(), out, number, count, studies=(many or Many(),))
 
 
 def merge(folders, out, many=None):
@@ -226,6 +226,19 @@ def test_more_robots_keep_the_full_pieces_and_fewer_keep_them_too(tmp_path):
     assert content(out) == content(tmp_path / "whole")
     with pytest.raises(InputError, match="another scenario, seed or robot"):
         run(out, what=scenario(20, seed=6), resume=True)
+
+
+def test_slices_with_more_robots_keep_the_full_pieces_of_the_folder(tmp_path):
+    out, many = tmp_path / "grown", Many()
+    run(out)
+    for number in (2, 1):
+        part(out, number, 2, many, what=scenario(20))
+    assert sorted(many.computed) == [f"many.a {k}" for k in (4, 5, 6)]
+    assert not (out / layout.RESULT).exists()
+    assert (out / layout.UNFINISHED).exists()
+    run(out, what=scenario(20), resume=True)
+    run(tmp_path / "whole", what=scenario(20))
+    assert content(out) == content(tmp_path / "whole")
 
 
 def test_a_stop_after_more_robots_were_asked_for_leaves_no_old_result(tmp_path):
