@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.special import gammaln, ndtri
 
-from calib.arrays import Array, Index, require_finite, wrong_shape
+from calib.arrays import Array, require_finite, wrong_shape
 from calib.errors import refuse
 
 FEWEST = 3
@@ -71,12 +71,11 @@ def jackknife(figure: Callable[[Array], Array], x: Array) -> Array:
     return np.asarray(np.sqrt((n - 1) / n * ((without - without.mean(axis=0)) ** 2).sum(axis=0)))
 
 
-def widest(center: Array) -> tuple[Array, Index, Index]:
-    """Largest distance (...,) among points (..., g, 3), and between which two."""
-    pairs = np.triu_indices(center.shape[-2], 1)
-    gaps = np.linalg.norm(center[..., pairs[0], :] - center[..., pairs[1], :], axis=-1)
-    best = gaps.argmax(axis=-1)
-    return gaps.max(axis=-1), pairs[0][best], pairs[1][best]
+def widest(center: Array) -> Array:
+    """Largest distance (...,) among points (..., g, 3)."""
+    one, other = np.triu_indices(center.shape[-2], 1)
+    gaps = np.linalg.norm(center[..., one, :] - center[..., other, :], axis=-1)
+    return np.asarray(gaps.max(axis=-1))
 
 
 def mean_norm(covariance: Array) -> Array:
@@ -95,7 +94,7 @@ def mean_widest(covariance: Array, groups: int) -> Array:
     root = vectors * np.sqrt(np.maximum(values, 0.0))[..., None, :]
     points = _points(groups)
     flat = root.reshape(-1, 3, 3)
-    mean = [widest(points @ one.T)[0].mean() for one in flat]
+    mean = [widest(points @ one.T).mean() for one in flat]
     return np.asarray(mean).reshape(covariance.shape[:-2])
 
 

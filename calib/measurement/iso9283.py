@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from calib.arrays import Array, Index, frozen, wrong_shape
+from calib.arrays import Array, frozen, wrong_shape
 from calib.measurement.cycles import (
     covariances_of,
     cycles_of,
@@ -27,7 +27,6 @@ from calib.measurement.cycles import (
     per_pose,
     repeatability_floor,
     sd_bias,
-    widest,
 )
 from calib.shown import Shown
 
@@ -42,9 +41,28 @@ class IsoFigure(Shown):
     """(...,) its standard uncertainty."""
     floor: Array
     """(...,) what it reads on average where there is nothing to see; nan where that is unknown."""
+    around: Array | None = None
+    """(...,) of a length: root of the variance in all directions together; None of a scatter."""
+    directions: Array | None = None
+    """(...,) in how many directions that variance is, 1 to 3; None of a scatter."""
 
     def __repr__(self) -> str:
         return f"IsoFigure({self.value.size} poses, largest {self.value.max():.4g})"
+
+    @property
+    def largest(self) -> "IsoFigure":
+        """The largest one along the last axis."""
+        at = self.value.argmax(axis=-1)[..., None]
+
+        def taken(x: Array) -> Array:
+            """Of one column."""
+            return frozen(np.take_along_axis(x, at, axis=-1)[..., 0])
+
+        return IsoFigure(
+            taken(self.value), taken(self.uncertainty), taken(self.floor),
+            None if self.around is None else taken(self.around),
+            None if self.directions is None else taken(self.directions),
+        )  # fmt: skip
 
 
 def accuracy(
@@ -75,15 +93,9 @@ def accuracy(
     x = cycles_of(position)
     target = per_pose(command, x.shape[:-2], "command", (3,))
     off = x.mean(axis=-2) - target
-    value = np.linalg.norm(off, axis=-1)
     scatter = _covariance(x) / x.shape[-2]
-    along = off / np.maximum(value, 1e-300)[..., None]
     spread = scatter + (0.0 if common is None else covariances_of(common, "common"))
-    return IsoFigure(
-        frozen(value),
-        frozen(np.sqrt(np.einsum("...i,...ij,...j->...", along, spread, along))),
-        frozen(mean_norm(scatter)),
-    )
+    return _length(off, spread, mean_norm(scatter))
 
 
 def repeatability(position: ArrayLike, *, noise: ArrayLike | None = None) -> IsoFigure:
@@ -119,20 +131,26 @@ def approaches(position: ArrayLike) -> IsoFigure:
     position : (..., g, n, 3) array_like
         Attained positions from each of g directions of approach, usually three [m].
     """
+    return gaps(position).largest
+
+
+def gaps(position: ArrayLike) -> IsoFigure:
+    """Distances (..., k) between the barycenters of every two directions of approach.
+
+    Their floor is that of the largest of them, vAP, whose limits need them all.
+    """
     x = cycles_of(position)
     if x.ndim < 3 or x.shape[-3] < 2:
         allowed = "(..., g, n, 3) with at least two directions of approach"
         raise wrong_shape("position", x.shape, allowed)
     center = x.mean(axis=-2)
     scatter = _covariance(x) / x.shape[-2]
-    value, one, other = widest(center)
-    gap = _take(center, one) - _take(center, other)
-    along = gap / np.maximum(value, 1e-300)[..., None]
-    both = _take(scatter, one) + _take(scatter, other)
-    return IsoFigure(
-        frozen(value),
-        frozen(np.sqrt(np.einsum("...i,...ij,...j->...", along, both, along))),
-        frozen(mean_widest(scatter.mean(axis=-3), x.shape[-3])),
+    one, other = np.triu_indices(x.shape[-3], 1)
+    floor = mean_widest(scatter.mean(axis=-3), x.shape[-3])[..., None]
+    return _length(
+        center[..., one, :] - center[..., other, :],
+        scatter[..., one, :, :] + scatter[..., other, :, :],
+        np.broadcast_to(floor, (*floor.shape[:-1], len(one))),
     )
 
 
@@ -198,11 +216,18 @@ def _radius(x: Array) -> Array:
     return np.asarray(away.mean(axis=-1) + 3 * away.std(axis=-1, ddof=1))
 
 
-def _take(stack: Array, index: Index) -> Array:
-    """Entry `index` (...,) of each group of a stack (..., g, *)."""
-    lead = stack.shape[: index.ndim]
-    flat = stack.reshape(-1, *stack.shape[index.ndim :])
-    return np.asarray(flat[np.arange(len(flat)), index.ravel()].reshape(*lead, *flat.shape[2:]))
+def _length(off: Array, covariance: Array, floor: Array) -> IsoFigure:
+    """Length of vectors (..., 3) that scatter with covariance (..., 3, 3)."""
+    value = np.linalg.norm(off, axis=-1)
+    along = off / np.maximum(value, 1e-300)[..., None]
+    u = np.sqrt(np.einsum("...i,...ij,...j->...", along, covariance, along))
+    trace = np.trace(covariance, axis1=-2, axis2=-1)
+    square = np.square(covariance).sum(axis=(-2, -1))
+    # Satterthwaite: of k equal directions k
+    directions = np.where(square > 0, trace**2 / np.where(square > 0, square, 1.0), 1.0)
+    return IsoFigure(
+        frozen(value), frozen(u), frozen(floor), frozen(np.sqrt(trace)), frozen(directions)
+    )
 
 
 def _distances(first: ArrayLike, second: ArrayLike) -> Array:

@@ -61,8 +61,16 @@ class CycleMemory:
             return figure
         common = np.square(shared)
         own = np.maximum(figure.uncertainty**2 - common, 0.0)
-        wide = own * self.cycles / (self.worth * self.shrunk)
-        return replace(figure, uncertainty=frozen(np.sqrt(wide + common)))
+        more = self.cycles / (self.worth * self.shrunk)
+        u = np.sqrt(own * more + common)
+        around = figure.around
+        if around is not None:
+            # as much wider as u: of what is shared across the figure that is too much
+            around = frozen(around * u / np.where(u > 0, figure.uncertainty, 1.0))
+        return replace(
+            figure, uncertainty=frozen(u), floor=frozen(figure.floor * np.sqrt(more)),
+            around=around,
+        )  # fmt: skip
 
     def of_scatter(self, figure: IsoFigure) -> IsoFigure:
         """A figure of scatter with the uncertainty that these cycles leave."""

@@ -12,14 +12,15 @@ from calib.arrays import Array, Index, frozen
 from calib.measurement.iso9283 import (
     IsoFigure,
     accuracy,
-    approaches,
     distance_accuracy,
     distance_repeatability,
+    gaps,
     repeatability,
 )
 from calib.measurement.iso_drift import BLOCK, DriftFigures, drift
 from calib.measurement.iso_limits import (
     Limits,
+    largest_limits,
     mean_limits,
     repeatability_limits,
     spread_limits,
@@ -168,9 +169,9 @@ def _directions(visits: Visits, memory: CycleMemory) -> Iterator[StatedFigure]:
     for pose in dict.fromkeys(visits.pose):
         own = [e for e, name in enumerate(visits.pose) if name == pose]
         if len(own) > 1:
-            found = memory.of_mean(approaches(visits.position[own]))
-            limits = mean_limits(found, 2 * memory.freedom(n - 1))
-            yield from _figures("vAP", (pose,), found, limits, n)
+            found = memory.of_mean(gaps(visits.position[own]))
+            limits = largest_limits(found, 2 * memory.freedom(n - 1))
+            yield from _figures("vAP", (pose,), found.largest, limits, n)
 
 
 def _distances(visits: Visits, shared: Shared, memory: CycleMemory) -> Iterator[StatedFigure]:
@@ -231,14 +232,16 @@ def _drift_figures(
 ) -> Iterator[StatedFigure]:
     """The largest change of AP and RP against the first block."""
     made = {"dAP": lambda y: accuracy(y, command), "dRP": repeatability}
+    # all blocks but the last are of one length
+    stacks = np.stack([x[part] for part in parts[:-1]]), x[parts[-1]][None]
     for k, (key, values) in enumerate(
         (("dAP", found.accuracy[e]), ("dRP", found.repeatability[e]))
     ):
-        last = int(np.abs(values[1:] - values[0]).argmax()) + 1
-        u = float(np.hypot(*(made[key](x[parts[b]]).uncertainty for b in (0, last))))
-        value, floor = float(found.values[e, k]), float(found.by_chance[e, k])
-        half = float(stdtrit(2 * (BLOCK - 1), (1 + PROBABILITY) / 2)) * u
-        yield StatedFigure(key, name, value, max(value - half, 0.0), value + half, u, floor, len(x))
+        u = np.concatenate([made[key](one).uncertainty for one in stacks])
+        u, floor = np.hypot(u[0], u[1:]), np.full(len(u) - 1, found.by_chance[e, k])
+        change = IsoFigure(np.abs(values[1:] - values[0]), u, floor, u, np.ones(len(u)))
+        limits = largest_limits(change, 2 * (BLOCK - 1))
+        yield from _figures(key, (name,), change.largest, limits, len(x))
 
 
 def _path(path: PathRuns, shared: Shared) -> tuple[list[StatedFigure], PathShown]:
@@ -259,17 +262,13 @@ def _path(path: PathRuns, shared: Shared) -> tuple[list[StatedFigure], PathShown
     a, r = found.worst
     AT, RT = accuracy(x, path.command, common=common), found.repeatability
     own = float(_shared_part(AT, found.accuracy)[a])
-    where, m = f"path {path.name}", len(x)
-    # the largest of m lower limits is one of the largest figure if each holds at 1 - 0.025 / m;
-    # the largest upper limit holds it as any one does: it is no smaller than that of its point
-    single = 1 - (1 - PROBABILITY) / m
-    low, near = mean_limits(AT, n - 1, probability=single), repeatability_limits(x)
-    far = mean_limits(AT, n - 1)
-    least = repeatability_limits(x, probability=single)
+    where = f"path {path.name}"
+    far, near = largest_limits(AT, n - 1), repeatability_limits(x)
+    least = repeatability_limits(x, probability=1 - (1 - PROBABILITY) / len(x))
     steps = np.linalg.norm(np.diff(path.command, axis=0), axis=1)
     figures = [
-        StatedFigure("AT", where, float(AT.value[a]), float(low.lower.max()),
-                     float(far.upper.max()), float(AT.uncertainty[a]), found.floor, n, shared=own),
+        StatedFigure("AT", where, float(AT.value[a]), float(far.lower),
+                     float(far.upper), float(AT.uncertainty[a]), found.floor, n, shared=own),
         StatedFigure("RT", where, float(RT.value[r]), float(least.lower.max()),
                      float(near.upper.max()), float(RT.uncertainty[r]), float(RT.floor[r]), n),
     ]  # fmt: skip

@@ -6,9 +6,15 @@ import numpy as np
 import pytest
 from scipy import stats
 
+from calib.measurement import iso9283
 from calib.measurement.cycles import length_moments
-from calib.measurement.iso9283 import distance_repeatability, repeatability
-from calib.measurement.iso_limits import mean_limits, repeatability_limits, spread_limits
+from calib.measurement.iso9283 import accuracy, distance_repeatability, gaps, repeatability
+from calib.measurement.iso_limits import (
+    largest_limits,
+    mean_limits,
+    repeatability_limits,
+    spread_limits,
+)
 
 N = 900
 """Campaigns; 0.95 +- 0.022 is three standard errors."""
@@ -90,3 +96,33 @@ def test_limits_of_five_points_as_by_hand():
 def test_cycles_that_do_not_scatter_have_limits_of_zero():
     found = repeatability_limits(np.ones((4, 3)))
     assert (float(found.lower), float(found.upper)) == (0.0, 0.0)
+
+
+@pytest.mark.parametrize("n", [5, 30])
+@pytest.mark.parametrize("sd", [(1.0, 1.0, 1.0), (1.0, 0.5, 0.1)])
+def test_scatter_alone_is_no_accuracy_and_no_variation_between_approaches(n, sd, monkeypatch):
+    """Truths of zero to a few u: Student's t alone is above them in up to a half of campaigns."""
+    for name in ("mean_norm", "mean_widest"):  # floors, which nobody asks for here
+        monkeypatch.setattr(iso9283, name, lambda C, *_: np.zeros(C.shape[:-2]))
+    rng, few, away = np.random.default_rng(n), 3000, np.array([0.36, 0.48, 0.8])
+    for size in (0.0, 1.0, 3.0):
+        truth = size / np.sqrt(n)
+        x = rng.standard_normal((few, n, 3)) * sd + truth * away
+        AP = mean_limits(accuracy(x, np.zeros(3)), n - 1)
+        ways = rng.standard_normal((few, 3, n, 3)) * sd
+        ways[:, 1] += truth * away
+        vAP = largest_limits(gaps(ways), 2 * (n - 1))
+        for found in (AP, vAP):
+            # 0.025 and three standard errors of 3000
+            assert (found.lower > truth).mean() < 0.025 + 0.009
+            assert (found.upper < truth).mean() < 0.025 + 0.009
+
+
+def test_a_length_far_from_its_floor_has_the_limits_of_student():
+    x = np.random.default_rng(6).standard_normal((40, 8, 3)) + np.array([0, 0, 500.0])
+    figure = accuracy(x, np.zeros(3))
+    half = stats.t(7).ppf(0.975) * figure.uncertainty
+    # what scatter across adds to 500 is a thousandth of u
+    np.testing.assert_allclose(mean_limits(figure, 7).lower, figure.value - half, atol=0.02)
+    still = mean_limits(accuracy(np.ones((4, 3)), np.zeros(3)), 3)
+    assert (float(still.lower), float(still.upper)) == (3**0.5, 3**0.5)

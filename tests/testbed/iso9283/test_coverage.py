@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from calib.measurement import iso_drift
 from testbed.iso9283.play import play_test
 from testbed.iso9283.records import CycleTest, PathRuns, Visits
 from testbed.iso9283.words import decisions
@@ -86,7 +87,9 @@ def decided(sd, share, noise, campaigns=40, n=30):
     covariance = np.broadcast_to(noise**2 * np.eye(3), (5, 3, 3))
     for _ in range(campaigns):
         x = COMMAND[:, None] + np.hypot(sd, noise) * rng.standard_normal((5, n, 3))
-        visits = Visits(tuple("01234"), ("",) * 5, COMMAND, x, None, None, covariance, None, None)
+        # each from its own direction: no distances, which nobody asks for
+        names = tuple("01234")
+        visits = Visits(names, names, COMMAND, x, None, None, covariance, None, None)
         (found,) = decisions(play_test(replace(bare(visits), limits={"RP": share * RP})))
         words[found.word] += 1
         said = "the stated noise of the instrument alone gives" in found.sentence
@@ -99,6 +102,20 @@ def test_an_instrument_s_noise_alone_fails_no_robot(sd):
     """Five poses at 2.5 % each, of 40: 5 on average, 12 with a chance of one in a thousand."""
     assert decided(sd, 1.01, 8e-6)["FAIL"] <= 12
     assert decided(sd, 1.5, 8e-6)["FAIL"] == 0
+
+
+def test_a_robot_that_does_not_drift_is_not_said_to(monkeypatch):
+    """Of ten blocks nine changes, the largest of which chance has chosen."""
+    monkeypatch.setattr(iso_drift, "DRAWS", 99)
+    poses, n = 100, 100
+    rng, names = np.random.default_rng(5), tuple(map(str, range(poses)))
+    command = np.tile(COMMAND, (20, 1))
+    x = command[:, None] + 60e-6 + 8e-6 * rng.standard_normal((poses, n, 3))
+    time = np.tile(60.0 * np.arange(n), (poses, 1))
+    result = play_test(bare(Visits(names, names, command, x, None, None, None, None, time)))
+    for name in ("dAP", "dRP"):
+        # 0.025 of 100: more than 8 come up once in 900
+        assert sum(figure.lower > 0 for figure in result.of(name)) <= 8
 
 
 def test_a_robot_that_repeats_badly_still_fails():
