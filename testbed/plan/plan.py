@@ -160,7 +160,8 @@ def compared(bench: Bench, goal: Goal) -> StationComparison | None:
     goals, stations = _goals(bench, goal, parameters), station_grid(scenario.plan.stations)
     # of common candidates a station sees a part: as many as the best one sees, where that will do
     seen = max(int(visible_from(bench.standing_at(one), q)[1].sum()) for one in stations)
-    count = scenario.plan.poses or DEFAULT_POSES
+    # too few for any calibration are refused for that, not for what stations see
+    count = max(scenario.plan.poses or DEFAULT_POSES, parameters.n_free // bench.equations + 1)
     if seen * bench.equations > parameters.n_free:
         count = min(count, seen)
 

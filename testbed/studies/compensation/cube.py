@@ -6,8 +6,11 @@ from calib.arrays import Array
 from calib.errors import InputError, refuse
 from calib.geometry.frames import exp_so3, transform
 from calib.geometry.inverse import inverse_kinematics, spread
+from testbed.laboratory.cell import cell_from
 from testbed.laboratory.simulator import Simulator
 from testbed.robots.catalog import Robot
+from testbed.scenario.laboratory import CellSettings
+from testbed.strict import Fault
 from testbed.studies.compensation.settings import CompensationSettings
 
 FROM_CORNER = 0.1
@@ -74,3 +77,15 @@ def _unfit(T: Array, number: int) -> InputError:
         "cannot be taken in one configuration with the others, without hitting something",
         fix="move center_mm, choose a smaller side_mm, or turn the tool with turn_deg",
     )
+
+
+def cube_fault(settings: CompensationSettings, cell: CellSettings, robot: Robot) -> Fault | None:
+    """What keeps the robot from the cube, known before anything is played; None if nothing does."""
+    chain = robot.model.chain
+    try:
+        simulator = Simulator(robot, chain, cell_from(cell, chain))
+        cube_joints(robot, simulator, cube_poses(settings, chain.T_world_base))
+    except InputError as error:
+        path = tuple(error.field.split("."))
+        return Fault(path, error.message, error.code, error.allowed, error.fix, error.value)
+    return None

@@ -1,14 +1,18 @@
 """[compensation]: calibrated robots run a program as it was and corrected; both are measured."""
 
 from collections.abc import Iterable
-from typing import Annotated, ClassVar
+from typing import TYPE_CHECKING, Annotated, ClassVar
 
 from pydantic import Field
 
 from testbed.scenario.laboratory import At960Tracker
 from testbed.scenario.scenario import Scenario
 from testbed.scenario.tables import Point, RotationVector, Side
+from testbed.strict import Fault
 from testbed.studies.many_robots import TRUTHS, ManyRobots, TruthName, keys_of
+
+if TYPE_CHECKING:
+    from testbed.robots.robot import Robot
 
 
 class CompensationSettings(ManyRobots):
@@ -40,6 +44,16 @@ class CompensationSettings(ManyRobots):
                 f"[compensation] cycles needs every visit; [tracker] missed is {tracker.missed}; "
                 "write missed = 0, or robots = 0"
             )
+
+    def faults(self, scenario: Scenario, robot: "Robot") -> list[Fault]:
+        """Also of a cube that the robot cannot go through."""
+        found = super().faults(scenario, robot)
+        if found or not self.robots:
+            return found
+        from testbed.studies.compensation.cube import cube_fault
+
+        fault = cube_fault(self, scenario.cell, robot)
+        return [] if fault is None else [fault]
 
 
 TABLE = CompensationSettings

@@ -31,6 +31,10 @@ CASES = {
         {"plan.poses": 3},
         ["poses is 3", "give 18 equations for 30 numbers", "write poses = 6 or more"],
     ),
+    "fewer poses than needed, at stations compared": (
+        {"plan.poses": 3, "plan.stations.list_mm": [INSIDE]},
+        ["poses is 3", "give 18 equations for 30 numbers", "write poses = 6 or more"],
+    ),
     "no equation to spare": (
         {"plan.poses": 5},
         ["poses is 5", "give 30 equations for 30 numbers", "write poses = 6 or more"],

@@ -202,6 +202,9 @@ def test_a_cube_out_of_reach_or_in_the_floor_names_the_pose(campaign):
         T = cube_poses(settings, chain.T_world_base)
         with pytest.raises(InputError, match=pose):
             cube_joints(robot, simulator, T)
+        # before anything is played, and by `truebed check` too
+        with pytest.raises(InputError, match=rf"mine.toml: \[compensation\] {pose} of the cube"):
+            check_robot(changed(scenario, change), robot, where="mine.toml")
     lifted = inverse_transform(np.eye(4))
     lifted[:3, 3] = 1, 2, 3
     there = cube_poses(scenario.table(CompensationSettings), lifted)[:, :3, 3]
