@@ -113,9 +113,14 @@ def kind(calibration: Calibration) -> str:
 
 def reasons(calibration: Calibration) -> tuple[str, ...]:
     """Why the verdict is what it is: what is believed and what is in it comes first."""
-    texts = [
-        *moved_words(calibration), *calibration.proof.trust.sentences, *unsaid_words(calibration)
-    ]  # fmt: skip
+    return sentences(
+        [*moved_words(calibration), *calibration.proof.trust.sentences, *_remarks(calibration)]
+    )
+
+
+def _remarks(calibration: Calibration) -> list[str]:
+    """What else a person should know: the model, what took no part, what is in no figure."""
+    texts = list(unsaid_words(calibration))
     factor = calibration.fit.noise_factor
     if calibration.refuted and factor > LARGER:
         texts.append(
@@ -140,7 +145,7 @@ def reasons(calibration: Calibration) -> tuple[str, ...]:
     texts += [*hand_back_warnings(calibration), *tool_words(calibration)]
     texts += calibration.warnings
     texts += calibration.source.warnings
-    return sentences(texts)
+    return texts
 
 
 def next_step(calibration: Calibration) -> str:
@@ -257,7 +262,7 @@ def sheet_rows(calibration: Calibration, delivered: Delivered) -> tuple[Row, ...
 
 
 def terminal_text(calibration: Calibration, delivered: Delivered) -> str:
-    """What the command prints: notice, errors, verdict, reasons."""
+    """What the command prints: notice, errors, verdict, what to do, what to know beside it."""
     from testbed.report.text import table, verdict_lines
 
     names, cells = headline_cells(calibration)
@@ -267,13 +272,21 @@ def terminal_text(calibration: Calibration, delivered: Delivered) -> str:
     title = f"{calibration.source.name}: errors at {'held-out rows' if held else 'the rows used'}"
     parts = [notice(calibration), table(title, head, rows), ""]
     parts += verdict_lines(verdict(calibration))
-    parts += [f"  {reason}" for reason in reasons(calibration)]
-    parts += [f"  {text}" for text in sentences(visit_words(calibration))]
-    parts += [f"  {conditions_words(calibration)}"]
-    parts += [f"  {text}" for text in sentences(calibration.gross.sentences[:MOST_NAMED])]
+    said = [*decision_words(calibration, delivered), *moved_words(calibration)]
+    believed = calibration.proof.belief is not None and not calibration.elsewhere
+    if not believed:
+        said += calibration.proof.trust.sentences
+    parts += [f"  {text}" for text in sentences(said)]
+    parts.append(f"To do: {next_step(calibration)}")
+    if delivered.program:
+        parts += ["Program:", *(f"  {text}" for text in sentences(delivered.program))]
+    parts.append("Of note:")
+    said = [*_remarks(calibration), *visit_words(calibration), conditions_words(calibration)]
+    said += calibration.gross.sentences[:MOST_NAMED]
     more = len(calibration.gross.sentences) - MOST_NAMED
     if more > 0:
-        parts.append(f"  {more} more rows that do not fit are in the report.")
-    parts += [f"  {text}" for text in sentences(delivered.program)]
-    parts += [f"  {text}" for text in decision_words(calibration, delivered)]
+        said.append(f"{more} more rows that do not fit are in the report")
+    if believed:
+        said.append("Why the radius can be believed, and what each test found, is in the report")
+    parts += [f"  {text}" for text in sentences(said)]
     return "\n".join(parts)

@@ -14,6 +14,7 @@ from testbed.proposal.drafts import Draft, drafts_of
 from testbed.proposal.names import is_wished
 from testbed.proposal.tried import tried_with
 from testbed.proposal.verdict import verdict_on
+from testbed.proposal.wished import is_angle
 from testbed.robots.robot import Robot
 from testbed.units import counted
 
@@ -140,6 +141,11 @@ def _proposed(looks: tuple[Found, ...], robot: Robot | None, root: Path) -> Prop
         if any(one.kind == "bare" and one.rows <= n + 12 < 2 * one.width for one in looks):
             fix = (
                 "each row is one measurement: turn rows into columns if the table lies on its side"
+            )
+        if angles := [name for one in looks for name in one.head if is_angle(name)]:
+            fix = (
+                f"export the X Y Z of the same points from the instrument's software: directions "
+                f"and ranges ({', '.join(angles[:6])}) are not read"
             )
         if wished:
             fix = f"{', '.join(wished[:6])} are targets or differences: give what was measured"

@@ -6,7 +6,7 @@ from calib.arrays import Array
 from testbed.bounds import FACTORS
 from testbed.files.table import number_of
 from testbed.proposal.data import Found
-from testbed.proposal.names import Meaning
+from testbed.proposal.names import ANGLE, Meaning, without_unit
 from testbed.proposal.parts import DIFFERENCE, TARGET
 from testbed.strict import toml_value
 
@@ -74,3 +74,8 @@ def _meters(look: Found, columns: list[Meaning], unit: str) -> tuple[Array, floa
     digits = min(len(cell.partition(".")[2]) for column in cells for cell in column)
     values: Array = np.array([[number_of(cell) for cell in column] for column in cells]).T
     return values * FACTORS[unit], 10.0**-digits * FACTORS[unit]
+
+
+def is_angle(name: str) -> bool:
+    """Whether a column is a direction in which an instrument looked."""
+    return bool(ANGLE & set(without_unit(name)[0].split()))

@@ -174,7 +174,7 @@ def correct_program(
     comma = table.decimal == ","
     atomic_write(out, rewritten(text, table.sheet, numbers, cells, added, comma=comma))
     count, changed = len(result.status), int(result.corrected.sum())
-    kept = f"; the other {count - changed} stay as they were" if changed < count else ""
+    kept = f"; {count - changed} left as written" if changed < count else ""
     done = (
         f"{changed} of {count} targets corrected{kept}: by the identified model all "
         f"{count} miss {1e3 * result.before.mean():.3f} mm before and "

@@ -1,6 +1,7 @@
 """When each row was measured: seconds since the first one, and days."""
 
 import re
+from collections.abc import Sequence
 from datetime import datetime
 
 import numpy as np
@@ -12,6 +13,14 @@ DOTTED = re.compile(
     r"(\d{1,2})\. ?(\d{1,2})\. ?(\d{4})[T, ]+(\d{1,2}:\d{2}(:\d{2})?)([.,]\d{1,6})?"
 )
 """``5.1.2026 14:03:00``: where dots stand in a date, the day comes first."""
+SLASHED = re.compile(
+    r"(\d{1,2})/(\d{1,2})/(\d{4})[T, ]+(\d{1,2}):(\d{2})(?::(\d{2})(?:[.,](\d{1,6}))?)?"
+    r"(?: ?([ap])\.?m\.?)?",
+    re.IGNORECASE,
+)
+"""``11/23/2026 2:03:00 PM``, ``23/11/2026 14:03``: day or month comes first."""
+YEAR_FIRST = re.compile(r"(\d{4})/(\d{1,2})/(\d{1,2})(?!\d)")
+NOON = 12
 
 
 def times_of(table: DataTable, good: Bool) -> tuple[Array | None, tuple[str, ...]]:
@@ -30,7 +39,7 @@ def times_of(table: DataTable, good: Bool) -> tuple[Array | None, tuple[str, ...
         if not np.isfinite(times[good]).all():
             said, texts = (), table.texts("time")
             try:
-                moments = [_moment(texts[row]) for row in np.flatnonzero(good)]
+                moments = _moments([texts[row] for row in np.flatnonzero(good)])
             except ValueError:
                 return None, (_unread(table),)
             zoned = sum(moment.tzinfo is not None for moment in moments)
@@ -57,22 +66,61 @@ def _unread(table: DataTable) -> str:
     return f"{table.where}: the times cannot be read and are not used; {how}"
 
 
+def _moments(texts: Sequence[str]) -> list[datetime]:
+    """The moments of a column; of slashes it decides together whether the day comes first.
+
+    Where nothing decides it, all dates must be one: then times are apart as they are either way.
+
+    Raises
+    ------
+    ValueError
+        Some are no moments, or may be two.
+    """
+    found = [one for text in texts if (one := SLASHED.fullmatch(text)) is not None]
+    if len(found) < len(texts) or not found:
+        return [_moment(text) for text in texts]
+    day_first = any(int(one[1]) > NOON for one in found)
+    if _either_way(texts) and len({(int(one[1]), int(one[2]), one[3]) for one in found}) > 1:
+        raise ValueError("the day or the month may come first")
+    return [_slashed(one, day_first) for one in found]
+
+
+def _either_way(texts: Sequence[str]) -> bool:
+    """Whether some dates have slashes, and nothing tells day from month."""
+    found = [one for text in texts if (one := SLASHED.fullmatch(text)) is not None]
+    pairs = [(int(one[1]), int(one[2])) for one in found]
+    return any(a != b for a, b in pairs) and all(max(pair) <= NOON for pair in pairs)
+
+
+def _slashed(found: re.Match[str], day_first: bool) -> datetime:
+    """The moment of a date with slashes."""
+    first, second, hour = (int(found[k]) for k in (1, 2, 4))
+    month, day = (second, first) if day_first else (first, second)
+    if found[8]:
+        hour = hour % NOON + NOON * (found[8].lower() == "p")
+    seconds = f"{found[6] or '00'}.{(found[7] or '').ljust(6, '0')}"
+    return _moment(f"{found[3]}-{month:02d}-{day:02d}T{hour:02d}:{found[5]}:{seconds}")
+
+
 def _moment(text: str) -> datetime:
     """The moment of a date that is written as ISO 8601 does, or with dots and the day first."""
     if (dotted := DOTTED.fullmatch(text)) is not None:
         day, month, year = (int(dotted[k]) for k in (1, 2, 3))
         text = f"{year:04d}-{month:02d}-{day:02d}T{dotted[4].zfill(8 if dotted[5] else 5)}"
         text += (dotted[6] or "").replace(",", ".")
+    text = YEAR_FIRST.sub(lambda one: f"{one[1]}-{one[2]:0>2}-{one[3]:0>2}", text, count=1)
     return datetime.fromisoformat(text)
 
 
 def days_of(table: DataTable, good: Bool) -> tuple[str, ...]:
-    """First and last ISO day of good rows (m,); none where times are no dates."""
+    """First and last ISO day of good rows (m,); none where times are no dates, or may be two."""
     times = table.texts_of("time") or ()
     texts = [times[row] for row in np.flatnonzero(good)] if times else []
     try:
-        dates = [text for text in texts if "-" in text or DOTTED.fullmatch(text)]
-        days = [_moment(text).date().isoformat() for text in dates]
+        dates = [text for text in texts if set("-/") & set(text) or DOTTED.fullmatch(text)]
+        days = [moment.date().isoformat() for moment in _moments(dates)]
     except ValueError:
+        return ()
+    if _either_way(dates):
         return ()
     return (min(days), max(days)) if days and len(days) == len(texts) else ()

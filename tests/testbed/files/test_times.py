@@ -38,6 +38,9 @@ def stated(offsets):
         [moment.strftime("%d.%m.%Y %H:%M:%S") for moment in MOMENTS],
         [moment.strftime("%d. %m. %Y; %H:%M").replace(";", "") for moment in MOMENTS],
         [moment.strftime("%-d.%-m.%Y %-H:%M:%S.5") for moment in MOMENTS],
+        [moment.strftime("%m/%d/%Y %-I:%M:%S %p") for moment in MOMENTS],
+        [moment.strftime("%-d/%-m/%Y %H:%M") for moment in MOMENTS],
+        [moment.strftime("%Y/%-m/%d %H:%M:%S") for moment in MOMENTS],
     ],
     ids=[
         "clocks that go back",
@@ -48,6 +51,9 @@ def stated(offsets):
         "dots",
         "dots and spaces",
         "no zeros",
+        "month first",
+        "day first",
+        "year first",
     ],
 )
 def test_rows_one_minute_apart_are_so_in_every_way_to_write_them(tmp_path, texts):
@@ -72,6 +78,21 @@ def test_days_with_dots_are_those_of_iso_dates(tmp_path):
     iso = read(tmp_path, [moment.strftime("%Y-%m-%d %H:%M") for moment in MOMENTS])
     dots = read(tmp_path, [moment.strftime("%d.%m.%Y %H:%M") for moment in MOMENTS])
     assert dots.set_up.date == iso.set_up.date == "2026-10-25"
+
+
+def test_slashes_that_leave_day_and_month_open_order_one_day_and_not_two(tmp_path):
+    october = [moment.replace(day=10) for moment in MOMENTS]
+    told = read(tmp_path, [moment.strftime("%m/%d/%Y %H:%M") for moment in october])
+    np.testing.assert_array_equal(told.time, 60.0 * np.arange(COUNT))
+    assert told.set_up.date == "2026-10-10"
+    may = [moment.replace(day=5) for moment in MOMENTS]
+    one = read(tmp_path, [moment.strftime("%d/%m/%Y %I:%M %p") for moment in may])
+    np.testing.assert_array_equal(one.time, told.time)
+    assert one.set_up.date == ""  # 5 October, or 10 May
+    later = [moment + timedelta(days=k // 30) for k, moment in enumerate(may)]
+    two = read(tmp_path, [moment.strftime("%d/%m/%Y %H:%M") for moment in later])
+    assert two.time is None
+    assert "the times cannot be read" in two.warnings[0]
 
 
 def test_a_row_that_is_left_out_takes_no_time_from_the_others(tmp_path):
