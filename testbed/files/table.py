@@ -196,8 +196,23 @@ def table_of(
     for name in TEXTS:
         require_short(table, name)
     if decimal:
+        _require_mark(table)
         return table
     return replace(table, decimal=_decimal_mark(table, in_doubt))
+
+
+def _require_mark(table: DataTable) -> None:
+    """Refuse a decimal mark that is stated where all numbers have the other one."""
+    other, word = (".", "point") if table.decimal == "," else (",", "comma")
+    numeric = [name for name in table.names if is_known(name) and name not in TEXTS]
+    cells = [(cell, row) for name in numeric for row, cell in enumerate(table.texts(name))]
+    if any(table.decimal in cell for cell, _ in cells):
+        return
+    for cell, row in cells:
+        if cell.count(other) == 1 and np.isfinite(number_of(cell.replace(other, "."))):
+            message = f'decimal is "{table.decimal}", and numbers have a decimal {word} ("{cell}")'
+            fix = f'write decimal = "{other}" under [dialect], or leave it out'
+            raise refusal(table.place(row), "decimal", message, value=table.decimal, fix=fix)
 
 
 def _require_units(table: DataTable) -> None:

@@ -1,5 +1,7 @@
 """The five poses of ISO 9283 in its cube, and the joints that reach them."""
 
+from typing import Protocol
+
 import numpy as np
 
 from calib.arrays import Array
@@ -11,14 +13,29 @@ from testbed.laboratory.simulator import Simulator
 from testbed.robots.catalog import Robot
 from testbed.scenario.laboratory import CellSettings
 from testbed.strict import Fault
-from testbed.studies.compensation.settings import CompensationSettings
 
 FROM_CORNER = 0.1
 """Poses 2 to 5 lie this share of the diagonal away from their corners."""
 STARTS = 32
 
 
-def cube_poses(settings: CompensationSettings, T_world_base: Array) -> Array:
+class Cube(Protocol):
+    """What [compensation] says of it."""
+
+    @property
+    def center_mm(self) -> tuple[float, float, float]:
+        """Its center, base frame."""
+
+    @property
+    def side_mm(self) -> float:
+        """Its side."""
+
+    @property
+    def turn_deg(self) -> tuple[float, float, float]:
+        """How the tool stands: rotation vector, base frame."""
+
+
+def cube_poses(settings: Cube, T_world_base: Array) -> Array:
     """Tool poses (5, 4, 4) in the world [m]: the center, then four on the diagonals of a plane.
 
     The plane holds the cube's y edges and leans up toward the robot's front: poses 2 and 3 are high
@@ -79,7 +96,7 @@ def _unfit(T: Array, number: int) -> InputError:
     )
 
 
-def cube_fault(settings: CompensationSettings, cell: CellSettings, robot: Robot) -> Fault | None:
+def cube_fault(settings: Cube, cell: CellSettings, robot: Robot) -> Fault | None:
     """What keeps the robot from the cube, known before anything is played; None if nothing does."""
     chain = robot.model.chain
     try:

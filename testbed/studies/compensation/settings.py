@@ -47,11 +47,11 @@ class CompensationSettings(ManyRobots):
 
     def faults(self, scenario: Scenario, robot: "Robot") -> list[Fault]:
         """Also of a cube that the robot cannot go through."""
+        from testbed.studies.compensation.cube import cube_fault
+
         found = super().faults(scenario, robot)
         if found or not self.robots:
             return found
-        from testbed.studies.compensation.cube import cube_fault
-
         fault = cube_fault(self, scenario.cell, robot)
         return [] if fault is None else [fault]
 

@@ -382,6 +382,8 @@ CASES = {
     "M35 a column without a name": read(TEXT.replace("y_mm", "", 1)),
     "M35 a short line": read(TEXT.replace(",0.0175", "", 1)),
     "M35 comma for both": read(csv(table(), decimal=",")),
+    "M35 another mark than stated": read(
+        table(), 'format = 1\nname = "s"\n[dialect]\ndecimal = ","\n'),
     "M35 comma and point": read(csv(table(), separator=";").replace(".", ",", 3)),
     "M35 thousands marks": read(wrong("x_mm", 3, "1.234.567")),
     "M35 thousands marks by spaces": read(wrong("x_mm", 3, "1 234.5")),
