@@ -1,6 +1,7 @@
 """The straight line of `identify`: from sessions to a calibrated, proven robot."""
 
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -16,6 +17,7 @@ from testbed.identify.applies.mounting import mounting_words
 from testbed.identify.applies.poses import warnings_of
 from testbed.identify.calibration import Calibration
 from testbed.identify.conditions import held_out_warnings
+from testbed.identify.far_off import far_held_out, held_out_outliers
 from testbed.identify.fit import (
     checked_model,
     figures_of,
@@ -31,14 +33,7 @@ from testbed.identify.handback.handed import hand_back
 from testbed.identify.handback.links import link_belief, prior_share
 from testbed.identify.moved import moved_in
 from testbed.identify.order import order_words, require_order
-from testbed.identify.outliers import (
-    Looking,
-    bad_words,
-    first_look,
-    held_out_outliers,
-    model_words,
-    second_look,
-)
+from testbed.identify.outliers import Looking, bad_words, first_look, model_words, second_look
 from testbed.identify.proof import (
     guard_warnings,
     proof_of,
@@ -206,12 +201,12 @@ def _calibrated(
         result, rows = own.weighed(result, used), used | own.rows
     shared = shared_of(session, result, measurements.rows(rows), judged)
     target = stated_target(measurements, result)
-    proof = proof_of(
+    judged_by = partial(
+        proof_of,
         result,
         session,
         measurements,
         used=rows,
-        is_test=split.is_test,
         visits=~left_out,
         root=root,
         comes_back=comes_back,
@@ -219,6 +214,9 @@ def _calibrated(
         seed=options.seed,
         shared=None if shared is None else shared.covariance,
     )
+    proof = judged_by(is_test=split.is_test)
+    far = far_held_out(chosen.misses, measurements, split.is_test)
+    without = judged_by(is_test=split.is_test & ~far).point if far.any() else None
     stated = train if proof.frame is not None and proof.frame.found else judged
     handback = hand_back(
         robot, session, links, prior_share(trained, train, len(links.sd)), proof.belief,
@@ -252,6 +250,7 @@ def _calibrated(
             held_out_sentences=held_out_outliers(
                 chosen.misses, measurements, split.is_test, proof.belief, names
             ),
+            radius_without=None if without is None else without.radius_mean,
         ),
         before_misses=misses,
         before_train=figures_of(misses, measurements, used),

@@ -1,10 +1,11 @@
 """Rows that do not fit the others: bad shots, and poses that the model misses."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from calib.arrays import Array, Bool, Index, frozen
+from calib.arrays import Array, Index, frozen
 from calib.geometry.chain import Chain
 from calib.geometry.model import RobotModel
 from calib.identification.identify import Identification
@@ -15,24 +16,15 @@ from calib.identification.outliers.search import search_outliers
 from calib.identification.row_ladders import RowTerms, row_ladders
 from calib.measurement.observations import Measurements
 from calib.measurement.prediction import missed, predict, tool_poses
-from calib.uncertainty.statement.belief import Belief
 from testbed.identify.fit import Fitted, plain_fit, wide_prior
 from testbed.identify.frames import StartFrames
-from testbed.identify.records import FittedModel, RowErrors
+from testbed.identify.records import FittedModel
 from testbed.robots.robot import Robot
 from testbed.streams import stream
 from testbed.units import DEG, MM, counted, listed, significant
 
 ELSEWHERE = 3.0
 """A row fits another pose if it misses that one by less than so many typical misses."""
-HELD_OUT_FAR = 8.0
-"""Held-out misses beyond so many medians are named."""
-LOOK = {
-    "inside": "look at its shot, or the model misses there",
-    "edge": "it lies at the edge of what the others prove, and the model may miss there",
-    "outside": "it lies outside what the others prove, and the model may miss there",
-}
-"""What is said of a held-out row far off, by its place."""
 FAR_OFF = 3.0
 """Rows missed by more than so many medians are said to be."""
 MOST_NAMED = 10
@@ -175,8 +167,9 @@ def model_words(
         poses = train.together
         missed = len(np.unique(poses[shots.sound]))
         return (
-            f"{missed} of {counted(len(np.unique(poses)), 'training pose')} do not fit: too many "
-            "for gross errors, so none is left out; the model or the stated noise is wrong",
+            f"{missed} of {counted(len(np.unique(poses)), 'training pose')} do not fit "
+            f"({_named(shots.sound, shots.misses, name)}): too many for gross errors, so none is "
+            "left out; the model or the stated noise is wrong",
         )
     misses = predict(chosen.identification.model, train).misses
     rows = set(shots.sound.tolist())
@@ -185,61 +178,29 @@ def model_words(
     if not rows:
         return ()
     ranked = sorted(rows, key=lambda row: -misses[row])
-    names = [name[row] for row in ranked[:MOST_NAMED]]
-    names += [f"{len(ranked) - MOST_NAMED} more"] if len(ranked) > MOST_NAMED else []
     is_, them, there = ("is", "it", "this shot is") if len(ranked) == 1 else (
         "are", "them", "these shots are"
     )  # fmt: skip
     typical = _median(misses, train, ranked[0])
     return (
-        f"the model misses a region: {listed(names)} {is_} missed by up to "
+        f"the model misses a region: {_named(ranked, misses, name)} {is_} missed by up to "
         f"{significant(misses[ranked[0]] * MM)} mm, where {significant(typical * MM, 2)} mm is "
         f"typical, and a richer model, fitted without {them}, explains {them}; nothing is left "
         f"out: only another shot there could tell whether {there} bad",
     )
 
 
+def _named(rows: Iterable[int], misses: Array, name: list[str]) -> str:
+    """The rows that are missed most, and how many more there are."""
+    ranked = sorted(rows, key=lambda row: -misses[row])
+    names = [name[row] for row in ranked[:MOST_NAMED]]
+    names += [f"{len(ranked) - MOST_NAMED} more"] if len(ranked) > MOST_NAMED else []
+    return listed(names)
+
+
 def _median(misses: Array, train: Measurements, row: int) -> float:
     """Median miss of the rows of the kind of one row [m]: a distance shows one direction alone."""
     return float(np.median(misses[train.kind == train.kind[row]]))
-
-
-def held_out_outliers(
-    errors: RowErrors, table: Measurements, is_test: Bool, belief: Belief | None, name: list[str]
-) -> tuple[str, ...]:
-    """Held-out rows that are far off; they stay in every figure.
-
-    Parameters
-    ----------
-    errors : RowErrors
-        Of all rows (m).
-    table : Measurements
-        These rows.
-    is_test : (m,) array of bool
-        Which are held out.
-    belief : Belief or None
-        What is believed: where a row lies against the others decides what is to be looked at.
-    name : list of str
-        (m,) how each row is called.
-    """
-    rows, said = np.flatnonzero(is_test), list[tuple[float, str]]()
-    for kind in dict.fromkeys(table.kind[rows].tolist()):
-        some = rows[table.kind[rows] == kind]  # a distance shows one direction alone
-        typical = float(np.median(errors.position[some]))
-        for row in map(int, some[errors.position[some] > HELD_OUT_FAR * typical]):
-            place = "inside"
-            if belief is not None:
-                place = str(belief.proven.applies(table.q[row : row + 1]).place[0])
-            look = LOOK[place]
-            said.append(
-                (
-                    -float(errors.position[row]),
-                    f"held-out {name[row]} is missed by {significant(errors.position[row] * MM)} "
-                    f"mm, {errors.position[row] / typical:.0f} times the median: {look}; it stays "
-                    "in every figure",
-                )
-            )
-    return tuple(text for _, text in sorted(said))
 
 
 def _error(shots: BadShots, train: Measurements, row: int) -> str:

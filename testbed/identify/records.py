@@ -129,3 +129,6 @@ class OutlierRows(Shown):
     """Training rows that do not fit, worst first."""
     held_out_sentences: tuple[str, ...]
     """Held-out rows far off; they stay in every figure."""
+    radius_without: float | None
+    """R95 of the mean tool point if these had not been there [m]; None where there are none, or
+    nothing would be believed."""

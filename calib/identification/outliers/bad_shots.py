@@ -38,7 +38,12 @@ LONGER_TAILS = (1.2, 1.5)
 """Variance, in units of the stated one, from which on tails are longer than those of noise, and at
 which limits are `FAR` times as far."""
 MOST = 0.1
-"""Part of the poses above which misfits are the model's fault, or the stated noise's."""
+"""Part of the poses above which misfits are the model's fault, or the stated noise's.
+
+A model misses all that is seen of a pose, so each pose counts by the part of its rows that is.
+"""
+ROUNDING = 1e-9
+"""By which sums of parts miss whole poses."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -95,7 +100,8 @@ def bad_shots(
     chance : float
         Chance that a table of sound observations has any that is called bad.
     most : float
-        Part of the poses from which on those missed are too many to be gross errors.
+        Part of the poses from which on those missed are too many to be gross errors; of a pose that
+        several rows see, those missed count by their part.
     """
     prior = weak_prior(parameters, nominal) if prior is None else prior
     ladders = ladders_of(nominal) if ladders is None else ladders
@@ -120,11 +126,11 @@ def bad_shots(
         seen = inspect(wide, judge, table, chance=chance)
         usual, scatter = scatter_of(seen.score, table, found.noise_factor)
         far |= seen.score > scatter * seen.limit
-    suspects, poses = np.flatnonzero(far), measurements.together
-    count = int(most * len(np.unique(poses)))
-    too_many = len(np.unique(poses[suspects])) > count
+    suspects, part = np.flatnonzero(far), _part_of_pose(measurements.together)
+    count = most * part.sum() + ROUNDING
+    too_many = bool(part[suspects].sum() > count)
     sooner = chdtri(table.equations, SOONER * chance / len(table))
-    asked_of = _worst(seen.score / (usual * sooner), poses, count)
+    asked_of = _worst(seen.score / (usual * sooner), part, count)
     bad = suspects[:0]
     if len(asked_of) and not too_many:
         used[asked_of] = False
@@ -172,11 +178,17 @@ def scatter_of(score: Array, measurements: Measurements, factor: float) -> tuple
     return usual, usual * mildness(max(1.0, factor) ** 2 * usual)
 
 
-def _worst(excess: Array, poses: Index, count: int) -> Index:
-    """Rows (m,) beyond a limit, of so many poses at most: the worst ones."""
+def _part_of_pose(poses: Index) -> Array:
+    """(m,) which part of all that is seen of its pose each row is."""
+    _, own, sizes = np.unique(poses, return_inverse=True, return_counts=True)
+    return np.asarray(1 / sizes[own.ravel()])
+
+
+def _worst(excess: Array, part: Array, count: float) -> Index:
+    """Rows (m,) beyond a limit: the worst ones, of so many poses at most."""
     rows = np.flatnonzero(excess > 1)
     rows = rows[np.argsort(-excess[rows], kind="stable")]
-    return np.sort(rows[np.isin(poses[rows], list(dict.fromkeys(poses[rows].tolist()))[:count])])
+    return np.sort(rows[np.cumsum(part[rows]) <= count])
 
 
 def mildness(variance: float) -> float:

@@ -10,12 +10,14 @@ from calib.geometry.model import RobotModel
 from calib.uncertainty.statement.conditions import named
 from testbed.identify.calibration import Calibration
 from testbed.identify.fit import of_poses
-from testbed.units import DEG, MM, fixed, significant
+from testbed.units import DEG, MM, UM, fixed, significant
 
 FARTHER = 2.0
 """So many times as far must held-out poses be missed: with ten of them or more, no chance does it
 where both kinds come from one place."""
 FEWEST = 10
+WIDER = 1.2
+"""So many times as wide must the radius be by shots far off, to say so."""
 CHANCE = 2.0
 """Standard errors by which chance makes one of two alike models worse, one time in forty."""
 AHEAD, AHEAD_SLIDE = np.radians(5.0), 0.02
@@ -29,19 +31,13 @@ def beyond_words(calibration: Calibration) -> tuple[str, ...]:
     a few shots far off make the mean.
     """
     test, turn = calibration.fit.test, calibration.choice.confirmation
-    split = calibration.split
+    split, far = calibration.split, far_words(calibration)
     if test is None or not len(turn) or calibration.elsewhere or split.is_test.sum() < FEWEST:
-        return ()
+        return far
     left_out = float(turn[int(calibration.choice.chosen == "extended")])
-    if test.position.mean < FARTHER * left_out:
-        return ()
-    far = calibration.gross.held_out_sentences
-    if far and test.median < FARTHER * left_out:
-        more = f" ({len(far) - 1} more like it)" if len(far) > 1 else ""
-        return (
-            f"Shots that are far off make the radius as wide as it is: {far[0]}{more}; if a shot "
-            "is found to be bad, take its row out or shoot it again",
-        )
+    few = bool(calibration.gross.held_out_sentences)
+    if min(test.position.mean, test.median if few else np.inf) < FARTHER * left_out:
+        return far
     text = (
         f"Held-out poses are missed {significant(test.position.mean / left_out, 2)} times as far "
         f"as training poses left out in turn ({fixed(test.position.mean * MM, 3)} against "
@@ -49,10 +45,27 @@ def beyond_words(calibration: Calibration) -> tuple[str, ...]:
     )
     there, mend = "they lie where the training says little", "identify from poses there as well"
     if joints := _ahead(calibration):
-        return (f"{text}{there} ({joints} beyond its poses); {mend}, and the radius shrinks",)
+        return (*far, f"{text}{there} ({joints} beyond its poses); {mend}, and the radius shrinks")
     return (
+        *far,
         f"{text}no joint goes beyond its training poses; either {there}, and {mend}; or the robot "
         "was another one then: bumped, otherwise loaded, or not this one",
+    )
+
+
+def far_words(calibration: Calibration) -> tuple[str, ...]:
+    """That held-out shots far off make the radius wide, where it would be narrower without them."""
+    gross, point = calibration.gross, calibration.proof.point
+    if gross.radius_without is None or point is None or calibration.elsewhere:
+        return ()
+    if point.radius_mean < WIDER * gross.radius_without:
+        return ()
+    far = gross.held_out_sentences
+    more = f" ({len(far) - 1} more like it)" if len(far) > 1 else ""
+    return (
+        f"Shots that are far off make the radius as wide as it is, "
+        f"{significant(gross.radius_without * UM)} um without them: {far[0]}{more}; if a shot is "
+        "found to be bad, take its row out or shoot it again",
     )
 
 

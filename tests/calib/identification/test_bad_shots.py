@@ -94,6 +94,21 @@ def test_bad_shots_are_named_and_nothing_else_is():
     assert "3 bad" in repr(found)
 
 
+def test_a_few_wrong_shots_among_several_of_a_pose_are_not_too_many_poses():
+    """Four of 90 readings, three of each of 30 poses: more than a tenth of the poses has one."""
+    rng = np.random.default_rng(3)
+    q = np.repeat(kinds.joints("tx60", rng, 30), 3, axis=0)
+    table = kinds.poses(RobotModel(TX60.chain), q, rng)
+    rows, position = np.array([4, 20, 47, 81]), table.position.copy()
+    position[rows] += 100 * kinds.NOISE
+    found = asked(replace(table, position=position, pose_id=np.repeat(np.arange(30), 3)))
+    assert (set(found.bad), found.too_many) == (set(rows), False)
+    whole = np.arange(12)  # all that is seen of four poses
+    position = table.position.copy()
+    position[whole] += 100 * kinds.NOISE * rng.normal(size=(12, 3))
+    assert asked(replace(table, position=position, pose_id=np.repeat(np.arange(30), 3))).too_many
+
+
 def test_misses_without_a_row_are_those_of_a_refit_without_it():
     """Every tenth row left out and all identified again, with a prior on all numbers."""
     table, _ = campaign(2)

@@ -20,7 +20,9 @@ Q[25:, 2] = np.radians(4)
 GEOMETRIC = SimpleNamespace(confirmation=np.array([9e-4, 1e-4]), chosen="geometric")
 
 
-def calibration(missed, left_out=(9e-4, 1e-4), held_out=12, median=None, far=(), **more):
+def calibration(
+    missed, left_out=(9e-4, 1e-4), held_out=12, median=None, far=(), radii=(1, None), **more
+):
     is_test = np.arange(30) >= 30 - held_out
     median = missed if median is None else median
     figures = SimpleNamespace(position=SimpleNamespace(mean=missed), median=median)
@@ -31,7 +33,8 @@ def calibration(missed, left_out=(9e-4, 1e-4), held_out=12, median=None, far=(),
         "split": SimpleNamespace(is_test=is_test, is_train=~is_test),
         "measurements": SimpleNamespace(q=Q),
         "elsewhere": False,
-        "gross": SimpleNamespace(held_out_sentences=far),
+        "gross": SimpleNamespace(held_out_sentences=far, radius_without=radii[1]),
+        "proof": SimpleNamespace(point=SimpleNamespace(radius_mean=radii[0])),
     }
     return SimpleNamespace(**known | more)
 
@@ -57,13 +60,19 @@ def test_poses_in_the_same_place_are_not_said_to_lie_elsewhere():
 def test_one_shot_far_off_is_named_and_the_place_is_not_blamed():
     """A reflector that was bumped by 10 mm made the mean 30 times that of the training poses."""
     far = ("held-out pose 7 is missed by 10 mm, 100 times the median", "held-out pose 9 is missed")
-    (text,) = beyond_words(calibration(30e-4, median=1.1e-4, far=far))
-    assert f"{far[0]} (1 more like it)" in text
+    bumped = {"median": 1.1e-4, "radii": (9e-3, 3e-4)}
+    (text,) = beyond_words(calibration(30e-4, far=far, **bumped))
+    assert f"as wide as it is, 300 um without them: {far[0]} (1 more like it)" in text
     assert "joint" not in text
-    (alone,) = beyond_words(calibration(30e-4, median=1.1e-4, far=far[:1]))
+    (alone,) = beyond_words(calibration(30e-4, far=far[:1], **bumped))
     assert "like it" not in alone
+    # of several targets one is wrong: the mean hardly moves, the radius does; so it does where
+    # nothing was chosen, and no training pose was left out
+    assert beyond_words(calibration(1.2e-4, far=far[:1], **bumped)) == (alone,)
+    assert beyond_words(calibration(30e-4, far=far[:1], left_out=(), **bumped)) == (alone,)
+    assert beyond_words(calibration(30e-4, far=far, median=1.1e-4, radii=(3.5e-4, 3e-4))) == ()
     # all of them off by as much as the typical one: that is the place, whatever else is far off
-    (place,) = beyond_words(calibration(30e-4, median=9e-4, far=far))
+    (place,) = beyond_words(calibration(30e-4, median=9e-4, far=far, radii=(9e-3, 8.5e-3)))
     assert "times as far as training poses" in place
 
 

@@ -6,10 +6,13 @@ from functools import cache
 import numpy as np
 import pytest
 
+import calib
 from calib.identification.larger_noise import noise_factor
 from calib.identification.outliers.bad_shots import BadShots
 from testbed.identify.calibrate import Options, calibrate
-from testbed.identify.outliers import LookedAt, bad_words, held_out_outliers, model_words
+from testbed.identify.far_off import far_held_out, held_out_outliers
+from testbed.identify.outliers import LookedAt, bad_words, model_words
+from testbed.identify.records import RowErrors
 from tests.calibrated import robot, session_of, sound, sound_session, table_of, true_model
 from tests.reference import pool_r
 
@@ -109,7 +112,7 @@ def test_a_good_shot_that_the_model_misses_is_told_as_the_models_fault():
     assert "misses it by 0.0100 mm and 0.0057 deg, where 0.010 mm and 0.0057 deg is typical" in bad
     many = replace(shots, too_many=True)
     (told,) = model_words(LookedAt(1.0, many, [4]), seen, found.fit, names)
-    assert told.startswith(f"1 of {len(train)} training poses do not fit")
+    assert told.startswith(f"1 of {len(train)} training poses do not fit (pose P5): too many")
     for words in (
         model_words(LookedAt(1.0), seen, found.fit, names),
         bad_words(LookedAt(1.0), seen, names),
@@ -144,3 +147,26 @@ def test_far_held_out_rows_are_named_but_stay():
     (told,) = held_out_outliers(far, replace(table, q=q), is_test, belief, names)
     assert "of what the others prove" in told or "outside what the others prove" in told
     assert held_out_outliers(found.fit.misses, table, is_test, belief, names) == ()
+
+
+def test_a_held_out_target_that_is_wrong_among_others_of_its_stop_is_a_shot_to_be_looked_at():
+    """Three targets at each of eleven stops, ten held out; sound misses, by distance, are alike."""
+    rows = np.arange(33)
+    table = calib.points(
+        np.repeat(np.linspace(0, 1, 11), 3)[:, None], np.zeros((33, 3)), sd=1e-5, pose_id=rows // 3
+    )
+    table = replace(table, repeat=np.zeros(33, dtype=np.int64))  # each stop was made once
+    is_test, misses = rows >= 3, np.full(33, 2e-5)
+    misses[[5, 6, 7]] = 12e-5  # one of stop 1; two of stop 2
+    errors = RowErrors(np.zeros((33, 3)), misses, np.zeros(33))
+    assert np.flatnonzero(far_held_out(errors, table, is_test)).tolist() == [5, 6, 7]
+    names = [f"pose {k // 3}, target {k % 3}" for k in rows]
+    told = held_out_outliers(errors, table, is_test, None, names)
+    assert [text.split(": ")[1].split(";")[0] for text in told] == 3 * [
+        "another reading of that stop fits, so look at its shot"
+    ]
+    misses[8] = 12e-5  # now all of stop 2: the arm or its model may be to blame
+    told = held_out_outliers(errors, table, is_test, None, names)
+    assert ["another reading" in text for text in told] == [
+        text.startswith("held-out pose 1") for text in told
+    ]
