@@ -26,11 +26,13 @@ def rotation_accuracy(
     Notes
     -----
     Rotation vectors about the mean rotation, in world axes: no Euler angles, so nothing depends on
-    how the tool stands.
+    how the tool stands. Their mean is the vector from the commanded to the mean rotation, not the
+    mean of vectors from the commanded one: half a turn away those would point to both sides.
     """
     R = rotations_of(R)
-    turn = rotation_vectors(R, np.asarray(command, dtype=np.float64))
-    return accuracy(turn, np.zeros(3), common=common)
+    mean = mean_rotation(R)
+    away = rotation_vectors(mean[..., None, :, :], np.asarray(command, dtype=np.float64))
+    return accuracy(rotation_vectors(R, mean) + away, np.zeros(3), common=common)
 
 
 def rotation_repeatability(R: ArrayLike, *, noise: ArrayLike | None = None) -> IsoFigure:

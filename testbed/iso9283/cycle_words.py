@@ -14,9 +14,9 @@ def cycle_words(result: CycleResult) -> list[str]:
     far = straying_cycle(visits.position)
     if far.strays:
         texts.append(
-            f"cycle {far.cycle + 1} of pose {visits.names[far.pose]} strays further than normal "
-            f"scatter does (p = {far.p_value:.2g}): the limits of RP and RD take scatter as normal "
-            "and are too narrow where single cycles stray; look for what happened there, or "
-            "measure more cycles"
+            f"cycle {visits.called(far.pose, far.cycle)} of pose {visits.names[far.pose]} strays "
+            f"further than normal scatter does (p = {far.p_value:.2g}): the limits of RP and RD "
+            "take scatter as normal and are too narrow where single cycles stray; look for what "
+            "happened there, or measure more cycles"
         )
     return texts

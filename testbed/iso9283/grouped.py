@@ -57,7 +57,11 @@ def visits_in(rows: Rows, commands: Commands, *, drop: bool) -> tuple[Visits, tu
     sent = [
         _command(rows, table[k], (entries[k][0],), commands, names[k]) for k in range(len(names))
     ]
-    turned = rows.rotation is not None and all(R is not None for _, R in sent)
+    turned = rows.rotation is not None
+    turns = [R for _, R in sent if R is not None]
+    if turned and len(turns) < len(sent):
+        said = "nothing says how the tool was commanded to stand, so that orientation has no AP"
+        turns, notes = [], (*notes, f"{rows.where}: {said}")
     noise = None if rows.covariance is None else rows.covariance[table].mean(axis=1)
     return (
         Visits(
@@ -65,11 +69,12 @@ def visits_in(rows: Rows, commands: Commands, *, drop: bool) -> tuple[Visits, tu
             approach=tuple(way for _, way in entries),
             command=frozen(np.array([place for place, _ in sent])),
             position=frozen(rows.position[table]),
-            command_rotation=frozen(np.array([R for _, R in sent])) if turned else None,
-            rotation=frozen(rows.rotation[table]) if turned and rows.rotation is not None else None,
+            command_rotation=frozen(np.array(turns)) if turned and turns else None,
+            rotation=None if rows.rotation is None else frozen(rows.rotation[table]),
             noise=None if noise is None else frozen(noise[:, :3, :3]),
             turn_noise=frozen(noise[:, 3:, 3:]) if noise is not None and turned else None,
             time=None if rows.time is None else frozen(rows.time[table]),
+            number=None if rows.cycle is None else rows.cycle[table],
         ),
         notes,
     )

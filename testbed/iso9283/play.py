@@ -40,41 +40,10 @@ from testbed.iso9283.records import (
     StatedFigure,
     Visits,
 )
-from testbed.scenario.instrument import beam_of, errors_of
+from testbed.iso9283.shared import ROTATION, Shared
 
 MOST_PAIRED = 10
 """Poses of which every pair has a distance; of more only those that follow each other."""
-
-
-class Shared:
-    """What the instrument is stated to get wrong in all readings alike, at places (..., 3) [m]."""
-
-    def __init__(self, test: CycleTest, T: Array) -> None:
-        self.table, self.T = test.systematic, T
-
-    def rows(self, place: Array) -> Array | None:
-        """How readings follow its numbers, in their sd: (k, 3, 14) in the frame of the commands."""
-        if self.table is None:
-            return None
-        errors, R = errors_of(self.table), self.T[:3, :3]
-        own = (place - self.T[:3, 3]) @ R
-        # how the tool stands does not matter to one point; of two it is taken to stand alike
-        tool = np.broadcast_to(np.eye(3), (len(place), 3, 3))
-        B = errors.sensitivity(own, tool, beam_of(self.table))[:, :3]
-        return np.asarray(R @ B * np.sqrt(errors.variance))
-
-    def covariance(self, place: Array) -> Array | None:
-        """Covariance (k, 3, 3) that all readings at each place share [m^2]."""
-        B = self.rows(place)
-        return None if B is None else np.asarray(B @ np.swapaxes(B, 1, 2))
-
-    def of_distance(self, one: Array, two: Array) -> float:
-        """Standard uncertainty of the distance of two places (3,) [m]."""
-        B = self.rows(np.stack([one, two]))
-        if B is None:
-            return 0.0
-        along = (two - one) / np.linalg.norm(two - one)
-        return float(np.linalg.norm(along @ (B[1] - B[0])))
 
 
 def play_test(test: CycleTest) -> CycleResult:
@@ -134,12 +103,17 @@ def _poses(visits: Visits, shared: Shared, memory: CycleMemory) -> Iterator[Stat
     variance = x.var(axis=1, ddof=1) / (memory.worth * memory.shrunk)
     yield from _parts(names, x.mean(axis=1) - c, variance, common, n, dof)
     yield from _figures("RP", names, RP, repeatability_limits(x, memory=memory), n)
-    if visits.rotation is None or visits.command_rotation is None:
+    if visits.rotation is None:
         return
-    turn = rotation_accuracy(visits.rotation, visits.command_rotation)
+    if (sent := visits.command_rotation) is not None:
+        common = shared.covariance(x.mean(axis=1), ROTATION)
+        turn = rotation_accuracy(visits.rotation, sent, common=common)
+        apart = _shared_part(turn, rotation_accuracy(visits.rotation, sent))
+        turn = memory.of_mean(turn, apart)
+        limits = mean_limits(turn, dof)
+        yield from _figures("AP_angle", names, turn, limits, n, angle=True, shared=apart)
     spread = rotation_repeatability(visits.rotation, noise=visits.turn_noise)
-    turn, spread = memory.of_mean(turn), memory.of_scatter(spread)
-    yield from _figures("AP_angle", names, turn, mean_limits(turn, dof), n, angle=True)
+    spread = memory.of_scatter(spread)
     limits = spread_limits(spread.value, n, memory=memory)
     for k, axis in enumerate("xyz"):
         own = IsoFigure(spread.value[:, k], spread.uncertainty[:, k], spread.floor[:, k])

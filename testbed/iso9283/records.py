@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calib.arrays import Array
+from calib.arrays import Array, Index
 from calib.measurement.iso_memory import CycleMemory
 from calib.shown import ResultTable, Shown
 from testbed.gates.text import SourceFile
@@ -32,15 +32,21 @@ class Visits(Shown):
     position: Array
     """(e, n, 3) attained positions, cycles in the order of their numbers [m]."""
     command_rotation: Array | None
-    """(e, 3, 3) R_world_tool; None where none were measured."""
+    """(e, 3, 3) R_world_tool; None where nothing says them."""
     rotation: Array | None
-    """(e, n, 3, 3)"""
+    """(e, n, 3, 3); None where none were measured."""
     noise: Array | None
     """(e, 3, 3) covariance of one reading, world axes; None where none is stated [m^2]."""
     turn_noise: Array | None
     """(e, 3, 3) of its rotation, world axes [rad^2]."""
     time: Array | None
     """(e, n) since the first reading [s]."""
+    number: Index | None = None
+    """(e, n) what the file calls each cycle; None: 1, 2, 3."""
+
+    def called(self, entry: int, cycle: int) -> int:
+        """What the file calls a cycle of an entry."""
+        return cycle + 1 if self.number is None else int(self.number[entry, cycle])
 
     @property
     def names(self) -> tuple[str, ...]:

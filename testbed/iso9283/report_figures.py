@@ -72,16 +72,15 @@ def _more(count: int) -> str:
 
 def angle_section(result: CycleResult) -> Section | None:
     """Orientation of every pose."""
-    turns = result.of("AP_angle")
-    if not turns:
+    turns, about = result.of("AP_angle"), [result.of(f"RP_angle_{axis}") for axis in "xyz"]
+    if not about[0]:
         return None
-    about = [result.of(f"RP_angle_{axis}") for axis in "xyz"]
     rows = tuple(
         (
-            turn.where, show(turn.value, turn), _span(turn),
+            one.where, *((show(turns[e].value, turns[e]), _span(turns[e])) if turns else "––"),
             *(cell for own in about for cell in (show(own[e].value, own[e]), _span(own[e]))),
         )
-        for e, turn in enumerate(turns[:MOST_ROWS])
+        for e, one in enumerate(about[0][:MOST_ROWS])
     )  # fmt: skip
     table = Table(
         "Orientation, mdeg",
@@ -90,7 +89,7 @@ def angle_section(result: CycleResult) -> Section | None:
         size="small",
         note="By rotation vectors about the mean attained rotation, in the axes of the commands, "
         "not by Euler angles: AP is the angle from the commanded to the mean rotation, RP three "
-        f"standard deviations about each axis.{_more(len(turns))}",
+        f"standard deviations about each axis.{_more(len(about[0]))}",
     )
     return Section("angles", "Orientation", (table,))
 

@@ -35,6 +35,8 @@ MOST_CYCLES = 1000
 """Beyond which no number of cycles is proposed."""
 OF_THE_FRAME = ("AP", "AT")
 """Figures that a fitted frame makes smaller."""
+OF_BLOCKS = ("dAP", "dRP")
+"""Figures of blocks of cycles, which are no longer where there are more of them."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,6 +101,11 @@ def would_decide(figure: StatedFigure, limit: float) -> str:
     that a gap d is reached with n (w^2 - c^2) / (d^2 - c^2) cycles; t stays that of n.
     """
     below, size = figure.size < limit, figure.own(figure.size)
+    if figure.name in OF_BLOCKS:
+        return (
+            f"more cycles would not decide it, as every block has {BLOCK} of them: a robot or an "
+            "instrument that scatters less would"
+        )
     if not below and size <= limit:
         return (
             f"the stated noise of the instrument alone gives {show(figure.floor, figure)} "

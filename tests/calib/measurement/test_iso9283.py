@@ -129,6 +129,16 @@ def test_orientation_figures_are_those_of_small_rotation_vectors(readings):
     assert spread.floor == pytest.approx(3e-5 * sd_bias(CYCLES))
 
 
+@pytest.mark.parametrize("degrees", [3.0, 90.0, 179.999, 180.0])
+def test_a_tool_that_is_turned_by_any_angle_is_off_by_that_angle(readings, degrees):
+    """Half a turn: rotation vectors from the command would point to both sides, and cancel."""
+    turned = exp_so3(np.radians(degrees) * np.array([0.6, 0.0, 0.8]))
+    R = exp_so3(1e-4 * readings[:20]) @ turned
+    angle = np.degrees(rotation_accuracy(R, np.eye(3)).value)
+    # 1e-4 / sqrt(30) rad are 0.001 degrees
+    np.testing.assert_allclose(angle, degrees, atol=5e-3)
+
+
 def test_the_mean_rotation_is_free_of_the_axes_in_which_it_is_written():
     rng = np.random.default_rng(3)
     R = exp_so3(rng.normal(size=(12, 3)) * 0.5)

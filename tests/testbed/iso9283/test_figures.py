@@ -16,6 +16,7 @@ from testbed.iso9283 import grouped
 from testbed.iso9283.figure_words import show
 from testbed.iso9283.play import play_test
 from testbed.iso9283.read import read_test
+from testbed.iso9283.report import page_of
 from testbed.iso9283.results import headline, iso_csv
 from testbed.iso9283.words import decisions, mark, reasons, verdict, would_decide
 from tests.testbed.iso9283.made import (
@@ -119,6 +120,19 @@ def test_orientation_is_by_rotation_vectors(tmp_path):
     for axis in "xyz":
         spread = np.degrees([f.value for f in result.of(f"RP_angle_{axis}")])
         np.testing.assert_allclose(spread, 3 * 2e-3, rtol=1e-3)
+    uncommanded = [
+        {k: v for k, v in row.items() if not k.startswith("command_rv")}
+        for row in pose_rows(turns=turns)
+    ]
+    toml = "[uncertainty.systematic]\ntarget_turn_mdeg = 6\nstation_mm = [0, 0, 0]\n"
+    stated, bare = played(tmp_path, pose_rows(turns=turns), toml), played(tmp_path, uncommanded)
+    for one, two in zip(result.of("AP_angle"), stated.of("AP_angle"), strict=True):
+        assert np.degrees(two.shared) == pytest.approx(6e-3, rel=1e-6)
+        assert two.u == pytest.approx(np.hypot(one.u, two.shared))
+    assert [f.value for f in bare.of("RP_angle_y")] == [f.value for f in result.of("RP_angle_y")]
+    assert not bare.of("AP_angle")
+    assert "so that orientation has no AP" in " ".join(bare.test.notes)
+    assert "angles" in [section.anchor for section in page_of(bare, {}).sections]
 
 
 def test_directions_of_approach_give_their_largest_gap(tmp_path):
@@ -188,6 +202,7 @@ def test_cycles_that_follow_each_other_or_stray_are_said_and_widen_the_limits(tm
     rows = [
         {key: value for key, value in row.items() if key != "time_s"}
         | {f"{a}_mm": row[f"{a}_mm"] + 0.02 * e[row["cycle"] - 1, i] for i, a in enumerate("xyz")}
+        | {"cycle": 100 + row["cycle"]}
         for row in pose_rows(n=30, sd=2.0)
     ]
     slow, calm = played(tmp_path, rows), played(tmp_path, pose_rows(n=30, sd=20.0))
@@ -196,7 +211,7 @@ def test_cycles_that_follow_each_other_or_stray_are_said_and_widen_the_limits(tm
     wide, usual = (one.of("AP")[0].upper - one.of("AP")[0].lower for one in (slow, calm))
     assert wide > 2 * usual
     rows[40]["x_mm"] += 0.3
-    assert "Cycle 9 of pose P1 strays" in " ".join(reasons(played(tmp_path, rows)))
+    assert "Cycle 109 of pose P1 strays" in " ".join(reasons(played(tmp_path, rows)))
 
 
 def test_paths_beside_their_command_give_at_and_rt_by_hand(tmp_path):
@@ -319,8 +334,9 @@ def test_limits_are_decided_with_their_confidence(tmp_path):
     assert "nothing that was measured gives AT" in found["AT"].sentence
     assert "cycles would decide it" in found["RD"].sentence
     assert mark(result).startswith("✗ FAIL at the stated limits")
-    near = played(tmp_path, pose_rows(n=30, sd=10.0), "[iso9283]\nlimits_um = {AP = 82}\n")
-    assert [one.word for one in decisions(near)] == ["UNDECIDED"]  # 80.0 of 76.2 to 83.7
+    near = played(tmp_path, pose_rows(sd=10.0), "[iso9283]\nlimits_um = {AP = 82, dAP = 12}\n")
+    assert {one.word for one in decisions(near)} == {"UNDECIDED"}  # 80.0 of 76.2 to 83.7
+    assert "more cycles would not decide it, as every block has 10" in decisions(near)[1].sentence
     assert mark(near) == "? UNDECIDED at the stated limits"
     # Student's t leaves 76.27; scatter across the 80 um makes them longer by 0.04 in a bad case
     assert "AP is up to 80.0 um (pose P1; 95 % limits 76.2 to 83.7)" in verdict(result)
