@@ -156,16 +156,25 @@ def variance(M: Array, F: Array) -> Array:
 
 def forms(M: Array, F: Array) -> Array:
     """Variances f' M^-1 f (..., k) along the columns f of F (p, k); inf where M is singular."""
+    Y = halves(M, F)
+    return np.asarray(np.einsum("...ik,...ik->...k", Y, Y))
+
+
+def halves(M: Array, F: Array) -> Array:
+    """Y (..., p, k) with Y'Y = F' M^-1 F, for F (..., p, k); inf where M is not positive definite.
+
+    M (..., p, p).
+    """
     scale = np.sqrt(np.maximum(np.diagonal(M, axis1=-2, axis2=-1), np.finfo(np.float64).tiny))
     try:
         lower = np.linalg.cholesky(M / (scale[..., :, None] * scale[..., None, :]))
     except np.linalg.LinAlgError:
-        flat = M.reshape(-1, *M.shape[-2:])
-        if len(flat) == 1:
-            return np.full((*M.shape[:-2], F.shape[1]), np.inf)
-        return np.array([forms(one, F) for one in flat]).reshape(*M.shape[:-2], F.shape[1])
-    Y = np.linalg.solve(lower, F / scale[..., :, None])
-    return np.asarray(np.einsum("...ik,...ik->...k", Y, Y))
+        if M.ndim == 2:
+            return np.full(F.shape, np.inf)
+        F = np.broadcast_to(F, (*M.shape[:-1], F.shape[-1]))
+        pairs = zip(M.reshape(-1, *M.shape[-2:]), F.reshape(-1, *F.shape[-2:]), strict=True)
+        return np.array([halves(*pair) for pair in pairs]).reshape(F.shape)
+    return np.asarray(np.linalg.solve(lower, F / scale[..., :, None]))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -9,7 +9,7 @@ from calib.arrays import Array, Bool, Index, frozen
 from calib.information.criteria.base import Certifiable, Move, Pool
 from calib.information.criteria.g import WORST, G, g_of
 from calib.information.criteria.lazy import SLACK, best_first, best_of_all, fresh_swaps
-from calib.information.criteria.linear import Variance, forms, v_of
+from calib.information.criteria.linear import Variance, halves, v_of
 from calib.information.criteria.whitened import (
     CHUNK,
     eigenvalues,
@@ -59,12 +59,15 @@ class Total(Variance):
 
     def wholes(self, M: Array) -> Array:
         """Whole variance (..., g) of each goal [m^2]; inf where M is singular."""
-        g, _, p = self.rows.shape
-        F, N, K = self.rows.reshape(-1, p).T, M[..., :p, :p], M[..., :p, p:]
-        noise = forms(N, F)
-        good = np.asarray(np.isfinite(noise).all(-1))
-        moved = transpose(K) @ np.linalg.solve(np.where(good[..., None, None], N, np.eye(p)), F)
-        whole = np.where(good[..., None], noise + (moved**2).sum(-2), np.inf)
+        g, c, p = self.rows.shape
+        N, K, F = M[..., :p, :p], M[..., :p, p:], self.rows.reshape(-1, p).T
+        F = np.broadcast_to(F, (*K.shape[:-1], g * c))
+        # both from one factor of N: what it finds singular is so for both
+        Y, X = np.split(halves(N, np.concatenate([F, K], axis=-1)), [g * c], axis=-1)
+        good = np.isfinite(Y[..., 0, 0])[..., None]
+        moved = transpose(np.where(good[..., None], X, 0.0)) @ np.where(good[..., None], Y, 0.0)
+        noise = np.einsum("...ik,...ik->...k", Y, Y)
+        whole = np.where(good, noise + (moved**2).sum(-2), np.inf)
         return np.asarray(whole.reshape(*whole.shape[:-1], g, -1).sum(-1))
 
     def add(self, M: Array, blocks: Array) -> Array:

@@ -50,6 +50,18 @@ def test_the_value_is_the_mean_square_error_of_plain_least_squares(name: str):
 
 
 @pytest.mark.parametrize("name", NAMES)
+def test_a_set_that_rounding_alone_tells_apart_is_worse_than_any(name: str):
+    """Two rows for three numbers: a factor with roots is found, one without has a pivot of zero."""
+    seen = np.array([[0.0, 3.0, -2.0, 1.0], [2.0, 1.0, -3.0, 1.0]])
+    criterion = criterion_named(name, goals=small_goals(99, 3), inputs=1)
+    both = np.stack([seen.T @ seen, np.eye(4)])
+    assert criterion.value(both[0]) < -1e12
+    values = criterion.value(both)
+    assert values[0] < -1e12
+    assert values[1] == criterion.value(both[1])
+
+
+@pytest.mark.parametrize("name", NAMES)
 def test_inputs_without_effect_change_nothing(name: str):
     goals, blocks = small_goals(99, P), wide_pool(3)
     blocks[..., P:] = 0.0
