@@ -280,6 +280,14 @@ def test_the_controllers_own_poses_are_no_measurement(tmp_path):
     T[:, :3, 3] = np.round(T[:, :3, 3] + 2e-7 * np.sign(np.sin(1e9 * T[:, :3, 3])), 7)
     found = probe(ROBOT, read(tmp_path, columns(Made(q, T, ROBOT.model))))
     assert re.search(r"positions to \d{3} nm: these are a controller's own", found.warnings[0])
+    # hundredths of a millimeter leave 5 um, as no robot does that was measured
+    T[:, :3, 3] = np.round(T[:, :3, 3], 5)
+    own = Made(q, T, ROBOT.model)
+    (said,) = probe(ROBOT, read(tmp_path, columns(own))).warnings
+    assert "all that the digits of the file allow: are these a controller's own poses" in said
+    few = made()
+    few.T[:, :3, 3] = np.round(few.T[:, :3, 3], 5)
+    assert not probe(ROBOT, read(tmp_path, columns(few))).warnings
 
 
 def test_joints_read_back_too_early_are_told(tmp_path):
