@@ -150,13 +150,16 @@ def body_name(link: int) -> str:
 
 
 def reflector_frames(robot: Robot) -> tuple[str, ...]:
-    """What each reflector is called in URDF and MJCF: as people call it, if nothing else is."""
+    """What each reflector is called in URDF and MJCF: as people call it, if nothing else is.
+
+    Without %, which means a value to MuJoCo.
+    """
     n = robot.model.chain.n_joints
     taken = {"world", "base", "flange", "tool", "tool0"}
     taken |= {name for k in range(1, n + 1) for name in (f"link{k}", f"link_{k}")}
     frames: list[str] = []
     for reflector in robot.reflectors:
-        name = reflector.name
+        name = reflector.name.replace("%", "_")
         while name in taken:
             name = f"reflector_{name}"
         taken.add(name)

@@ -32,6 +32,7 @@ from testbed.robots.describe.axes import reach
 from testbed.robots.robot import Reflector, reflector_frames
 from testbed.robots.write.folder import write_robot_folder
 from testbed.robots.write.identified import identified_robot
+from testbed.robots.write.mjcf import mjcf_text
 from tests import viewed
 from tests.calibrated import robot, session_of, sound, sound_session, true_model
 from tests.recorded import column, store, structure
@@ -167,6 +168,14 @@ def test_names_that_are_taken_give_way():
         "reflector_reflector_base",
         "link_12",
     )
+
+
+def test_a_name_that_means_a_value_to_mujoco_is_written_so_that_it_is_read_again(tmp_path):
+    reflectors = tuple(Reflector(name, (0, 0, 0)) for name in ("50%", "50_", "SMR %n"))
+    arm = replace(robot(), reflectors=reflectors, visuals=())
+    (tmp_path / "arm.xml").write_text(mjcf_text(arm))
+    assert load_robot(tmp_path / "arm.xml").model.chain.n_joints == 6
+    assert len({*reflector_frames(arm)}) == 3
 
 
 def test_a_name_with_signs_that_no_file_can_hold_is_written_without_them():
