@@ -5,7 +5,7 @@ from functools import lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.special import gammaln, ndtri
+from scipy.special import chdtri, gammaln, ndtri
 
 from calib.arrays import Array, require_finite, wrong_shape
 from calib.errors import refuse
@@ -14,6 +14,8 @@ FEWEST = 3
 """Fewest cycles for which a scatter is stated."""
 MOST_GROUPS = 500
 """Groups of cycles that a jackknife leaves out in turn; up to so many cycles each is one."""
+QUANTILES = 512
+"""Of a distribution over which a mean is taken."""
 
 
 def cycles_of(position: ArrayLike) -> Array:
@@ -107,10 +109,39 @@ def repeatability_floor(noise: Array, n: int) -> Array:
     mean m = E|x| and variance tr C - m^2, both with C (1 - 1/n); their standard deviation is taken
     as if they were normal: within 0.2 % of simulations.
     """
-    shared = noise * (1 - 1 / n)
-    mean = mean_norm(shared)
-    variance = np.trace(shared, axis1=-2, axis2=-1) - mean**2
-    return np.asarray(mean + 3 * sd_bias(n) * np.sqrt(np.maximum(variance, 0.0)))
+    return _radius(noise * (1 - 1 / n), 3 * sd_bias(n))
+
+
+def repeatability_level(noise: Array) -> Array:
+    """RP (...,) of endlessly many readings that scatter with covariance (..., 3, 3) [m]."""
+    return _radius(noise, 3.0)
+
+
+def _radius(covariance: Array, times: float) -> Array:
+    """Mean and so many standard deviations (...,) of lengths of normal vectors."""
+    mean = mean_norm(covariance)
+    variance = np.trace(covariance, axis1=-2, axis2=-1) - mean**2
+    return np.asarray(mean + times * np.sqrt(np.maximum(variance, 0.0)))
+
+
+def repeatability_dof(covariance: Array, n: int) -> Array:
+    """Degrees of freedom (...,) with which the RP of n readings scatters; n - 1 along a line.
+
+    Of a standard deviation with f of them, f = RP^2 / (2 u^2); for normal readings u follows from
+    the moments of a distance by the delta method: n u^2 = v (1 + 9 (k - 1)/4 + 3 g), v, g, k its
+    variance, skewness and kurtosis.
+    """
+    mean, sd, skew, kurtosis = length_moments(covariance)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        relative = sd**2 * (1 + 9 * (kurtosis - 1) / 4 + 3 * skew) / (mean + 3 * sd) ** 2
+        return np.where(sd > 0, (n - 1) / (2 * relative), n - 1.0)
+
+
+def mean_largest(dof: float, count: int) -> float:
+    """Mean of the largest of `count` standard deviations, over that of one of them."""
+    share = (np.arange(QUANTILES) + 0.5) / QUANTILES
+    largest, one = (np.sqrt(chdtri(dof, 1 - share ** (1 / k))).mean() for k in (count, 1))
+    return float(largest / one)
 
 
 def length_moments(covariance: Array) -> tuple[Array, Array, Array, Array]:

@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike
 from scipy.special import chdtri, fdtri, stdtrit
 
 from calib.arrays import Array, frozen
-from calib.measurement.cycles import cycles_of, length_moments
+from calib.measurement.cycles import cycles_of, repeatability_dof
 from calib.measurement.iso9283 import IsoFigure
 from calib.measurement.iso_memory import CycleMemory, wider
 
@@ -93,11 +93,10 @@ def repeatability_limits(
 
     Notes
     -----
-    RP = m + 3 s of the distances to the barycenter scatters like a standard deviation of f degrees
-    of freedom, f = RP^2 / (2 u^2). For normal readings u follows from the moments of a distance, by
-    the delta method: n u^2 = v (1 + 9 (k - 1)/4 + 3 g), v, g, k its variance, skewness and
-    kurtosis; f is about 2 n for equal scatter in all directions, n - 1 where all of it is along one
-    line. The barycenter is nearer to n readings than the true mean by sqrt(1 - 1/n).
+    RP = m + 3 s of the distances to the barycenter scatters like a standard deviation of
+    `repeatability_dof` degrees of freedom: about 2 n for equal scatter in all directions, n - 1
+    where all of it is along one line. The barycenter is nearer to n readings than the true mean by
+    sqrt(1 - 1/n).
 
     References
     ----------
@@ -108,10 +107,7 @@ def repeatability_limits(
     d = x - x.mean(axis=-2, keepdims=True)
     away = np.linalg.norm(d, axis=-1)
     value = away.mean(axis=-1) + 3 * away.std(axis=-1, ddof=1)
-    mean, sd, skew, kurtosis = length_moments(np.swapaxes(d, -1, -2) @ d / (n - 1))
-    with np.errstate(invalid="ignore", divide="ignore"):
-        relative = sd**2 * (1 + 9 * (kurtosis - 1) / 4 + 3 * skew) / (mean + 3 * sd) ** 2
-        dof = np.where(sd > 0, (n - 1) / (2 * relative), n - 1.0)
+    dof = repeatability_dof(np.swapaxes(d, -1, -2) @ d / (n - 1), n)
     if memory is not None:
         dof = np.maximum(dof * memory.freedom(n - 1) / (n - 1), 1.0)
     return _chi_square(wider(value * np.sqrt(n / (n - 1)), memory), dof, probability)

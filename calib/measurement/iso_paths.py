@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from calib.arrays import Array, Bool, Index, check, frozen
 from calib.errors import refuse
-from calib.measurement.cycles import cycles_of, per_pose
+from calib.measurement.cycles import cycles_of, mean_largest, per_pose, repeatability_dof
 from calib.measurement.iso9283 import IsoFigure, accuracy, repeatability
 
 BACK = 0.02
@@ -33,6 +33,8 @@ class PathFigures:
     """(m,) mean distance to the barycenter and three standard deviations [m]."""
     floor: float
     """Mean of the largest accuracy if all of it were scatter between the n paths [m]."""
+    spread_floor: float
+    """Mean of the largest repeatability if all of it were the stated noise; nan without one [m]."""
 
     @property
     def worst(self) -> tuple[int, int]:
@@ -182,7 +184,11 @@ def nearest_in_order(when: Sequence[Array], distance: Sequence[Array]) -> Index:
 
 
 def path_figures(
-    position: ArrayLike, command: ArrayLike, *, noise: ArrayLike | None = None
+    position: ArrayLike,
+    command: ArrayLike,
+    *,
+    noise: ArrayLike | None = None,
+    readings: int | None = None,
 ) -> PathFigures:
     """AT and RT of n paths in the planes of m commanded points.
 
@@ -194,9 +200,13 @@ def path_figures(
         Commanded points [m].
     noise : (m, 3, 3) array_like, optional
         Covariance of one reading, without the robot's own scatter [m^2]; a floor of RT needs it.
+        Along the path it moves no place in a plane.
+    readings : int, optional
+        Of one run, where they are fewer than points: no more of these have noise of their own.
 
     Notes
     -----
+    RT is the largest of many, too: its floor is that of so many points with noise of their own.
     AT is a largest value, so scatter alone makes it grow with the number of points. Its floor keeps
     how a path's errors hang together along it: each path's way off the barycenter, with random
     signs for whole paths, is as likely where the mean is on the command.
@@ -207,7 +217,23 @@ def path_figures(
     off = (x - x.mean(axis=-2, keepdims=True)) * np.sqrt(n / (n - 1))
     signs = np.random.default_rng(9283).choice([-1.0, 1.0], (FLIPS, n)) / n
     largest = [float(np.linalg.norm(one @ off, axis=-1).max()) for one in signs]
-    return PathFigures(accuracy(x, c), repeatability(x, noise=noise), float(np.mean(largest)))
+    floor, spread_floor = float(np.mean(largest)), float("nan")
+    if noise is not None:
+        noise = in_planes(per_pose(noise, x.shape[:-2], "noise", (3, 3)), c)
+    found = repeatability(x, noise=noise)
+    if noise is not None:
+        worst = int(found.floor.argmax())
+        count = min(len(x), len(x) if readings is None else readings)
+        one = float(repeatability_dof(noise[worst], n))
+        spread_floor = float(found.floor[worst]) * mean_largest(one, count)
+    return PathFigures(accuracy(x, c), found, floor, spread_floor)
+
+
+def in_planes(covariance: Array, command: Array) -> Array:
+    """What covariances of readings (m, 3, 3) are in the planes across a commanded path (m, 3)."""
+    along = tangents(command)
+    across = np.eye(3) - along[:, :, None] * along[:, None, :]
+    return np.asarray(across @ covariance @ across)
 
 
 def resampled(paths: Sequence[ArrayLike], command: ArrayLike) -> Array:

@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 from scipy.special import stdtrit
 
 from calib.arrays import Array, Index, frozen
+from calib.measurement.cycles import repeatability_level, sd_bias
 from calib.measurement.iso9283 import (
     IsoFigure,
     accuracy,
@@ -26,7 +27,7 @@ from calib.measurement.iso_limits import (
     spread_limits,
 )
 from calib.measurement.iso_memory import CycleMemory, cycle_memory
-from calib.measurement.iso_paths import path_figures, resampled
+from calib.measurement.iso_paths import in_planes, path_figures, resampled
 from calib.measurement.iso_rotations import rotation_accuracy, rotation_repeatability
 from testbed.files.refusal import refusal
 from testbed.iso9283.frames import in_command_frame
@@ -102,7 +103,8 @@ def _poses(visits: Visits, shared: Shared, memory: CycleMemory) -> Iterator[Stat
     yield from _figures("AP", names, AP, mean_limits(AP, dof), n, shared=apart)
     variance = x.var(axis=1, ddof=1) / (memory.worth * memory.shrunk)
     yield from _parts(names, x.mean(axis=1) - c, variance, common, n, dof)
-    yield from _figures("RP", names, RP, repeatability_limits(x, memory=memory), n)
+    level = None if visits.noise is None else repeatability_level(visits.noise)
+    yield from _figures("RP", names, RP, repeatability_limits(x, memory=memory), n, noise=level)
     if visits.rotation is None:
         return
     if (sent := visits.command_rotation) is not None:
@@ -168,7 +170,7 @@ def _distances(visits: Visits, shared: Shared, memory: CycleMemory) -> Iterator[
         noise = None if visits.noise is None else visits.noise[one] + visits.noise[two]
         RD = memory.of_scatter(distance_repeatability(x[one], x[two], noise=noise))
         limits = spread_limits(RD.value, n, memory=memory)
-        yield from _figures("RD", (where,), RD, limits, n)
+        yield from _figures("RD", (where,), RD, limits, n, noise=RD.floor / sd_bias(n))
 
 
 def _pairs(visits: Visits) -> Iterator[tuple[int, int]]:
@@ -232,19 +234,24 @@ def _path(path: PathRuns, shared: Shared) -> tuple[list[StatedFigure], PathShown
         )  # fmt: skip
     common = shared.covariance(x.mean(axis=1))
     noise = None if path.noise is None else np.broadcast_to(path.noise, (len(x), 3, 3))
-    found = path_figures(x, path.command, noise=noise)
+    fewest = min(map(len, path.runs))
+    found = path_figures(x, path.command, noise=noise, readings=fewest)
     a, r = found.worst
     AT, RT = accuracy(x, path.command, common=common), found.repeatability
     own = float(_shared_part(AT, found.accuracy)[a])
     where = f"path {path.name}"
     far, near = largest_limits(AT, n - 1), repeatability_limits(x)
     least = repeatability_limits(x, probability=1 - (1 - PROBABILITY) / len(x))
+    level = float("nan")
+    if noise is not None:
+        level = float(repeatability_level(in_planes(noise, path.command)).max())
     steps = np.linalg.norm(np.diff(path.command, axis=0), axis=1)
     figures = [
         StatedFigure("AT", where, float(AT.value[a]), float(far.lower),
                      float(far.upper), float(AT.uncertainty[a]), found.floor, n, shared=own),
         StatedFigure("RT", where, float(RT.value[r]), float(least.lower.max()),
-                     float(near.upper.max()), float(RT.uncertainty[r]), float(RT.floor[r]), n),
+                     float(near.upper.max()), float(RT.uncertainty[r]), found.spread_floor, n,
+                     noise=level),
     ]  # fmt: skip
     along = frozen(np.concatenate([[0.0], np.cumsum(steps)]))
     mean = frozen(x.mean(axis=1))
@@ -253,14 +260,17 @@ def _path(path: PathRuns, shared: Shared) -> tuple[list[StatedFigure], PathShown
 
 def _figures(
     name: str, where: tuple[str, ...], found: IsoFigure, limits: Limits, n: int,
-    *, angle: bool = False, shared: ArrayLike = 0.0,
+    *, angle: bool = False, shared: ArrayLike = 0.0, noise: Array | None = None,
 ) -> Iterator[StatedFigure]:  # fmt: skip
     """One figure for each entry."""
-    own = np.broadcast_to(np.asarray(shared), found.value.shape)
-    columns = (found.value, limits.lower, limits.upper, found.uncertainty, found.floor, own)
+    level = np.nan if noise is None else noise
+    own, level = (np.broadcast_to(one, found.value.shape) for one in (shared, level))
+    columns = (found.value, limits.lower, limits.upper, found.uncertainty, found.floor, own, level)
     for place, values in zip(where, np.stack([np.atleast_1d(x) for x in columns], 1), strict=True):
-        value, lower, upper, u, floor, common = (float(x) for x in values)
-        yield StatedFigure(name, place, value, lower, upper, u, floor, n, angle, common)
+        value, lower, upper, u, floor, common, alone = (float(x) for x in values)
+        yield StatedFigure(
+            name, place, value, lower, upper, u, floor, n, angle, common, noise=alone
+        )
 
 
 def _shared_part(whole: IsoFigure, alone: IsoFigure) -> Array:

@@ -132,21 +132,28 @@ class StatedFigure:
     """Part of u that all readings of the instrument share; more cycles do not lower it."""
     typical_u: float = 0.0
     """Median u of all figures of its name, which decides the digits of all of them; 0: its own."""
+    noise: float = float("nan")
+    """What the stated noise alone reads in endlessly many cycles: of scatter; nan where no noise is
+    stated, and of what it does not make larger."""
 
     @property
     def size(self) -> float:
         """How large it is, whatever its sign."""
         return abs(self.value)
 
-    def own(self, size: float) -> float:
-        """Of a size, what is the robot's own at least: scatter less what the noise alone reads.
+    @property
+    def own(self) -> float:
+        """Of its size, what is the robot's own at least: scatter less what the noise alone reads.
 
         In squares, as variances add; of scatter that is not equal in all directions even more is
         the robot's own.
         """
-        if self.name not in SCATTERS or np.isnan(self.floor):
-            return size
-        return float(np.sqrt(max(size**2 - self.floor**2, 0.0)))
+        return self.size if np.isnan(self.noise) else _less(self.size, self.floor)
+
+    @property
+    def own_least(self) -> float:
+        """Of its lower limit, what is the robot's own: both are of endlessly many cycles."""
+        return self.least if np.isnan(self.noise) else _less(self.least, self.noise)
 
     @property
     def most(self) -> float:
@@ -157,6 +164,11 @@ class StatedFigure:
     def least(self) -> float:
         """Lower limit of its size."""
         return 0.0 if self.lower <= 0 <= self.upper else min(abs(self.lower), abs(self.upper))
+
+
+def _less(size: float, noise: float) -> float:
+    """What is left of a scatter without some noise."""
+    return float(np.sqrt(max(size**2 - noise**2, 0.0)))
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)

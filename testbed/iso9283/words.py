@@ -74,7 +74,7 @@ def _decision(result: CycleResult, name: str, limit: float) -> LimitDecision:
     if not figures:
         text = f"{allowed}: UNDECIDED, nothing that was measured gives {name}"
         return LimitDecision(name, limit, "UNDECIDED", "", text)
-    failing = [figure for figure in figures if figure.own(figure.least) > limit]
+    failing = [figure for figure in figures if figure.own_least > limit]
     if failing:
         worst = max(failing, key=lambda figure: figure.least)
         text = f"{allowed}: FAIL, {told(worst)}"
@@ -100,7 +100,7 @@ def would_decide(figure: StatedFigure, limit: float) -> str:
     Half width w of n cycles, of which all readings share c = t u_shared: w^2 - c^2 falls as 1/n, so
     that a gap d is reached with n (w^2 - c^2) / (d^2 - c^2) cycles; t stays that of n.
     """
-    below, size = figure.size < limit, figure.own(figure.size)
+    below, size = figure.size < limit, figure.own
     if figure.name in OF_BLOCKS:
         return (
             f"more cycles would not decide it, as every block has {BLOCK} of them: a robot or an "
@@ -113,7 +113,7 @@ def would_decide(figure: StatedFigure, limit: float) -> str:
             "would decide it"
         )
     gap = abs(limit - (figure.size if below else size))
-    width = figure.most - figure.size if below else size - figure.own(figure.least)
+    width = figure.most - figure.size if below else size - figure.own_least
     t = float(stdtrit(figure.cycles - 1, (1 + PROBABILITY) / 2))
     of_all = (t * figure.shared) ** 2
     rest = gap**2 - of_all

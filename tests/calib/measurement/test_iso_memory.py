@@ -85,6 +85,9 @@ def test_the_mean_of_cycles_that_follow_each_other_scatters_as_is_said():
     spread = (x.mean(axis=1) / SD).var()
     assert spread == pytest.approx(1 / memory.worth, rel=0.05)
     assert (x.var(axis=1, ddof=1) / SD**2).mean() == pytest.approx(memory.shrunk, rel=0.03)
+    # where there is nothing to see these are read: floors of 30 independent cycles are a third
+    floor = memory.of_mean(accuracy(x[:400], np.zeros(3))).floor
+    assert np.linalg.norm(x.mean(axis=1), axis=1).mean() == pytest.approx(floor.mean(), rel=0.05)
 
 
 def test_cycles_that_alternate_between_two_places_are_not_fewer():

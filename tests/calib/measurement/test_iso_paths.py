@@ -201,6 +201,21 @@ def test_the_floor_of_at_is_what_paths_without_error_read():
     assert np.mean(floors) == pytest.approx(np.mean(read), rel=0.15)
 
 
+@pytest.mark.parametrize("points", [6, 60])
+def test_the_floor_of_rt_is_what_noise_of_the_instrument_reads(points):
+    """The largest of many points, each in its plane, where noise along the path is not seen."""
+    rng, command = np.random.default_rng(3), np.linspace([0, 0, 0], [1, 0, 0], points)
+    noise = np.diag([9e-10, 1e-10, 1e-10])
+    seen = command[:, None] + 1e-5 * rng.standard_normal((80, points, 10, 3)) * [0, 1, 1]
+    read = [path_figures(one, command).repeatability.value.max() for one in seen]
+    found = path_figures(seen[0], command, noise=noise)
+    # 80 largest values of 12 % each: three standard errors; the shape of one adds 3 % to the tail
+    assert found.spread_floor == pytest.approx(np.mean(read), rel=0.07)
+    # of three readings of a run no more than three are the largest of
+    few = path_figures(seen[0], command, noise=noise, readings=3).spread_floor
+    assert found.repeatability.floor[0] < few < found.spread_floor
+
+
 @pytest.mark.parametrize("command", [np.zeros((3, 3)), np.zeros((1, 3))])
 def test_a_path_without_steps_is_refused(command):
     with pytest.raises(InputError, match="is no step on"):

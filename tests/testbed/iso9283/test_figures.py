@@ -16,7 +16,7 @@ from testbed.iso9283 import grouped
 from testbed.iso9283.figure_words import show
 from testbed.iso9283.play import play_test
 from testbed.iso9283.read import read_test
-from testbed.iso9283.report import page_of
+from testbed.iso9283.report_figures import angle_section
 from testbed.iso9283.results import headline, iso_csv
 from testbed.iso9283.words import decisions, mark, reasons, verdict, would_decide
 from tests.testbed.iso9283.made import (
@@ -132,7 +132,7 @@ def test_orientation_is_by_rotation_vectors(tmp_path):
     assert [f.value for f in bare.of("RP_angle_y")] == [f.value for f in result.of("RP_angle_y")]
     assert not bare.of("AP_angle")
     assert "so that orientation has no AP" in " ".join(bare.test.notes)
-    assert "angles" in [section.anchor for section in page_of(bare, {}).sections]
+    assert angle_section(bare).anchor == "angles"
 
 
 def test_directions_of_approach_give_their_largest_gap(tmp_path):
@@ -340,6 +340,18 @@ def test_limits_are_decided_with_their_confidence(tmp_path):
     assert mark(near) == "? UNDECIDED at the stated limits"
     # Student's t leaves 76.27; scatter across the 80 um makes them longer by 0.04 in a bad case
     assert "AP is up to 80.0 um (pose P1; 95 % limits 76.2 to 83.7)" in verdict(result)
+
+
+def test_noise_of_endlessly_many_readings_is_what_a_lower_limit_is_freed_of(tmp_path):
+    """Of five cycles noise alone reads less than of so many as the limit is of."""
+    toml = "[uncertainty]\nposition_um = 4\n"
+    figure = max(played(tmp_path, pose_rows(n=5), toml).of("RP"), key=lambda f: f.least)
+    # Maxwell distribution: mean and three standard deviations
+    assert figure.noise == pytest.approx(4e-6 * (np.sqrt(8 / np.pi) + 3 * np.sqrt(3 - 8 / np.pi)))
+    own, too_much = (np.sqrt(figure.least**2 - x**2) for x in (figure.noise, figure.floor))
+    limit = (own + too_much) / 2 / UM
+    toml += f"[iso9283]\nlimits_um = {{RP = {limit}}}\n"
+    assert decisions(played(tmp_path, pose_rows(n=5), toml))[0].word == "UNDECIDED"
 
 
 def test_so_many_cycles_decide_as_they_were_said_to(tmp_path):
