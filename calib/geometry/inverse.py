@@ -11,7 +11,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from calib.arrays import Array, Bool, check, frozen, require_numbers
+from calib.arrays import Array, Bool, Index, check, frozen, require_numbers
 from calib.errors import refuse
 from calib.geometry.frames import rigid
 from calib.geometry.inverse_search import (
@@ -90,7 +90,8 @@ def inverse_kinematics(
     seeds : (m, n) or (m, s, n) array_like
         Where each search begins: one seed per target, or several of which the first one counts
         most: of all postures that reach a target the one nearest to its first seed is given
-        [rad, m]. `spread` gives seeds where nothing is known.
+        [rad, m]. `spread` gives seeds where nothing is known. A joint that turns may be seeded
+        beyond its limits: with `whole_turns` it is then compared without them.
     limits : (n, 2) array_like
         Lower and upper joint limits [rad, m].
     whole_turns : bool
@@ -133,17 +134,26 @@ def inverse_kinematics(
     each = np.repeat(T, starts, axis=0), every.reshape(-1, n)
     task = PoseSearch(model, *each, limits, own, whole_turns, position_first)
     begin = into_limits(task, task.seeds)
-    q, near = search(task, begin, bounded=True)
+    q, near, beyond = begin.copy(), np.zeros(len(begin), np.bool_), np.zeros(len(begin), np.bool_)
+
+    def without_limits(rows: Index) -> None:
+        """Search from seeds as they are; whole turns may bring inside what the limits stop."""
+        some = task.rows(rows)
+        there, beyond[rows] = search(some, some.seeds, bounded=False)
+        there = whole_turns_into_limits(some, there) if whole_turns else there
+        back = beyond[rows] & inside(there, limits)
+        q[rows[back]], near[rows[back]] = there[back], True
+
+    if whole_turns and not (kept := inside(task.seeds, limits)).all():
+        # the posture nearest to a seed beyond its limits is not one of their other end
+        without_limits(np.flatnonzero(~kept))
+    rows = np.flatnonzero(~near)
+    q[rows], near[rows] = search(task.rows(rows), begin[rows], bounded=True)
     for nudge in NUDGES if starts == 1 else ():
         q, near = retry(task, q, near, nudge)
-    beyond, lost = np.zeros(len(q), dtype=bool), np.flatnonzero(~near)
-    if len(lost):
-        # what the limits stop may come back a whole turn away, or be out of reach for good
-        free = task.rows(lost)
-        there, beyond[lost] = search(free, free.seeds, bounded=False)
-        there = whole_turns_into_limits(free, there) if whole_turns else there
-        back = beyond[lost] & inside(there, limits)
-        q[lost[back]], near[lost[back]] = there[back], True
+    if not near.all():
+        # what the limits stop may be out of reach for good
+        without_limits(np.flatnonzero(~near))
     if not whole_turns:
         # the other end of the range is a whole turn away from a seed beyond this one
         turned = near & turned_back(task, q)

@@ -33,6 +33,8 @@ LONGEST = 0.5
 """Longest step of any joint in one iteration [rad or m]: keeps far starts from jumping about."""
 NUDGES = (0.1, -0.1)
 """How far aside failed searches begin once more [rad, and that times 0.3 m]."""
+EQUALS = 1e-6
+"""What whole turns count where nothing else tells two postures apart."""
 DAMPING = (1e-9, 1e-6, 1e3)
 """Squared, of lengths per scaled joint: below the first none is needed, the second is the first
 try after a step that failed, above the third no step helps."""
@@ -210,10 +212,11 @@ def pull_to_seeds(task: PoseSearch, q: Array, near: Bool) -> tuple[Array, Bool]:
         return q, near
     some, out = task.rows(rows), q.copy()
     x = q[rows]
+    seeds = unwound(some, x, some.seeds)
     for _ in range(ITERATIONS):
         # toward the seed in the null space, and back onto the target
         e, J = some.error(x)
-        away = (some.seeds - x) / task.unit
+        away = (seeds - x) / task.unit
         nothing = np.zeros(len(x))
         step = away - _damped_step(J, (J @ away[:, :, None])[..., 0] - e, nothing)
         size = np.abs(step).max(axis=1, keepdims=True) / L
@@ -233,8 +236,21 @@ def inside(q: Array, limits: Array) -> Bool:
 
 
 def distance(task: PoseSearch, q: Array, seeds: Array) -> Array:
-    """How far postures (s, n) lie from their seeds, in scaled joints."""
-    return np.asarray(np.linalg.norm((q - seeds) / task.unit, axis=1))
+    """How far postures (s, n) lie from their seeds, in scaled joints.
+
+    Whole turns of a seed beyond its limits decide between equals alone.
+    """
+    turned = np.linalg.norm((q - seeds) / task.unit, axis=1)
+    near = np.linalg.norm((q - unwound(task, q, seeds)) / task.unit, axis=1)
+    return np.asarray(np.where(near < turned, near + EQUALS * turned, turned))
+
+
+def unwound(task: PoseSearch, q: Array, seeds: Array) -> Array:
+    """Seeds (s, n), those beyond limits moved by the whole turns that bring them nearest to q."""
+    lower, upper = task.limits.T
+    may = task.whole_turns * (task.model.chain.prismatic == 0)
+    beyond = may * ((seeds < lower) | (seeds > upper))
+    return np.asarray(seeds + beyond * 2 * np.pi * np.round((q - seeds) / (2 * np.pi)))
 
 
 def whole_turns_into_limits(task: PoseSearch, q: Array) -> Array:
@@ -247,9 +263,16 @@ def whole_turns_into_limits(task: PoseSearch, q: Array) -> Array:
 
 
 def into_limits(task: PoseSearch, q: Array) -> Array:
-    """Seeds inside the limits: by whole turns if they may, then to the nearest limit."""
-    turned = whole_turns_into_limits(task, q) if task.whole_turns else q
-    return np.asarray(np.clip(turned, *task.limits.T))
+    """Seeds inside the limits: by whole turns if they may, then to the limit that is nearest."""
+    lower, upper = task.limits.T
+    if not task.whole_turns:
+        return np.asarray(np.clip(q, lower, upper))
+    turned = whole_turns_into_limits(task, q)
+    lost = ((turned < lower) | (turned > upper)) & (task.model.chain.prismatic == 0)
+    # whole turns have no say in which limit that is
+    over, under = (q - upper) % (2 * np.pi), (lower - q) % (2 * np.pi)
+    nearest = np.where(over < under, upper, lower)
+    return np.asarray(np.where(lost, nearest, np.clip(turned, lower, upper)))
 
 
 def turned_back(task: PoseSearch, q: Array) -> Bool:

@@ -10,6 +10,7 @@ from calib.geometry.frames import log_so3, rot_y, slide
 from calib.geometry.inverse import inverse_kinematics, joint_jacobian, spread
 from calib.geometry.joint_errors import JointErrors, gravity_terms, harmonic_terms
 from calib.geometry.model import RobotModel
+from tests.reference import TX60_LIMITS
 
 QUARTER = np.pi / 2
 TX60 = Chain(
@@ -151,6 +152,36 @@ def test_a_joint_may_come_back_by_a_whole_turn_only_if_it_is_allowed_to():
     np.testing.assert_allclose(found.q, q, atol=1e-9)
     held = inverse_kinematics(model, model.poses(q), seed, limits, whole_turns=False)
     assert held.status == ("limits",)
+
+
+def test_a_seed_a_hair_beyond_its_limit_is_taken_there_and_not_at_the_other_end():
+    """Ranges of less than a turn, of a whole one, and of one and a half."""
+    model, hair = RobotModel(TX60), 1e-3
+    q = np.concatenate([spread(0.8 * TX60_LIMITS, 12)] * 6)
+    joint, side = np.repeat(np.arange(6), 12), np.tile([0, 1], 36)
+    rows, end = np.arange(72), TX60_LIMITS[joint, side]
+    outward = 2 * side - 1
+    q[rows, joint] = end - hair * outward
+    seeds = q.copy()
+    seeds[rows, joint] = end + hair * outward
+    found = inverse_kinematics(model, model.poses(q), seeds, TX60_LIMITS)
+    assert found.reached.all()
+    np.testing.assert_allclose(found.q, q, atol=1e-6)  # some stand where the arm is stretched
+    # and where the target lies beyond the limit itself, as far as that goes
+    short = joint == 2
+    held = inverse_kinematics(model, model.poses(seeds[short]), seeds[short], TX60_LIMITS)
+    assert set(held.status) == {"limits"}
+    np.testing.assert_allclose(held.q[:, 2], end[short])
+
+
+def test_a_seed_beyond_its_limits_is_compared_without_its_whole_turns():
+    """Of all postures that several starts find the one that the seed means, not its mirror."""
+    model = RobotModel(TX60)
+    q = np.radians([[-175.0, 30, 60, 20, 50, 0]])
+    seed = q + 2 * np.pi * np.eye(6)[0]
+    starts = np.concatenate([seed, spread(TX60_LIMITS, 24)])[None]
+    found = inverse_kinematics(model, model.poses(q), starts, TX60_LIMITS)
+    np.testing.assert_allclose(found.q, q, atol=1e-9)
 
 
 def test_a_target_out_of_reach_says_how_near_the_tool_came():
