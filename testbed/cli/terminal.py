@@ -238,6 +238,7 @@ def robot_text(robot: "Robot") -> str:
         )
     head = ("joint", "theta deg", "d mm", "a mm", "alpha deg", "beta deg", "limits")
     parts = [table(robot.title, (*head, "repeatability sd"), rows), ""]
+    parts += filter(None, [robot.controller.sentence])
     for name, names in robot.free_sets.items():
         parts.append(f"free set {name}: {', '.join(names)}")
     parts += [f"source of {what}: {source}" for what, source in robot.sources.items()]

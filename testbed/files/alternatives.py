@@ -12,7 +12,9 @@ from calib.geometry.chain import Chain
 from calib.geometry.frames import inverse, transform
 from calib.measurement.observations import Measurements
 from testbed.files.rotations import EULER, MATRIX, QUATERNION, VECTOR, axes_of, rotations
+from testbed.files.rows.counts import added, other_counts
 from testbed.files.session import Stated
+from testbed.robots.controller import AS_THE_ARM, Controller
 
 LENGTHS = (
     (1e-3, "if the positions are in mm, not m", "they look like mm: name the columns x_mm ..."),
@@ -32,9 +34,6 @@ MOST_MIXED = 3
 """Joints that look like radians among degrees, above which each and all of them are tried."""
 BY_AXIS = tuple("".join(triple) for triple in permutations("XYZ"))
 """Sequences with one angle for each axis; those about fixed axes are the same ones backwards."""
-COUPLED = ((1, 2), (4, 5))
-"""Joints of which many arms state the second with the first in it: those of a parallelogram, and of
-a wrist whose drives pass through each other."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,7 +69,9 @@ OtherReadings: TypeAlias = Iterator[tuple[Alternative, Interpretation]]
 """Other ways to read some rows, and the rows as read so."""
 
 
-def alternatives_of(rows: Interpretation, stated: Stated, chain: Chain) -> OtherReadings:
+def alternatives_of(
+    rows: Interpretation, stated: Stated, chain: Chain, controller: Controller = AS_THE_ARM
+) -> OtherReadings:
     """Other readings of the numbers of some rows.
 
     Parameters
@@ -81,11 +82,18 @@ def alternatives_of(rows: Interpretation, stated: Stated, chain: Chain) -> Other
         How its rotations stand there; `rows.numbers` has those of the rows.
     chain : Chain
         Kinds of the joints.
+    controller : Controller
+        How the file was taken to count them.
     """
     for factor, condition, fix in LENGTHS:
         length = Alternative("length", condition, fix, "M21", "length")
         yield length, replace(rows, position=rows.position * factor)
-    yield from _joints(rows, chain)
+    J = controller.of_arm(rows.q)
+    for other, read in _joints(replace(rows, q=J), chain, controller):
+        yield other, replace(read, q=controller.to_arm(read.q))
+    for one in other_counts(J, chain, controller):
+        coupling = Alternative("coupling", one.condition, one.fix, "M20", f"q{one.joint + 1}")
+        yield coupling, replace(rows, q=one.q)
     for a, b in combinations(range(3 if rows.rotation is not None else 0), 2):
         condition = f"if the columns {'xyz'[a]} and {'xyz'[b]} are swapped"
         fix = "name them the other way round"
@@ -120,8 +128,8 @@ def shifted(shift: int, which: str = "") -> Alternative:
     return Alternative("rows", f"if row k{shift:+d}{which} belongs to pose k", fix, "M31", "match")
 
 
-def _joints(rows: Interpretation, chain: Chain) -> OtherReadings:
-    """Units, signs and couplings of the joints."""
+def _joints(rows: Interpretation, chain: Chain, controller: Controller) -> OtherReadings:
+    """Units, signs and order of joints, as the controller counts them."""
     turning = chain.prismatic == 0
     for factor, condition, fix in ANGLES if turning.any() else ():
         unit = Alternative("joints", condition, fix, "M20", "joints")
@@ -131,24 +139,18 @@ def _joints(rows: Interpretation, chain: Chain) -> OtherReadings:
         condition, fix = condition.replace("positions", "sliding joints"), fix.replace("x_", "q1_")
         unit = Alternative("joints", condition, fix, "M20", "joints")
         yield unit, replace(rows, q=np.where(turning, rows.q, rows.q * factor))
-    for j in range(chain.n_joints):
+    for j in controller.counted(chain.n_joints).tolist():
         name, condition = f"q{j + 1}", f"if joint {j + 1} turns the other way"
-        sign = Alternative("sign", condition, f"change the sign of {name}", "M20", name)
+        fix = f"change the sign of {name}"
+        if j not in controller.stated:
+            fix += f", or {added(controller, f'{name} = -J{j + 1}')}"
+        sign = Alternative("sign", condition, fix, "M20", name)
         yield sign, replace(rows, q=_flipped(rows.q, j))
     for a, b in combinations(np.flatnonzero(turning).tolist(), 2):
         condition = f"if the columns q{a + 1} and q{b + 1} are swapped"
         fix = "name them the other way round"
         swap = Alternative("swap", condition, fix, "M20", f"q{a + 1}")
         yield swap, replace(rows, q=_swapped(rows.q, a, b))
-    for a, b in COUPLED:
-        if b >= chain.n_joints or not (turning[a] and turning[b]):
-            continue
-        for mark, factor in (("+", 1.0), ("-", -1.0)):
-            q = rows.q.copy()
-            q[:, b] += factor * q[:, a]
-            condition = f"if joint {b + 1} is q{b + 1} {mark} q{a + 1}"
-            coupling = Alternative("coupling", condition, "undo the coupling", "M20", f"q{b + 1}")
-            yield coupling, replace(rows, q=q)
 
 
 def _some_joints(rows: Interpretation, turning: Bool) -> OtherReadings:

@@ -131,7 +131,11 @@ def assemble(
             *(text for part in parts for text in (*part.joints.warnings, *part.readings.warnings)),
             *(f"{place[0].rpartition(':')[0]}: {text}" for text in odd if named),
         ),
-        notes=(*(note for part in parts for note in part.readings.notes), *notes),
+        notes=(
+            *filter(None, [robot.controller.sentence]),
+            *(note for part in parts for note in part.readings.notes),
+            *notes,
+        ),
         stated=parts[0].readings.stated if len(parts) == 1 else Stated(),
         simulated=settings.simulated,
         wanted=settings.identification,

@@ -8,24 +8,19 @@ import numpy as np
 from calib.arrays import Array, Bool, Index
 from calib.errors import InputError
 from calib.uncertainty.statement.conditions import Conditions
-from testbed.files.columns import NUMBERS, UNITS, unit_of
+from testbed.files.columns import NUMBERS, unit_of
 from testbed.files.conditions import CENTERS, conditions_of
 from testbed.files.refusal import refusal
 from testbed.files.rows.beside import BesideJoints, beside_of, drive_columns
+from testbed.files.rows.limits import check_limits
 from testbed.files.rows.times import days_of, times_of
 from testbed.files.session import rows_of
 from testbed.files.table import Columns, DataTable, together
 from testbed.files.valid import valid_rows
 from testbed.robots.robot import Robot
 from testbed.strict import choice_of
-from testbed.units import counted
 
 SPLITS = ("identify", "test")
-BEYOND = 0.05
-"""Part of the joint values outside the limits above which the unit is wrong."""
-LARGER = ("rad", "m")
-"""Units whose numbers may be those of the other one."""
-OTHER_UNIT = {"rad": "deg", "deg": "rad", "m": "mm", "mm": "m"}
 Source = Literal["commanded", "read-back"]
 
 
@@ -101,7 +96,7 @@ def _repeats(table: DataTable, good: Bool) -> Index:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Joints:
-    """Joint vectors in the order of the file, good rows only."""
+    """Joint vectors of the arm in the order of the file, good rows only."""
 
     where: str
     place: tuple[str, ...]
@@ -114,7 +109,7 @@ class Joints:
     source: Source
     extras: Extras
     columns: Columns
-    """Where `q` stands in the file."""
+    """Where the joints stand that the controller counts."""
     used: Columns
     """All columns of numbers that were read."""
     warnings: tuple[str, ...]
@@ -131,7 +126,7 @@ class Joints:
 def read_joints(
     table: DataTable, robot: Robot, source: Source | None, *, drop: bool | None
 ) -> Joints:
-    """Joint vectors of a table.
+    """Joint vectors of a table: those of the controller are there, those of the arm come back.
 
     Raises
     ------
@@ -152,15 +147,15 @@ def read_joints(
         raise _missing(table, robot, "_read" if source == "read-back" else "")
     used = together(chosen, other, extra_columns(table))
     good, warnings = valid_rows(table, used, drop=drop)
-    q = table.values(chosen)
-    warnings += _check_limits(table, robot, chosen.names, q, good)
+    q = robot.controller.read(table.values(chosen), robot.model.chain.n_joints)
+    warnings += check_limits(table, robot, chosen, q, good)
     extras = extras_of(table, good)
     whole = Joints(
         where=table.where,
         place=table.places,
         row=np.arange(len(table)),
         q=q,
-        read_back=table.values(other) if other else None,
+        read_back=robot.controller.read(table.values(other), q.shape[1]) if other else None,
         source=source,
         extras=extras,
         columns=chosen,
@@ -171,7 +166,7 @@ def read_joints(
 
 
 def joint_columns(table: DataTable, robot: Robot, tail: str = "") -> Columns | None:
-    """Columns of all joints of one source; None if there is none of them."""
+    """Columns of all joints of one source that have one; None if there is none of them."""
     found = [table.find(kind, f"{stem}{tail}") for stem, kind in _stems(robot)]
     there = [columns for columns in found if columns]
     if not there:
@@ -182,10 +177,11 @@ def joint_columns(table: DataTable, robot: Robot, tail: str = "") -> Columns | N
 
 
 def _stems(robot: Robot) -> list[tuple[str, str]]:
-    """Column and kind of unit of each joint: ``q1`` is an angle, or a length."""
+    """Column and kind of unit of each joint of the controller: ``q1`` is an angle, or a length."""
     kinds = robot.model.chain.kinds
     return [
-        (f"q{j + 1}", "length" if kind == "prismatic" else "angle") for j, kind in enumerate(kinds)
+        (f"q{j + 1}", "length" if kinds[j] == "prismatic" else "angle")
+        for j in robot.controller.counted(len(kinds))
     ]
 
 
@@ -200,7 +196,7 @@ def _missing(table: DataTable, robot: Robot, tail: str) -> InputError:
     ]
     return refusal(
         table.where, "joints",
-        f"has no column for {len(missing)} of the {robot.model.chain.n_joints} joints of "
+        f"has no column for {len(missing)} of the {len(found)} joints of "
         f"{robot.name}",
         value=", ".join(table.names)[:200],
         allowed=f"needed: {', '.join(missing)}; {table.found(120)}",
@@ -211,41 +207,3 @@ def _missing(table: DataTable, robot: Robot, tail: str) -> InputError:
 def _unit_beside(columns: Columns | None, kind: str) -> str:
     """The unit of another joint of a kind, or the usual one."""
     return unit_of(columns.names[0]) if columns else "mm" if kind == "length" else "deg"
-
-
-def _check_limits(
-    table: DataTable, robot: Robot, names: tuple[str, ...], q: Array, good: Bool
-) -> list[str]:
-    """A warning of joint values outside the limits; too many are refused."""
-    lower, upper = robot.limits.T
-    outside = ((q < lower - 1e-6) | (q > upper + 1e-6)) & good[:, None]
-    if not outside.any():
-        return []
-    row, j = (int(i) for i in np.argwhere(outside)[0])
-    unit = names[j].rpartition("_")[2]
-    factor = UNITS[_stems(robot)[j][1]][unit]
-    first = f'{table.names[names[j]]} = "{table.texts(names[j])[row][:20]}"'
-    allowed = f"its limits are {lower[j] / factor:.4g} to {upper[j] / factor:.4g} {unit}"
-    if outside.sum() <= BEYOND * max(good.sum(), 1) * q.shape[1]:
-        values, lie = (
-            counted(int(outside.sum()), "joint value"),
-            "lies" if outside.sum() == 1 else "lie",
-        )
-        return [
-            f"{table.where}: {values} {lie} outside the limits of {robot.name}, the first is in "
-            f"line {table.sheet.lines[row]}: {first}; {allowed}"
-        ]
-    share = 100 * outside.sum() / (good.sum() * q.shape[1])
-    other = OTHER_UNIT.get(unit, "another unit")
-    # a number beyond the limits in degrees is farther beyond them in radians, meters in mm alike
-    fix = "mend these cells, or check the robot"
-    if unit in LARGER:
-        wrong = [names[k] for k in np.flatnonzero(outside.mean(axis=0) > BEYOND)]
-        stem = wrong[0].rpartition("_")[0] if len(wrong) < len(names) // 2 + 1 else "q1"
-        what = "these" if stem == "q1" else ", ".join(name.rpartition("_")[0] for name in wrong)
-        fix = f"if {what} are {other}, name the columns {stem}_{other} ...; else check the robot"
-    raise refusal(
-        table.place(row), names[j],
-        f"{share:.0f} % of the joint values lie outside the limits of {robot.name}, the first is "
-        f"{first}", code="M20", value=float(q[row, j]), allowed=allowed, fix=fix,
-    )  # fmt: skip

@@ -178,7 +178,7 @@ def probe(robot: Robot, session: Session) -> Probe:
     some = rows[spread_out(len(rows))]
     read = replace(as_read(session, some), numbers=session.stated.rows(some).numbers)
     stated = misfit_of(robot.model, read)
-    numbers = alternatives_of(read, session.stated, robot.model.chain)
+    numbers = alternatives_of(read, session.stated, robot.model.chain, robot.controller)
     turning = robot.model.chain.prismatic == 0
     small = rows[small_rows(table.q[rows], turning)]
     mixed = some_rows(read, turning, session.place[small[0]] if len(small) else "")

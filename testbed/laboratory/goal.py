@@ -158,6 +158,7 @@ def _posture(bench: Bench, T: Array, before: Array | None, name: str) -> Array:
         robot.model, np.broadcast_to(T, (STARTS, 4, 4)), starts, robot.limits
     )
     q = found.q[found.reached]
+    q = q[robot.controller.allows(q)]
     if not len(q):
         missed = float(found.position_error.min())
         x, y, z = (inverse(robot.model.chain.T_world_base) @ T)[:3, 3] * 1e3

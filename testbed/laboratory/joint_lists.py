@@ -15,6 +15,7 @@ from testbed.gates.kinds import require_no_program
 from testbed.gates.text import read_text, separator_of, split
 from testbed.report.text import unguarded
 from testbed.robots.catalog import Robot
+from testbed.robots.controller import BEYOND
 from testbed.units import DEG, MM, counted, unit_of
 
 MAX_MB = 10.0
@@ -26,26 +27,33 @@ SAME = 1e-9
 def from_deg(
     robot: Robot, rows: Sequence[Sequence[float]], where: str, *, single: bool = False
 ) -> Array:
-    """Joint vectors (k, n) [rad, m] from numbers in deg, or mm where a joint slides.
+    """Joint vectors (k, n) of the arm [rad, m] from those of its controller in deg, mm for slides.
 
     Checks their length, the joint limits and that none comes twice; `where` names the key, which
     holds one pose only if `single`.
     """
-    n = robot.model.chain.n_joints
+    own = robot.controller.counted(robot.model.chain.n_joints)
+    n = len(own)
     names = [where if single else f"{where} entry {k + 1}" for k in range(len(rows))]
     for k, row in enumerate(rows):
         if len(row) != n:
             message = f"{names[k]} has {counted(len(row), 'number')}"
-            has = f"{robot.name} has {n} joints"
+            motors = " with a motor" * bool(robot.controller.held)
+            has = f"{robot.name} has {n} joints{motors}"
             raise refuse(where, list(row), has, code="S37", message=message, fix="mend the list")
-    scale = np.where(robot.model.chain.prismatic, 1e-3, np.pi / 180)
-    q = np.array(rows, dtype=np.float64).reshape(-1, n) * scale
+    scale = np.where(robot.model.chain.prismatic, 1e-3, np.pi / 180)[own]
+    q = robot.controller.read(
+        np.array(rows, dtype=np.float64).reshape(-1, n) * scale, robot.model.chain.n_joints
+    )
     check_joints(robot, q, names, where)
     return frozen(q)
 
 
 def check_joints(robot: Robot, q: ArrayLike, names: Sequence[str], field: str) -> None:
-    """Refuse joint vectors (k, n) that are not finite, beyond a limit, or the same pose twice."""
+    """Refuse joint vectors (k, n) of the arm that are not finite, beyond a limit, or there twice.
+
+    Limits are those of the arm's joints and of its controller's.
+    """
     q = np.asarray(q)
     lower, upper = robot.limits.T
     for row, name in zip(q, names, strict=True):
@@ -53,15 +61,20 @@ def check_joints(robot: Robot, q: ArrayLike, names: Sequence[str], field: str) -
             message = f"{name}: joint {int(np.argmin(np.isfinite(row))) + 1} is not a number"
             raise refuse(field, code="M25", message=message, fix="mend or remove that pose")
         # degrees written with few decimals may round a joint at its limit outward
-        beyond = np.flatnonzero((row < lower - 1e-6) | (row > upper + 1e-6))
+        by_arm = (row < lower - BEYOND) | (row > upper + BEYOND)
+        beyond = np.flatnonzero(by_arm | robot.controller.beyond(row))
         if beyond.size:
-            j = int(beyond[0])
+            j, counts = int(beyond[0]), robot.controller
+            whose = "" if counts.plain else " of the arm" if by_arm[j] else " of the controller"
+            of_arm = bool(by_arm[j])
+            value = float((row if of_arm else counts.of_arm(row))[j])
             slides = bool(robot.model.chain.prismatic[j])
             unit, size = unit_of(slides), MM if slides else DEG
-            allowed = f"its limits are {lower[j] * size:g} to {upper[j] * size:g} {unit}"
-            message = f"{name}: joint {j + 1} is {row[j] * size:.6g} {unit}"
+            low, high = (robot.limits if of_arm else counts.limits)[j] * size
+            allowed = f"its limits are {low:g} to {high:g} {unit}"
+            message = f"{name}: joint {j + 1}{whose} is {value * size:.6g} {unit}"
             fix = "give joint values in deg inside the limits"
-            raise refuse(field, float(row[j]), allowed, code="M20", message=message, fix=fix)
+            raise refuse(field, value, allowed, code="M20", message=message, fix=fix)
     order = np.lexsort(np.round(q / SAME).T[::-1]) if len(q) else np.zeros(0, dtype=np.int64)
     for a, b in pairwise(order):
         if np.abs(q[a] - q[b]).max() < SAME:
@@ -71,7 +84,7 @@ def check_joints(robot: Robot, q: ArrayLike, names: Sequence[str], field: str) -
 
 
 def read_joints(robot: Robot, path: str | Path) -> Array:
-    """Joint targets (k, n) [rad, m] of a CSV file with columns q1_deg ... (also _rad, _mm, _m).
+    """Joints (k, n) of the arm [rad, m] of a CSV file of targets, q1_deg ... (also _rad, _mm, _m).
 
     Other columns are ignored; where there is a column ``role``, rows that a plan.csv does not
     identify from do not count: "test", "via" and "start".
@@ -82,7 +95,7 @@ def read_joints(robot: Robot, path: str | Path) -> Array:
     if not q:
         message, fix = "has no joint targets", "add some rows"
         raise refuse("", code="M35", message=message, fix=fix, where=str(path))
-    joints = np.array(q) * scale
+    joints = robot.controller.read(np.array(q) * scale, robot.model.chain.n_joints)
     check_joints(robot, joints, [where for where, _ in rows], "plan.measured")
     return frozen(joints)
 
@@ -132,7 +145,7 @@ def _rows(path: str | Path) -> tuple[list[str], list[tuple[str, list[str]]]]:
 def _columns(robot: Robot, head: list[str], where: str) -> tuple[list[int], Array]:
     """Place of each joint's column in the head, and the factor to SI."""
     places, scale = [], []
-    for j in range(robot.model.chain.n_joints):
+    for j in robot.controller.counted(robot.model.chain.n_joints):
         units = ("mm", "m") if robot.model.chain.prismatic[j] else ("deg", "rad")
         wanted = [f"q{j + 1}_{unit}" for unit in units]
         found = [name for name in wanted if name in head]

@@ -128,6 +128,7 @@ class Candidates:
         rejected, drawn = np.zeros(len(REASONS), dtype=np.int64), 0
         while drawn - rejected.sum() < wanted:
             block = rng.uniform(lower, upper, (4 * wanted, len(lower)))
+            block = robot.controller.holding(block)
             block = block[is_new(block, taken)]
             some = np.array_split(block, 1 + len(block) // AT_ONCE)
             near = np.concatenate([self._cheap_fault(each) for each in some])
@@ -236,11 +237,12 @@ class Candidates:
         return np.asarray((np.abs(T[:, :3, 3] - center) < half).all(axis=1))
 
     def _keeps_margin(self, q: Array) -> Bool:
-        """Whether (m,) every revolute joint keeps the margin from both its limits."""
+        """Whether (m,) every revolute joint keeps the margin from its limits, arm's and J's."""
         turns = 1 - self.robot.model.chain.prismatic
         margin = np.radians(self.settings.joint_margin_deg) * turns
         lower, upper = self.robot.limits.T
-        return np.asarray(((q >= lower + margin) & (q <= upper - margin)).all(axis=1))
+        inside = ((q >= lower + margin) & (q <= upper - margin)).all(axis=1)
+        return np.asarray(inside & ~self.robot.controller.beyond(q, margin).any(axis=1))
 
     def _applying(self) -> list[int]:
         """Tests that can reject: that of the cone and that of obstacles only if there are any."""

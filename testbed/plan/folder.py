@@ -53,18 +53,26 @@ def _notes(plan: Plan, mark: str) -> list[str]:
     scenario, tour = plan.scenario, plan.tour
     # a robot of one's own is named by its folder
     robot = Path(scenario.robot).parent.name or scenario.robot
+    whose = f"Joint values are those of robot {robot}, not of this controller: check signs and"
+    own = plan.controller.statements
     lines = [
-        f"Joint values are those of robot {robot}, not of this controller: check signs and zeros.",
+        f"{whose} zeros." if not own else f"Joint values are as the file of robot {robot} says of",
+        *([f"its controller ({', '.join(own)}): check signs and zeros."] if own else []),
         SIMULATED,
         f"Plan {scenario.name}, seed {scenario.seed}, robot {robot}: {counted(len(tour), 'pose')},",
         f"{100 * scenario.plan.speed_share:g} % joint speed, {tour.settle:g} s at each pose.",
         "First bring the robot by hand to the start, joints",
-        f"({_list(np.degrees(tour.start), 3)}) deg:",
+        f"({_list(_degrees(plan, tour.start), 3)}) deg:",
         "the first move was checked only from there. The program begins with a move to the start.",
         "Moves were checked against the nominal robot and the obstacles of the scenario only:",
         "run it once at low speed with a hand on the stop.",
     ]
     return [f"{mark} {line}" for line in lines]
+
+
+def _degrees(plan: Plan, q: Array) -> Array:
+    """Joints (n,) as the controller counts them [deg], of those of the arm [rad]."""
+    return np.degrees(plan.controller.of_arm(q))
 
 
 def _list(values: Sequence[float] | Array, digits: int = 6) -> str:
@@ -82,7 +90,7 @@ def val3(plan: Plan, stops: Sequence[Stop]) -> list[str]:
         "  mSpeed.blend=off",
     ]
     for k, stop in enumerate(stops):
-        lines.append(f"  jPose[{k}]={{{_list(np.degrees(stop.q))}}}")
+        lines.append(f"  jPose[{k}]={{{_list(_degrees(plan, stop.q))}}}")
         lines.append(f"  movej(jPose[{k}],tTool,mSpeed) // {stop.name}")
         if stop.measured:
             lines += ["  waitEndMove()", f"  delay({plan.tour.settle:g})"]
@@ -94,7 +102,7 @@ def rapid(plan: Plan, stops: Sequence[Stop]) -> list[str]:
     lines = ["MODULE TruebedPlan", *(f"  {line}" for line in _notes(plan, "!")), "  PROC Measure()"]
     lines += [f"    VelSet {100 * plan.scenario.plan.speed_share:g}, 5000;"]
     for stop in stops:
-        target = f"[[{_list(np.degrees(stop.q))}],[9E9,9E9,9E9,9E9,9E9,9E9]]"
+        target = f"[[{_list(_degrees(plan, stop.q))}],[9E9,9E9,9E9,9E9,9E9,9E9]]"
         # never a zone: a rounded corner is not the move that was checked
         lines.append(f"    MoveAbsJ {target}, v7000, fine, tool0; ! {stop.name}")
         if stop.measured:
@@ -107,7 +115,7 @@ def krl(plan: Plan, stops: Sequence[Stop]) -> list[str]:
     lines = ["DEF truebed_plan()", *_notes(plan, ";"), "BAS(#INITMOV, 0)"]
     lines.append(f"BAS(#VEL_PTP, {100 * plan.scenario.plan.speed_share:g})")
     for stop in stops:
-        axes = ", ".join(f"A{k + 1} {value:.6f}" for k, value in enumerate(np.degrees(stop.q)))
+        axes = ", ".join(f"A{k + 1} {value:.6f}" for k, value in enumerate(_degrees(plan, stop.q)))
         lines.append(f"PTP {{{axes}}} ; {stop.name}")
         if stop.measured:
             lines.append(f"WAIT SEC {plan.tour.settle:g}")
@@ -120,13 +128,17 @@ def urscript(plan: Plan, stops: Sequence[Stop]) -> list[str]:
     It is such that the slowest joint, which decides the time, keeps its share of its largest speed.
     """
     lines = ["def truebed_plan():", *(f"  {line}" for line in _notes(plan, "#"))]
-    slowest, before = float(plan.tour.speeds.min()), plan.tour.start
+    counts = plan.controller
+    # of the controller's joints, so that none of the arm's is faster than the slowest
+    most = 1.0 if counts.plain else float(np.abs(counts.matrix).sum(axis=1).max())
+    slowest, before = float(plan.tour.speeds.min()) / most, counts.of_arm(plan.tour.start)
     for stop in stops:
-        turn = float(np.abs(stop.q - before).max())
+        J = counts.of_arm(stop.q)
+        turn = float(np.abs(J - before).max())
         # nobody knows from where the start is reached: there no joint is faster than the slowest
         v = turn / stop.seconds if stop.seconds > 0 else slowest
-        lines.append(f"  movej([{_list(stop.q, 9)}], a={ACCELERATION:g}, v={v:.6f}) # {stop.name}")
-        before = stop.q
+        lines.append(f"  movej([{_list(J, 9)}], a={ACCELERATION:g}, v={v:.6f}) # {stop.name}")
+        before = J
         if stop.measured:
             lines.append(f"  sleep({plan.tour.settle:g})")
     return [*lines, "end"]

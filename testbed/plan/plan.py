@@ -117,6 +117,7 @@ def _plan(scenario: Scenario, tell: Progress, where: str) -> Plan:
         pool=pool,
         leverage=frozen(leverages(task.blocks, M[: task.p, : task.p])),
         places=ordered,
+        controller=bench.robot.controller,
         measured_q=measured,
         measured_under=under,
         tour=tour,

@@ -16,6 +16,7 @@ from testbed.laboratory.cell import Obstacle
 from testbed.laboratory.goal import Goal
 from testbed.laboratory.pool import PosePool
 from testbed.laboratory.tracker.stations import StationComparison
+from testbed.robots.controller import Controller
 from testbed.scenario.scenario import Scenario
 
 FAR = 0.5
@@ -187,6 +188,8 @@ class Plan(Shown):
     """(N,) trace of K_jj: how much each candidate adds to the chosen set's information."""
     places: Index
     """(m,) the chosen poses in the pool, in measuring order."""
+    controller: Controller
+    """How the robot's controller counts joints, in tables and programs."""
     measured_q: Array
     """(k, n) poses measured already [rad, m]."""
     measured_under: Conditions

@@ -14,7 +14,7 @@ from testbed.plan.promises import (
     has_shared,
 )
 from testbed.plan.records import Plan
-from testbed.plan.results import joint_columns, joint_units
+from testbed.plan.results import joint_columns, joint_values
 from testbed.report.page import Block, Figure, Section, Table, Text
 from testbed.units import UM, fixed, percent, significant
 
@@ -26,7 +26,7 @@ def joint_head(plan: Plan) -> tuple[str, ...]:
 
 def joint_cells(plan: Plan, q: Array) -> tuple[str, ...]:
     """One posture (n,), a cell per joint."""
-    return tuple(fixed(value, 2) for value in q * joint_units(plan))
+    return tuple(fixed(value, 2) for value in joint_values(plan, q))
 
 
 def number_section(plan: Plan) -> Section:

@@ -45,7 +45,7 @@ def goal_csv(plan: Plan) -> str:
     seen, u = plan.foresight, plan.coverage * plan.u * UM
     rows = []
     for k, q in enumerate(plan.goal.q):
-        row = [str(k + 1), *(f"{value:.{DECIMALS}f}" for value in q * joint_units(plan))]
+        row = [str(k + 1), *(f"{value:.{DECIMALS}f}" for value in joint_values(plan, q))]
         row += [f"{plan.goal.weights[k]:.6g}", f"{u[k]:.4g}"]
         if seen.applies is not None:
             reach = seen.applies
@@ -67,7 +67,7 @@ def _use(plan: Plan) -> dict[str, object]:
 def _row(plan: Plan, stop: "Stop") -> list[str]:
     """The cells of one joint target."""
     row = [stop.name, stop.role, str(stop.place + 1) if stop.measured else ""]
-    row += [f"{value:.{DECIMALS}f}" for value in stop.q * joint_units(plan)]
+    row += [f"{value:.{DECIMALS}f}" for value in joint_values(plan, stop.q)]
     for reading in plan.readings:
         if not stop.measured:
             row += [""] * len(READING)
@@ -93,7 +93,7 @@ class Stop:
     move: Move | None
     """How the robot gets there; None for the start, which nothing is known about."""
     q: Array
-    """(n,) joints [rad, m]."""
+    """(n,) joints of the arm [rad, m]."""
     seconds: float
     """Time of the straight joint move to it; nan where there is no free one [s]."""
 
@@ -133,12 +133,16 @@ def pose_ids(plan: Plan) -> list[str]:
 def joint_columns(plan: Plan) -> list[str]:
     """Names of the joint columns: q1_deg, or q1_mm where a joint slides."""
     kinds = plan.nominal.chain.kinds
-    return [f"q{j + 1}_{'mm' if kind == 'prismatic' else 'deg'}" for j, kind in enumerate(kinds)]
+    return [
+        f"q{j + 1}_{'mm' if kinds[j] == 'prismatic' else 'deg'}"
+        for j in plan.controller.counted(len(kinds))
+    ]
 
 
-def joint_units(plan: Plan) -> Array:
-    """(n,) factors from rad to deg, and from m to mm where a joint slides."""
-    return np.where(plan.nominal.chain.prismatic, MM, DEG)
+def joint_values(plan: Plan, q: Array) -> Array:
+    """Joints (k,) of the controller, from those (n,) of the arm [deg, mm where a joint slides]."""
+    slides = plan.nominal.chain.prismatic[plan.controller.counted(len(q))]
+    return plan.controller.written(q) * np.where(slides, MM, DEG)
 
 
 def plan_numbers(plan: Plan, robot: Robot) -> dict[str, Any]:
@@ -162,7 +166,7 @@ def _task(plan: Plan, robot: Robot) -> Iterator[Quantity]:
     yield Quantity("criterion", scenario.plan.criterion)
     yield Quantity("method", plan.method)
     yield Quantity("station_mm", plan.station_mm, AS_NAMED)
-    yield Quantity("start_joints_deg", plan.tour.start * joint_units(plan), AS_NAMED)
+    yield Quantity("start_joints_deg", joint_values(plan, plan.tour.start), AS_NAMED)
     yield Quantity("poses", len(plan.places))
     yield Quantity("poses_measured_already", len(plan.measured_q))
     yield Quantity("held_out_poses", plan.tour.roles.count("test"))
@@ -246,7 +250,7 @@ def _poses(plan: Plan) -> Iterator[Quantity]:
     added = [
         {
             "pool": one.place,
-            "joints_deg_mm": pool.q[one.place] * joint_units(plan),
+            "joints_deg_mm": joint_values(plan, pool.q[one.place]),
             "U_um_with_it": plan.coverage * one.u * UM,
         }
         for one in plan.next_poses

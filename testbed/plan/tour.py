@@ -170,6 +170,9 @@ def start_of(bench: Bench) -> Array:
     given, robot = bench.scenario.plan.start_deg, bench.robot
     lower, upper = robot.limits.T
     start = np.where((lower <= 0) & (upper >= 0), 0.0, (lower + upper) / 2)
+    if not robot.controller.plain:
+        own = robot.controller.limits.T
+        start = robot.controller.to_arm(np.clip(robot.controller.of_arm(start), *own))
     if given:
         start = np.asarray(from_deg(robot, [given], "[plan] start_deg", single=True)[0])
     if bench.simulator.collides(start[None])[0]:

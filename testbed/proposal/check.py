@@ -96,7 +96,9 @@ def _robot(robot: Robot, what: str, where: str) -> list[str]:
         message, fix = f"{robot.name} has no lengths: all d and a are 0", "write the link numbers"
         raise refuse("joints", 0.0, code="S37", message=message, fix=fix, where=where)
     said = f"{what}, {robot.name}: {counted(chain.n_joints, 'joint')}"
-    return [f"{said}, links of {reach * 1e3:.0f} mm in all", *(f"note: {n}" for n in robot.notes)]
+    said = f"{said}, links of {reach * 1e3:.0f} mm in all"
+    counted_so = filter(None, [robot.controller.sentence])
+    return [said, *counted_so, *(f"note: {n}" for n in robot.notes)]
 
 
 def _scenario(file: Path) -> list[str]:

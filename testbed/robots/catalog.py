@@ -26,6 +26,7 @@ from testbed.robots.assumed import (
     assumed_sources,
     bodies,
 )
+from testbed.robots.coupled import controller_of
 from testbed.robots.file import (
     Drawn,
     Frame,
@@ -121,6 +122,7 @@ def load_robot(
         tolerances=None
         if data.tolerances is None
         else frozen(tolerances_of(data.tolerances, usual_tolerances(chain.n_joints))),
+        controller=controller_of(data.controller, chain.kinds),
     )
 
 

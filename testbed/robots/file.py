@@ -7,6 +7,7 @@ from pydantic import AfterValidator, Field, model_validator
 from calib.geometry.chain import chain_names
 from calib.geometry.joint_errors import Wave
 from testbed.bounds import CELL, COORDINATE
+from testbed.robots.coupled import ControllerTable
 from testbed.robots.links import Angle, Length, PrismaticLink, RevoluteLink, Vector
 from testbed.robots.springs import SpringsTable
 from testbed.robots.tolerances import LinkTolerances
@@ -167,6 +168,7 @@ class RobotFile(Drawn):
         tuple[Annotated[RevoluteLink | PrismaticLink, Field(discriminator="kind")], ...],
         Field(min_length=1),
     ]
+    controller: ControllerTable | None = None
     never_collide: tuple[Annotated[tuple[int, ...], Field(min_length=2, max_length=2)], ...] = ()
     """Pairs of bodies that are never tested against each other; 0 is the base."""
     free_sets: dict[PlainText, tuple[str, ...]] = Field(default_factory=dict)
@@ -201,6 +203,16 @@ class RobotFile(Drawn):
         for pair in self.never_collide:
             if not all(0 <= link <= n for link in pair) or pair[0] == pair[1]:
                 raise ValueError(f"never_collide has {list(pair)}; allowed: two of 0 to {n}")
+        return self
+
+    @model_validator(mode="after")
+    def _controller_can_be(self) -> "RobotFile":
+        """Statements on the controller's joints can be solved for either side."""
+        if self.controller is not None:
+            try:
+                self.controller.controller([joint.kind for joint in self.joints])
+            except ValueError as error:
+                raise ValueError(f"[controller] {error}") from error
         return self
 
     @model_validator(mode="after")

@@ -12,6 +12,7 @@ from calib.geometry.frames import inverse
 from calib.geometry.gravity import moments_of
 from calib.geometry.model import RobotModel
 from calib.shown import Shown
+from testbed.robots.controller import AS_THE_ARM, Controller
 from testbed.robots.room import outside
 from testbed.units import in_units
 
@@ -133,6 +134,8 @@ class Robot(Shown):
     tolerances: Array | None = None
     """(n, 5) how far each number of a link may lie from nominal, a standard deviation [rad, m, m,
     rad, rad]; None where its file states none."""
+    controller: Controller = AS_THE_ARM
+    """How its controller counts joints, which tables and programs hold; else they are the arm's."""
     agreement: float | None = None
     """Largest distance from the poses another reader finds in the file, if converted [m]."""
 

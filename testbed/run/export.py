@@ -139,7 +139,8 @@ def session_csv(
     `conditions` what is known of payload and temperature.
     """
     is_pose, far = bool(table.is_pose.all()), bool(table.is_distance.all())
-    units = ("m" if kind == "prismatic" else "rad" for kind in robot.model.chain.kinds)
+    kinds = robot.model.chain.kinds
+    own = robot.controller.counted(len(kinds))
     head = [
         "pose_id",
         "repeat",
@@ -147,7 +148,7 @@ def session_csv(
         "anchor" if far else "station",
         *(["target"] if names is not None and not is_pose else []),
         "time_s",
-        *(f"q{j + 1}_{unit}" for j, unit in enumerate(units)),
+        *(f"q{j + 1}_{'m' if kinds[j] == 'prismatic' else 'rad'}" for j in own),
         *(["distance_m"] if far else ["x_m", "y_m", "z_m"]),
         *(f"r{i}{j}" for i in "123" for j in "123" if is_pose),
         *(f"reflector_{axis}_m" for axis in "xyz" if not is_pose and names is None),
@@ -165,7 +166,8 @@ def session_csv(
     last = table.rotation.reshape(-1, 9) if is_pose else table.offset
     if names is not None and not is_pose:
         last = last[:, :0]
-    numbers = np.column_stack([time, table.q, seen, last, table.covariance[:, j, i], *said])
+    joints = robot.controller.written(table.q)
+    numbers = np.column_stack([time, joints, seen, last, table.covariance[:, j, i], *said])
     places = [[str(station + 1)] for station in table.station]
     if names is not None and not is_pose:
         at = names[:, 1] if far else [place for (place,) in places]

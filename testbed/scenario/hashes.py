@@ -163,6 +163,9 @@ def robot_hash(robot: "Robot") -> str:
         document["moved"] = moved
     if robot.tolerances is not None:
         document["tolerances"] = robot.tolerances.tolist()
+    if not robot.controller.plain:
+        counted = robot.controller.matrix, robot.controller.limits
+        document["controller"] = [repr(array.tolist()) for array in counted]
     if errors.terms:
         terms = [
             (

@@ -46,7 +46,8 @@ class ListGoal(Settings):
     kind: Literal["list"] = "list"
     """Poses one by one."""
     joints_deg: Annotated[tuple[JointTarget, ...], Entries] = ()
-    """Poses as joint values; deg, mm where a joint slides. Give these or `tool_mm_deg`."""
+    """Poses as joint values of the controller; deg, mm where a joint slides. Give these or
+    `tool_mm_deg`."""
     tool_mm_deg: Annotated[tuple[ToolPose, ...], Entries] = ()
     """Poses as x, y, z [mm] and rotation vector [deg] of the tool in the base frame."""
     weights: Annotated[tuple[Weight, ...], Entries] = ()
@@ -59,7 +60,8 @@ class PathGoal(Settings):
     kind: Literal["path"] = "path"
     """Lines between corners."""
     joints_deg: Annotated[tuple[JointTarget, ...], Entries] = ()
-    """Corners as joint values, straight in joint space. Give these or `tool_mm_deg`."""
+    """Corners as joint values of the controller, straight in joint space. Give these or
+    `tool_mm_deg`."""
     tool_mm_deg: Annotated[tuple[ToolPose, ...], Entries] = ()
     """Corners as x, y, z [mm] and rotation vector [deg] of the tool, straight in space."""
     step_mm: Annotated[float, Field(ge=0.01, le=1000.0)] = 20.0
@@ -135,7 +137,8 @@ class PlanSettings(Settings):
     """Poses and moves keep so far from obstacles and floor; 0: only no touch. The base may stand on
     either, and the goal may lie nearer."""
     start_deg: Annotated[tuple[Length, ...], Field(max_length=32)] = ()
-    """Posture the robot starts from; deg, mm where a joint slides; empty: all joints at zero."""
+    """Posture the robot starts from, as its controller counts; deg, mm where a joint slides; empty:
+    all joints at zero."""
     stations: StationSettings = StationSettings()
     use: UseSettings | None = None
     """Under which conditions the goal will be worked at: measure under the same; None: unsaid."""

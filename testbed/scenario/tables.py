@@ -41,7 +41,7 @@ class PoolSettings(Settings):
     joint_margin_deg: Annotated[float, Field(ge=0.0, le=90.0)] = 0.0
     """Kept from every joint limit; prismatic joints ignore it."""
     joint_ranges_deg: Annotated[tuple[JointRange, ...], Field(max_length=MAX_JOINTS)] = ()
-    """Lowest and highest value of each joint in a posture; deg, mm where a joint slides; empty: the
+    """Lowest and highest value of each joint of the arm; deg, mm where a joint slides; empty: the
     joint limits. For arms whose joints turn more than once: half a turn to either side is enough,
     and the moves between the poses stay short."""
 

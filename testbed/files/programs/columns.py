@@ -54,7 +54,7 @@ def _unit_by_size(sheet: Sheet, names: list[str], robot: Robot) -> str:
     places = [sheet.head.index(name) for name in names]
     cells = [row[place].replace(",", ".") for row in sheet.rows for place in places]
     largest = max((abs(value) for value in map(number_of, cells) if np.isfinite(value)), default=0)
-    return "deg" if largest > 1.2 * np.abs(robot.limits).max() else ""
+    return "deg" if largest > 1.2 * robot.controller.farthest(robot.limits) else ""
 
 
 def renamed_words(names: Mapping[str, str], robot: Robot) -> tuple[str, ...]:

@@ -34,8 +34,11 @@ def contradicted(
         return correction.status, ()
     row, count = int(np.argmax(far.any(axis=1))), int(far.any(axis=1).sum())
     j = int(np.argmax(np.where(far[row], off[row] / np.where(slides, APART_SLIDE, APART), 0.0)))
-    taken = correction.q_before[row, j] / columns.factors[j]
-    name, many = columns.names[j], count > 1
+    J = robot.controller.written(correction.q_before[row])
+    # of a joint without a column the next one
+    place = min(int(np.searchsorted(robot.controller.counted(len(slides)), j)), len(J) - 1)
+    taken = J[place] / columns.factors[place]
+    name, many = columns.names[place], count > 1
     them, theirs, first = ("them", "their poses", "the first ") if many else ("it", "its pose", "")
     written = f'{table.names[name]} = "{table.texts(name)[row][:20]}"'
     said = (

@@ -25,9 +25,10 @@ from calib.measurement.accuracy import rotation_errors
 from calib.uncertainty.statement.conditions import Conditions, departure
 from testbed.disk import atomic_write
 from testbed.files.conditions import SetUp, first_stated, target_conditions
-from testbed.files.joints import read_joints
+from testbed.files.joints import joint_columns, read_joints
 from testbed.files.programs.columns import renamed_words
 from testbed.files.programs.contradicted import TargetStatus, contradicted
+from testbed.files.programs.motors import by_motors
 from testbed.files.programs.read import (
     ADDED,
     configurations,
@@ -41,6 +42,7 @@ from testbed.files.rotations import VECTOR, axes_of, in_form
 from testbed.files.rows.targets import called, of_targets, target_names
 from testbed.files.table import Columns, DataTable
 from testbed.robots.catalog import Robot
+from testbed.robots.controller import BEYOND
 from testbed.units import DEG, significant
 
 WORDS: dict[str, str] = {
@@ -52,8 +54,6 @@ WORDS: dict[str, str] = {
 }
 SAME = 1e-12
 """A number that the correction leaves as near as this is not written again [deg, rad, mm, m]."""
-BEYOND = 1e-6
-"""Farther than this outside the limits is outside, as where joints are read [rad, m]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -180,6 +180,7 @@ def correct_program(
         f"{count} miss {1e3 * result.before.mean():.3f} mm before and "
         f"{significant(1e3 * result.left.mean())} mm after on average"
     )
+    counted = not robot.controller.plain and joint_columns(table, robot) is not None
     names = target_names(table)
     failed = status_sentences(result.status, "target", WORDS, names=called(names))
     return replace(
@@ -187,6 +188,7 @@ def correct_program(
         sentences=(
             done,
             *renamed_words(table.names, robot),
+            *([robot.controller.sentence] if counted else []),
             *failed,
             *turned_sentences(identified, result.status, result.left_rotation),
             *away.sentences,
@@ -206,12 +208,14 @@ def _correct_joints(
     """Joint targets corrected."""
     joints, nominal = read_joints(table, robot, "commanded", drop=None), robot.model
     at, assumed = of_targets(identified, own, joints.q)
+    T = nominal.poses(joints.q)
     correction = compensate(nominal, identified, joints.q, robot.limits, at)
+    correction = by_motors(robot, identified, correction, T, joints.q, at)
     beyond = (joints.q < robot.limits[:, 0] - BEYOND) | (joints.q > robot.limits[:, 1] + BEYOND)
     outside = np.asarray(beyond.any(axis=1))
     status = tuple("limits" if outside[k] else one for k, one in enumerate(correction.status))
     q = np.where(_reached(status)[:, None], correction.q, joints.q)
-    T, here = nominal.poses(joints.q), identified.poses(q, at)
+    here = identified.poses(q, at)
     result = ProgramResult(
         status=status,
         deviation_before=(identified.poses(joints.q, at) - T)[:, :3, 3],
@@ -222,7 +226,7 @@ def _correct_joints(
         sentences=(*joints.warnings, *assumed),
         at=at,
     )
-    return result, _Targets(joints.columns, q)
+    return result, _Targets(joints.columns, robot.controller.written(q))
 
 
 def _correct_poses(
@@ -236,6 +240,7 @@ def _correct_poses(
     seeds, assumed = configurations(table, robot, T)
     at, more = of_targets(identified, own, seeds)
     correction = corrected_poses(nominal, identified, T, seeds, robot.limits, at)
+    correction = by_motors(robot, identified, correction, T, correction.q_before, at)
     status, said = contradicted(table, robot, seeds, correction)
     q = np.where(_reached(status)[:, None], correction.q, correction.q_before)
     poses = inverse_transform(base) @ correction.T

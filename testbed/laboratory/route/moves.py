@@ -7,6 +7,7 @@ from numpy.typing import ArrayLike
 
 from calib.arrays import Array, Index, frozen
 from testbed.laboratory.simulator import Simulator
+from testbed.robots.controller import AS_THE_ARM, BEYOND, Controller
 
 RESOLUTION = 0.010
 """No point of the robot moves farther than this between two tested postures of a move [m]."""
@@ -69,10 +70,20 @@ class Mover:
         Joint limits, between which a way around is searched [rad, m].
     speeds : (n,) array
         Joint speeds of the moves [rad/s, m/s].
+    controller : Controller
+        What holds joints, and has limits of its own; between two postures that it allows it allows
+        all.
     """
 
-    def __init__(self, simulator: Simulator, limits: Array, speeds: Array) -> None:
+    def __init__(
+        self,
+        simulator: Simulator,
+        limits: Array,
+        speeds: Array,
+        controller: Controller = AS_THE_ARM,
+    ) -> None:
         self._simulator, self._limits, self._speeds = simulator, limits, speeds
+        self._controller = controller
         self._bounds = simulator.travel_bounds()
         self.tested = 0
         """Postures tested for collision so far."""
@@ -167,7 +178,8 @@ class Mover:
         trees: tuple[Tree, Tree] = ([start], [-1]), ([end], [-1])
         for turn in range(NODES):
             tree, other = trees[turn % 2], trees[1 - turn % 2]
-            new = self._grow(tree, np.asarray(rng.uniform(*self._limits.T)), 1)
+            aim = self._controller.holding(np.asarray(rng.uniform(*self._limits.T)))
+            new = self._grow(tree, aim, 1) if self._inside(aim) else -1
             if new < 0:
                 continue
             met = self._grow(other, tree[0][new], NODES)
@@ -178,6 +190,12 @@ class Mover:
             if sum(len(nodes) for nodes, _ in trees) > NODES:
                 break
         return None
+
+    def _inside(self, q: Array) -> bool:
+        """Whether a posture (n,) is inside the limits of arm and controller."""
+        low, high = self._limits.T
+        inside = (q >= low - BEYOND) & (q <= high + BEYOND)
+        return bool(inside.all() and self._controller.allows(q))
 
     def _grow(self, tree: Tree, aim: Array, most: int) -> int:
         """Grow a tree towards a posture by at most so many branches; the node reached, or -1."""

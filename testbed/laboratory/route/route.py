@@ -136,7 +136,7 @@ def measuring_route(
     _check_free(simulator, stops)
     speeds = robot.speeds * speed_share
     between = robot.limits if ranges is None else np.asarray(ranges, dtype=np.float64)
-    mover = Mover(simulator, between, speeds)
+    mover = Mover(simulator, between, speeds, robot.controller)
     offered = stops if vias is None else np.vstack([stops, joint_vectors(chain, vias)])
     times = travel_times(stops[:, None], stops[None], speeds)
     given = np.arange(len(stops))

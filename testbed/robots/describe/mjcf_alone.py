@@ -4,6 +4,7 @@ from pathlib import Path
 from typing import Any
 
 from calib.errors import InputError, refuse
+from testbed.robots.describe.description import HELD_ELSEWHERE
 from testbed.robots.write.mjcf import called, kind_of
 
 DRIVEN = ("joint", "jointinparent")
@@ -41,7 +42,10 @@ def require_alone(model: Any, joints: list[int], drives: dict[str, list[Any]], p
         elif driven & set(names) and name not in driven | reached:
             problem = f"joint {name} is passive: no actuator drives it, but others are driven"
         if problem:
-            raise refuse("joint", name, ALONE, code="R16", message=problem, where=str(path))
+            fix = HELD_ELSEWHERE if name in follows else ""
+            raise refuse(
+                "joint", name, ALONE, code="R16", message=problem, fix=fix, where=str(path)
+            )
     if (ring := _ring(model, joints, path)) is not None:
         raise ring
 

@@ -14,6 +14,7 @@ from calib.errors import refuse
 from calib.geometry.chain import JointKind
 from testbed.robots.describe.description import (
     GRAY,
+    HELD_ELSEWHERE,
     Body,
     Description,
     Shape,
@@ -179,7 +180,10 @@ def _moves(joint: Any, path: Path) -> bool:
         kind = f"a mimic joint of {joint.mimic.joint}" if joint.mimic is not None else joint.type
         allowed = "revolute, continuous, prismatic or fixed, each moving on its own"
         message = f"joint {joint.name} is {kind}"
-        raise refuse("type", joint.type, allowed, code="R16", message=message, where=str(path))
+        fix = HELD_ELSEWHERE if joint.mimic is not None else ""
+        raise refuse(
+            "type", joint.type, allowed, code="R16", message=message, fix=fix, where=str(path)
+        )
     return True
 
 

@@ -99,6 +99,11 @@ def write_robot_folder(
         agreement(name, position, rotation) for name, (position, rotation) in found.items()
     )
     told += tuple(proof for _, proof in ros.values())
+    if not robot.controller.plain:
+        told += (
+            f"{names[1]} and {names[2]} have the joints of the arm; those of its controller "
+            f"({', '.join(robot.controller.statements)}) are in {ROBOT_FILE} alone",
+        )
     return (*told, words) if robot.model.joint_errors.names else told
 
 

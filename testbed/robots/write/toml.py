@@ -9,6 +9,7 @@ from calib.arrays import Array
 from calib.errors import one_line
 from calib.geometry.frames import transform_step
 from calib.geometry.joint_errors import JointTerm
+from testbed.robots.coupled import controller_table
 from testbed.robots.robot import Reflector, Robot, Visual, Workspace
 from testbed.robots.springs import springs_table
 from testbed.robots.units import Unit, degrees, millimeters, millionths
@@ -31,12 +32,14 @@ def robot_toml(robot: Robot, *, comment: str = "") -> str:
     }
     both = zip(errors.terms, errors.coefficients, strict=False)
     terms = [_term(term, value, (*chain.kinds, "lengths")[term.joint]) for term, value in both]
+    counted = controller_table(robot.controller, chain.kinds)
     model = {
         "sources": {key: _text(source) for key, source in robot.sources.items()},
         "base": _frame(chain.T_world_base),
         "tool": _frame(chain.T_flange_tool),
         **({"workspace": _workspace(robot.workspace)} if robot.workspace else {}),
         "joints": [_joint(robot, i) for i in range(chain.n_joints)],
+        **({} if counted is None else {"controller": counted}),
         "tolerances": _tolerances(robot),
         "joint_terms": terms or None,
         **({} if (springs := springs_table(errors)) is None else {"springs": springs}),

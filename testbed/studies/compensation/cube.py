@@ -64,6 +64,7 @@ def cube_joints(robot: Robot, simulator: Simulator, T: Array) -> Array:
     starts = np.broadcast_to(spread(limits, STARTS), (STARTS, n))
     first = inverse_kinematics(robot.model, np.broadcast_to(T[0], (STARTS, 4, 4)), starts, limits)
     ways = first.q[np.array([one == "reached" for one in first.status])]
+    ways = ways[robot.controller.allows(ways)]
     ways = ways[~simulator.collides(ways)] if len(ways) else ways
     if not len(ways):
         raise _unfit(T[0], 1)
@@ -73,6 +74,7 @@ def cube_joints(robot: Robot, simulator: Simulator, T: Array) -> Array:
         seeds = np.broadcast_to(way, (len(T), n))
         found = inverse_kinematics(robot.model, T, seeds, limits, whole_turns=False)
         sound = all(one == "reached" for one in found.status)
+        sound = sound and bool(robot.controller.allows(found.q).all())
         if sound and found.condition.max() < score and not simulator.collides(found.q).any():
             best, score = found.q, float(found.condition.max())
     if best is not None:

@@ -1,0 +1,116 @@
+"""The joints that a controller counts, q = C J: sums of its own, where they are not the arm's.
+
+Joints of the arm (q) are those of its chain, everywhere inside; joints of the controller (J) are
+what people read, write and send: tables, lists and programs. Both are linear in each other, so that
+a straight move of one is a straight move of the other.
+"""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from calib.arrays import Array, Bool, Index, frozen
+
+BEYOND = 1e-6
+"""Farther than this outside the limits is outside, as where joints are read [rad, m]."""
+
+
+def _none() -> Array:
+    """Of a controller that counts as the arm does."""
+    return frozen(np.zeros((0, 0)))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Controller:
+    """How a controller counts the joints of an arm of n joints; of none: as the arm does."""
+
+    statements: tuple[str, ...] = ()
+    """As the robot's file has them: ``q3 = J3 + J2``."""
+    stated: tuple[int, ...] = ()
+    """Joint that each of them is about, from 0."""
+    matrix: Array = field(default_factory=_none)
+    """(n, n) C, joints of the arm from those of the controller; radians and meters."""
+    inverse: Array = field(default_factory=_none)
+    """(n, n) its inverse."""
+    held: tuple[int, ...] = ()
+    """Joints, from 0, that follow others and that the controller does not count: J is zero."""
+    limits: Array = field(default_factory=_none)
+    """(n, 2) lower and upper limits of its own joints, infinite where none is stated [rad, m]."""
+
+    @property
+    def plain(self) -> bool:
+        """Whether it counts the joints as the arm does."""
+        return not self.statements
+
+    def to_arm(self, J: Array) -> Array:
+        """Joints (..., n) of the arm from those of the controller [rad, m]."""
+        return J if self.plain else _times(self.matrix, J)
+
+    def of_arm(self, q: Array) -> Array:
+        """Joints (..., n) of the controller from those of the arm [rad, m]."""
+        if self.plain:
+            return q
+        J = _times(self.inverse, q)
+        J[..., list(self.held)] = 0.0
+        return J
+
+    def counted(self, n: int) -> Index:
+        """Joints, from 0, of an arm of n that the controller counts."""
+        return np.setdiff1d(np.arange(n), self.held)
+
+    def read(self, columns: Array, n: int) -> Array:
+        """Joints (..., n) of the arm from those (..., k) that the controller counts [rad, m]."""
+        if not self.held:
+            return self.to_arm(columns)
+        J = np.zeros((*columns.shape[:-1], n))
+        J[..., self.counted(n)] = columns
+        return self.to_arm(J)
+
+    def written(self, q: Array) -> Array:
+        """Joints (..., k) that the controller counts, from those (..., n) of the arm [rad, m]."""
+        return self.of_arm(q)[..., self.counted(q.shape[-1])] if self.held else self.of_arm(q)
+
+    def holding(self, q: Array) -> Array:
+        """Joints (..., n) of the arm with those that follow others where these hold them."""
+        return self.to_arm(self.of_arm(q)) if self.held else q
+
+    def beyond(self, q: Array, margin: Array | float = -BEYOND) -> Bool:
+        """Whether (..., n) joints of the controller are nearer than a margin to their own limits.
+
+        Of joints q (..., n) of the arm [rad, m]; held ones are, where they are not held.
+        """
+        if self.plain:
+            return np.zeros(q.shape, dtype=np.bool_)
+        J, (lower, upper) = _times(self.inverse, q), self.limits.T
+        out: Bool = (lower + margin > J) | (upper - margin < J)
+        held = list(self.held)
+        out[..., held] = np.abs(J[..., held]) > BEYOND
+        return out
+
+    def allows(self, q: Array) -> Bool:
+        """Whether (...,) the controller can bring the arm to joints q (..., n)."""
+        return np.asarray(~self.beyond(q).any(axis=-1))
+
+    def farthest(self, limits: Array) -> float:
+        """What no joint of the controller exceeds inside limits (n, 2) of the arm [rad, m]."""
+        most = np.abs(limits).max(axis=1)
+        return float((most if self.plain else np.abs(self.inverse) @ most).max())
+
+    @property
+    def sentence(self) -> str:
+        """How joints are counted, in words; empty where as the arm does."""
+        if self.plain:
+            return ""
+        return f"joints are counted as the controller does: {', '.join(self.statements)}"
+
+
+AS_THE_ARM = Controller()
+
+
+def _times(matrix: Array, values: Array) -> Array:
+    """Values (..., n) times a matrix (n, n); those that it leaves alone keep every bit."""
+    out = np.array(values, dtype=np.float64)
+    for i in np.flatnonzero((matrix != np.eye(len(matrix))).any(axis=1)):
+        terms = np.flatnonzero(matrix[i])
+        out[..., i] = sum(matrix[i, k] * values[..., k] for k in terms)
+    return out

@@ -1,0 +1,207 @@
+"""An arm whose controller counts joints its own way gives what the same arm gives by plain ones."""
+
+import csv
+from dataclasses import replace
+from io import StringIO
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+
+from calib.errors import InputError
+from testbed.files.probe import probe
+from testbed.files.programs.correct import correct_program
+from testbed.files.read import read_session
+from testbed.laboratory.joint_lists import from_deg, read_joints
+from testbed.robots.coupled import ControllerTable
+from testbed.run.export import session_csv
+from tests.testbed.files import made as made_of
+from tests.testbed.files.made import ROBOT, columns, made, with_spread
+
+SIGMAS = '[frames]\neuler = "XYZ"\n[uncertainty]\nposition_um = 20\nrotation_mdeg = 10\n'
+WIDE = replace(ROBOT, limits=np.tile([-9.0, 9.0], (6, 1)))
+"""The arm with limits that let every wrong reading in."""
+
+
+def with_controller(*statements, robot=ROBOT, **limits):
+    table = ControllerTable(joints=statements, **limits)
+    return replace(robot, controller=table.controller(robot.model.chain.kinds))
+
+
+FANUC = with_controller("q3 = J3 + J2")
+GEARED = with_controller("J3 = q3 - q2", "q5 = J5 + 1/50 J4", "q6 = -J6 + 0.5 J5")
+HELD = with_controller("q3 = J3 - J2", "q4 = -q2 - q3", robot=WIDE)
+
+
+def counted(robot, table):
+    """A table of plain joints [rad] as the robot's controller counts them."""
+    names = [name for name in table if name[0] == "q" and name[1].isdigit()]
+    J = robot.controller.of_arm(np.column_stack([table[name] for name in names]))
+    return table | dict(zip(names, J.T, strict=True))
+
+
+def in_radians(data):
+    """The columns of some poses, joints with every bit."""
+    table = {name: values for name, values in columns(data).items() if name[0] != "q"}
+    return table | {f"q{k + 1}_rad": values for k, values in enumerate(data.q.T)}
+
+
+def session(folder, table, robot, more=""):
+    folder.mkdir(exist_ok=True)
+    (folder / "a.csv").write_text(made_of.csv(table, form="{:.17g}"))
+    (folder / "s.toml").write_text(more + SIGMAS)
+    return read_session(folder / "a.csv", robot, config=folder / "s.toml")
+
+
+def test_coupled_joints_are_read_as_the_same_bits_as_plain_ones(tmp_path):
+    """All that follows then is the same: identification, statement, files."""
+    J = FANUC.controller.of_arm(made().q)
+    q = J.copy()
+    q[:, 2] = J[:, 2] + J[:, 1]  # once more, so that both files have exactly this sum
+    plain = session(tmp_path / "plain", in_radians(replace_q(made(), q)), ROBOT)
+    table = in_radians(replace_q(made(), J))
+    read_back = {
+        name.replace("_rad", "_read_rad"): x for name, x in table.items() if name[0] == "q"
+    }
+    source = '[joints]\nsource = "commanded"\n'
+    found = session(tmp_path / "coupled", table | read_back, FANUC, source)
+    for name in ("q", "position", "rotation", "covariance", "pose_id", "repeat"):
+        assert_array_equal(getattr(found.measurements, name), getattr(plain.measurements, name))
+    assert_array_equal(found.read_back, plain.measurements.q)
+    assert "joints are counted as the controller does: q3 = J3 + J2" in found.notes
+    assert not any("counted" in note for note in plain.notes)
+
+
+def replace_q(data, q):
+    return made_of.Made(q, data.T, data.truth)
+
+
+@pytest.mark.parametrize("robot", [FANUC, GEARED], ids=["fanuc", "geared"])
+def test_a_table_goes_out_and_comes_back(tmp_path, robot):
+    plain = session(tmp_path, in_radians(made()), ROBOT)
+    seen = plain.measurements
+    text = session_csv(robot, seen, np.zeros(len(seen), dtype=bool), np.arange(len(seen)) * 1.0)
+    (tmp_path / "out.csv").write_text(text)
+    again = read_session(tmp_path / "out.csv", robot)
+    # a sum of three numbers below 2 pi, there and back
+    assert_allclose(again.measurements.q, seen.q, rtol=0, atol=1e-14)
+    assert_array_equal(again.measurements.position, seen.position)
+    rows = list(csv.DictReader(StringIO(text)))
+    J = np.array([[float(row[f"q{k}_rad"]) for k in range(1, 7)] for row in rows])
+    assert_array_equal(J, robot.controller.of_arm(seen.q))
+
+
+def program(folder, name, joints, head=range(1, 7)):
+    lines = [",".join(f"q{k}_deg" for k in head)]
+    lines += [",".join(f"{value!r}" for value in row) for row in np.degrees(joints).tolist()]
+    (folder / f"{name}.csv").write_text("\n".join(lines) + "\n")
+    return folder / f"{name}.csv"
+
+
+def targets(path):
+    rows = list(csv.DictReader(path.read_text().splitlines()))
+    return np.radians([[float(v) for k, v in row.items() if k[0] == "q"] for row in rows])
+
+
+Q = np.radians([[10, 20, 70, 15, 40, -30], [-40, 35, 60, 5, 70, 20], [25, -10, 95, -30, 35, 80.0]])
+
+
+@pytest.mark.parametrize("robot", [FANUC, GEARED], ids=["fanuc", "geared"])
+def test_a_corrected_program_is_the_same_in_either_count(tmp_path, robot):
+    truth = made().truth
+    here = replace(truth, chain=replace(truth.chain, T_world_base=np.eye(4), T_flange_tool=
+                   ROBOT.model.chain.T_flange_tool))  # fmt: skip
+    plain = correct_program(program(tmp_path, "p", Q), ROBOT, here, tmp_path / "p_out.csv")
+    J = robot.controller.of_arm(Q)
+    found = correct_program(program(tmp_path, "c", J), robot, here, tmp_path / "c_out.csv")
+    assert plain.corrected.all()
+    assert found.corrected.all()
+    assert_allclose(found.q, plain.q, rtol=0, atol=1e-12)
+    out = targets(tmp_path / "c_out.csv")
+    assert_allclose(robot.controller.to_arm(out), targets(tmp_path / "p_out.csv"), atol=1e-12)
+    assert np.abs(here.poses(robot.controller.to_arm(out)) - ROBOT.model.poses(Q)).max() < 1e-9
+    assert robot.controller.sentence in found.sentences
+    # what the correction would take beyond a limit of the controller stays as it was
+    low, high = np.degrees([J[:, 2].min(), J[:, 2].max()])
+    table = ControllerTable(joints=robot.controller.statements, limits_deg={"J3": (low, high)})
+    narrow = replace(robot, controller=table.controller(robot.model.chain.kinds))
+    kept = correct_program(program(tmp_path, "n", J), narrow, here, tmp_path / "n_out.csv")
+    J3 = np.degrees(robot.controller.of_arm(found.q)[:, 2])
+    beyond = (low > J3) | (high < J3)
+    assert beyond.any()
+    assert [one == "limits" for one in kept.status] == beyond.tolist()
+    before, after = targets(tmp_path / "n.csv"), targets(tmp_path / "n_out.csv")
+    assert_array_equal(after[beyond], before[beyond])
+
+
+def test_an_arm_with_a_held_joint_is_corrected_by_its_motors_alone(tmp_path):
+    rng, nominal = np.random.default_rng(1), HELD.model
+    real = replace(nominal, chain=nominal.chain.moved(2e-4 * rng.normal(size=42)))
+    q = HELD.controller.holding(Q)
+    path = program(tmp_path, "h", HELD.controller.written(q), (1, 2, 3, 5, 6))
+    found = correct_program(path, HELD, real, tmp_path / "h_out.csv")
+    assert found.corrected.all()
+    out = HELD.controller.read(targets(tmp_path / "h_out.csv"), 6)
+    # the point is where it was meant, though five motors cannot turn the tool there
+    assert np.abs(real.poses(out)[:, :3, 3] - nominal.poses(q)[:, :3, 3]).max() < 1e-8
+    assert_allclose(out[:, 3], -out[:, 1] - out[:, 2], atol=1e-12)
+    assert found.left_rotation.max() < 5e-3
+    table = columns(replace_q(made(), HELD.controller.holding(made().q)))
+    del table["q4_deg"]
+    assert len(session(tmp_path / "s", with_spread(counted_held(table)), HELD).measurements) == 29
+
+
+def counted_held(table):
+    q = np.column_stack([table[f"q{k}_deg"] for k in (1, 2, 3, 5, 6)])
+    J = HELD.controller.written(HELD.controller.read(q, 6))
+    return table | {f"q{k}_deg": J[:, i] for i, k in enumerate((1, 2, 3, 5, 6))}
+
+
+def test_lists_are_read_as_the_controller_counts_and_held_to_both_limits(tmp_path):
+    limits = {"J3": (-50.0, 120.0)}
+    robot = with_controller("q3 = J3 + J2", limits_deg=limits)
+    q = from_deg(robot, [[0, 30, 40, 0, 0, 0]], "[plan] start_deg", single=True)
+    assert_allclose(np.degrees(q[0, :3]), [0, 30, 70], atol=1e-13)
+    with pytest.raises(InputError, match=r"joint 3 of the controller is -60 deg; its limits are"):
+        from_deg(robot, [[0, 30, -60, 0, 0, 0]], "x")
+    with pytest.raises(InputError, match=r"joint 3 of the arm is 215 deg; its limits are"):
+        from_deg(robot, [[0, 110, 105, 0, 0, 0]], "x")
+    path = program(tmp_path, "m", robot.controller.of_arm(Q))
+    assert_allclose(read_joints(robot, path), Q, atol=1e-14)
+
+
+def test_a_table_beyond_a_limit_says_whose(tmp_path):
+    data = made()
+    table = counted(FANUC, in_radians(data))
+    third = np.degrees(table["q3_rad"])
+    low, high = float(third.min()) - 1, float(third.max()) - 1
+    robot = with_controller("q3 = J3 + J2", limits_deg={"J3": (low, high)})
+    found = session(tmp_path, table, robot)
+    assert any("J3 of the controller's limits are" in text for text in found.warnings)
+    with pytest.raises(InputError, match=r"q3, as the arm turns, is .* there") as caught:
+        session(tmp_path, in_radians(data) | {"q3_rad": table["q3_rad"] + 4.0}, FANUC)
+    assert caught.value.code == "M20"
+
+
+@pytest.mark.parametrize(
+    ("truly", "stated", "proposed"),
+    [
+        (["q3 = J3 + J2"], [], 'write joints = ["q3 = J3 + J2"] under [controller] in its robot'),
+        (["q3 = J3 - J2"], ["q3 = J3 + J2"], 'write "q3 = J3 - J2" for "q3 = J3 + J2" under'),
+        (["q2 = -J2", "q6 = J6 + J5"], ["q2 = -J2"], 'add "q6 = J6 + J5" to joints under'),
+    ],
+)
+def test_what_is_proposed_for_the_robot_file_makes_its_table_pass(
+    tmp_path, truly, stated, proposed
+):
+    right, wrong = (
+        with_controller(*each, robot=WIDE) if each else WIDE for each in (truly, stated)
+    )
+    table = with_spread(counted(right, in_radians(made(m=10))))
+    with pytest.raises(InputError) as caught:
+        probe(wrong, session(tmp_path, table, wrong)).raise_if_wrong()
+    assert caught.value.code == "M20"
+    assert proposed in caught.value.fix
+    found = probe(right, session(tmp_path, table, right))
+    found.raise_if_wrong()
+    assert found.stated.position < 1.0e-3
