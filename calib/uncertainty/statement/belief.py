@@ -8,9 +8,9 @@ from typing import Annotated
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.special import chdtri
+from scipy.special import chdtrc, chdtri
 
-from calib.arrays import Array, check, frozen
+from calib.arrays import Array, Index, check, frozen
 from calib.geometry.jacobian import joint_columns
 from calib.geometry.model import RobotModel
 from calib.geometry.operating import AS_USUAL, OperatingConditions
@@ -33,7 +33,16 @@ from calib.uncertainty.statement.misfit import (
     misfit,
     misfit_covariance,
 )
+from calib.uncertainty.statement.repeats import scatter_chance
 from calib.uncertainty.tool_point import ToolStatement
+
+APART = 0.05
+"""Chance of visits that scatter so, by their noise, below which they are not interchangeable."""
+DRAW = 20
+"""Seed of the draw of one row of each pose that guards: it looks at no reading."""
+
+TINY = 1e-290
+"""Chance of a row so far off that no number of rows makes it likely."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -173,8 +182,8 @@ def believe(
     S = P + sigma_U^2 max(1, g) Q, P and N with the scale of the noise where repeats tell that it is
     larger than stated; k^2 = chi2_3 max(1, r-th smallest of e'inv(S + N)e / chi2_3, r-th smallest
     of (|e| / R)^2) over n held-out poses, r = ceil(p (n + 1)), R of the ball that holds p of N(0, S
-    + N): ellipsoid and radius are both promised. Discrepancy: Kennedy & O'Hagan 2001; guard: split
-    conformal, Vovk et al. 2005.
+    + N): ellipsoid and radius are both promised. Of several rows of a pose see `_of_poses`.
+    Discrepancy: Kennedy & O'Hagan 2001; guard: split conformal, Vovk et al. 2005.
     """
     where = train if held_out is None or not len(held_out) else held_out
     n = 0 if held_out is None else held_out.rows(~held_out.is_distance).n_poses
@@ -222,10 +231,9 @@ def _region(belief: Belief, rows: Array, growth: Array) -> Array:
 
 
 def _scores(belief: Belief, points: Measurements) -> Array:
-    """Factors (2, n) at which each held-out pose is within its ellipsoid, and within its radius.
+    """Factors (k, n) at which held-out poses are within their ellipsoids, and within their radii.
 
-    The largest of each pose: its rows are not independent. S as it is stated there, with its
-    growth: any score makes a split conformal factor.
+    S as it is stated there, with its growth: any score makes a split conformal factor.
     """
     seen = predict(belief.model, points)
     growth = belief.proven.applies(points.q, points.conditions).growth
@@ -237,4 +245,37 @@ def _scores(belief: Belief, points: Measurements) -> Array:
     far = seen.misses > plain * np.sqrt(np.trace(sigma, axis1=1, axis2=2) / 3) * (1 - SPARE)
     if far.any():
         ball[far] = plain * seen.misses[far] / distance_radius(sigma[far], belief.probability)
-    return np.stack([points.largest_of_poses(each) for each in (within, ball)])
+    return _of_poses(belief, points, np.stack([within, ball]))
+
+
+def _of_poses(belief: Belief, points: Measurements, scores: Array) -> Array:
+    """Scores (k, n) of poses from those (2, m) of their rows, which are not independent.
+
+    The worst row of each, where visits stand further apart than their noise explains: then play
+    from another side may be in it. Else the worst of many is large by chance alone. So one row
+    counts, drawn before any is looked at, which is all that the guarantee for a further row of a
+    further pose asks for; and the worst as large as one row is that chance makes as rarely.
+
+    References
+    ----------
+    F(s)^r = F(t), F of chi with 3 degrees: of r independent rows the worst; of others less than t.
+    """
+    worst = np.stack([points.largest_of_poses(each) for each in scores])
+    _, rows = np.unique(points.pose_id, return_counts=True)
+    noise = belief.misfit.larger_noise
+    if rows.max() == 1 or scatter_chance(belief.model, points, noise) < APART:
+        return worst
+    tail = chdtrc(3, worst**2)
+    # others ask for nothing, or are as far off as one row would be
+    seldom = (tail < 1 - belief.probability) & (tail > TINY)
+    share = -np.expm1(np.broadcast_to(rows, worst.shape)[seldom] * np.log1p(-tail[seldom]))
+    alone = worst.copy()
+    alone[seldom] = np.sqrt(chdtri(3, share))
+    return np.concatenate([scores[:, drawn_rows(points, rows)], alone])
+
+
+def drawn_rows(points: Measurements, rows: Index) -> Index:
+    """One row of each of n poses, which have so many `rows` (n,): the same in whatever order."""
+    order = np.lexsort((*points.target_key.T, points.repeat, points.pose_id))
+    shares = np.random.default_rng(DRAW).random(len(rows))
+    return np.asarray(order[np.cumsum(rows) - rows + (shares * rows).astype(np.int64)])

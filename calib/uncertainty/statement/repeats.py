@@ -50,6 +50,18 @@ def noise_repeats(
     return NoiseRepeats(freedom, square, in_evidence)
 
 
+def scatter_chance(model: RobotModel, points: Measurements, noise: float) -> float:
+    """Chance that visits lie so far from the means of their poses, by `noise` times what is stated.
+
+    One without repeats. Poses with a wrong shot are left out; see `sound`.
+    """
+    residual, N = predict(model, points).residual[:, :3], points.covariance[:, :3, :3]
+    groups = sound(residual, N, repeated(points))
+    freedom = sum(3 * (rows.size - len(rows)) for rows in groups)
+    square = sum(float(_about_mean(residual[rows], N[rows])[0].sum()) for rows in groups)
+    return float(chdtrc(freedom, square / noise**2)) if freedom else 1.0
+
+
 def repeated(points: Measurements) -> list[Index]:
     """Rows (g, r) of what was visited r > 1 times: the same pose, station and target."""
     keys = np.column_stack([points.pose_id, points.target_key])

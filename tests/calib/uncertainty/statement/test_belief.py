@@ -12,7 +12,7 @@ from calib.geometry.parameters import parameters_of
 from calib.identification.identify import identify
 from calib.measurement.observations import joined
 from calib.measurement.prediction import predict
-from calib.uncertainty.statement.belief import adding, believe
+from calib.uncertainty.statement.belief import adding, believe, drawn_rows
 from calib.uncertainty.tool_point import tool_statement
 from tests.calib import kinds
 
@@ -188,6 +188,74 @@ def test_every_row_of_a_pose_counts_in_the_guard_by_the_worst():
     assert factors[0] == pytest.approx(factors[1], rel=1e-9)
     # believed size and guard both know of it: with the good row alone the factor is smaller
     assert factors[0] > believe(fit, train, held_out).factor
+
+
+def visited(model, held_out, rng, visits, sides=0.0):
+    """Visits of held-out poses, fresh noise in each; every other one is `sides` away [m]."""
+    there = model.poses(held_out.q)[:, :3, 3]
+    off = rng.normal(size=(visits, *there.shape)) * kinds.NOISE
+    off[1::2, :, 0] += sides
+    return joined(
+        [
+            replace(held_out, position=there + each, repeat=np.full(len(there), k))
+            for k, each in enumerate(off)
+        ]
+    )
+
+
+def worst_squares(belief, many, visits):
+    """(n,) largest of e'inv(S + N)e over the visits of each pose, of tables as `visited` has."""
+    S = belief.regions(many.q).covariance + many.covariance[:, :3, :3]
+    e = predict(belief.model, many).residual[:, :3]
+    squares = np.einsum("ni,ni->n", e, np.linalg.solve(S, e[..., None])[..., 0])
+    return squares.reshape(visits, -1).max(axis=0)
+
+
+def test_a_pose_that_is_visited_often_is_not_worse_by_chance():
+    """By scipy: the worst of eight visits counts as what one visit exceeds as rarely."""
+    found, worst = [], []
+    for robot in range(6):
+        rng = np.random.default_rng([robot, 33])
+        _, fit, train, held_out = campaign(rng, 0.0)
+        many = visited(fit.model, held_out, rng, 8)
+        belief = believe(fit, train, many)
+        squares = worst_squares(belief, many, 8)
+        as_one = chi2.isf(1 - chi2.cdf(squares.max(), 3) ** 8, 3)
+        # rounding: 1e-16 of a probability near one leaves 1e-9 of a square
+        assert np.sqrt(as_one) * (1 - 1e-6) <= belief.factor <= np.sqrt(squares.max()) * (1 + 1e-9)
+        found.append(belief.factor)
+        worst.append(max(K3, np.sqrt(squares.max())))
+        mixed = many.rows(rng.permutation(len(many)))
+        assert believe(fit, train, mixed).factor == pytest.approx(belief.factor, rel=1e-9)
+    # the largest of 160 draws of chi is 3.6, of 20 it is 3.0: ten or six leave 0.1 in a mean
+    assert np.mean(found) < np.mean(worst) - 0.3
+
+
+def test_visits_that_stand_further_apart_than_their_noise_count_by_the_worst():
+    """Play: every other visit comes from the other side, 2.5 times the noise away."""
+    rng = np.random.default_rng(34)
+    _, fit, train, held_out = campaign(rng, 0.0)
+    belief = believe(fit, train, visited(fit.model, held_out, rng, 4))
+    sides = visited(fit.model, held_out, rng, 4, 50e-6)
+    guarded = adding(belief, np.zeros_like(belief.covariance), sides)
+    # the ellipsoid of the worst row, or more where the ball asks for it
+    assert guarded.factor >= np.sqrt(worst_squares(belief, sides, 4).max()) * (1 - 1e-9)
+
+
+def test_the_row_of_each_pose_that_guards_is_drawn_without_looking_at_it():
+    """Each of three visits as often as the others, whatever the readings and the order of rows."""
+    rng = np.random.default_rng(35)
+    table = visit(TX60, rng, 300)
+    many = joined([replace(table, repeat=np.full(300, k)) for k in range(3)])
+    drawn = drawn_rows(many, np.full(300, 3))
+    np.testing.assert_array_equal(many.pose_id[drawn], np.arange(300))
+    # binomial of 300 poses: a standard deviation is 8.2
+    assert np.bincount(many.repeat[drawn], minlength=3) == pytest.approx(100, abs=30)
+    order = rng.permutation(900)
+    moved = replace(many.rows(order), position=many.position)
+    again = drawn_rows(moved, np.full(300, 3))
+    np.testing.assert_array_equal(moved.repeat[again], many.repeat[drawn])
+    np.testing.assert_array_equal(moved.pose_id[again], many.pose_id[drawn])
 
 
 def test_without_guards_the_limit_of_the_misfit_is_stricter():
