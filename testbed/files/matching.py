@@ -109,15 +109,16 @@ def by_pose(
     visits = joints.extras.repeat is not None and readings.extras.repeat is not None
     where, commanded = readings.where, _keys(joints.extras, visits=visits)
     measured = _keys(readings.extras, visits=visits)
-    twice = [key for key, count in Counter(commanded).items() if count > 1]
+    once = _stops(commanded, joints.q)
+    twice = [key for key, count in Counter(commanded[k] for k in once).items() if count > 1]
     if twice:
         raise _mismatch(where, f"{joints.where} has joints twice for", twice)
-    at = {key: k for k, key in enumerate(commanded)}
+    at = {commanded[k]: k for k in once}
     without = [key for key in dict.fromkeys(measured) if key not in at]
     if without:
         raise _mismatch(where, f"{joints.where} has no joints for", without)
     there = set(measured)
-    missing = [key for key in commanded if key not in there]
+    missing = [key for key in at if key not in there]
     others = {_plain(name) for name in elsewhere}
     lost = [key for key in missing if key[0] not in others]
     if lost and not drop:
@@ -127,6 +128,15 @@ def by_pose(
         warnings.append(f"{where}: {len(missing) - len(lost)} poses are in other files only")
     rows = np.array([at[key] for key in measured], dtype=np.int64)
     return Match(rows, np.arange(len(measured)), tuple(warnings))
+
+
+def _stops(keys: Sequence[tuple[str, int]], q: Array) -> list[int]:
+    """The first row of each stop: a file of several targets says its joints beside each of them."""
+    again = [
+        False,
+        *(keys[k] == keys[k - 1] and (q[k] == q[k - 1]).all() for k in range(1, len(q))),
+    ]
+    return [k for k in range(len(q)) if not again[k]]
 
 
 def pose_numbers(names: Sequence[str]) -> tuple[Index, tuple[str, ...]]:

@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 
 from testbed.files.columns import covariance_names
@@ -58,7 +58,8 @@ def drafts_of(looks: tuple[Found, ...], n: int) -> Iterator[Draft]:
             continue
         if one is not None and one[0] is two[0] and one[3] != two[3]:
             continue
-        for draft in _matched(one, two, n, files[id(two[0])]):
+        stations = files[id(two[0])]
+        for draft in (*_of_each(one, two, n, stations), *_matched(one, two, n, stations)):
             if (key := repr(draft.document)) not in taken:
                 taken.add(key)
                 yield draft
@@ -99,6 +100,18 @@ def _matched(
         note = ("order: the k-th reading belongs to the k-th joints",) if way == "order" else ()
         match = {"match": way} if way else {}
         yield Draft({**match, **document}, (*said, *note, *more), joints is None)
+
+
+def _of_each(
+    joints: Part | None, seen: Part, n: int, stations: tuple[Found, ...]
+) -> Iterator[Draft]:
+    """The session of several stations whose files say the joints beside their readings."""
+    if joints is None or joints[0] is not seen[0] or len(stations) < 2:
+        return
+    for draft in _matched(joints, seen, n, stations):
+        document = {key: value for key, value in draft.document.items() if key != "match"}
+        own = {key: value for key, value in document["joints"].items() if key != "file"}
+        yield replace(draft, document=document | {"joints": own})
 
 
 def _uncertainty(look: Found, section: str) -> tuple[Document, tuple[str, ...]]:

@@ -73,7 +73,8 @@ def propose_session(looks: tuple[Found, ...], robot: Robot | None, root: Path) -
             to_mend=cycles.refused, odd=cycles.odd, is_test=True,
         )  # fmt: skip
     proposed = _of_visits(_proposed(looks, robot, root), looks)
-    proposed = replace(proposed, document=with_origin(proposed.document, looks))
+    said_so = {key: each for key, each in proposed.document.items() if key != "joints" or each}
+    proposed = replace(proposed, document=with_origin(said_so, looks))
     read = {
         (name, each.get("sheet"))
         for table in proposed.document.values()
@@ -90,11 +91,12 @@ def propose_session(looks: tuple[Found, ...], robot: Robot | None, root: Path) -
 def _of_visits(proposed: Proposed, looks: tuple[Found, ...]) -> Proposed:
     """The same where files of one head have joints of their own: each is a visit of the robot.
 
-    Where all have the same joints they are what several stations saw of the same poses.
+    Where poses of one name have the same joints they are what several stations saw of them.
     """
     tables = {key: each for key, each in proposed.document.items() if isinstance(each, dict)}
     name = tables.get("joints", {}).get("file")
-    seen = next((each for each in tables.values() if name in each.get("files", ())), None)
+    several = [each for each in tables.values() if "files" in each]
+    seen = next((each for each in several if name is None or name in each["files"]), None)
     alike = [one for one in looks if seen is not None and one.name in seen["files"]]
     if seen is None or any(one.sheet or one.head != alike[0].head for one in alike):
         return proposed
@@ -103,7 +105,7 @@ def _of_visits(proposed: Proposed, looks: tuple[Found, ...]) -> Proposed:
         for one in alike[0].meanings
         if one.stem.startswith("q") and one.stem[1:2].isdigit()
     ]
-    if not joints or len({tuple(map(tuple, map(one.column, joints))) for one in alike}) == 1:
+    if not joints or _same_poses(alike, joints):
         return proposed
     document = {
         key: {own: value for own, value in each.items() if own not in ("file", "files")}
@@ -124,6 +126,20 @@ def _of_visits(proposed: Proposed, looks: tuple[Found, ...]) -> Proposed:
         'the robot with its own base and tool; write "same as NAME" where one stayed'
     )
     return replace(proposed, document=document, assumed=(*notes, note))
+
+
+def _same_poses(alike: list[Found], joints: list[str]) -> bool:
+    """Whether poses of one name have the same joints in all files, and each file has such poses."""
+    known: dict[str, tuple[object, ...]] = {}
+    for k, one in enumerate(alike):
+        names = one.column(one.stems["pose_id"].theirs)
+        own = dict(zip(names, zip(*map(one.column, joints), strict=True), strict=True))
+        if k and not known.keys() & own.keys():
+            return False
+        if any(known.get(name, value) != value for name, value in own.items()):
+            return False
+        known |= own
+    return True
 
 
 def _proposed(looks: tuple[Found, ...], robot: Robot | None, root: Path) -> Proposed:

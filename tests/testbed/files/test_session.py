@@ -270,6 +270,25 @@ def test_stations_need_not_see_every_pose_but_each_pose_is_seen(tmp_path):
         read_session(tmp_path, ROBOT)
 
 
+def test_joints_beside_each_of_several_targets_are_those_of_one_stop(tmp_path):
+    """A file of joints may show other readings as well; rows of other joints are no stop."""
+    seen = points_of(made(3, 20), ARMS[:2], "AB")
+    table = {k: list(v) for k, v in seen.items() if k[0] in "pq"}
+    saved(tmp_path / "seen.csv", csv({k: v for k, v in seen.items() if k[0] != "q"}))
+    saved(
+        tmp_path / "session.toml",
+        '[joints]\nfile = "joints.csv"\n[points]\nfile = "seen.csv"\n[uncertainty]\n'
+        "position_um = 20\n",
+    )
+    saved(tmp_path / "joints.csv", csv(table))
+    session = read_session(tmp_path, ROBOT)
+    np.testing.assert_allclose(session.measurements.q, np.repeat(made(3, 20).q, 2, axis=0), **CLOSE)
+    table["q1_rad"][7] += 1e-3
+    saved(tmp_path / "joints.csv", csv(table))
+    with pytest.raises(InputError, match=r"joints\.csv has joints twice for pose"):
+        read_session(tmp_path, ROBOT)
+
+
 def test_distances_name_their_anchors(tmp_path):
     data = made(5, 30)
     anchors = {"A": [0.0, 0.0, 0.0], "B": [2000.0, 0.0, 0.0], "C": [0.0, 2000.0, 500.0]}

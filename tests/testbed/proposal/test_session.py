@@ -314,6 +314,34 @@ def test_files_of_one_head_with_joints_of_their_own_are_visits(tmp_path):
     assert told.count("base and tool alone leave") == 3
 
 
+def test_several_targets_and_missed_shots_leave_files_of_one_head_stations(tmp_path):
+    """Joints beside each of two targets; each station missed some shots, and a pose the other saw.
+
+    The same poses at other joints are visits, and so are poses of other names.
+    """
+    q, seen = joints(*(f"J{k}" for k in range(1, 7))), points()
+    rows = np.repeat(np.arange(M), 2)
+    own = {"Pose": rows, "Target": np.tile([1, 2], M)} | {k: v[rows] for k, v in q.items()}
+    seen = np.stack([seen, seen + 100 * data().T[:, :3, 2]], axis=1).reshape(-1, 3)
+    own |= places("X", "Y", "Z", values=seen)
+    kept = {"one": np.arange(2 * M) > 2, "two": (rows != M - 1) & (np.arange(2 * M) != 9)}
+    tables = {k: {name: v[use] for name, v in own.items()} for k, use in kept.items()}
+    tables["two"] |= {"X": -tables["two"]["Y"], "Y": tables["two"]["X"] + 500}
+    files = write(tmp_path, **{f"{k}__csv": csv(table) for k, table in tables.items()})
+    said, text = proposed(tmp_path, files, "--robot", "staubli_tx60")
+    assert tomllib.loads(text)["points"]["files"] == ["one.csv", "two.csv"]
+    assert "file" not in tomllib.loads(text)["joints"]  # each file says its own
+    assert "unused" not in said
+    read = read_session(tmp_path / "session.toml", ROBOT).measurements
+    assert np.bincount(read.station).tolist() == [k.sum() for k in kept.values()]
+    assert read.n_poses == M
+    renamed = tables["two"] | {"Pose": 100 + tables["two"]["Pose"]}
+    write(tmp_path, two__csv=csv(renamed))
+    (tmp_path / "session.toml").unlink()
+    _, text = proposed(tmp_path, files, "--robot", "staubli_tx60")
+    assert [one["name"] for one in tomllib.loads(text)["session"]] == ["one", "two"]
+
+
 def test_a_file_that_is_left_aside_is_named(tmp_path):
     files = [*semicolons(tmp_path), *write(tmp_path, b__csv="time,note\n1,a\n")]
     said, text = proposed(tmp_path, files)
