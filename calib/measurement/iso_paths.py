@@ -19,6 +19,8 @@ from calib.measurement.iso9283 import IsoFigure, accuracy, repeatability
 BACK = 0.02
 """Angle from a full turn within which a path turns back on itself [rad]: that of commands which are
 rounded to a hundredth of their steps."""
+CORNER = 0.7
+"""Turn between two parts of a command beyond which it is a corner [rad]."""
 FLIPS = 400
 """Draws of signs that tell what a path without error would read."""
 
@@ -77,25 +79,65 @@ def through_planes(measured: ArrayLike, command: ArrayLike) -> Array:
     """Where one measured path (k, 3) passes the planes across a commanded one (m, 3): (m, 3).
 
     Planes are passed in the order of the command, so that a path may come by one place twice; of
-    the passes that follow each other so, those count that are nearest to the commanded points. A
-    path may begin late or end early by one step of the command: it goes on in the direction of
-    that, as far off as it was. By as much it may turn back too early, where the command turns back.
-    Not a number where a plane is not passed in its turn.
+    the passes that follow each other so, those count that are nearest to the commanded points. Of
+    those of a tool that stands or creeps, which noise moves through a plane again and again without
+    half a step away from it, the middle one counts: the nearest would be nearer than the tool is.
+    Between two readings a path bends as its command does there, so that neither few readings nor
+    some that are lost cut its bends. A path may begin late or end early by one step of the command:
+    it goes on in the direction of that, as far off as it was. By as much it may turn back too
+    early, where the command turns back. Not a number where a plane is not passed in its turn.
     """
     x, c = check("k 3, m 3", measured=measured, command=command)
     if len(x) < 2:
         return np.full(c.shape, np.nan)
     normal = tangents(c)
     longer = np.concatenate([[x[0] - (c[1] - c[0])], x, [x[-1] + (c[-1] - c[-2])]])
-    passes = [_passes(longer, point, across) for point, across in zip(c, normal, strict=True)]
-    for i in np.flatnonzero(_turns_back(c)):
-        step = float(np.linalg.norm(c[i] - c[i - 1]))
+    steps, back = np.linalg.norm(np.diff(c, axis=0), axis=1), _turns_back(c)
+    shorter = np.minimum(np.append(steps[:1], steps), np.append(steps, steps[-1:]))
+    near = np.where(back, 0.0, shorter / 2)
+    passes = [_passes(longer, *one) for one in zip(c, normal, near, strict=True)]
+    for i in np.flatnonzero(back):
+        step = float(steps[i - 1])
         passes[i] = passes[i].beside(_short_of(longer, c[i], normal[i], step))
     found = np.full(c.shape, np.nan)
     chosen = nearest_in_order([one.when for one in passes], [one.distance for one in passes])
+    when = np.zeros(len(c))
     for i in np.flatnonzero(chosen >= 0):
-        found[i] = passes[i].place[chosen[i]]
-    return found
+        found[i], when[i] = passes[i].place[chosen[i]], passes[i].when[chosen[i]]
+    return found - _inside(c, normal, longer, when)
+
+
+def _inside(command: Array, normal: Array, longer: Array, when: Array) -> Array:
+    """How far inside a bend (m, 3) a straight line between two readings lies.
+
+    Before the first and after the last of them it lies as far outside. A measured path bends as its
+    command does: k (1 - k) L^2 / 2 times that, k the part of a line of length L. The bend is that
+    of points as far apart as the readings; a corner has none.
+    """
+    before = np.minimum(when.astype(np.int64), len(longer) - 2)
+    share, line = when - before, np.linalg.norm(np.diff(longer, axis=0), axis=1)[before]
+    outside = (before == 0) | (before == len(longer) - 2)
+    size = np.where(outside, -0.5, 0.5) * share * (1 - share) * line**2
+    return np.asarray(size[:, None] * _bend(command, normal, line))
+
+
+def _bend(command: Array, normal: Array, size: Array) -> Array:
+    """Curvature (m, 3) of a command in the planes across it, over so much of its length [1/m]."""
+    if len(command) < 3:
+        return np.zeros(command.shape)
+    along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(command, axis=0), axis=1))])
+    middle = np.clip(np.arange(len(command)), 1, len(command) - 2)
+    room = 1e-9 * along[-1]
+    first = np.searchsorted(along, along[middle] - size + room, side="right") - 1
+    last = np.searchsorted(along, along[middle] + size - room)
+    first, last = np.clip(first, 0, middle - 1), np.clip(last, middle + 1, len(command) - 1)
+    ways = command[middle] - command[first], command[last] - command[middle]
+    length = [np.linalg.norm(way, axis=1)[:, None] for way in ways]
+    unit = [way / np.maximum(one, 1e-300) for way, one in zip(ways, length, strict=True)]
+    turn = unit[1] - unit[0]
+    smooth = np.linalg.norm(turn, axis=1) < CORNER
+    bend = np.where(smooth[:, None], 2 * turn / np.maximum(length[0] + length[1], 1e-300), 0.0)
+    return np.asarray(bend - (bend * normal).sum(axis=1)[:, None] * normal)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -118,11 +160,17 @@ class _Passes:
         )
 
 
-def _passes(longer: Array, point: Array, across: Array) -> _Passes:
+def _passes(longer: Array, point: Array, across: Array, near: float) -> _Passes:
     """Passes of a path (k, 3) through the plane across one commanded point (3,)."""
     start, step = longer[:-1], np.diff(longer, axis=0)
-    before, after = (start - point) @ across, (start + step - point) @ across
+    ahead = (longer - point) @ across
+    before, after = ahead[:-1], ahead[1:]
     passed = np.flatnonzero((before <= 0) != (after <= 0))
+    if len(passed) > 1:
+        # how far the path goes between each pass and the next one
+        farthest = np.maximum.reduceat(np.abs(ahead), passed + 1)[:-1]
+        groups = np.split(passed, np.flatnonzero(farthest >= near) + 1)
+        passed = np.array([group[len(group) // 2] for group in groups])
     if not len(passed):
         passed = np.flatnonzero(before == 0)
     share = before[passed] / np.where(before == after, 1.0, before - after)[passed]

@@ -90,6 +90,10 @@ def paths_in(
         made, said = _path(name, own, commands, drop=drop)
         found.append(made)
         notes += said
+    if rows.rotation is not None:
+        notes.append(
+            f"{rows.where}: rotations along paths are not judged: AT and RT are of positions"
+        )
     return tuple(found), tuple(notes)
 
 
