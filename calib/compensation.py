@@ -233,15 +233,22 @@ def few_joints(model: RobotModel) -> bool:
     return model.chain.n_joints < 6
 
 
-def turned_sentences(model: RobotModel, status: Sequence[str], left: Array) -> tuple[str, ...]:
-    """What rotation (m,) [rad] an arm of few joints leaves of targets that it reaches, in words."""
+def turned_sentences(
+    model: RobotModel, status: Sequence[str], left: Array, held: int = 0
+) -> tuple[str, ...]:
+    """What rotation (m,) [rad] an arm of few joints leaves of targets that it reaches, in words.
+
+    So many joints are `held` by others and do not move by themselves.
+    """
     reached = np.array([one == "reached" for one in status], dtype=np.bool_)
-    if not few_joints(model) or not reached.any():
+    n = model.chain.n_joints - held
+    if n >= 6 or not reached.any():
         return ()
-    n, most = model.chain.n_joints, np.degrees(left[reached].max())
+    most, free = np.degrees(left[reached].max()), "free " * bool(held)
     return (
-        f"an arm of {n} joint{'s' if n > 1 else ''} cannot turn its tool in every way: targets are "
-        f"reached with the tool point, and of the rotation up to {most:.2g} deg is left",
+        f"an arm of {n} {free}joint{'s' if n > 1 else ''} cannot turn its tool in every way: "
+        "targets are reached with the tool point, and of the rotation up to "
+        f"{most:.2g} deg is left",
     )
 
 

@@ -31,8 +31,8 @@ class Draft:
     """Whether no file has joints."""
 
 
-def drafts_of(looks: tuple[Found, ...], n: int) -> Iterator[Draft]:
-    """Sessions that may be meant, the likely ones first."""
+def drafts_of(looks: tuple[Found, ...], own: tuple[int, ...]) -> Iterator[Draft]:
+    """Sessions that may be meant, the likely ones first; `own` joints have columns, from 1."""
     bare = [look for look in looks if look.kind == "bare"]
     heads = [look for look in looks if look.kind == "table"]
     if bare and heads:
@@ -43,9 +43,9 @@ def drafts_of(looks: tuple[Found, ...], n: int) -> Iterator[Draft]:
             str(alone[0].path), "file", "is one line of numbers: nothing tells what they are",
             code="M27", fix="give the file with all its rows, the columns named in the first line",
         )  # fmt: skip
-    joints: list[Part | None] = [part for look in looks for part in joint_parts(look, n)]
+    joints: list[Part | None] = [part for look in looks for part in joint_parts(look, own)]
     groups = _stations(looks)
-    seen = [part for group in groups for part in seen_parts(group[0], n)]
+    seen = [part for group in groups for part in seen_parts(group[0], own)]
     files = {id(group[0]): group for group in groups}
     taken: set[str] = set()
     for one, two in product(joints or [None], seen):
@@ -59,7 +59,7 @@ def drafts_of(looks: tuple[Found, ...], n: int) -> Iterator[Draft]:
         if one is not None and one[0] is two[0] and one[3] != two[3]:
             continue
         stations = files[id(two[0])]
-        for draft in (*_of_each(one, two, n, stations), *_matched(one, two, n, stations)):
+        for draft in (*_of_each(one, two, own, stations), *_matched(one, two, own, stations)):
             if (key := repr(draft.document)) not in taken:
                 taken.add(key)
                 yield draft
@@ -75,14 +75,14 @@ def _stations(looks: tuple[Found, ...]) -> list[tuple[Found, ...]]:
 
 
 def _matched(
-    joints: Part | None, seen: Part, n: int, stations: tuple[Found, ...]
+    joints: Part | None, seen: Part, own: tuple[int, ...], stations: tuple[Found, ...]
 ) -> Iterator[Draft]:
     """Sessions of joints and readings, by each way that may match them."""
     look, keys, notes, _ = seen
     keys = dict(keys)
     section = keys.pop("section")
     document: Document = {"joints": {"file": "joints.csv"}, section: {**_where(look), **keys}}
-    said = [f"joints: no file has q1 to q{n}; name it under [joints]", *notes]
+    said = [f"joints: no file has q1 to q{own[-1]}; name it under [joints]", *notes]
     ways: tuple[str, ...] = ("",)
     if joints is not None:
         document["joints"] = {**_where(joints[0]), **joints[1]}
@@ -103,15 +103,15 @@ def _matched(
 
 
 def _of_each(
-    joints: Part | None, seen: Part, n: int, stations: tuple[Found, ...]
+    joints: Part | None, seen: Part, own: tuple[int, ...], stations: tuple[Found, ...]
 ) -> Iterator[Draft]:
     """The session of several stations whose files say the joints beside their readings."""
     if joints is None or joints[0] is not seen[0] or len(stations) < 2:
         return
-    for draft in _matched(joints, seen, n, stations):
+    for draft in _matched(joints, seen, own, stations):
         document = {key: value for key, value in draft.document.items() if key != "match"}
-        own = {key: value for key, value in document["joints"].items() if key != "file"}
-        yield replace(draft, document=document | {"joints": own})
+        each = {key: value for key, value in document["joints"].items() if key != "file"}
+        yield replace(draft, document=document | {"joints": each})
 
 
 def _uncertainty(look: Found, section: str) -> tuple[Document, tuple[str, ...]]:

@@ -33,8 +33,8 @@ BOTH_JOINTS = (
 )
 
 
-def joint_parts(look: Found, n: int) -> Iterator[Part]:
-    """[joints] of a file, in each unit that is left open."""
+def joint_parts(look: Found, own: tuple[int, ...]) -> Iterator[Part]:
+    """[joints] of a file, in each unit that is left open; `own` joints have columns, from 1."""
     if look.kind == "rapid":
         yield (
             look,
@@ -43,17 +43,15 @@ def joint_parts(look: Found, n: int) -> Iterator[Part]:
             "",
         )
     elif look.kind == "bare":
-        for layout, columns in layouts(look, n):
+        for layout, columns in layouts(look, len(own)):
             names = columns.get("joints")
             if names:
                 for unit in _by_size(look, names, TURN, ("deg", "rad")):
-                    mapped = {f"q{k + 1}_{unit}": own for k, own in enumerate(names)}
+                    mapped = {f"q{k}_{unit}": name for k, name in zip(own, names, strict=True)}
                     note = f"joints: columns {names[0]} to {names[-1]}, taken as {unit}"
                     yield look, {"columns": mapped}, (note,), layout
-    elif look.has(*(f"q{k + 1}" for k in range(n))) or look.has(
-        *(f"q{k + 1}_read" for k in range(n))
-    ):
-        stems = [f"q{k + 1}{tail}" for tail in ("", "_read") for k in range(n)]
+    elif look.has(*(f"q{k}" for k in own)) or look.has(*(f"q{k}_read" for k in own)):
+        stems = [f"q{k}{tail}" for tail in ("", "_read") for k in own]
         found = [look.stems[stem] for stem in stems if stem in look.stems]
         foreign = [one for one in found if not one.known]
         open_ = [one.theirs for one in foreign if not one.unit]
@@ -64,18 +62,22 @@ def joint_parts(look: Found, n: int) -> Iterator[Part]:
         for unit in units:
             mapped = {f"{one.stem}_{one.unit or unit}": one.theirs for one in foreign}
             said = (f"joints: no column says its unit; taken as {unit}",) if unit else ()
-            named = {own: name for own, name in _more(look).items() if own in BESIDE_JOINTS}
-            named |= _drives(look, n)
+            named = {key: name for key, name in _more(look).items() if key in BESIDE_JOINTS}
+            named |= _drives(look, own[-1])
             keys = {**source, **({"columns": named | mapped} if named or mapped else {})}
             yield look, keys, (*said, *notes), ""
 
 
-def seen_parts(look: Found, n: int) -> Iterator[Part]:
-    """[points] or [frames] of a file, in each unit and convention that is left open."""
+def seen_parts(look: Found, own: tuple[int, ...]) -> Iterator[Part]:
+    """[points] or [frames] of a file, in each unit and convention that is left open.
+
+    `own` joints have columns, from 1.
+    """
+    n = own[-1]
     if look.kind in ("points", "frames"):
         yield from exported_parts(look)
     elif look.kind == "bare":
-        for layout, columns in layouts(look, n):
+        for layout, columns in layouts(look, len(own)):
             if "position" in columns:
                 place = dict(zip("xyz", columns["position"], strict=True))
                 for keys, notes in _readings(look, place, columns["rotation"], {}):

@@ -188,6 +188,10 @@ def workspace_of_reach(robot: Robot) -> Workspace:
     """A box that holds the middle 80 % of the reach along each axis, and a tracker beside it."""
     lower, upper = (ranges := joint_ranges(robot)).T
     q = np.random.default_rng(0).uniform(lower, upper, (SAMPLE, len(lower)))
+    if not robot.controller.plain:
+        q = robot.controller.holding(q)
+        inside = ((q >= lower) & (q <= upper)).all(axis=1) & robot.controller.allows(q)
+        q = q[inside] if inside.any() else q
     T = inverse(robot.model.chain.T_world_base) @ robot.model.poses(q)
     place = T[:, :3, 3]
     above = place[:, 2] > robot.base_offset + ABOVE

@@ -33,11 +33,12 @@ def joints_by_number(sheet: Sheet, robot: Robot) -> dict[str, str]:
         unit = (hit["unit"] or "").lower()
         family = families.setdefault(hit["word"].lower(), {})
         family[int(hit["number"])] = (name, UNITS.get(unit[:1], unit))
-    n, kinds = robot.model.chain.n_joints, robot.model.chain.kinds
-    whole = [one for one in families.values() if set(one) == set(range(1, n + 1))]
+    own = robot.controller.counted(robot.model.chain.n_joints).tolist()
+    n, kinds = len(own), [robot.model.chain.kinds[k] for k in own]
+    whole = [one for one in families.values() if set(one) == {k + 1 for k in own}]
     if len(whole) != 1 or len(found) != n:
         return {}
-    columns = [whole[0][k + 1] for k in range(n)]
+    columns = [whole[0][k + 1] for k in own]
     units = [unit for _, unit in columns]
     if not any(units) and "prismatic" not in kinds:
         units = [_unit_by_size(sheet, [name for name, _ in columns], robot)] * n
@@ -46,7 +47,7 @@ def joints_by_number(sheet: Sheet, robot: Robot) -> dict[str, str]:
         for unit, kind in zip(units, kinds, strict=True)
     ):
         return {}
-    return {f"q{k + 1}_{unit}": columns[k][0] for k, unit in enumerate(units)}
+    return {f"q{own[k] + 1}_{unit}": columns[k][0] for k, unit in enumerate(units)}
 
 
 def _unit_by_size(sheet: Sheet, names: list[str], robot: Robot) -> str:
@@ -64,8 +65,11 @@ def renamed_words(names: Mapping[str, str], robot: Robot) -> tuple[str, ...]:
         return ()
     first, last = names[own[0]], names[own[-1]]
     units = " and ".join(dict.fromkeys(name.rpartition("_")[2] for name in own))
+    numbers = [name.rpartition("_")[0].removeprefix("q") for name in own]
+    held = len(numbers) != int(numbers[-1])
+    joints = ", ".join(numbers) if held else f"1 to {len(own)}"
     return (
-        f"the program's columns {first} to {last} are taken as the joints 1 to {len(own)} of "
+        f"the program's columns {first} to {last} are taken as the joints {joints} of "
         f"{robot.name}, in {units}",
     )
 

@@ -190,7 +190,9 @@ def correct_program(
             *renamed_words(table.names, robot),
             *([robot.controller.sentence] if counted else []),
             *failed,
-            *turned_sentences(identified, result.status, result.left_rotation),
+            *turned_sentences(
+                identified, result.status, result.left_rotation, len(robot.controller.held)
+            ),
             *away.sentences,
             *away.unsaid,
             *result.sentences,

@@ -9,10 +9,13 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from calib.errors import InputError
+from calib.measurement.accuracy import rotation_errors
 from testbed.files.probe import probe
 from testbed.files.programs.correct import correct_program
 from testbed.files.read import read_session
 from testbed.laboratory.joint_lists import from_deg, read_joints
+from testbed.proposal.data import look_at
+from testbed.proposal.session import propose_session
 from testbed.robots.coupled import ControllerTable
 from testbed.run.export import session_csv
 from tests.testbed.files import made as made_of
@@ -139,16 +142,40 @@ def test_an_arm_with_a_held_joint_is_corrected_by_its_motors_alone(tmp_path):
     real = replace(nominal, chain=nominal.chain.moved(2e-4 * rng.normal(size=42)))
     q = HELD.controller.holding(Q)
     path = program(tmp_path, "h", HELD.controller.written(q), (1, 2, 3, 5, 6))
+    path.write_text(path.read_text().replace("q", "J").replace("_deg", ""))  # by number
     found = correct_program(path, HELD, real, tmp_path / "h_out.csv")
     assert found.corrected.all()
-    out = HELD.controller.read(targets(tmp_path / "h_out.csv"), 6)
-    # the point is where it was meant, though five motors cannot turn the tool there
-    assert np.abs(real.poses(out)[:, :3, 3] - nominal.poses(q)[:, :3, 3]).max() < 1e-8
+    assert any("as the joints 1, 2, 3, 5, 6 of" in text for text in found.sentences)
+    assert any("an arm of 5 free joints cannot turn its tool" in text for text in found.sentences)
+    rows = list(csv.DictReader((tmp_path / "h_out.csv").read_text().splitlines()))
+    motors = np.radians([[float(row[f"J{k}"]) for k in (1, 2, 3, 5, 6)] for row in rows])
+    out, T = HELD.controller.read(motors, 6), nominal.poses(q)
+    # the point is where it was meant
+    assert np.abs((real.poses(out) - T)[:, :3, 3]).max() < 1e-8
     assert_allclose(out[:, 3], -out[:, 1] - out[:, 2], atol=1e-12)
-    assert found.left_rotation.max() < 5e-3
+    # and no motors that leave the point turn the tool nearer: the slope of the squared angle along
+    # both such ways, by differences that are good to some 1e-6 of it
+    for k in range(3):
+        step = 1e-5 * np.eye(5)
+        moved = np.array(
+            [HELD.controller.read(motors[k] + s * d, 6) for d in step for s in (-1, 1)]
+        )
+        here = real.poses(moved)
+        J = (here[1::2, :3, 3] - here[::2, :3, 3]).T / 2e-5
+        angle = rotation_errors(np.broadcast_to(T[k], (10, 4, 4)), here) ** 2
+        slope = (angle[1::2] - angle[::2]) / 2e-5
+        still = np.linalg.svd(J)[2][3:]
+        assert np.abs(still @ slope).max() < 1e-5 * np.abs(slope).max()
+
+
+def test_a_table_of_an_arm_with_a_held_joint_has_no_column_of_it(tmp_path):
     table = columns(replace_q(made(), HELD.controller.holding(made().q)))
     del table["q4_deg"]
-    assert len(session(tmp_path / "s", with_spread(counted_held(table)), HELD).measurements) == 29
+    table = with_spread(counted_held(table))
+    found = session(tmp_path, table, HELD).measurements
+    assert_allclose(found.q[:, 3], -found.q[:, 1] - found.q[:, 2], atol=1e-15)
+    proposed = propose_session(look_at([tmp_path / "a.csv"], tmp_path), HELD, tmp_path)
+    assert not proposed.to_mend
 
 
 def counted_held(table):
