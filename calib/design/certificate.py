@@ -6,15 +6,20 @@ from math import ceil, floor
 import numpy as np
 from numpy.typing import ArrayLike
 
+from calib.arrays import Array
 from calib.design.borders import require_problem
 from calib.design.problem import Problem
 from calib.design.relaxation import ITERATIONS, TOLERANCE, relaxation
 from calib.information.criteria.base import Certifiable, Criterion
 from calib.information.criteria.d import D
+from calib.information.criteria.spectral import Spectral
+from calib.information.criteria.whitened import relative_rounding
 from calib.shown import Shown
 
 CERTAIN = 1e-9
 """Part below which a difference is none."""
+KNOWN = 1e-3
+"""Largest part of its smallest eigenvalue that rounding may be where that is what is certified."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -81,10 +86,15 @@ def certificate_of(
     value = float(criterion.value(M))
     if not isinstance(criterion, Certifiable) or not np.isfinite(value):
         return None
-    if problem.is_singular(chosen):
+    if problem.is_singular(chosen) or (isinstance(criterion, Spectral) and _rounded(M)):
         return None  # what its smallest eigenvalue has is rounding
     relaxed = relaxation(problem, iterations=iterations, tolerance=tolerance)
     return certificate_of_bound(problem, criterion, value, relaxed.bound, len(relaxed.trace))
+
+
+def _rounded(M: Array) -> bool:
+    """Whether the smallest eigenvalue of M (p, p) is not known well, in the units as they are."""
+    return relative_rounding(M, any_units=False) > KNOWN
 
 
 def certificate_of_bound(
@@ -106,6 +116,8 @@ def no_proof(criterion: str | Criterion) -> str:
     name = criterion if isinstance(criterion, str) else criterion.name
     if name in ("O2", "O4", "O5"):
         return f"no certificate: no bound on the best possible {name} is known"
+    if name in ("E", "O3"):
+        return "no certificate: the set leaves a direction unseen, or next to it in these units"
     return "no certificate: the set leaves a direction unseen"
 
 

@@ -13,6 +13,8 @@ from calib.information.rank import singular_values
 
 RIDGE = 1e-6
 """Part of the pool's mean information put on the diagonal: before rank p every index is zero."""
+ROUNDED = 1e-12
+"""The same of what is known before, lest it be lost in the rounding of that."""
 LOST = 1e-5
 """Prior rows smaller than this part of a pose's rows are lost in rounding."""
 
@@ -59,4 +61,6 @@ def _start(problem: Problem) -> Array:
         unit = np.sqrt(np.where(mean > 0, mean, np.diagonal(problem.base)))
         if singular_values(problem.before / unit)[-1] >= LOST:
             return problem.base
-    return np.asarray(problem.base + np.diag(RIDGE * mean))
+    # also above the rounding of what is known already, of which one direction may be huge
+    ridge = np.maximum(RIDGE * mean, ROUNDED * np.diagonal(problem.base))
+    return np.asarray(problem.base + np.diag(ridge))

@@ -162,6 +162,18 @@ def test_a_set_that_leaves_a_direction_unseen_says_so():
         Problem.of_blocks(blocks[:5], 5, "D")
 
 
+@pytest.mark.parametrize("seed", range(2))
+def test_a_smallest_eigenvalue_that_is_rounding_is_not_certified(seed: int):
+    """In columns of such units: of the information an eighteenth decimal, of the rows a ninth."""
+    units = [1e-9, 1.0, 1.0, 1.0, 1e9]
+    problem = Problem.of_blocks(small_pool(seed) * units, 4, "E")
+    assert certify(problem, range(4)) is None
+    found = exchange(problem, np.random.default_rng(0))
+    assert "next to it in these units" in found.proof
+    # the determinant knows no units
+    assert certify(Problem.of_blocks(small_pool(seed) * units, 4, "D"), range(4)) is not None
+
+
 @pytest.mark.parametrize("name", CONVEX)
 def test_the_whole_pool_is_certified_as_the_only_set_of_its_size(name: str):
     # weights one are the set itself: the tangent touches (E, G: but for the smooth stand-in)

@@ -45,6 +45,14 @@ def test_the_units_of_the_columns_do_not_change_the_choice_by_o1():
     )
 
 
+def test_what_is_known_hugely_of_one_direction_does_not_drown_the_ridge():
+    units = np.array([5, 5e3, 2e-7, 1e7, 1e-5])
+    for seed in range(12):
+        blocks = np.random.default_rng(seed).normal(size=(4, 2, 5)) * units
+        found = greedy(Problem.of_blocks(blocks, 3, "D", prior=np.ones((5, 5))))
+        assert found.certificate.efficiency > 0.9
+
+
 @pytest.mark.parametrize(
     ("free", "m", "bar"), [(24, 29, 0.987), (24, 61, 0.994), (30, 29, 0.977), (30, 61, 0.991)]
 )
