@@ -72,16 +72,19 @@ class SinglePoses(Shown):
     def pose(self, q: Array) -> Array:
         """Tool pose T_world_tool (4, 4) [m] at joints q (n,) [rad, m].
 
-        A contiguous array of floats is asked for; that they are finite is not looked at.
+        An array of floats is asked for; that they are finite is not looked at.
         """
         from calib.kernels.single_pose import single_pose
 
         if not isinstance(q, np.ndarray) or q.dtype != np.float64:
             raise refuse("q", code="A1", message="q is not an array of floats",
                          fix="numpy.asarray(q, dtype=float)")  # fmt: skip
-        if len(q) != len(self.links):
-            wanted = f"{len(self.links)} joint values"
-            raise refuse("q", len(q), wanted, code="A1", message=f"q has {len(q)} values")
+        if q.shape != (len(self.links),):
+            wanted, n = f"{len(self.links)} joint values", q.size if q.ndim == 1 else q.shape
+            message = f"q has {n} values" if q.ndim == 1 else f"q has shape {n}"
+            raise refuse("q", n, wanted, code="A1", message=message)
+        if not q.flags.c_contiguous:
+            q = q.copy()  # a column of a table
         T = np.zeros((4, 4))
         T[3, 3] = 1.0
         single_pose(self.links, self.frames, self.terms, q, np.empty(len(self.links)), T)

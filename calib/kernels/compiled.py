@@ -3,7 +3,7 @@
 The compiler keeps code beside the source, or else in the user's cache. Threads then find the loops
 ready. Fused and reordered arithmetic stays off: the same bits on every CPU and for any number of
 threads. The kept code of a loop watches its own file only, so that each file holds all the compiled
-code it calls. Where numba is not installed, a loop is the Python function that it is written as:
+code it calls. Where numba cannot be imported, a loop is the Python function that it is written as:
 many replicates are then played by numpy (`calib.kernels.loops`), and one pose by the interpreter.
 """
 
@@ -14,6 +14,11 @@ try:
     from numba import njit, types
 except ImportError:
     njit = types = None
+
+
+def has_compiler() -> bool:
+    """Whether numba could be imported."""
+    return njit is not None
 
 
 def compiled(*signature: Any) -> Callable[[Callable[..., None]], Callable[..., None]]:

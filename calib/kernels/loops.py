@@ -1,7 +1,8 @@
 """Which loops play many replicates or fit springs of many robots: of few numpy's, else compiled.
 
 The choice follows the work, never whether compiled code is kept: the bits of a result must not
-hang on that. Without numba all are numpy's, equal but for the order of sums.
+hang on that. Without numba, or with one that is not made for this Python or numpy, all are numpy's,
+equal but for the order of sums.
 """
 
 from collections.abc import Callable
@@ -13,6 +14,7 @@ MANY = 50_000
 MANY_SPRUNG = 250
 """Robots whose springs are fitted from which it is: their climb then takes half as long."""
 NUMBA = find_spec("numba") is not None
+"""Whether it is installed; it is imported only where work is large enough for it."""
 
 
 class Loops(NamedTuple):
@@ -22,9 +24,18 @@ class Loops(NamedTuple):
     noisy_poses: Callable[..., None]
 
 
+def compiles() -> bool:
+    """Whether loops are compiled: numba is installed, and can be imported."""
+    if not NUMBA:
+        return False
+    from calib.kernels.compiled import has_compiler
+
+    return has_compiler()
+
+
 def spring_loop_for(robots: int) -> Callable[..., None] | None:
     """What fits springs of one model for so many robots; None where numpy serves."""
-    if robots < MANY_SPRUNG or not NUMBA:
+    if robots < MANY_SPRUNG or not compiles():
         return None
     from calib.kernels.springs import springs_of_rows
 
@@ -33,7 +44,7 @@ def spring_loop_for(robots: int) -> Callable[..., None] | None:
 
 def loops_for(replicates: int) -> Loops:
     """The loops for so many replicates, ready for threads."""
-    if replicates < MANY or not NUMBA:
+    if replicates < MANY or not compiles():
         from calib.kernels import plain
 
         return Loops(plain.gradient, plain.noisy_poses)

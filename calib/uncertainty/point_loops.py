@@ -9,7 +9,7 @@ from calib.arrays import Array, Index
 from calib.geometry.frames import exp_so3
 from calib.geometry.joint_errors import NO_JOINT
 from calib.geometry.model import RobotModel
-from calib.kernels.loops import NUMBA
+from calib.kernels.loops import compiles
 from calib.uncertainty.tool_point import Configurations, configurations, tool_points
 
 MANY_POINTS = 20_000_000
@@ -44,7 +44,7 @@ class PointLoop:
     @classmethod
     def of(cls, model: RobotModel, q: Array, nominal: Array, draws: int) -> "PointLoop":
         """Those at joints q (N, n) whose points are `nominal` (N, 3) [m], for so many draws."""
-        enough = NUMBA and draws * len(q) >= MANY_POINTS and model.joint_errors.springs is None
+        enough = draws * len(q) >= MANY_POINTS and model.joint_errors.springs is None and compiles()
         width = -(-len(q) // LANES) * LANES if enough else len(q)
         filled = np.minimum(np.arange(width), len(q) - 1)
         at, there = configurations(model, q[filled]), np.ascontiguousarray(nominal[filled].T)

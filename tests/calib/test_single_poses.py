@@ -23,11 +23,21 @@ def test_single_poses_are_those_of_the_sweep(name):
     assert np.abs(np.stack([fast.pose(each) for each in q]) - model.poses(q)).max() < 1e-14
 
 
+def test_joints_may_be_a_column_of_a_table():
+    model = RobotModel(kinds.ARMS["tx60"])
+    table = np.random.default_rng(2).normal(size=(6, 3))
+    table.setflags(write=False)
+    found = SinglePoses.of(model).pose(table[:, 1])
+    np.testing.assert_allclose(found, model.poses(table.T)[1], rtol=0, atol=1e-14)
+
+
 def test_what_a_single_pose_cannot_know_is_refused():
     model = RobotModel(kinds.ARMS["tx60"])
     fast = SinglePoses.of(model)
     with pytest.raises(InputError, match="q has 5 values"):
         fast.pose(np.zeros(5))
+    with pytest.raises(InputError, match=r"q has shape \(6, 1\)"):
+        fast.pose(np.zeros((6, 1)))
     play = JointErrors((JointTerm("approach1", 0, "approach", (1, 0, 0, 0, 0, 0)),))
     with pytest.raises(InputError, match="no waves of its joints"):
         SinglePoses.of(replace(model, joint_errors=play))

@@ -11,7 +11,7 @@ import pytest
 
 from calib.geometry.frames import exp_so3
 from calib.geometry.parameters import parameters_of
-from calib.kernels import loops, plain, replicates
+from calib.kernels import compiled, loops, plain, replicates
 from calib.kernels.noisy_poses import noisy_poses
 from calib.measurement.noise import with_joint_noise
 from calib.measurement.observations import Measurements
@@ -162,6 +162,13 @@ def test_few_replicates_load_no_compiler():
         "print('numba' in sys.modules); loops_for(MANY); print('numba' in sys.modules)"
     )
     assert printed(code) == ["False", "True"]
+
+
+def test_a_compiler_that_cannot_be_imported_is_none(monkeypatch):
+    """As one made for another numpy: else the interpreter would play each of many replicates."""
+    monkeypatch.setattr(compiled, "njit", None)
+    assert loops.loops_for(loops.MANY).gradient is plain.gradient
+    assert loops.spring_loop_for(loops.MANY_SPRUNG) is None
 
 
 @NUMBA

@@ -9,6 +9,7 @@ from calib.geometry.frames import exp_so3, transform
 from calib.geometry.joint_errors import JointErrors, gravity_terms, harmonic_terms
 from calib.geometry.model import RobotModel
 from calib.information.propagation import distance_uncertainty, point_uncertainty, tool_covariance
+from calib.kernels import loops
 from calib.kernels.loops import NUMBA
 from calib.uncertainty import monte_carlo, point_loops
 from calib.uncertainty import tool_point as tool_points
@@ -119,7 +120,7 @@ def test_few_draws_and_machines_without_numba_compile_nothing(monkeypatch):
     few = point_loops.MANY_POINTS // 50 - 1
     assert not point_loops.PointLoop.of(model, q, nominal, few).compiled
     assert point_loops.PointLoop.of(model, q, nominal, few + 1).compiled == NUMBA
-    monkeypatch.setattr(point_loops, "NUMBA", False)
+    monkeypatch.setattr(loops, "NUMBA", False)
     assert not point_loops.PointLoop.of(model, q, nominal, 10 * few).compiled
 
 
