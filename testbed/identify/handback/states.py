@@ -70,6 +70,9 @@ def handed_numbers(calibration: Calibration) -> tuple[HandedNumber, ...]:
     springs = handed.model.joint_errors.springs
     together = dict.fromkeys(() if springs is None else springs.names, TOGETHER)
     together |= dict.fromkeys(_shared(calibration, believed), SHARED)
+    # what no reading tells of base and tool has no U, however their frames are turned
+    idle = {row.name for row in rows} - {*sizes, *result.names}
+    together |= dict.fromkeys(idle, NOMINAL)
     return tuple(
         HandedNumber(replace(row, expanded=None), sizes.get(row.name), together[row.name])
         if row.name in together and row.expanded is not None

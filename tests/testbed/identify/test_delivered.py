@@ -1,5 +1,6 @@
 """The robot that a calibration hands out, read by others: base, tool, reflectors and mesh paths."""
 
+import csv
 import re
 import tomllib
 from dataclasses import replace
@@ -145,6 +146,13 @@ def test_reflectors_keep_their_names_and_stand_where_they_were_found(made):
     text = (made / "points" / "report.html").read_text()
     assert "reflector2.x (base)" in text
     assert f"on its tool are the reflectors given, {', '.join(NAMES)}" in text
+
+
+def test_points_give_the_tool_no_uncertainty_of_how_it_is_turned(made):
+    with (made / "points" / "dh_table.csv").open() as file:
+        told = {row["number"]: (row["U_k2"], row["held_by"]) for row in csv.DictReader(file)}
+    assert {told[f"tool.{turn}"] for turn in ("rx", "ry", "rz")} == {("", "nominal")}
+    assert told["base.rx"][1] == "measurements"
 
 
 def test_the_robot_can_be_read_again_from_each_of_its_files(made):
