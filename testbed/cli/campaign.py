@@ -137,7 +137,7 @@ def merge(
     plain: Plain = False,
     debug: Debug = False,
 ) -> None:
-    """Join the slices of a run that were played into several folders; play what is missing."""
+    """Join slices of a run from several folders. What is missing is played."""
     with exit_codes(debug=debug, plain=plain, as_json=as_json, room=COMPUTING) as end:
         end.folder = out
         engine, more = engine_asked(workers, scheduler, quiet=quiet or as_json)

@@ -21,7 +21,7 @@ def scenes(
     plain: Plain = False,
     debug: Debug = False,
 ) -> None:
-    """List the scenes that ship, or show one with every default written out."""
+    """List the scenes that ship, or show one with all its defaults."""
     with exit_codes(debug=debug, plain=plain):
         if name is not None:
             say(scene_in_full(name).rstrip())
@@ -88,7 +88,10 @@ def compare(
     plain: Plain = False,
     debug: Debug = False,
 ) -> None:
-    """Put runs, plans, calibrations or tests into tables; say which runs are equal bytes."""
+    """Put runs, plans, calibrations or tests into tables.
+
+    Runs that are equal byte by byte are named.
+    """
     with exit_codes(debug=debug, plain=plain, as_json=as_json):
         from testbed.cli import compared
         from testbed.cli.folders import by_kind
@@ -130,7 +133,10 @@ def report(
     plain: Plain = False,
     debug: Debug = False,
 ) -> None:
-    """Write result.json, arrays.npz and report.html again from the records."""
+    """Write report.html, result.json and arrays.npz again.
+
+    From the records; nothing is computed again.
+    """
     with exit_codes(debug=debug, plain=plain) as end:
         from testbed.cli import handout
         from testbed.cli.folders import AGAIN, PRINTED, report_in, require
@@ -154,7 +160,7 @@ def report(
 
 @app.command()
 def record(folder: Run, trial: Trial = None, plain: Plain = False, debug: Debug = False) -> None:
-    """Write the recording again from the records, or that of another trial."""
+    """Write the recording again, or that of another trial."""
     with exit_codes(debug=debug, plain=plain) as end:
         from testbed.cli.folders import AGAIN, ISO9283, refuse_trial, require
         from testbed.run.play import record_trial
@@ -207,7 +213,7 @@ def view(
     plain: Plain = False,
     debug: Debug = False,
 ) -> None:
-    """Open the recording of a run, or make a picture, a page or a film of it."""
+    """Open the recording of a run, or make a picture or film of it."""
     with exit_codes(debug=debug, plain=plain):
         from testbed.cli import video as video_file
         from testbed.cli import viewer
@@ -255,7 +261,7 @@ def check_view(
 
 @app.command()
 def doctor(plain: Plain = False, debug: Debug = False) -> None:
-    """Show versions and check that three kinematics agree on this machine."""
+    """Show versions; check that three kinematics agree here."""
     with exit_codes(debug=debug, plain=plain) as end:
         from testbed.cli.doctor import LIMIT, check_kinematics
         from testbed.report.text import table

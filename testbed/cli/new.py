@@ -14,7 +14,7 @@ Out = Annotated[Path, typer.Option(metavar="FILE", help="File to write.")]
 new = typer.Typer(
     no_args_is_help=True,
     rich_markup_mode=None,
-    help="Propose a file to begin with, from your own files: a session, a robot, a scene.",
+    help="Propose a file to begin with: a session, a robot or a scene.",
 )
 app.add_typer(new, name="new")
 
@@ -38,7 +38,7 @@ def session(
     plain: Plain = False,
     debug: Debug = False,
 ) -> None:
-    """Look at measurement files and write the session.toml that they are likely to need."""
+    """Write the session.toml that measurement files are likely to need."""
     with exit_codes(debug=debug, plain=plain):
         from testbed.proposal.data import look_at
         from testbed.proposal.session import propose_session
@@ -83,7 +83,7 @@ def robot(
     plain: Plain = False,
     debug: Debug = False,
 ) -> None:
-    """Write the robot.toml of a table of link numbers, or one to fill in."""
+    """Write the robot.toml of a table of links, or one to fill in."""
     with exit_codes(debug=debug, plain=plain):
         from testbed.proposal.robot import robot_text
         from testbed.proposal.write import plain_name, require_new, write_new
@@ -116,7 +116,7 @@ def scene(
     plain: Plain = False,
     debug: Debug = False,
 ) -> None:
-    """Write a scenario for a robot, with the box it works in and a place for the tracker."""
+    """Write a scenario for a robot, with its work box and a tracker."""
     with exit_codes(debug=debug, plain=plain):
         from testbed.proposal.scene import scene_text
         from testbed.proposal.write import plain_name, require_new, seen_from, write_new
@@ -154,7 +154,7 @@ def check(
     plain: Plain = False,
     debug: Debug = False,
 ) -> None:
-    """Read a file whole, play nothing, and say what it is and what is odd about it."""
+    """Read a file whole, say what it is and what is odd. Nothing is played."""
     with exit_codes(debug=debug, plain=plain, as_json=as_json):
         from testbed.proposal.check import checked
 
@@ -180,7 +180,10 @@ def schema(
     plain: Plain = False,
     debug: Debug = False,
 ) -> None:
-    """Print the JSON Schema of a TOML file, with which editors complete and check its keys."""
+    """Print the JSON Schema of a TOML file, for editors.
+
+    With it they complete and check keys.
+    """
     with exit_codes(debug=debug, plain=plain):
         from testbed.schemas.editor import schema_text
 

@@ -30,7 +30,10 @@ def plan(
     plain: Plain = False,
     debug: Debug = False,
 ) -> None:
-    """Choose poses for a real robot: what to measure, in what order, what will come out."""
+    """Plan a real measurement: which poses, in which order, how good.
+
+    What will come out is predicted before anything is measured.
+    """
     with exit_codes(debug=debug, plain=plain, as_json=as_json, room=COMPUTING) as end:
         scenario, where = scenario_of(scene, seed)
         default = default_folder(scenario)
@@ -112,7 +115,9 @@ def identify(
     plain: Plain = False,
     debug: Debug = False,
 ) -> None:
-    """Calibrate a robot from measurements: parameters, a corrected model, proof on other poses.
+    """Calibrate a robot from measurements, with proof on other poses.
+
+    The folder gets parameters, the corrected robot, corrected programs, and a report.
 
     Several visits of one robot are [[session]] tables of one session.toml. There
     [identification] free = "frames" places a calibrated robot anew: base and tool alone are fitted.
@@ -194,7 +199,10 @@ def iso9283(
     plain: Plain = False,
     debug: Debug = False,
 ) -> None:
-    """Test a real robot after ISO 9283: accuracy and repeatability from measured cycles."""
+    """Test a real robot after ISO 9283 from measured cycles.
+
+    Accuracy and repeatability of poses and distances, drift, and paths.
+    """
     with exit_codes(debug=debug, plain=plain, as_json=as_json, room=COMPUTING):
         from testbed.files.read import ReadOptions
         from testbed.iso9283.folder import check_place, play_iso9283, terminal_text

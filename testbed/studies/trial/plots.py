@@ -45,7 +45,7 @@ LOOKS: dict[str, Look] = {
 """Marker and color of each estimator, the same in every figure."""
 DASHES: dict[str, Any] = {"whitened": "-", "paper": (0, (1.5, 1))}
 """Of their lines, told apart in gray."""
-NAMES = {"whitened": "default estimator", "paper": "paper mode"}
+NAMES = {"whitened": "default estimator", "paper": "paper estimator"}
 
 
 def only(everything: Sequence[object], most: int = MOST_PANELS) -> str:
