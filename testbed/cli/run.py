@@ -40,7 +40,7 @@ def plan(
         folder = out or default.with_name(f"{default.name}-plan")
         warn_of(scenario, where, quiet=quiet or as_json)
         from testbed.cli.terminal import progress
-        from testbed.plan.folder import RECORDING, REPORT, play_plan
+        from testbed.plan.folder import RECORDING, REPORT, TABLE, play_plan
         from testbed.plan.words import terminal_text
         from testbed.store.layout import PLAN
 
@@ -52,6 +52,7 @@ def plan(
         elif not quiet:
             say_found(terminal_text(made))
             say()
+            say(f"Poses      {folder / TABLE}")
             say(f"Report     {folder / REPORT}")
             say_next("truebed", "view", folder / RECORDING)
 

@@ -274,11 +274,17 @@ def next_step(plan: Plan) -> str:
 
 
 def terminal_text(plan: Plan) -> str:
-    """What the command prints: the promise, the numbers, what is proven."""
+    """What the command prints: the promise, the numbers, what to do, what to know beside it."""
     from testbed.report.text import table, verdict_lines
 
     rows = [[plain(cell) for cell in row] for row in headline_rows(plan)]
     title = f"{plan.scenario.name}: what is planned"
     parts = [SIMULATED, table(title, ("what", "value", ""), rows, wrap=True), ""]
     parts += verdict_lines(plain(promise(plan)))
-    return "\n".join([*parts, *(f"  {plain(reason)}" for reason in reasons(plan))])
+    parts += [f"To do: {plain(next_step(plan))}", "Of note:"]
+    said = (
+        *warnings(plan), *reach_words(plan), hidden_words(plan), plan.tour.sentence,
+        order_words(plan), measured_words(plan), assumed_words(plan), *use_words(plan),
+        "What is proven of this choice of poses is in the report",
+    )  # fmt: skip
+    return "\n".join([*parts, *(f"  {plain(sentence(text))}" for text in said if text)])
