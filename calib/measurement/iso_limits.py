@@ -40,8 +40,9 @@ def mean_limits(figure: IsoFigure, dof: float, *, probability: float = 0.95) -> 
     -----
     Scatter across a length makes it longer, and near its floor it is little else. So the lower
     limit is lower than value - t u =: w, by as much as makes it zero at r, which so much scatter
-    about zero exceeds with probability (1 - p)/2: sqrt(w^2 - (r - t u)^2), where
-    r^2 = F(f, dof) tr C, f the directions of the covariance C (Satterthwaite). At zero it is exact
+    about zero exceeds with probability (1 - p)/2: sqrt(w^2 - (r - t u)^2), where r^2 is the smaller
+    of F(f, dof) tr C, f the directions of the covariance C (Satterthwaite), and 3 F(3, dof) u^2,
+    which no more than that exceed whatever C is. At zero it is exact
     for equal scatter, far away it is Student's; between, at 95 %, it is 0.07 u higher at most than
     the limit that holds exactly so often. The upper limit is safe near the floor without room.
     """
@@ -50,6 +51,8 @@ def mean_limits(figure: IsoFigure, dof: float, *, probability: float = 0.95) -> 
     lower = np.maximum(figure.value - half, 0.0)
     if figure.around is not None and figure.directions is not None:
         reach = figure.around * np.sqrt(fdtri(figure.directions, dof, single))
+        # along a direction of little scatter (x'x)^2 / x'Cx, which x' inv(C) x bounds: Hotelling
+        reach = np.minimum(reach, figure.uncertainty * np.sqrt(3 * fdtri(3, dof, single)))
         room = np.maximum(reach - half, 0.0)
         lower = np.sqrt(np.maximum(lower**2 - room**2, 0.0))
     return Limits(frozen(lower), frozen(figure.value + half), _all(dof, half))

@@ -119,10 +119,16 @@ def test_scatter_alone_is_no_accuracy_and_no_variation_between_approaches(n, sd,
 
 
 def test_a_length_far_from_its_floor_has_the_limits_of_student():
-    x = np.random.default_rng(6).standard_normal((40, 8, 3)) + np.array([0, 0, 500.0])
+    rng = np.random.default_rng(6)
+    x = rng.standard_normal((40, 8, 3)) + np.array([0, 0, 500.0])
     figure = accuracy(x, np.zeros(3))
     half = stats.t(7).ppf(0.975) * figure.uncertainty
     # what scatter across adds to 500 is a thousandth of u
     np.testing.assert_allclose(mean_limits(figure, 7).lower, figure.value - half, atol=0.02)
+    # where the instrument is unsure across the length alone, that does not lower its lower limit
+    x = rng.standard_normal((30, 3))
+    x += [0, 0, 43] - x.mean(axis=0)
+    found = mean_limits(accuracy(x, np.zeros(3), common=np.diag([400.0, 0, 0])), 29)
+    assert 42.5 < float(found.lower) < 43
     still = mean_limits(accuracy(np.ones((4, 3)), np.zeros(3)), 3)
     assert (float(still.lower), float(still.upper)) == (3**0.5, 3**0.5)
