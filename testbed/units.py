@@ -163,14 +163,18 @@ def plain(text: str) -> str:
 def sentence(text: str, *, keep_name: bool = False) -> str:
     """The text with a capital and a full stop.
 
-    With `keep_name` a first word that is more than letters, as the name of a number is, stays.
+    With `keep_name` a first word that is more than letters, or has a capital inside, stays, as the
+    name of a number.
 
     Examples
     --------
     >>> sentence("no pose fits"), sentence("d2 cannot be told from d3.", keep_name=True)
     ('No pose fits.', 'd2 cannot be told from d3.')
+    >>> sentence("vAP is up to 3 um", keep_name=True)
+    'vAP is up to 3 um.'
     """
-    if not keep_name or text.partition(" ")[0].rstrip(",:;").isalpha():
+    first = text.partition(" ")[0].rstrip(",:;")
+    if not keep_name or (first.isalpha() and first[1:] == first[1:].lower()):
         text = text[:1].upper() + text[1:]
     return text if text.endswith((".", "!", "?")) else f"{text}."
 

@@ -52,3 +52,13 @@ def place(figure: StatedFigure) -> str:
 def unit(figure: StatedFigure) -> str:
     """Unit that it is shown in."""
     return "mdeg" if figure.angle else "um"
+
+
+def told(figure: StatedFigure) -> str:
+    """One figure with its limits in words."""
+    low, high = (show(x, figure) for x in (figure.least, figure.most))
+    value = show(figure.size, figure)
+    return (
+        f"{figure.name} is up to {value} {unit(figure)} ({place(figure)}; 95 % limits {low} to "
+        f"{high} {unit(figure)})"
+    )

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 
+from testbed.iso9283.decided import decisions, overall
 from testbed.iso9283.figure_words import limit_um
 from testbed.iso9283.records import STANDARD, CycleResult
 from testbed.iso9283.report_figures import (
@@ -15,12 +16,10 @@ from testbed.iso9283.report_figures import (
 )
 from testbed.iso9283.words import (
     EDITION,
-    decisions,
     enough,
     mark,
     next_step,
     notice,
-    overall,
     reasons,
     verdict,
 )

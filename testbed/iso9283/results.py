@@ -4,8 +4,9 @@ from typing import Any
 
 import numpy as np
 
+from testbed.iso9283.decided import decisions, overall
 from testbed.iso9283.records import STANDARD, CycleResult, StatedFigure
-from testbed.iso9283.words import decisions, enough, mark, notice, overall, reasons, verdict
+from testbed.iso9283.words import enough, mark, notice, reasons, verdict
 from testbed.jobsheet.report import job_numbers
 from testbed.report.text import csv_text
 from testbed.store.quantities import METRE, RADIAN, Quantity, as_json, below, unitless

@@ -1,22 +1,18 @@
-"""What a test says, sentence by sentence: verdict, decisions on limits, reasons."""
-
-from dataclasses import dataclass
+"""What a test says, sentence by sentence: verdict, reasons, next step."""
 
 import numpy as np
-from scipy.special import stdtrit
 
 from calib.measurement.iso_drift import BLOCK
 from testbed.iso9283.cycle_words import cycle_words
-from testbed.iso9283.figure_words import equal, limit_um, place, show, um, unit
+from testbed.iso9283.decided import SURE, decisions, drifts, overall
+from testbed.iso9283.figure_words import equal, place, show
 from testbed.iso9283.records import (
     PATH_CYCLES,
     POSE_CYCLES,
-    PROBABILITY,
     SCATTERS,
     STANDARD,
     CycleResult,
     CycleTest,
-    StatedFigure,
 )
 from testbed.report.page import SIMULATED
 from testbed.units import counted, sentences, significant
@@ -29,111 +25,11 @@ EDITION = (
 )
 NEAR = 1.5
 """Times its floor up to which a figure may be mostly noise."""
-SURE = 0.01
-"""A p-value, for all poses together, below which a drift is said."""
-MOST_CYCLES = 1000
-"""Beyond which no number of cycles is proposed."""
-OF_THE_FRAME = ("AP", "AT")
-"""Figures that a fitted frame makes smaller."""
-OF_BLOCKS = ("dAP", "dRP")
-"""Figures of blocks of cycles, which are no longer where there are more of them."""
-
-
-@dataclass(frozen=True, slots=True)
-class LimitDecision:
-    """One figure against its limit."""
-
-    name: str
-    limit: float
-    """[m]"""
-    word: str
-    """PASS, FAIL or UNDECIDED."""
-    where: str
-    """The figure that decides, or is the last to be decided."""
-    sentence: str
 
 
 def notice(result: CycleResult) -> str:
     """Whether the numbers come from a real robot; neither kind is a certificate."""
     return SIMULATED if result.test.simulated else MEASURED
-
-
-def decisions(result: CycleResult) -> tuple[LimitDecision, ...]:
-    """Every stated limit against its figures: PASS where all upper limits keep it.
-
-    FAIL where the lower limit of one is beyond it, and the instrument's noise does not explain
-    that. Between, or without such a figure, nothing is decided: guard bands as wide as the
-    confidence limits (ISO 14253-1, JCGM 106).
-    """
-    return tuple(_decision(result, name, limit) for name, limit in result.test.limits.items())
-
-
-def _decision(result: CycleResult, name: str, limit: float) -> LimitDecision:
-    """One limit."""
-    figures, allowed = result.of(name), f"{name} limit {limit_um(limit)} um"
-    if not figures:
-        text = f"{allowed}: UNDECIDED, nothing that was measured gives {name}"
-        return LimitDecision(name, limit, "UNDECIDED", "", text)
-    failing = [figure for figure in figures if figure.own_least > limit]
-    if failing:
-        worst = max(failing, key=lambda figure: figure.least)
-        text = f"{allowed}: FAIL, {told(worst)}"
-        return LimitDecision(name, limit, "FAIL", worst.where, text)
-    worst = max(figures, key=lambda figure: figure.most)
-    if worst.most <= limit:
-        most = f"{show(worst.most, worst)} {unit(worst)}"
-        text = f"{allowed}: PASS, the largest upper limit is {most} ({place(worst)})"
-        if result.test.fitted and name in OF_THE_FRAME:
-            text += ", in the frame that was fitted to these same readings"
-        if drifts(result):
-            text += ", if the drift stays within what these cycles show"
-        return LimitDecision(name, limit, "PASS", worst.where, text)
-    text = f"{allowed}: UNDECIDED, {told(worst)}; {would_decide(worst, limit)}"
-    return LimitDecision(name, limit, "UNDECIDED", worst.where, text)
-
-
-def would_decide(figure: StatedFigure, limit: float) -> str:
-    """How many cycles would bring the confidence limit to a limit, if the figure stays.
-
-    References
-    ----------
-    Half width w of n cycles, of which all readings share c = t u_shared: w^2 - c^2 falls as 1/n, so
-    that a gap d is reached with n (w^2 - c^2) / (d^2 - c^2) cycles; t stays that of n.
-    """
-    below, size = figure.size < limit, figure.own
-    if figure.name in OF_BLOCKS:
-        return (
-            f"more cycles would not decide it, as every block has {BLOCK} of them: a robot or an "
-            "instrument that scatters less would"
-        )
-    if not below and size <= limit:
-        return (
-            f"the stated noise of the instrument alone gives {show(figure.floor, figure)} "
-            f"{unit(figure)}, and without it the robot may keep the limit: a quieter instrument "
-            "would decide it"
-        )
-    gap = abs(limit - (figure.size if below else size))
-    width = figure.most - figure.size if below else size - figure.own_least
-    t = float(stdtrit(figure.cycles - 1, (1 + PROBABILITY) / 2))
-    of_all = (t * figure.shared) ** 2
-    rest = gap**2 - of_all
-    cycles = figure.cycles * (width**2 - of_all) / rest if rest > 0 else np.inf
-    if cycles <= MOST_CYCLES:
-        # less what rounding adds to a whole number
-        count = int(np.ceil(cycles - 1e-6))
-        return f"about {count} cycles would decide it if it stays where it is"
-    if of_all and rest <= 0:
-        return (
-            "more cycles would not decide it: the stated systematic errors alone give u = "
-            f"{um(figure.shared)}; a more accurate instrument would"
-        )
-    return "it lies so near the limit that no sensible number of cycles would decide it"
-
-
-def overall(result: CycleResult) -> str:
-    """One word over all limits; empty where none is stated."""
-    words = {one.word for one in decisions(result)}
-    return next((word for word in ("FAIL", "UNDECIDED", "PASS") if word in words), "")
 
 
 def enough(result: CycleResult) -> bool:
@@ -153,9 +49,12 @@ def mark(result: CycleResult) -> str:
 
 
 def verdict(result: CycleResult) -> str:
-    """The largest figures with their limits."""
-    parts = list[str]()
-    for name in ("AP", "RP", "AT", "RT"):
+    """The largest figures with their limits, those that decide among them."""
+    parts, names = list[str](), ["AP", "RP", "AT", "RT"]
+    word = overall(result)
+    if word != "PASS":
+        names += [one.name for one in decisions(result) if one.word == word]
+    for name in dict.fromkeys(names):
         figure = result.worst(name)
         if figure is not None:
             span = f"{show(figure.least, figure)} to {show(figure.most, figure)}"
@@ -174,16 +73,6 @@ def extent(test: CycleTest) -> str:
         counts.append(f"{counted(test.visits.cycles, 'cycle')} of {poses}")
     counts += [f"{counted(len(one.runs), 'run')} of path {one.name}" for one in test.paths]
     return ", ".join(counts)
-
-
-def told(figure: StatedFigure) -> str:
-    """One figure with its limits in words."""
-    low, high = (show(x, figure) for x in (figure.least, figure.most))
-    value = show(figure.size, figure)
-    return (
-        f"{figure.name} is up to {value} {unit(figure)} ({place(figure)}; 95 % limits {low} to "
-        f"{high} {unit(figure)})"
-    )
 
 
 def reasons(result: CycleResult) -> tuple[str, ...]:
@@ -254,11 +143,6 @@ def _drift_told(result: CycleResult) -> list[str]:
         f"Drift is not significant (p {p} for all poses together, tested at {SURE:g}): AP changes "
         f"by up to {size}"
     ]
-
-
-def drifts(result: CycleResult) -> bool:
-    """Whether chance alone would hardly order the cycles so."""
-    return result.drift_p_value < SURE  # nan where nothing tells
 
 
 def _drifting(result: CycleResult) -> list[str]:

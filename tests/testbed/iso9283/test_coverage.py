@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from calib.measurement import iso_drift
+from testbed.iso9283.decided import decisions
 from testbed.iso9283.play import play_test
 from testbed.iso9283.records import CycleTest, PathRuns, Visits
-from testbed.iso9283.words import decisions
 from testbed.jobsheet.sheet import JobSheet
 from testbed.scenario.systematic import SystematicTable
 from tests.testbed.iso9283.made import CUBE

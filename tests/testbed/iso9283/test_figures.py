@@ -13,12 +13,13 @@ from scipy import stats
 from calib.errors import InputError
 from testbed.files.read import ReadOptions
 from testbed.iso9283 import grouped
+from testbed.iso9283.decided import decisions, would_decide
 from testbed.iso9283.figure_words import show
 from testbed.iso9283.play import play_test
 from testbed.iso9283.read import read_test
 from testbed.iso9283.report_figures import angle_section
 from testbed.iso9283.results import headline, iso_csv
-from testbed.iso9283.words import decisions, mark, reasons, verdict, would_decide
+from testbed.iso9283.words import mark, reasons, verdict
 from tests.testbed.iso9283.made import (
     BIAS,
     CUBE,
@@ -337,6 +338,8 @@ def test_limits_are_decided_with_their_confidence(tmp_path):
     near = played(tmp_path, pose_rows(sd=10.0), "[iso9283]\nlimits_um = {AP = 82, dAP = 12}\n")
     assert {one.word for one in decisions(near)} == {"UNDECIDED"}  # 80.0 of 76.2 to 83.7
     assert "more cycles would not decide it, as every block has 10" in decisions(near)[1].sentence
+    assert "; dAP is up to 8.4 um (pose P3; 0.0 to" in verdict(near)
+    assert reasons(near)[1].startswith("dAP limit 12 um: UNDECIDED")
     assert mark(near) == "? UNDECIDED at the stated limits"
     # Student's t leaves 76.27; scatter across the 80 um makes them longer by 0.04 in a bad case
     assert "AP is up to 80.0 um (pose P1; 95 % limits 76.2 to 83.7)" in verdict(result)
