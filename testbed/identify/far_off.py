@@ -18,7 +18,7 @@ LOOK = {
     "outside": "it lies outside what the others prove, and the model may miss there",
 }
 """What is said of a held-out row far off, by its place."""
-ALONE = "another reading of that stop fits, so look at its shot"
+ALONE = "another reading of that pose fits, so look at its shot"
 """What is said where neither the arm nor its model can be to blame."""
 
 
@@ -46,12 +46,12 @@ def held_out_outliers(
         (m,) how each row is called.
     """
     medians, far = _medians(errors, table, is_test), far_held_out(errors, table, is_test)
-    said, stops = [], np.column_stack([table.pose_id, table.repeat])
+    said, poses = [], table.together
     for row in sorted(np.flatnonzero(far).tolist(), key=lambda row: -errors.position[row]):
         place = "inside"
         if belief is not None:
             place = str(belief.proven.applies(table.q[row : row + 1]).place[0])
-        others = is_test & (stops == stops[row]).all(axis=1) & ~far
+        others = is_test & (poses == poses[row]) & ~far
         look = ALONE if others.any() and (medians[others] < FITS).all() else LOOK[place]
         said.append(
             f"held-out {name[row]} is missed by {significant(errors.position[row] * MM)} mm, "

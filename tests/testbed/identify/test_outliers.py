@@ -149,23 +149,22 @@ def test_far_held_out_rows_are_named_but_stay():
     assert held_out_outliers(found.fit.misses, table, is_test, belief, names) == ()
 
 
-def test_a_held_out_target_that_is_wrong_among_others_of_its_stop_is_a_shot_to_be_looked_at():
-    """Three targets at each of eleven stops, ten held out; sound misses, by distance, are alike."""
+def test_a_held_out_row_that_is_wrong_among_others_of_its_pose_is_a_shot_to_be_looked_at():
+    """Three readings of each of eleven poses, ten held out; sound misses are alike."""
     rows = np.arange(33)
     table = calib.points(
         np.repeat(np.linspace(0, 1, 11), 3)[:, None], np.zeros((33, 3)), sd=1e-5, pose_id=rows // 3
     )
-    table = replace(table, repeat=np.zeros(33, dtype=np.int64))  # each stop was made once
     is_test, misses = rows >= 3, np.full(33, 2e-5)
-    misses[[5, 6, 7]] = 12e-5  # one of stop 1; two of stop 2
+    misses[[5, 6, 7]] = 12e-5  # one of pose 1; two of pose 2
     errors = RowErrors(np.zeros((33, 3)), misses, np.zeros(33))
     assert np.flatnonzero(far_held_out(errors, table, is_test)).tolist() == [5, 6, 7]
     names = [f"pose {k // 3}, target {k % 3}" for k in rows]
     told = held_out_outliers(errors, table, is_test, None, names)
     assert [text.split(": ")[1].split(";")[0] for text in told] == 3 * [
-        "another reading of that stop fits, so look at its shot"
+        "another reading of that pose fits, so look at its shot"
     ]
-    misses[8] = 12e-5  # now all of stop 2: the arm or its model may be to blame
+    misses[8] = 12e-5  # now all of pose 2: the arm or its model may be to blame
     told = held_out_outliers(errors, table, is_test, None, names)
     assert ["another reading" in text for text in told] == [
         text.startswith("held-out pose 1") for text in told
