@@ -116,16 +116,18 @@ def points(
             a, d = links[i, 0] + steps[i, 2, m], steps[i, 1, m]
             ca, sa, ct, st = parts[i, 2, m], parts[i, 3, m], parts[i, 0, m], parts[i, 1, m]
             C, S, along = postures[i, 0], postures[i, 1], postures[i, 2]
+            rise = d + along[0] if turns[i] else 0.0
             for k in range(N):
                 u = x[k] + a
                 v = ca * y[k] - sa * z[k]
-                z[k] = sa * y[k] + ca * z[k]
+                z[k] = sa * y[k] + ca * z[k] + rise
                 c = ct * C[k] - st * S[k]
                 s = ct * S[k] + st * C[k]
                 x[k] = c * u - s * v
                 y[k] = s * u + c * v
-            for k in range(N):
-                z[k] += d + along[k]
+            if not turns[i]:
+                for k in range(N):
+                    z[k] += d + along[k]
             if shifted[i] >= 0:
                 w = shifts[shifted[i], m]
                 if turns[i]:
