@@ -144,6 +144,8 @@ def _of_one(name: str, value: object, kinds: tuple[Any, ...]) -> Any:
 def _several(name: str, value: object, kind: Any) -> tuple[Any, ...]:
     """Several values of a kind; a text is one, not its letters."""
     what = _words(kind) if isinstance(kind, type) else "each of one kind"
+    if type(value) is tuple and kind is str and all(type(each) is str for each in value):
+        return value  # names of all numbers of a robot pass here several times a fit
     lone = isinstance(value, str) or (isinstance(value, np.ndarray) and value.ndim == 0)
     if lone or not isinstance(value, Iterable):
         fix = f"[{value!r}]" if isinstance(value, str) else ""
