@@ -10,10 +10,10 @@ from calib.geometry.chain import Chain
 from calib.geometry.frames import exp_so3, log_so3, skew
 from calib.geometry.model import RobotModel
 from calib.identification.start.closed_forms import (
+    PointColumns,
     fitted_frame,
     hand_eye_rotations,
     lifted_rotation,
-    shift_and_arms,
     tool_rotation,
 )
 from calib.measurement.observations import Measurements
@@ -138,11 +138,12 @@ def _closed_fit(F: Array, position: Array, rotation: Array | None) -> Frames:
     one = np.zeros(len(F), dtype=np.int64)
     free, about = np.zeros(1, dtype=np.bool_), np.zeros((1, 3))
     X = lifted_rotation(F, position, one, about, free)
-    t, arm = shift_and_arms(X, F, position, one, about, free)
+    columns = PointColumns.of(F, one, free)
+    t, arm = columns.shift_and_arms(X, position, about)
     for _ in range(ROUNDS):
         known = F[:, :3, 3] + F[:, :3, :3] @ arm[0]
         X = fitted_frame(position, known, X)[:3, :3]
-        t, arm = shift_and_arms(X, F, position, one, about, free)
+        t, arm = columns.shift_and_arms(X, position, about)
     if rotation is None:
         return Frames(X, t, arm[0], None)
     by_position = Frames(X, t, arm[0], tool_rotation(X, F, rotation))
@@ -150,7 +151,7 @@ def _closed_fit(F: Array, position: Array, rotation: Array | None) -> Frames:
     if turned is None:
         return by_position
     X = turned[0]
-    t, arm = shift_and_arms(X, F, position, one, about, free)
+    t, arm = columns.shift_and_arms(X, position, about)
     by_rotation = Frames(X, t, arm[0], tool_rotation(X, F, rotation))
     return min(by_rotation, by_position, key=lambda fit: fit.misfit(F, position, rotation).score)
 

@@ -5,6 +5,8 @@ links them to what was measured. Directions that the data do not determine stay 
 them.
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from calib.arrays import Array, Bool, Index
@@ -77,29 +79,52 @@ def tool_rotation(X: Array, F: Array, measured: Array) -> Array:
     )
 
 
-def shift_and_arms(
-    X: Array, F: Array, measured: Array, target: Index, about: Array, fixed: Bool
-) -> tuple[Array, Array]:
-    """Shift t (3,) and points c (k, 3) of the flange with measured (m, 3) = X (R_F c + p_F) + t.
+@dataclass(frozen=True, slots=True, eq=False)
+class PointColumns:
+    """Columns of unknown points in the flange, factored once: they hang on no frame of the base."""
 
-    Linear, X (3, 3) known. `target` (m,) is the point that a row measures; those of `fixed` (k,)
-    stay where `about` (k, 3) has them, and so does what constant orientation leaves open.
-    """
-    m, free = len(F), np.flatnonzero(~fixed)
-    R = F[:, :3, :3]
-    # p_F + R_F c = X' (measured - t): c from the differences, then t from the mean
-    rest = measured @ X - F[:, :3, 3] - (R @ about[target][:, :, None])[:, :, 0]
-    c = about.copy()
-    if free.size:
+    F: Array
+    """(m, 4, 4) poses of the flange [m]."""
+    target: Index
+    """(m,) the point that a row measures."""
+    free: Index
+    """Of the k points, those that are looked for."""
+    factors: tuple[Array, Array, Array, Array] | None
+    """Of these columns, the shift taken out; see `_factored`. None where nothing is free."""
+
+    @classmethod
+    def of(cls, F: Array, target: Index, fixed: Bool) -> "PointColumns":
+        """Those at poses F (m, 4, 4) for the points that are not `fixed` (k,)."""
+        m, free, R = len(F), np.flatnonzero(~fixed), F[:, :3, :3]
+        if not free.size:
+            return cls(F, target, free, None)
         A = np.zeros((m, 3, len(free), 3))
         for column, k in enumerate(free):
             A[target == k, :, column] = R[target == k]
         # the shift first: whatever looks like it is its own
         A = (A - A.mean(0)).reshape(3 * m, -1)
-        right = (rest - rest.mean(0)).ravel()
-        c[free] += _least(A, right, FAINT * np.sqrt(m)).reshape(-1, 3)
-        rest = measured @ X - F[:, :3, 3] - (R @ c[target][:, :, None])[:, :, 0]
-    return X @ rest.mean(0), c
+        return cls(F, target, free, _factored(A))
+
+    def shift_and_arms(self, X: Array, measured: Array, about: Array) -> tuple[Array, Array]:
+        """Shift t (3,) and points c (k, 3) with measured (m, 3) = X (R_F c + p_F) + t.
+
+        Linear, X (3, 3) known. Points that are fixed stay where `about` (k, 3) has them, and so
+        does what constant orientation leaves open.
+        """
+        # p_F + R_F c = X' (measured - t): c from the differences, then t from the mean
+        bare = measured @ X - self.F[:, :3, 3]
+        rest = bare - self._turned(about)
+        c = about.copy()
+        if self.factors is not None:
+            right = (rest - rest.mean(0)).ravel()
+            step = _solved(self.factors, right, FAINT * np.sqrt(len(self.F)))
+            c[self.free] += step.reshape(-1, 3)
+            rest = bare - self._turned(c)
+        return X @ rest.mean(0), c
+
+    def _turned(self, arms: Array) -> Array:
+        """What points `arms` (k, 3) of the flange add to its place in each row (m, 3) [m]."""
+        return np.asarray((self.F[:, :3, :3] @ arms[self.target][:, :, None])[:, :, 0])
 
 
 def lifted_rotation(F: Array, measured: Array, target: Index, about: Array, fixed: Bool) -> Array:
@@ -165,8 +190,19 @@ def lifted_arm(F: Array, distance: Array, anchor: Index, n_anchors: int) -> Arra
 
 def _least(A: Array, right: Array, faint: float) -> Array:
     """Least-squares solution of least norm, singular values below `faint` counted as zero."""
+    return _solved(_factored(A), right, faint)
+
+
+def _factored(A: Array) -> tuple[Array, Array, Array, Array]:
+    """Q, U, s and V' with A = Q U diag(s) V'."""
     Q, R = np.linalg.qr(A)
     U, s, Vt = np.linalg.svd(R, full_matrices=False)
+    return Q, U, s, Vt
+
+
+def _solved(factors: tuple[Array, Array, Array, Array], right: Array, faint: float) -> Array:
+    """As `_least`, of columns that are factored."""
+    Q, U, s, Vt = factors
     counted = s > faint
     along = (U.T @ (Q.T @ right)) / np.where(counted, s, 1.0)
     return np.asarray(Vt.T @ np.where(counted, along, 0.0))

@@ -10,13 +10,13 @@ from calib.arrays import Array, Index
 from calib.geometry.frames import inverse, transform
 from calib.identification.start.alignment import Alignment, StartProblem
 from calib.identification.start.closed_forms import (
+    PointColumns,
     fitted_frame,
     flange_points,
     hand_eye_rotations,
     lifted_arm,
     lifted_rotation,
     multilaterated,
-    shift_and_arms,
     tool_rotation,
 )
 from calib.identification.start.ranging import from_distances
@@ -99,11 +99,12 @@ def _station_rotations(problem: StartProblem, rows: Index) -> Iterator[Array]:
     if len(rows) >= FEWEST_LIFT:
         yield lifted_rotation(F, position, target, about, fixed)
     # frame and arms in turn, from guessed arms; with all they need, guesses would only cost time
+    columns = PointColumns.of(F, target, fixed)
     for guess in ARM_GUESSES[: 1 if sure else None]:
         arms, X = np.where(fixed[:, None], about, about + guess), np.eye(3)
         for _ in range(5):
             X = fitted_frame(position, flange_points(F, arms[target]), np.eye(3))[:3, :3]
-            arms = shift_and_arms(X, F, position, target, arms, fixed)[1]
+            arms = columns.shift_and_arms(X, position, arms)[1]
         yield X
 
 
@@ -111,7 +112,8 @@ def _from_rotation(problem: StartProblem, rows: Index, main: int, X: Array) -> P
     """What follows from the rotation of the main station: its shift, arms and the tool."""
     table, F, target = problem.measurements, problem.F[rows], problem.target[rows]
     about = problem.nominal_arms
-    shift, all_arms = shift_and_arms(X, F, table.position[rows], target, about, problem.fixed)
+    columns = PointColumns.of(F, target, problem.fixed)
+    shift, all_arms = columns.shift_and_arms(X, table.position[rows], about)
     # only arms that this station measured
     arms = np.full_like(all_arms, np.nan)
     arms[np.unique(target)] = all_arms[np.unique(target)]
@@ -202,9 +204,11 @@ def _lifted_arms(problem: StartProblem, rows: Index, arms: Array) -> Array:
         fixed = np.ones(len(arms), dtype=bool)
         fixed[new] = False
         about = np.where(np.isfinite(arms), arms, 0.0)
-        part = problem.F[rows], problem.measurements.position[rows], problem.target[rows]
-        X = lifted_rotation(*part, about, fixed)
-        arms[new] = shift_and_arms(X, *part, about, fixed)[1][new]
+        F, target = problem.F[rows], problem.target[rows]
+        position = problem.measurements.position[rows]
+        X = lifted_rotation(F, position, target, about, fixed)
+        columns = PointColumns.of(F, target, fixed)
+        arms[new] = columns.shift_and_arms(X, position, about)[1][new]
     return arms
 
 

@@ -18,13 +18,13 @@ from calib.geometry.parameters import parameters_of
 from calib.identification.identify import Identification, Status, identify
 from calib.identification.start.alignment import start_problem
 from calib.identification.start.closed_forms import (
+    PointColumns,
     fitted_frame,
     hand_eye_rotations,
     lifted_arm,
     lifted_rotation,
     multilaterated,
     nearest_rotation,
-    shift_and_arms,
 )
 from calib.identification.start.guesses import initial_guesses
 from calib.identification.start.start import Start, start_frames
@@ -379,7 +379,7 @@ def test_the_lift_of_points_finds_rotation_shift_and_every_arm():
     free = np.zeros(2, dtype=bool)
     found = lifted_rotation(F, seen, target, np.zeros((2, 3)), free)
     np.testing.assert_allclose(found, X, atol=1e-12)
-    shift, arms = shift_and_arms(X, F, seen, target, np.zeros((2, 3)), free)
+    shift, arms = PointColumns.of(F, target, free).shift_and_arms(X, seen, np.zeros((2, 3)))
     np.testing.assert_allclose(shift, t, atol=1e-12)
     np.testing.assert_allclose(arms, c, atol=1e-12)
 
