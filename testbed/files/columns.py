@@ -3,6 +3,7 @@
 import re
 from collections.abc import Iterable
 from difflib import get_close_matches
+from functools import cache
 
 from testbed.bounds import (
     ANGLE,
@@ -70,6 +71,7 @@ DRIVE = re.compile(r"(torque|current)([1-9]\d?)")
 """What a drive reports."""
 
 
+@cache
 def covariance_names() -> tuple[str, ...]:
     """The 21 entries of the upper triangle, by rows: ``cov_x_x_m2`` ... ``cov_rz_rz_rad2``."""
     units = {2: "m2", 3: "m_rad", 4: "rad2"}  # by the letters of both axes

@@ -11,6 +11,7 @@ from calib.geometry.frames import exp_so3, log_so3, skew
 from calib.geometry.model import RobotModel
 from calib.identification.start.closed_forms import (
     PointColumns,
+    centroid,
     fitted_frame,
     hand_eye_rotations,
     lifted_rotation,
@@ -203,10 +204,10 @@ def _residuals(frames: Frames, F: Array, position: Array, rotation: Array | None
 def _derivatives(frames: Frames, F: Array, turned: bool) -> Array:
     """Of what the residuals lose: columns of a turn of the base, of the arm, and of the tool."""
     m, R = len(F), frames.R @ F[:, :3, :3]
-    J = np.zeros((m, 3, 6))
+    J: Array = np.zeros((m, 3, 6))
     J[:, :, :3] = -skew(F[:, :3, 3] @ frames.R.T + R @ frames.arm)
     J[:, :, 3:] = R
-    J = (J - J.mean(0)).reshape(3 * m, 6)
+    J = (J - centroid(J)).reshape(3 * m, 6)
     if frames.Y is None or not turned:
         return np.asarray(J)
     K = np.zeros((m, 3, 9))
@@ -218,7 +219,7 @@ def _derivatives(frames: Frames, F: Array, turned: bool) -> Array:
 def _moved(frames: Frames, step: Array, F: Array, position: Array) -> Frames:
     """Frames after a step, and the shift that suits them."""
     R, arm = exp_so3(step[:3]) @ frames.R, frames.arm + step[3:6]
-    t = (position - (F[:, :3, 3] + F[:, :3, :3] @ arm) @ R.T).mean(0)
+    t = centroid(position - (F[:, :3, 3] + F[:, :3, :3] @ arm) @ R.T)
     return Frames(R, t, arm, None if frames.Y is None else frames.Y @ exp_so3(step[6:]))
 
 

@@ -34,7 +34,16 @@ def nearest_rotation(M: Array) -> Array:
     Kabsch 1976; Umeyama 1991 for the determinant.
     """
     U, _, Vt = np.linalg.svd(M)
-    return np.asarray(U @ np.diag([1.0, 1.0, np.linalg.det(U) * np.linalg.det(Vt)]) @ Vt)
+    R = U @ Vt
+    (a, b, c), (d, e, f), (g, h, i) = R.tolist()
+    if a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g) < 0:
+        R = (U * (1.0, 1.0, -1.0)) @ Vt
+    return np.asarray(R)
+
+
+def centroid(points: Array) -> Array:
+    """Mean of rows; without what `numpy.mean` asks before, which takes longer for so few."""
+    return np.asarray(np.add.reduce(points) / len(points))
 
 
 def fitted_frame(measured: Array, known: Array, about: Array) -> Array:
@@ -46,10 +55,10 @@ def fitted_frame(measured: Array, known: Array, about: Array) -> Array:
     ----------
     Umeyama 1991 (Procrustes).
     """
-    there, here = measured - measured.mean(0), known - known.mean(0)
-    H = there.T @ here
+    center, own = centroid(measured), centroid(known)
+    H = (measured - center).T @ (known - own)
     R = nearest_rotation(H + NUDGE * max(float(np.abs(H).max()), 1e-12) * about)
-    return transform(R, measured.mean(0) - R @ known.mean(0))
+    return transform(R, center - R @ own)
 
 
 def hand_eye_rotations(F: Array, measured: Array) -> tuple[Array, Array] | None:
@@ -98,11 +107,11 @@ class PointColumns:
         m, free, R = len(F), np.flatnonzero(~fixed), F[:, :3, :3]
         if not free.size:
             return cls(F, target, free, None)
-        A = np.zeros((m, 3, len(free), 3))
+        A: Array = np.zeros((m, 3, len(free), 3))
         for column, k in enumerate(free):
             A[target == k, :, column] = R[target == k]
         # the shift first: whatever looks like it is its own
-        A = (A - A.mean(0)).reshape(3 * m, -1)
+        A = (A - centroid(A)).reshape(3 * m, -1)
         return cls(F, target, free, _factored(A))
 
     def shift_and_arms(self, X: Array, measured: Array, about: Array) -> tuple[Array, Array]:
@@ -116,11 +125,11 @@ class PointColumns:
         rest = bare - self._turned(about)
         c = about.copy()
         if self.factors is not None:
-            right = (rest - rest.mean(0)).ravel()
+            right = (rest - centroid(rest)).ravel()
             step = _solved(self.factors, right, FAINT * np.sqrt(len(self.F)))
             c[self.free] += step.reshape(-1, 3)
             rest = bare - self._turned(c)
-        return X @ rest.mean(0), c
+        return X @ centroid(rest), c
 
     def _turned(self, arms: Array) -> Array:
         """What points `arms` (k, 3) of the flange add to its place in each row (m, 3) [m]."""
@@ -137,15 +146,16 @@ def lifted_rotation(F: Array, measured: Array, target: Index, about: Array, fixe
     m, free = len(F), np.flatnonzero(~fixed)
     R = F[:, :3, :3]
     right = flange_points(F, about[target])
-    spread = max(float(np.sqrt(np.square(measured - measured.mean(0)).sum(1).mean())), 1e-12)
-    A = np.zeros((m, 3, 9 + 3 * len(free)))
+    apart = measured - centroid(measured)
+    spread = max(float(np.sqrt(np.square(apart).sum(1).mean())), 1e-12)
+    A: Array = np.zeros((m, 3, 9 + 3 * len(free)))
     for row in range(3):
-        A[:, row, 3 * row : 3 * row + 3] = (measured - measured.mean(0)) / spread
+        A[:, row, 3 * row : 3 * row + 3] = apart / spread
     for column, k in enumerate(free):
         rows = target == k
         A[rows, :, 9 + 3 * column : 12 + 3 * column] = -R[rows]
-    A = (A - A.mean(0)).reshape(3 * m, -1)
-    G = _least(A, (right - right.mean(0)).ravel(), FAINT * np.sqrt(m))[:9].reshape(3, 3)
+    A = (A - centroid(A)).reshape(3 * m, -1)
+    G = _least(A, (right - centroid(right)).ravel(), FAINT * np.sqrt(m))[:9].reshape(3, 3)
     return nearest_rotation(G).T
 
 
@@ -156,10 +166,10 @@ def multilaterated(centers: Array, distance: Array) -> Array:
     ----------
     |x - c|^2 = d^2, linear in x and |x|^2; Navidi, Murphy, Hereman 1998.
     """
-    middle = centers.mean(0)
+    middle = centroid(centers)
     c = centers - middle
     square = np.sum(c * c, axis=1) - distance**2
-    A = 2 * (c - c.mean(0))
+    A = 2 * (c - centroid(c))
     x = _least(A, square - square.mean(), FAINT * float(np.linalg.norm(A)))
     return np.asarray(middle + x)
 
@@ -171,7 +181,7 @@ def lifted_arm(F: Array, distance: Array, anchor: Index, n_anchors: int) -> Arra
     a c' per anchor, and c, as if they were free. Needs 3 + 13 distances for one anchor, 13 for each
     more.
     """
-    R, middle = F[:, :3, :3], F[:, :3, 3].mean(0)
+    R, middle = F[:, :3, :3], centroid(F[:, :3, 3])
     p = F[:, :3, 3] - middle
     m = len(F)
     A = np.zeros((m, 3 + 13 * n_anchors))
