@@ -7,7 +7,9 @@ import os
 from contextlib import ExitStack
 from copy import deepcopy
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 import pytest
@@ -644,19 +646,23 @@ CASES = {
 }  # fmt: skip
 
 
-def message(case, path):
-    with pytest.raises(CalibError) as caught:
-        case(path)
+@cache
+def message(name):
+    """Kind and text of what a case is refused with."""
+    with TemporaryDirectory() as made_here:
+        path = Path(made_here) / "run"
+        with pytest.raises(CalibError) as caught:
+            CASES[name](path)
     shown = str(caught.value).replace(str(path), "RUN")
     shown = shown.replace(f"process {os.getpid()}", "process PID")
     kind = type(caught.value).__name__.replace("SeveralInput", "Input")
     return kind, shown
 
 
-def test_messages_are_word_for_word_as_written_down(tmp_path, monkeypatch):
+def test_messages_are_word_for_word_as_written_down():
     blocks = []
-    for number, (name, case) in enumerate(CASES.items()):
-        kind, shown = message(case, tmp_path / f"{number}")
+    for name in CASES:
+        kind, shown = message(name)
         blocks.append(f"{name} ({kind})\n{shown}\n")
     told = "\n".join(blocks)
     # the clock time of a lock is not part of the wording
@@ -672,8 +678,8 @@ def test_messages_are_word_for_word_as_written_down(tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize("name", CASES)
-def test_each_message_is_short_has_a_code_and_knows_no_insides(name, tmp_path):
-    _, shown = message(CASES[name], tmp_path / "run")
+def test_each_message_is_short_has_a_code_and_knows_no_insides(name):
+    _, shown = message(name)
     for line in shown.splitlines():
         assert line.endswith("]")
         assert line[line.rindex("[") + 1 : -1].isalnum()
