@@ -75,7 +75,7 @@ def folder(tmp_path_factory):
 
 
 @pytest.mark.parametrize(
-    "series", [pytest.param(one, marks=[pytest.mark.study] * (one == "C")) for one in SERIES]
+    "series", [pytest.param(one, marks=[pytest.mark.study] * (one != "B")) for one in SERIES]
 )
 def test_a_hundred_training_poses_reach_the_published_level(series, folder):
     found = calibrated(series, folder)
