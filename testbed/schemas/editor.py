@@ -6,6 +6,7 @@ Draft 7, which every editor of TOML reads: `definitions`, lists of fixed length 
 import json
 import re
 from collections.abc import Iterator, Mapping
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +23,7 @@ from testbed.schemas.names import directive, schema_name
 from testbed.strict import Strict, did_you_mean, models_in
 
 Json = dict[str, Any]
+Tables = tuple[tuple[str, type[Strict]], ...]
 DRAFT = "http://json-schema.org/draft-07/schema#"
 TITLE = "truebed"
 """How the title of every schema begins: a file that has it may be written again."""
@@ -33,7 +35,11 @@ PRESUMED = (PaperTracker, BoxGoal)
 
 def schema(file: str) -> Json:
     """JSON Schema of one of `FILES`: as strict as its reader, but for what takes computing."""
-    tables = roots(file)
+    return _schema(file, tuple(roots(file)))
+
+
+def _schema(file: str, tables: Tables) -> Json:
+    """The same of a file of these tables."""
     models = list(dict.fromkeys(one for _, root in tables for one in _all_in(root)))
     # mode "validation": what is read, not what is written
     named, whole = models_json_schema(
@@ -67,7 +73,13 @@ def schema_text(file: str) -> str:
             "FILE", file, f"there are {', '.join(FILES)}", code="C41",
             message=f'there is no schema of "{file}"', fix=did_you_mean(file, FILES),
         )  # fmt: skip
-    return json.dumps(schema(file), ensure_ascii=False, indent=1) + "\n"
+    return _text(file, tuple(roots(file)))
+
+
+@cache
+def _text(file: str, tables: Tables) -> str:
+    """The same of a file of these tables, made once: a person in a notebook writes several."""
+    return json.dumps(_schema(file, tables), ensure_ascii=False, indent=1) + "\n"
 
 
 def schema_beside(path: Path, file: str) -> str:
