@@ -167,6 +167,9 @@ def pose_budget(
         shown = grid
     # bisect between the last two numbers, and below for the bound
     smallest = curve.fewest(lambda point: point.reached, target, min(low, high), high)
+    if smallest is None:
+        # inputs that all readings share may make a larger set worse than a smaller one
+        smallest = next((m for m in shown if curve.at(m).reached <= target), None)
     if smallest is not None:
         # designed sets are not always better the larger they are: any set made on the way will do
         smallest = min(m for m, point in curve.points.items() if point.reached <= target)

@@ -12,6 +12,7 @@ from calib.design.exchange import Best
 from calib.design.random import draw_set
 from calib.errors import InputError
 from calib.information.criteria.named import criterion_named
+from calib.information.goals import Goals
 from tests.calib.design.design_cases import (
     goal_set,
     small_criterion,
@@ -120,6 +121,18 @@ def test_a_number_of_poses_that_no_set_can_do_with_is_passed_over(counts):
     none = pose_budget(problem, target, np.random.default_rng(0), counts=[2])
     assert none.smallest is None
     assert "no set of so many was found that tells all numbers apart" in none.sentence
+
+
+def test_a_target_that_fewer_poses_reach_and_more_do_not_is_reached():
+    """The second and third pose carry an error that all readings share; the first does not."""
+    blocks = np.array([[[1.0, 0.0]], [[1.0, 10.0]], [[1.0, 10.0]]])
+    rows = np.array([[[1.0], [0.0], [0.0]]])
+    criterion = criterion_named("V", goals=Goals(rows, np.ones(1)), inputs=1)
+    problem = Problem.of_blocks(blocks, 3, criterion, prior=np.diag([0.0, 1.0]))
+    found = pose_budget(problem, 1.5, np.random.default_rng(0), counts=[1, 3])
+    # of all three sqrt(1 / 3 + (20 / 3)^2)
+    np.testing.assert_allclose(found.reached, [1.0, np.sqrt(1 / 3 + 400 / 9)])
+    assert (found.smallest, found.proven, found.chosen.tolist()) == (1, 1, [0])
 
 
 def test_where_poses_may_repeat_a_budget_goes_beyond_the_pool():
