@@ -9,6 +9,7 @@ from calib.arrays import Array, check, frozen, require_kind, require_numbers
 from calib.errors import refuse
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import Parameters, parameters_of
+from calib.information.goals import Goals, goal_matrix, hidden_numbers
 from calib.information.rank import count, rank, singular_values, triangle
 from calib.information.reduction import reduce
 from calib.measurement.residual import point_blocks, whitened_blocks
@@ -29,7 +30,12 @@ def scaled_blocks(blocks: ArrayLike, parameters: Parameters) -> Array:
 
 
 def identifiable_blocks(
-    model: RobotModel, q: ArrayLike, noise: ArrayLike, free: Iterable[str] | None = None
+    model: RobotModel,
+    q: ArrayLike,
+    noise: ArrayLike,
+    free: Iterable[str] | None = None,
+    *,
+    goals: ArrayLike | None = None,
 ) -> tuple[Array, Parameters]:
     """Scaled blocks (N, r, p) of poses at joint values q (N, n), and the numbers they can identify.
 
@@ -45,6 +51,9 @@ def identifiable_blocks(
         measured, one standard deviation or three [m], or covariances, one (3, 3) or (N, 3, 3).
     free : iterable of str, optional
         Names of the numbers to identify; by default all of the model.
+    goals : (g, n) array_like, optional
+        Joint values at which the tool must be right [rad, m]: refused where numbers that no pose
+        shows, and which are therefore held, move it there.
     """
     require_kind("model", model, RobotModel, "a calib.RobotModel")
     (q,) = check(f"N {model.chain.n_joints}", q=q)
@@ -60,8 +69,21 @@ def identifiable_blocks(
         missing = "free names no number" if len(q) else "q has no poses"
         raise refuse("free" if len(q) else "q", code="A1", message=missing)
     A = scaled_blocks(rows, parameters).reshape(-1, parameters.n_free)
+    if goals is not None:
+        _require_shown(A, goal_matrix(model, goals, parameters), parameters)
     parameters = parameters.freeing(reduce(A, parameters, model=model, q=q).kept)
     return scaled_blocks(rows, parameters), parameters
+
+
+def _require_shown(A: Array, goals: Goals, parameters: Parameters) -> None:
+    """Refuse a goal that moves with something that rows A (N, f) never show."""
+    if names := hidden_numbers(A, goals, parameters.free_names):
+        message = (
+            f"{', '.join(names)} can change together so that the tool point at the goal moves, and "
+            "no pose of the pool shows it"
+        )
+        fix = "widen the pool, or let free name what is to be identified"
+        raise refuse("goals", names, code="M28", message=message, fix=fix)
 
 
 def paper_blocks(model: RobotModel, parameters: Parameters, q: ArrayLike) -> Array:

@@ -184,13 +184,14 @@ class Problem(Shown):
         criterion : str or Criterion
             Name, or a criterion made once.
         goals : (g, n) array_like, optional
-            Joint values at which the tool must be right, for V and G [rad, m].
+            Joint values at which the tool must be right, for V and G [rad, m]; the pool must show
+            whatever moves it there.
         noise : array_like
             As in `calib.design.blocks.identifiable_blocks`.
         free : iterable of str, optional
             Names of the numbers to identify; by default all of the model.
         """
-        blocks, parameters = identifiable_blocks(model, pool_q, noise, free)
+        blocks, parameters = identifiable_blocks(model, pool_q, noise, free, goals=goals)
         wanted = None if goals is None else goal_matrix(model, goals, parameters)
         return cls.of_blocks(
             blocks,

@@ -1,5 +1,6 @@
 """What the calibration is for: the poses where the tool point must be right, and their weights."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,10 +11,15 @@ from calib.errors import refuse
 from calib.geometry.jacobian import reflector_rows
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import Parameters
+from calib.information.rank import RANK_TOLERANCE
 from calib.kinds import checked_kinds
 from calib.shown import Shown
 
 NAME_GOALS = "name the poses or the box where the tool must be right"
+FELT = 1e-6
+"""Part of a unit step's effect on the goal below which a hidden direction does not matter."""
+WORTH_NAMING = 0.05
+"""Part of the largest number of a direction below which another is not named."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -90,3 +96,33 @@ def goal_matrix(
     else:
         rows = np.zeros((0, 3, model.n_numbers))
     return Goals(rows[:, :, parameters.free] * parameters.free_scale, np.asarray(share))
+
+
+def hidden_numbers(A: Array, goals: Goals, names: Sequence[str]) -> list[str]:
+    """Numbers that together move the tool point at a goal while nothing measured shows it.
+
+    Parameters
+    ----------
+    A : (N, f) array
+        Rows of what is measured, by the scaled free numbers.
+    goals : Goals
+        By the same numbers.
+    names : sequence of f str
+        Of the numbers.
+
+    Returns
+    -------
+    list of str
+        Of the direction that moves the goal most, at most four of them; none if there is none.
+    """
+    size = np.linalg.norm(A, axis=0)
+    size = np.where(size > RANK_TOLERANCE * size.max(), size, size.max())
+    # directions without effect on the rows, per unit of each column
+    _, singular, Vt = np.linalg.svd(np.linalg.qr(A / size, mode="r"))
+    hidden = Vt[int((singular > RANK_TOLERANCE * singular[0]).sum()) :].T / size[:, None]
+    effect = goals.rows.reshape(-1, A.shape[1]) @ hidden
+    if not hidden.size or np.abs(effect).max() < FELT * np.abs(goals.rows @ (1 / size)).max():
+        return []
+    way = np.abs(hidden @ np.linalg.svd(effect, full_matrices=False)[2][0])
+    order = np.argsort(-way, kind="stable")[:4]
+    return [names[k] for k in order if way[k] > WORTH_NAMING * way[order[0]]]

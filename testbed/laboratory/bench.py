@@ -10,8 +10,7 @@ from calib.design.blocks import paper_blocks, scaled_blocks
 from calib.errors import refuse
 from calib.geometry.parameters import Parameters
 from calib.identification.identify import Mode
-from calib.information.goals import goal_matrix
-from calib.information.rank import RANK_TOLERANCE
+from calib.information.goals import goal_matrix, hidden_numbers
 from calib.information.reduction import Reduction, reduce
 from calib.measurement.observations import DISTANCE
 from calib.measurement.residual import point_blocks, whitened_blocks
@@ -37,8 +36,6 @@ from testbed.units import counted, listed
 
 PROBED_POSES = 200
 """Pool poses from which identifiability is judged before anything is selected."""
-FELT = 1e-6
-"""Part of a unit step's effect on the goal below which a hidden direction does not matter."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -161,17 +158,10 @@ class Bench:
         """
         free = self.free("whitened")
         A = self._scaled_rows(q, free)
-        goals = goal_matrix(self.robot.model, goal_q, free, target=point).rows
-        size = np.linalg.norm(A, axis=0)
-        size = np.where(size > RANK_TOLERANCE * size.max(), size, size.max())
-        _, singular, Vt = np.linalg.svd(np.linalg.qr(A / size, mode="r"))
-        hidden = Vt[int((singular > RANK_TOLERANCE * singular[0]).sum()) :].T / size[:, None]
-        effect = goals.reshape(-1, free.n_free) @ hidden
-        if not hidden.size or np.abs(effect).max() < FELT * np.abs(goals @ (1 / size)).max():
+        goals = goal_matrix(self.robot.model, goal_q, free, target=point)
+        names = hidden_numbers(A, goals, free.free_names)
+        if not names:
             return
-        way = hidden @ np.linalg.svd(effect, full_matrices=False)[2][0]
-        order = np.argsort(-np.abs(way), kind="stable")[:4]
-        names = [free.free_names[k] for k in order if abs(way[k]) > 0.05 * abs(way[order[0]])]
         together = listed(names)
         message = (
             f"{together} can change together so that the tool point at the goal moves, and no pose "

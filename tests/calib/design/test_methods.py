@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy import linalg
 
 import calib.design
 from calib.design import METHODS, Problem, random_set
@@ -155,6 +156,31 @@ def test_a_problem_of_poses_is_that_of_their_blocks_and_of_what_they_tell_apart(
         goal.figure(other.information(range(12)), 12), rel=1e-9
     )
     assert repr(one) == "Problem(12 of 150 poses, 30 numbers, by V)"
+
+
+def test_goals_that_move_with_what_no_pose_of_the_pool_shows_are_refused():
+    """A joint that stands still in the pool, and not at the goal: links there would count as known.
+
+    That the tool moves at the goal and at no pose of the pool is seen by moving the model itself.
+    """
+    model, goal_q = tx60(), pool_r(60)[40:]
+    still = np.where(np.arange(6) == 3, 0.3, pool_r(60)[:40])
+    with pytest.raises(InputError, match=r"d5, .* no pose of the pool shows it"):
+        Problem.of_poses(model, still, poses=20, criterion="V", goals=goal_q)
+    (_, at_pool), (_, at_goal) = (model.poses_and_jacobian(q) for q in (still, goal_q))
+    hidden = linalg.null_space(at_pool.reshape(-1, 42))
+    step = 1e-6 * hidden @ np.linalg.svd(at_goal[:, :3].reshape(-1, 42) @ hidden)[2][0]
+    off_pool, off_goal = (
+        np.abs(model.moved(step).poses(q) - model.poses(q))[:, :3, 3].max() for q in (still, goal_q)
+    )
+    assert off_pool < 1e-4 * off_goal
+    # where the goal keeps the joint still as well, or what is free is named, it is no matter
+    alike = np.where(np.arange(6) == 3, 0.3, goal_q)
+    problem = Problem.of_poses(model, still, poses=20, criterion="V", goals=alike)
+    named = Problem.of_poses(
+        model, still, poses=20, criterion="V", goals=goal_q, free=problem.names
+    )
+    assert problem.names == named.names
 
 
 def test_where_only_points_are_measured_the_turn_of_the_tool_is_no_number():
