@@ -16,6 +16,8 @@ SURE = 0.01
 one good test in a hundred."""
 FEWEST = 10
 """Cycles below which nobody can tell."""
+SETTLED = 60
+"""Steps, each half of the way, after which a sum that allows for itself no longer moves."""
 LARGEST = 0.98
 """Of what a cycle keeps: more of them would be one cycle."""
 
@@ -26,9 +28,9 @@ class CycleMemory:
 
     References
     ----------
-    AR(1): var(mean) = (sigma^2 / n) V and E s^2 = sigma^2 (n - V) / (n - 1), V = 1 + 2 sum_k
-    (1 - k/n) kept^k. The degrees of freedom of s^2 follow from the same sum of kept^2. Bartlett
-    1946; the bias of the lag-one correlation, -(1 + 4 kept) / n: Kendall 1954.
+    var(mean) = (sigma^2 / n) V and E s^2 = sigma^2 (n - V) / (n - 1), V = 1 + 2 sum_k (1 - k/n) r_k
+    with r_k = kept^k of AR(1). The degrees of freedom of s^2 follow from the same sum of kept^2.
+    Bartlett 1946; the bias of the lag-one correlation, -(1 + 4 kept) / n: Kendall 1954.
     """
 
     kept: float
@@ -36,16 +38,26 @@ class CycleMemory:
     p_value: float
     """Chance of cycles so alike to their neighbors, in any order; nan of too few cycles."""
     cycles: int
+    drawn_out: float = 1.0
+    """V of the correlations at all lags: larger than that of AR(1) where a robot wanders slowly
+    below noise that each reading has of its own."""
 
     @property
     def worth(self) -> float:
         """How many independent cycles tell the mean as well."""
-        return self.cycles / self._sum(self.kept)
+        return self.cycles / self._inflation
 
     @property
     def shrunk(self) -> float:
         """Part of the variance that the scatter of these cycles shows."""
-        return (self.cycles - self._sum(self.kept)) / (self.cycles - 1)
+        return (self.cycles - self._inflation) / (self.cycles - 1)
+
+    @property
+    def freedom_of_mean(self) -> float:
+        """Degrees of freedom of the uncertainty of a mean."""
+        if not self.kept:
+            return self.cycles - 1.0
+        return max(min(self.freedom(self.cycles - 1), self.worth - 1), 1.0)
 
     def freedom(self, dof: int) -> float:
         """Degrees of freedom of a scatter that has `dof` where cycles are independent."""
@@ -91,8 +103,13 @@ class CycleMemory:
             "narrow the limits"
         )
 
+    @property
+    def _inflation(self) -> float:
+        """V, the larger of both."""
+        return max(self._sum(self.kept), self.drawn_out)
+
     def _sum(self, kept: float) -> float:
-        """V, at least one."""
+        """V of AR(1), at least one."""
         lag = np.arange(1, self.cycles)
         return 1.0 + 2.0 * float(((1 - lag / self.cycles) * kept**lag).sum())
 
@@ -127,7 +144,26 @@ def cycle_memory(position: ArrayLike) -> CycleMemory:
     alike = products[orders[:, 1:], orders[:, :-1]].sum(axis=1)
     p = float((alike >= alike[0] - 1e-12).mean())
     kept = float((alike[0] + 1 / n) / (1 - 4 / n))
-    return CycleMemory(min(max(kept, 0.0), LARGEST) if p < SURE else 0.0, p, n)
+    if p >= SURE or kept <= 0:
+        return CycleMemory(0.0, p, n)
+    lags = np.array([np.trace(products, k) for k in range(n)])
+    return CycleMemory(min(kept, LARGEST), p, n, _sum_of_lags(lags))
+
+
+def _sum_of_lags(correlation: Array) -> float:
+    """V of sums of products (n,) at each lag, over that at lag zero.
+
+    Pairs of lags count as long as they are positive, none more than the one before: the initial
+    monotone sequence of Geyer 1992. Deviations from the mean of the cycles make each lag smaller by
+    (1 - k/n) V/n, and half of the cycles is the most that so few can tell.
+    """
+    n, V = len(correlation), 1.0
+    part = 1 - np.arange(n) / n
+    for _ in range(SETTLED):
+        lags = (correlation + part * V / n)[1 : n - 1 + n % 2]
+        pairs = np.minimum.accumulate(lags[::2] + lags[1::2])
+        V = (V + min(1 + 2 * float(pairs[pairs > 0].sum()), n / 2)) / 2
+    return V
 
 
 def wider(value: Array, memory: CycleMemory | None) -> Array:

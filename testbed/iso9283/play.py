@@ -98,7 +98,7 @@ def _poses(visits: Visits, shared: Shared, memory: CycleMemory) -> Iterator[Stat
     x, c, n, names = visits.position, visits.command, visits.cycles, visits.names
     common = shared.covariance(x.mean(axis=1))
     AP, RP = accuracy(x, c, common=common), repeatability(x, noise=visits.noise)
-    apart, dof = _shared_part(AP, accuracy(x, c)), memory.freedom(n - 1)
+    apart, dof = _shared_part(AP, accuracy(x, c)), memory.freedom_of_mean
     AP, RP = memory.of_mean(AP, apart), memory.of_scatter(RP)
     yield from _figures("AP", names, AP, mean_limits(AP, dof), n, shared=apart)
     variance = x.var(axis=1, ddof=1) / (memory.worth * memory.shrunk)
@@ -146,7 +146,7 @@ def _directions(visits: Visits, memory: CycleMemory) -> Iterator[StatedFigure]:
         own = [e for e, name in enumerate(visits.pose) if name == pose]
         if len(own) > 1:
             found = memory.of_mean(gaps(visits.position[own]))
-            limits = largest_limits(found, 2 * memory.freedom(n - 1))
+            limits = largest_limits(found, 2 * memory.freedom_of_mean)
             yield from _figures("vAP", (pose,), found.largest, limits, n)
 
 
@@ -161,7 +161,7 @@ def _distances(visits: Visits, shared: Shared, memory: CycleMemory) -> Iterator[
         common = shared.of_distance(x[one].mean(axis=0), x[two].mean(axis=0))
         AD = memory.of_mean(distance_accuracy(x[one], x[two], wanted, common=common), common)
         value, u = float(D.mean() - wanted), float(AD.uncertainty)
-        half = float(stdtrit(memory.freedom(n - 1), (1 + PROBABILITY) / 2)) * u
+        half = float(stdtrit(memory.freedom_of_mean, (1 + PROBABILITY) / 2)) * u
         where = f"{visits.names[one]} to {visits.names[two]}"
         floor = float(AD.floor)
         yield StatedFigure(
