@@ -25,6 +25,9 @@ APART = "test_scenes.py"
 TOGETHER = tuple(f"tests/testbed/{room}/" for room in ("identify", "plan", "studies"))
 """Rooms whose files look at the same campaigns: what one of them plays, the others have."""
 
+LONG = (APART, "tests/truth/", "cli/test_video.py", "cli/test_viewer.py", "tests/test_examples.py")
+"""Few tests of many seconds each: they go first, so that no process waits for one at the end."""
+
 
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
@@ -32,6 +35,11 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
     from xdist.scheduler import LoadFileScheduling
 
     class ByFile(LoadFileScheduling):
+        def _assign_work_unit(self, node: Any) -> None:
+            for scope in [one for one in self.workqueue if any(name in one for name in LONG)]:
+                self.workqueue.move_to_end(scope, last=False)
+            super()._assign_work_unit(node)
+
         def _split_scope(self, nodeid: str) -> str:
             scope = super()._split_scope(nodeid)
             room = next((room for room in TOGETHER if scope.startswith(room)), scope)
