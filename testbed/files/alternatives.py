@@ -12,7 +12,7 @@ from calib.geometry.chain import Chain
 from calib.geometry.frames import inverse, transform
 from calib.measurement.observations import Measurements
 from testbed.files.rotations import EULER, MATRIX, QUATERNION, VECTOR, axes_of, rotations
-from testbed.files.rows.counts import added, other_counts
+from testbed.files.rows.counts import Count, added, other_counts
 from testbed.files.session import Stated
 from testbed.robots.controller import AS_THE_ARM, Controller
 
@@ -92,8 +92,7 @@ def alternatives_of(
     for other, read in _joints(replace(rows, q=J), chain, controller):
         yield other, replace(read, q=controller.to_arm(read.q))
     for one in other_counts(J, chain, controller):
-        coupling = Alternative("coupling", one.condition, one.fix, "M20", f"q{one.joint + 1}")
-        yield coupling, replace(rows, q=one.q)
+        yield coupling_of(one), replace(rows, q=one.q)
     for a, b in combinations(range(3 if rows.rotation is not None else 0), 2):
         condition = f"if the columns {'xyz'[a]} and {'xyz'[b]} are swapped"
         fix = "name them the other way round"
@@ -126,6 +125,11 @@ def shifted(shift: int, which: str = "") -> Alternative:
     many = "one row" if abs(shift) == 1 else f"{abs(shift)} rows"
     fix = f"move the readings{which} {many} {'up' if shift > 0 else 'down'}, beside their joints"
     return Alternative("rows", f"if row k{shift:+d}{which} belongs to pose k", fix, "M31", "match")
+
+
+def coupling_of(count: Count) -> Alternative:
+    """Joints that are counted otherwise, as another reading."""
+    return Alternative("coupling", count.condition, count.fix, "M20", f"q{count.joint + 1}")
 
 
 def _joints(rows: Interpretation, chain: Chain, controller: Controller) -> OtherReadings:

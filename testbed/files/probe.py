@@ -18,6 +18,7 @@ from calib.measurement.observations import Measurements
 from testbed.files.alternatives import (
     Alternative,
     alternatives_of,
+    coupling_of,
     distance_alternatives,
     shifted,
     small_rows,
@@ -25,6 +26,7 @@ from testbed.files.alternatives import (
 )
 from testbed.files.frames_fit import FAR, Misfit, flange_poses, target_groups
 from testbed.files.refusal import refusal
+from testbed.files.rows.ratios import ratios_that_fit
 from testbed.files.rows.shifts import (
     FEWEST,
     Shifted,
@@ -188,6 +190,8 @@ def probe(robot: Robot, session: Session) -> Probe:
         Tried(other, misfit_of(robot.model, read, one_valley=True))
         for other, read in (*numbers, *mixed)
     ]
+    fitting = ratios_that_fit(robot, read, stated)
+    tried += [Tried(coupling_of(one), left) for one, left in fitting]
     some_lines = lines or other_rows(session, rows)
     tried += [_of_rows(robot.model, one, stated.score) for one in some_lines]
     tried.sort(key=lambda one: one.misfit.score)

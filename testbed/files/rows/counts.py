@@ -26,11 +26,12 @@ class Count:
     """(m, n) [rad, m]."""
 
 
-def added(controller: Controller, statement: str) -> str:
-    """What to do so that a robot's file has a statement more."""
+def added(controller: Controller, *statements: str) -> str:
+    """What to do so that a robot's file has some statements more."""
+    listed = ", ".join(f'"{text}"' for text in statements)
     if controller.plain:
-        return f'write joints = ["{statement}"] under [controller] in its robot.toml'
-    return f'add "{statement}" to joints under [controller] in its robot.toml'
+        return f"write joints = [{listed}] under [controller] in its robot.toml"
+    return f"add {listed} to joints under [controller] in its robot.toml"
 
 
 def other_counts(J: Array, chain: Chain, controller: Controller) -> Iterator[Count]:

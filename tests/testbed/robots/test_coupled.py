@@ -1,6 +1,7 @@
 """An arm whose controller counts joints its own way gives what the same arm gives by plain ones."""
 
 import csv
+import re
 from dataclasses import replace
 from io import StringIO
 
@@ -232,3 +233,21 @@ def test_what_is_proposed_for_the_robot_file_makes_its_table_pass(
     found = probe(right, session(tmp_path, table, right))
     found.raise_if_wrong()
     assert found.stated.position < 1.0e-3
+
+
+@pytest.mark.parametrize(
+    "truly",
+    [["q5 = J5 + 1/50 J4"], ["q5 = J5 - 0.13 J4", "q6 = J6 - 0.03 J5 + 0.01 J4"]],
+    ids=["one", "several"],
+)
+def test_ratios_of_gears_are_found_from_a_table_that_does_not_know_them(tmp_path, truly):
+    right = with_controller(*truly, robot=WIDE)
+    table = with_spread(counted(right, in_radians(made(m=14))))
+    with pytest.raises(InputError, match="with the ratio") as caught:
+        probe(WIDE, session(tmp_path, table, WIDE)).raise_if_wrong()
+    lines = re.findall(r'"(q[^"]*)"', caught.value.fix)
+    found = with_controller(*lines, robot=WIDE)
+    assert found.controller.stated == right.controller.stated
+    # joints are 0.04 deg off on a range of 5 rad, as the readings of 14 poses show them
+    assert np.abs(found.controller.matrix - right.controller.matrix).max() < 1e-3
+    probe(found, session(tmp_path, table, found)).raise_if_wrong()
