@@ -8,7 +8,7 @@ from calib.arrays import Array, Index, frozen
 from calib.errors import InputError, refuse
 from testbed.laboratory.bench import Bench
 from testbed.laboratory.goal import Goal, box_of, of_the_goal
-from testbed.laboratory.joint_lists import from_deg
+from testbed.laboratory.joint_lists import check_joints, from_deg
 from testbed.laboratory.pool import is_new, joint_ranges
 from testbed.laboratory.route.moves import RESOLUTION
 from testbed.laboratory.route.route import Route, measuring_route
@@ -173,6 +173,8 @@ def start_of(bench: Bench) -> Array:
     if not robot.controller.plain:
         own = robot.controller.limits.T
         start = robot.controller.to_arm(np.clip(robot.controller.of_arm(start), *own))
+        if not given:
+            check_joints(robot, start[None], ["[plan] start_deg, at joints of zero"], "plan")
     if given:
         start = np.asarray(from_deg(robot, [given], "[plan] start_deg", single=True)[0])
     if bench.simulator.collides(start[None])[0]:

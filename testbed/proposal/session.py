@@ -144,7 +144,7 @@ def _same_poses(alike: list[Found], joints: list[str]) -> bool:
 
 def _proposed(looks: tuple[Found, ...], robot: Robot | None, root: Path) -> Proposed:
     """The same without the files that it leaves aside."""
-    own = _columns_of(robot) if robot is not None else tuple(range(1, _count(looks) + 1))
+    own = columns_of(robot) if robot is not None else tuple(range(1, _count(looks) + 1))
     drafts, n = list(drafts_of(looks, own)), len(own)
     if not drafts:
         ahead = [foretold(one.head) for one in looks]
@@ -199,14 +199,14 @@ def _joints(look: Found) -> set[int]:
     return {k for k in range(1, MOST_JOINTS) if f"q{k}" in look.stems or f"q{k}_read" in look.stems}
 
 
-def _columns_of(robot: Robot) -> tuple[int, ...]:
+def columns_of(robot: Robot) -> tuple[int, ...]:
     """Numbers of the joints that a table of a robot has columns of."""
     return tuple(robot.controller.counted(robot.model.chain.n_joints) + 1)
 
 
 def _require_joints(looks: tuple[Found, ...], robot: Robot) -> None:
     """Refuse a file with some of the joints: there is no other one to name."""
-    own = _columns_of(robot)
+    own = columns_of(robot)
     for look in looks:
         there = _joints(look)
         if missing := sorted(set(own) - there) if there else []:

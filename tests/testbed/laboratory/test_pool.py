@@ -14,6 +14,7 @@ from testbed.laboratory.pool import CONE, OBSTACLE, PATIENCE, SAMPLE, Candidates
 from testbed.laboratory.pool import REASONS as ALL
 from testbed.laboratory.simulator import Simulator
 from testbed.robots.catalog import Robot
+from testbed.robots.coupled import ControllerTable
 from testbed.scenario.tables import PoolSettings
 from tests.reference import TX60_LIMITS, pool_r, tx60
 
@@ -46,6 +47,21 @@ def test_with_all_tests_off_it_is_the_reference_pool(robot, simulator):
     assert np.linalg.norm(pool.T[:, :3, 3], axis=1).mean() == pytest.approx(0.45702112, abs=5e-9)
     goals = drawn(robot, simulator, seed=99, size=2000, self_collision=False, line_of_sight=False)
     assert np.linalg.norm(goals.T[:, :3, 3], axis=1).mean() == pytest.approx(0.46119699, abs=5e-9)
+
+
+def test_poses_keep_the_limits_of_a_controller_and_what_it_holds(robot, simulator):
+    table = ControllerTable(
+        joints=("q3 = J3 - J2", "q5 = -q2 - q3"), limits_deg={"J3": (-40.0, 60.0)}
+    )
+    controller = table.controller(robot.model.chain.kinds)
+    made = drawn(
+        replace(robot, controller=controller), simulator, size=50, self_collision=False,
+        line_of_sight=False, joint_margin_deg=2.0,
+    ).q  # fmt: skip
+    J3 = np.degrees(made[:, 2] + made[:, 1])
+    assert ((J3 > -38) & (J3 < 58)).all()
+    assert np.abs(made[:, 4] + made[:, 1] + made[:, 2]).max() < 1e-15
+    assert ((made > TX60_LIMITS[:, 0]) & (made < TX60_LIMITS[:, 1])).all()
 
 
 def test_every_kept_pose_passes_every_test(pool, simulator):

@@ -14,9 +14,11 @@ from calib.measurement.accuracy import rotation_errors
 from testbed.files.probe import probe
 from testbed.files.programs.correct import correct_program
 from testbed.files.read import read_session
+from testbed.files.rows.shifts import as_read, misfit_of
 from testbed.laboratory.joint_lists import from_deg, read_joints
 from testbed.proposal.data import look_at
-from testbed.proposal.session import propose_session
+from testbed.proposal.parts import joint_parts
+from testbed.proposal.session import columns_of
 from testbed.robots.coupled import ControllerTable
 from testbed.run.export import session_csv
 from tests.testbed.files import made as made_of
@@ -175,8 +177,10 @@ def test_a_table_of_an_arm_with_a_held_joint_has_no_column_of_it(tmp_path):
     table = with_spread(counted_held(table))
     found = session(tmp_path, table, HELD).measurements
     assert_allclose(found.q[:, 3], -found.q[:, 1] - found.q[:, 2], atol=1e-15)
-    proposed = propose_session(look_at([tmp_path / "a.csv"], tmp_path), HELD, tmp_path)
-    assert not proposed.to_mend
+    # as new session looks for them
+    (look,) = look_at([tmp_path / "a.csv"], tmp_path)
+    assert any(joint_parts(look, columns_of(HELD)))
+    assert not any(joint_parts(look, columns_of(ROBOT)))
 
 
 def counted_held(table):
@@ -230,9 +234,12 @@ def test_what_is_proposed_for_the_robot_file_makes_its_table_pass(
         probe(wrong, session(tmp_path, table, wrong)).raise_if_wrong()
     assert caught.value.code == "M20"
     assert proposed in caught.value.fix
-    found = probe(right, session(tmp_path, table, right))
-    found.raise_if_wrong()
-    assert found.stated.position < 1.0e-3
+    assert left(right, session(tmp_path, table, right)) < 1.0e-3
+
+
+def left(robot, read):
+    """What base and tool leave [m]: no other reading is five times better than so little."""
+    return misfit_of(robot.model, as_read(read, np.arange(len(read.measurements)))).position
 
 
 @pytest.mark.parametrize(
@@ -250,4 +257,4 @@ def test_ratios_of_gears_are_found_from_a_table_that_does_not_know_them(tmp_path
     assert found.controller.stated == right.controller.stated
     # joints are 0.04 deg off on a range of 5 rad, as the readings of 14 poses show them
     assert np.abs(found.controller.matrix - right.controller.matrix).max() < 1e-3
-    probe(found, session(tmp_path, table, found)).raise_if_wrong()
+    assert left(found, session(tmp_path, table, found)) < 1.5e-3
