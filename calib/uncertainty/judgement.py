@@ -12,6 +12,7 @@ import numpy as np
 from calib.held_out_counts import FEWEST, fewest_poses
 from calib.identification.fit_statistics import RED
 from calib.identification.identify import Identification, Status
+from calib.identification.outliers.tails import LongTails, long_tails
 from calib.kinds import checked_kinds
 from calib.measurement.observations import Measurements
 from calib.measurement.remembered import remembering
@@ -64,6 +65,9 @@ class Judgement(Shown):
     """Virtual calibrations; None where none were asked for, or where they decide nothing."""
     trust: Trust
     """What is believed, and why."""
+    tails: LongTails | None = None
+    """Tails of the residuals that are longer than those of normal noise; None where they are not.
+    """
 
     def __repr__(self) -> str:
         count = 0 if self.held_out is None else len(self.held_out)
@@ -164,7 +168,7 @@ def judge(
         linear is not None and linear.outcome == "not validated"
     )
     settled = replayed is not None and replayed.settled
-    belief = frame = slow = point = None
+    belief = frame = slow = point = tails = None
     sound = identification.status is Status.CONVERGED and identification.mode == "whitened"
     if sound and (settled or not bent):
         numbers = None
@@ -176,13 +180,17 @@ def judge(
         )
         if belief is not None:
             point = stated_radius(belief, train, test, frame, known, quiet)
+        apart = frame is not None and frame.found
+        tails = long_tails(identification, train, test.rows([]) if apart else test)
     questions = _asked(identification, seen, belief, frame, slow)
     verdict = trust(
         identification, belief=belief, point=point, questions=questions, held_out=seen,
         frame=frame, drifting=slow, conformal=radius, bootstrap=replayed, linear=linear,
-        unmodelled=known.unmodelled,
+        unmodelled=known.unmodelled, tails=tails,
     )  # fmt: skip
-    return Judgement(belief, point, questions, seen, frame, slow, spread, radius, replayed, verdict)
+    return Judgement(
+        belief, point, questions, seen, frame, slow, spread, radius, replayed, verdict, tails
+    )
 
 
 def _asked(

@@ -9,6 +9,7 @@ import numpy as np
 from calib.held_out_counts import fewest_poses
 from calib.identification.fit_statistics import RED
 from calib.identification.identify import Identification, Status
+from calib.identification.outliers.tails import LongTails
 from calib.shown import Shown
 from calib.uncertainty.bootstrap import Bootstrap
 from calib.uncertainty.conformal import Conformal
@@ -58,6 +59,7 @@ def trust(
     bootstrap: Bootstrap | None = None,
     linear: LinearCheck | None = None,
     unmodelled: Sequence[str] = (),
+    tails: LongTails | None = None,
 ) -> Trust:
     """Put what was found into words: what is believed first, then what is in it, then the tests.
 
@@ -77,6 +79,8 @@ def trust(
         What else was computed.
     unmodelled : sequence of str
         What is known to be missing in every covariance.
+    tails : LongTails, optional
+        Of the residuals, where they are longer than those of normal noise.
     """
     reasons = _against(identification, held_out)
     nonlinear = [part.sentence for part in (bootstrap,) if part is not None and not part.agrees]
@@ -95,6 +99,10 @@ def trust(
         words.append("The parameters alone do not explain the readings: " + "; ".join(reasons))
     else:
         words.append(_unrefuted(questions, held_out, frame))
+    if tails is not None:
+        words.append(_capital(tails.sentence))
+        if identification.loss == "squared" and tails.source != "misfit":
+            words.append(_capital(tails.remedy))
     if nonlinear and belief is not None:
         words.append(
             "Linear propagation does not hold here, so the parameters' part is that of virtual "

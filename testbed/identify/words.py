@@ -191,6 +191,9 @@ def next_step(calibration: Calibration) -> str:
     if not proof.belief.n_guards:
         done = "guards" if proof.held_out is not None else "has tested"
         return f"{text} Say that no held-out pose {done} it. {_more_poses()}"
+    if proof.tails is not None and not proof.tails.source:
+        apart = "that would tell noise with long tails from a misfit"
+        return f"{text} Visit every pose twice: {apart}."
     if calibration.refuted:
         learnt = fit.test.position.mean <= LEARNT * fit.train.position.mean
         text += (

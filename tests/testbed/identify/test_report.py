@@ -10,6 +10,7 @@ import pytest
 
 from calib.geometry.joint_errors import harmonic_terms
 from calib.identification.identify import Status
+from calib.identification.outliers.tails import LongTails
 from calib.uncertainty.regions import coverage_factor
 from calib.uncertainty.tool_point import tool_statement
 from calib.uncertainty.trust import Trust
@@ -168,6 +169,16 @@ def test_a_worse_model_is_not_said_to_fall_and_is_not_recommended():
     turned = replace(found, before_test=found.fit.test, fits=(found.fits[0], worse))
     assert " RISES from " in verdict(turned)
     assert next_step(turned).startswith("Do not use this model")
+
+
+def test_where_few_rows_miss_most_the_next_step_is_a_second_visit_and_not_that_it_is_no_noise():
+    """What visits have told already needs no more of them."""
+    found = real()
+    for source, said in (("", True), ("noise", False)):
+        tails = LongTails(3.0, 1e-6, 4, 14, 60, source)
+        step = next_step(replace(found, proof=replace(found.proof, tails=tails)))
+        assert ("Visit every pose twice" in step) == said
+        assert "it is not noise" not in step or source
 
 
 def test_what_is_quoted_is_not_said_of_files_that_lack_the_joint_errors():
