@@ -17,7 +17,7 @@ DEG = 180.0 / np.pi
 """Degrees per radian."""
 MDEG = 1e3 * DEG
 """Thousandths of a degree per radian."""
-MICRO = re.compile(r"(?<=[\d)]) um\b")
+MICRO = re.compile(r"(?<=[\d)]) [uµ]m\b")
 NARROW = "\u202f"
 """Narrow space that does not break a line, between a number and its sign."""
 

@@ -69,10 +69,11 @@ def handed_numbers(calibration: Calibration) -> tuple[HandedNumber, ...]:
     shares = dict(zip((row.name for row in rows), calibration.handback.by_prior, strict=False))
     springs = handed.model.joint_errors.springs
     together = dict.fromkeys(() if springs is None else springs.names, TOGETHER)
+    # what no reading tells has no U, and of links what base and tool take up, wherever they stand
+    untold = {row.name for row in rows} - {*sizes, *result.names}
+    untold |= (set(sizes) & set(result.reduction.dropped)) - believed
+    together |= dict.fromkeys(untold, NOMINAL)
     together |= dict.fromkeys(_shared(calibration, believed), SHARED)
-    # what no reading tells of base and tool has no U, however their frames are turned
-    idle = {row.name for row in rows} - {*sizes, *result.names}
-    together |= dict.fromkeys(idle, NOMINAL)
     return tuple(
         HandedNumber(replace(row, expanded=None), sizes.get(row.name), together[row.name])
         if row.name in together and row.expanded is not None

@@ -153,6 +153,7 @@ def test_points_give_the_tool_no_uncertainty_of_how_it_is_turned(made):
         told = {row["number"]: (row["U_k2"], row["held_by"]) for row in csv.DictReader(file)}
     assert {told[f"tool.{turn}"] for turn in ("rx", "ry", "rz")} == {("", "nominal")}
     assert told["base.rx"][1] == "measurements"
+    assert told["beta1"] == told["theta1"] == ("", "nominal")  # the base takes them up
 
 
 def test_the_robot_can_be_read_again_from_each_of_its_files(made):
