@@ -5,6 +5,7 @@ import numpy as np
 from calib.held_out_counts import fewest_poses
 from calib.uncertainty.statement.stated_point import StatedPoint
 from testbed.identify.applies.beyond import beyond_words, simpler_words
+from testbed.identify.applies.targets import tool_words as target_words
 from testbed.identify.applies.unsaid import unsaid_words
 from testbed.identify.calibration import Calibration
 from testbed.identify.conditions import conditions_words
@@ -187,6 +188,8 @@ def next_step(calibration: Calibration) -> str:
     text = f"{use} Quote {quote} for the mean of many moves"
     if np.isfinite(proof.point.radius_move):
         text += f", {significant(proof.point.radius_move * UM)} um for where one move ends"
+    # the tool of the file is another point, known less well: what is stated at targets is of it
+    text += ", of the target that was measured" if target_words(calibration) else ""
     text += ", at poses like the held-out ones."
     if not proof.belief.n_guards:
         done = "guards" if proof.held_out is not None else "has tested"
