@@ -185,11 +185,11 @@ def next_step(calibration: Calibration) -> str:
         radius = f"{mm(proof.conformal.radius)} mm (95 % of measured points)"
         return f"{use} Quote the held-out radius of {radius} with it, at poses like the held-out."
     quote = f"{r95(proof.point)} = {significant(proof.point.radius_mean * UM)} um"
-    text = f"{use} Quote {quote} for the mean of many moves"
-    if np.isfinite(proof.point.radius_move):
-        text += f", {significant(proof.point.radius_move * UM)} um for where one move ends"
     # the tool of the file is another point, known less well: what is stated at targets is of it
-    text += ", of the target that was measured" if target_words(calibration) else ""
+    whose = " of the measured target" if target_words(calibration) else ""
+    text = f"{use} Quote {quote} for the mean of many moves{whose}"
+    if np.isfinite(proof.point.radius_move):
+        text += f", {significant(proof.point.radius_move * UM)} um for one move"
     text += ", at poses like the held-out ones."
     if not proof.belief.n_guards:
         done = "guards" if proof.held_out is not None else "has tested"
@@ -216,8 +216,8 @@ def _what_to_use(calibration: Calibration) -> str:
     plain = calibration.fits[0]
     left = mm((plain.test or plain.train).position.mean)
     return (
-        "Send the corrected targets (--program CSV), or load robot/robot.toml: they alone have the "
-        "joint errors, and what is quoted here is theirs. A reader of URDF or MJCF takes "
+        "Send the corrected targets (--program CSV), or load robot/robot.toml: the joint errors, "
+        "and what is quoted, are theirs alone. A reader of URDF or MJCF takes "
         f"{GEOMETRIC}/, whose {kind(calibration)} is {left} mm."
     )
 

@@ -199,7 +199,7 @@ def without(found, **parts):
 def test_what_may_be_quoted_follows_from_what_is_believed():
     found = sound()
     assert "Quote R95 (3-D radius, 95 %) = " in next_step(found)
-    assert "um for where one move ends" in next_step(found)
+    assert "um for one move" in next_step(found)
     alone = without(found, belief=replace(found.proof.belief, n_guards=0))
     assert "no held-out pose guards it" in next_step(alone)
     none = without(found, belief=None, point=None, trust=Trust("none", True, ("Why",)))
