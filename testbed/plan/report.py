@@ -40,7 +40,7 @@ from testbed.report.page import (
     render,
 )
 from testbed.robots.catalog import Robot
-from testbed.units import DEG, MDEG, MM, UM, counted, fixed, significant
+from testbed.units import DEG, MDEG, MM, UM, counted, fixed, sentence, significant
 
 ABREAST = 3
 """Numbers in one row of a table."""
@@ -142,7 +142,8 @@ def order_section(plan: Plan) -> Section:
         size="small",
         note=f"Azimuth, elevation and range of the {reading.target}, seen from the tracker in axes "
         "parallel to the robot's base. plan.csv has every digit and every target."
-        + (starred if any(map(len, tour.vias)) else ""),
+        + (starred if any(map(len, tour.vias)) else "")
+        + (f" {sentence(told)}" if (told := plan.controller.sentence) else ""),
     )
     caption = (
         "Path of the tool from pose to pose, numbered as in the table where there is room; square: "

@@ -1,16 +1,16 @@
 """Corrections that a controller can send: within its own limits, and by the joints it has."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TypeVar
 
 import numpy as np
 
-from calib.arrays import Array, frozen
+from calib.arrays import Array, Bool, frozen
 from calib.compensation import LARGEST, Correction, PoseCorrection
 from calib.geometry.inverse import SINGULAR_CONDITION, InverseStatus
 from calib.geometry.inverse_search import PoseSearch
 from calib.geometry.model import RobotModel
-from calib.geometry.operating import OperatingConditions
+from calib.geometry.operating import AS_USUAL, OperatingConditions
 from calib.geometry.parameters import CHARACTERISTIC_LENGTH
 from testbed.robots.controller import BEYOND
 from testbed.robots.robot import Robot
@@ -55,7 +55,11 @@ def by_motors(
     if controller.plain:
         return correction
     if controller.held:
-        correction = _searched(robot, identified, correction, T, controller.holding(q), at)
+        if isinstance(correction, PoseCorrection):
+            # the pose may be rounded, or none that this arm can take: its point counts
+            q = _brought(robot, robot.model, T, controller.holding(q), AS_USUAL).q
+            correction = replace(correction, q_before=frozen(q))
+        correction = _searched(robot, identified, correction, T, q, at)
     fits = controller.allows(q) & controller.allows(correction.q)
     status: list[InverseStatus] = [
         "limits" if one == "reached" and not fits[k] else one
@@ -64,18 +68,28 @@ def by_motors(
     return replace(correction, status=tuple(status))
 
 
-def _searched(
-    robot: Robot,
-    identified: RobotModel,
-    correction: Corrected,
-    T: Array,
-    q: Array,
-    at: OperatingConditions,
-) -> Corrected:
-    """The same by Gauss-Newton over the joints that have a motor, from joints q (m, n)."""
-    controller, start = robot.controller, q
-    motors = controller.matrix[:, controller.counted(q.shape[1])]
-    task = PoseSearch(identified, T, q, robot.limits, at, whole_turns=False, position_first=True)
+@dataclass(frozen=True, slots=True, eq=False)
+class _Brought:
+    """Where the motors bring the tool."""
+
+    q: Array
+    """(m, n) [rad, m]."""
+    place: Array
+    """(m,) how far the point is from its target [m]."""
+    turn: Array
+    """(m,) how far the rotation is [rad]."""
+    near: Bool
+    """(m,) whether the point is there."""
+    condition: Array
+    """(m,) of the point's three equations."""
+
+
+def _brought(
+    robot: Robot, model: RobotModel, T: Array, q: Array, at: OperatingConditions
+) -> _Brought:
+    """Tools of a model brought to T (m, 4, 4) from joints q (m, n), by Gauss-Newton."""
+    motors = robot.controller.matrix[:, robot.controller.counted(q.shape[1])]
+    task = PoseSearch(model, T, q, robot.limits, at, whole_turns=False, position_first=True)
     for _ in range(STEPS):
         e, J = task.error(q)
         step = (np.linalg.pinv(J / task.unit @ motors, rcond=LEAST) @ e[..., None])[..., 0]
@@ -83,28 +97,37 @@ def _searched(
         if np.abs(step).max(initial=0.0) < STILL:
             break
     e, J = task.error(q)
-    place, turn = task.missed(e)
-    near = task.near(e)
-    lower, upper = robot.limits.T
-    inside = ((q >= lower - BEYOND) & (q <= upper + BEYOND)).all(axis=1)
-    # of the three equations that are solved
     s = np.linalg.svd((J / task.unit @ motors)[:, :3], compute_uv=False)
     condition = s[:, 0] / np.maximum(s[:, -1], 1e-16 * s[:, 0])
+    return _Brought(q, *task.missed(e), task.near(e), np.asarray(condition))
+
+
+def _searched(
+    robot: Robot,
+    identified: RobotModel,
+    correction: Corrected,
+    T: Array,
+    start: Array,
+    at: OperatingConditions,
+) -> Corrected:
+    """The same by the joints that have a motor, from joints (m, n)."""
+    found = _brought(robot, identified, T, start, at)
+    lower, upper = robot.limits.T
+    inside = ((found.q >= lower - BEYOND) & (found.q <= upper + BEYOND)).all(axis=1)
     unit = np.where(identified.chain.prismatic, CHARACTERISTIC_LENGTH, 1.0)
-    far = (np.abs(q - start) > LARGEST * unit).any(axis=1) | (condition > SINGULAR_CONDITION)
+    far = (np.abs(found.q - start) > LARGEST * unit).any(axis=1)
+    far |= found.condition > SINGULAR_CONDITION
     status: list[InverseStatus] = []
     for k, before in enumerate(correction.status):
         outcome: InverseStatus = "singular" if far[k] else "reached" if inside[k] else "limits"
-        # what the nominal arm cannot take stays so
-        kept = isinstance(correction, PoseCorrection) and before in ("limits", "out of reach")
-        status.append(before if kept else outcome if near[k] else "out of reach")
-    found = {"q": frozen(q), "position_error": frozen(place), "rotation_error": frozen(turn)}
+        # outside its limits the nominal arm takes no target of its program
+        kept = isinstance(correction, PoseCorrection) and before == "limits"
+        status.append(before if kept else outcome if found.near[k] else "out of reach")
     if isinstance(correction, PoseCorrection):
-        return replace(
-            correction, **found, T=frozen(robot.model.poses(q)), status=tuple(status),
-            condition=frozen(condition),
-        )  # fmt: skip
+        correction = replace(correction, T=frozen(robot.model.poses(found.q)))
+    else:
+        correction = replace(correction, step=frozen(found.q - start))
     return replace(
-        correction, **found, step=frozen(q - start), status=tuple(status),
-        condition=frozen(condition),
+        correction, q=frozen(found.q), position_error=frozen(found.place),
+        rotation_error=frozen(found.turn), condition=frozen(found.condition), status=tuple(status),
     )  # fmt: skip

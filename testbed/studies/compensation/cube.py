@@ -100,7 +100,11 @@ def _unfit(T: Array, number: int) -> InputError:
 
 def cube_fault(settings: Cube, cell: CellSettings, robot: Robot) -> Fault | None:
     """What keeps the robot from the cube, known before anything is played; None if nothing does."""
-    chain = robot.model.chain
+    chain, held = robot.model.chain, robot.controller.held
+    if held:
+        message = f"[compensation] moves each joint by itself, and joint {held[0] + 1} is held"
+        fix = "write robots = 0 there, or take the statement out of [controller] of the robot"
+        return Fault(("compensation",), message, fix=fix)
     try:
         simulator = Simulator(robot, chain, cell_from(cell, chain))
         cube_joints(robot, simulator, cube_poses(settings, chain.T_world_base))

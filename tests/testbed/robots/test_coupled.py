@@ -10,10 +10,12 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from calib.errors import InputError
+from calib.geometry.frames import inverse
 from calib.measurement.accuracy import rotation_errors
 from testbed.files.probe import probe
 from testbed.files.programs.correct import correct_program
 from testbed.files.read import read_session
+from testbed.files.rotations import in_form
 from testbed.files.rows.shifts import as_read, misfit_of
 from testbed.laboratory.joint_lists import from_deg, read_joints
 from testbed.proposal.data import look_at
@@ -169,6 +171,25 @@ def test_an_arm_with_a_held_joint_is_corrected_by_its_motors_alone(tmp_path):
         slope = (angle[1::2] - angle[::2]) / 2e-5
         still = np.linalg.svd(J)[2][3:]
         assert np.abs(still @ slope).max() < 1e-5 * np.abs(slope).max()
+
+
+def test_cartesian_targets_of_an_arm_with_a_held_joint_may_be_rounded(tmp_path):
+    """To a micrometer and 1e-5: no posture of the arm has just these poses."""
+    rng, nominal = np.random.default_rng(2), HELD.model
+    real = replace(nominal, chain=nominal.chain.moved(2e-4 * rng.normal(size=42)))
+    q = HELD.controller.holding(Q)
+    T = inverse(nominal.chain.T_world_base) @ nominal.poses(q)
+    turn = in_form("quaternion", np.zeros((3, 4)), T[:, :3, :3])
+    rows = np.hstack([np.round(1e3 * T[:, :3, 3], 3), np.round(turn, 5)]).tolist()
+    head = "x_mm,y_mm,z_mm,qw,qx,qy,qz"
+    text = "\n".join([head, *(",".join(map(repr, row)) for row in rows), ""])
+    (tmp_path / "c.csv").write_text(text)
+    found = correct_program(tmp_path / "c.csv", HELD, real, tmp_path / "c_out.csv")
+    assert found.corrected.all()
+    assert found.left.max() < 1e-8
+    for reached in (found.q, found.q_before):
+        assert_allclose(reached[:, 3], -reached[:, 1] - reached[:, 2], atol=1e-12)
+    assert_allclose(found.q_before, q, atol=1e-4)
 
 
 def test_a_table_of_an_arm_with_a_held_joint_has_no_column_of_it(tmp_path):

@@ -15,6 +15,7 @@ from testbed.laboratory.cell import cell_from
 from testbed.laboratory.simulator import Simulator
 from testbed.laboratory.truth.laboratory import open_laboratory
 from testbed.robots.catalog import load_robot
+from testbed.robots.coupled import ControllerTable
 from testbed.run.derive import arrays, headline
 from testbed.scenario.checks import check_robot
 from testbed.scenario.read import changed
@@ -237,6 +238,16 @@ def test_contradictions_are_named(change, said):
 def test_a_robot_that_cannot_sag_is_named():
     with pytest.raises(InputError, match=r"\[compensation\] truths"):
         check_robot(load_scenario("compensate"), on_a_wall(), where="x.toml")
+
+
+def test_a_robot_with_a_held_joint_is_refused():
+    """Corrections move each joint by itself."""
+    robot = load_robot("staubli_tx60")
+    held = ControllerTable(joints=("q4 = -q2 - q3",)).controller(robot.model.chain.kinds)
+    with pytest.raises(
+        InputError, match=r"\[compensation\] moves each joint by itself, and joint 4"
+    ):
+        check_robot(load_scenario("compensate"), replace(robot, controller=held), where="x.toml")
 
 
 def test_a_record_depends_on_its_own_kind_and_on_no_other_trial():
