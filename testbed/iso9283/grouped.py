@@ -14,6 +14,8 @@ from testbed.iso9283.rows import Rows, are_counts, one_command, require_pose_nam
 from testbed.units import counted, listed
 
 MOST_NAMED = 5
+EACH = " of each direction of approach"
+"""Which cycles are meant, where the numbers of the file go on from one direction to the next."""
 MOST_POINTS = 5000
 """Planes across a path: each is held against every reading of a run."""
 Key = tuple[str, ...]
@@ -50,9 +52,11 @@ def visits_in(rows: Rows, commands: Commands, *, drop: bool) -> tuple[Visits, tu
     entry = np.array([number[key] for key in keys])
     names = [f"pose {pose}" + (f" from {way}" if way else "") for pose, way in entries]
     cycle = visits_of(entry.tolist()) if rows.cycle is None else rows.cycle
+    each = ""
     if rows.cycle is not None:
         cycle = _by_approach(cycle, rows.approach)
-    table, notes = _whole(rows, entry, cycle, names, POSE_CYCLES, drop=drop)
+        each = EACH if cycle is not rows.cycle else ""
+    table, notes = _whole(rows, entry, cycle, names, POSE_CYCLES, drop=drop, each=each)
     _check_times(rows, table, names)
     sent = [
         _command(rows, table[k], (entries[k][0],), commands, names[k]) for k in range(len(names))
@@ -157,7 +161,8 @@ def _by_approach(cycle: Index, approach: Sequence[str]) -> Index:
     parts = [np.unique(cycle[which == k]) for k in range(len(ways))]
     if len(ways) < 2 or len(np.unique(np.concatenate(parts))) < sum(map(len, parts)):
         return cycle
-    return np.array([np.searchsorted(parts[k], one) for k, one in zip(which, cycle, strict=True)])
+    nth = [np.searchsorted(parts[k], one) for k, one in zip(which, cycle, strict=True)]
+    return np.array(nth) + 1
 
 
 def _require_steps(
@@ -178,8 +183,9 @@ def _require_steps(
 
 
 def _whole(
-    rows: Rows, entry: Index, cycle: Index, names: Sequence[str], wanted: int, *, drop: bool
-) -> tuple[Index, tuple[str, ...]]:
+    rows: Rows, entry: Index, cycle: Index, names: Sequence[str], wanted: int,
+    *, drop: bool, each: str = "",
+) -> tuple[Index, tuple[str, ...]]:  # fmt: skip
     """Row (e, n) of each entry in each cycle, and a note on cycles that were left out."""
     place: dict[tuple[int, int], int] = {}
     for row, key in enumerate(zip(entry.tolist(), cycle.tolist(), strict=True)):
@@ -205,7 +211,7 @@ def _whole(
         one = next(one for one in every if one not in whole)
         missing = [names[k] for k in range(len(names)) if (k, one) not in place]
         more = len(every) - len(whole) - 1
-        said = f"cycle {one} has no reading of {listed(missing[:MOST_NAMED])}"
+        said = f"cycle {one}{each} has no reading of {listed(missing[:MOST_NAMED])}"
         said += f" and {len(missing) - MOST_NAMED} more" * (len(missing) > MOST_NAMED)
         be = "is" if more == 1 else "are"
         said += f", and {counted(more, 'more cycle')} {be} not whole either" * bool(more)
@@ -218,7 +224,7 @@ def _whole(
     table = np.array([[place[k, one] for one in whole] for k in range(len(names))])
     left = [str(one) for one in every if one not in whole]
     shown = ", ".join(left[:20])
-    note = f"{rows.where}: cycles that are not whole were left out: {shown}"
+    note = f"{rows.where}: cycles{each} that are not whole were left out: {shown}"
     return table, (note,) if left else ()
 
 

@@ -85,9 +85,15 @@ def reasons(result: CycleResult) -> tuple[str, ...]:
     near = [f for f in result.figures if f.name in SCATTERS and f.size < NEAR * f.floor]
     if near:
         worst = min(near, key=lambda figure: figure.size / figure.floor)
+        too_large = all(figure.most < figure.noise for figure in result.of(worst.name))
+        follows = (
+            "the stated noise is too large, for robot and instrument together scatter less"
+            if too_large
+            else "the robot itself repeats better than that"
+        )
         texts.append(
             f"{worst.name} of {place(worst)} is {show(worst.size, worst)} um, and the stated noise "
-            f"alone gives {show(worst.floor, worst)} um: the robot itself repeats better than that"
+            f"alone gives {show(worst.floor, worst)} um: {follows}"
             + (f" ({counted(len(near) - 1, 'more figure')} like it)" if len(near) > 1 else "")
         )
     if not test.uncertainty:

@@ -152,6 +152,9 @@ def test_directions_of_approach_give_their_largest_gap(tmp_path):
     pairs = [f.where for f in result.of("AD")]
     assert len(pairs) == 30
     assert all(pair.count("from left") in (0, 2) for pair in pairs)
+    fewer = [row for row in rows if row["cycle"] < 15]
+    with pytest.raises(InputError, match="cycle 5 of each direction of approach has no reading"):
+        played(tmp_path, fewer)
 
 
 def test_a_drift_is_read_and_said_and_its_absence_is_too(tmp_path):
@@ -355,6 +358,12 @@ def test_noise_of_endlessly_many_readings_is_what_a_lower_limit_is_freed_of(tmp_
     limit = (own + too_much) / 2 / UM
     toml += f"[iso9283]\nlimits_um = {{RP = {limit}}}\n"
     assert decisions(played(tmp_path, pose_rows(n=5), toml))[0].word == "UNDECIDED"
+
+
+def test_noise_that_is_stated_larger_than_all_that_scatters_is_said_to_be(tmp_path):
+    for noise, said in ((8, "the stated noise is too large"), (4, "the robot itself repeats")):
+        found = played(tmp_path, pose_rows(sd=4.0), f"[uncertainty]\nposition_um = {noise}\n")
+        assert said in " ".join(reasons(found))
 
 
 def test_so_many_cycles_decide_as_they_were_said_to(tmp_path):
