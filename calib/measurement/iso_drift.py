@@ -1,12 +1,13 @@
 """Drift of pose accuracy and repeatability after ISO 9283: blocks of cycles against the first."""
 
 from dataclasses import dataclass
+from functools import lru_cache
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from calib.arrays import Array, frozen
+from calib.arrays import Array, Index, frozen
 from calib.errors import refuse
 from calib.measurement.cycles import FEWEST, cycles_of, per_pose
 
@@ -73,9 +74,7 @@ def drift(position: ArrayLike, command: ArrayLike, *, block: int = BLOCK) -> Dri
         raise refuse("block", block, allowed, code="A3")
     c = per_pose(command, x.shape[:1], "command", (3,))
     bounds = [*(block * k for k in range(blocks)), n]
-    rng = np.random.default_rng(9283)
-    draws = max(min(DRAWS, MOST // n), 99)
-    orders = np.stack([np.arange(n), *(rng.permutation(n) for _ in range(draws))])
+    orders = orders_of(n, DRAWS)
     every = [_figures(each[orders], to, bounds) for each, to in zip(x, c, strict=True)]
     AP, RP = (np.stack([one[k][0] for one in every]) for k in (0, 1))
     # the measured order is the first one, and counts; sums of other orders differ by rounding
@@ -88,6 +87,16 @@ def drift(position: ArrayLike, command: ArrayLike, *, block: int = BLOCK) -> Dri
         frozen(np.quantile(changes, 0.95, axis=2)), frozen(reached.mean(axis=2)),
         float((striking >= striking[0] * (1 - 1e-12)).mean()),
     )  # fmt: skip
+
+
+@lru_cache(maxsize=2)
+def orders_of(n: int, draws: int) -> Index:
+    """The measured order of n cycles, and random ones (k, n); fewer of many cycles."""
+    rng = np.random.default_rng(9283)
+    several = range(max(min(draws, MOST // n), 99))
+    orders = np.stack([np.arange(n), *(rng.permutation(n) for _ in several)])
+    orders.flags.writeable = False
+    return orders
 
 
 def _figures(x: Array, command: Array, bounds: list[int]) -> tuple[Array, Array]:
