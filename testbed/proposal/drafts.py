@@ -89,7 +89,9 @@ def _matched(
         said = [*joints[2], *notes]
         ways = ("",) if joints[0] is look else _ways(joints[0], look)
     if len(stations) > 1:
-        document[section] = {"files": [one.name for one in stations], **keys}
+        document[section] = {
+            "files": [one.name for one in stations], **_without_station(keys, stations)
+        }  # fmt: skip
         said.append("stations: each file is one, and the frame of the first is the world")
         ways = ("pose_id",)
     if look.kind == "bare":
@@ -100,6 +102,18 @@ def _matched(
         note = ("order: the k-th reading belongs to the k-th joints",) if way == "order" else ()
         match = {"match": way} if way else {}
         yield Draft({**match, **document}, (*said, *note, *more), joints is None)
+
+
+def _without_station(keys: Document, stations: tuple[Found, ...]) -> Document:
+    """Keys of a section without a column of stations that says one and the same in each file."""
+    columns = dict(keys.get("columns", {}))
+    if "station" not in columns or any(
+        len(set(k.column(columns["station"]))) > 1 for k in stations
+    ):
+        return keys
+    del columns["station"]
+    others = {key: each for key, each in keys.items() if key != "columns"}
+    return others | ({"columns": columns} if columns else {})
 
 
 def _of_each(

@@ -52,6 +52,8 @@ PLAIN = {
     "pose_id": {"pose", "poseid", "pose id", "pose nr", "pose no", "nr", "no", "id", "index",
                 "number", "point", "point id", "point name", "pointname", "name", "step order"},
     "target": {"target", "reflector", "smr", "target name"},
+    "station": {"station", "station name", "station id", "station nr", "station no", "instrument",
+                "instrument name"},
     "anchor": {"anchor", "anchor name", "fixed point", "from", "nest", "ball", "base point"},
     "temperature_degC": {"temperature", "temp", "t air", "ambient temperature",
                          "measurement temperature"},

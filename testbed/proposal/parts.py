@@ -166,7 +166,9 @@ def _distances(look: Found, n: int) -> Iterator[Part]:
 
 def _more(look: Found) -> dict[str, str]:
     """Columns besides joints and places, by our names."""
-    own = ("pose_id", "target", "anchor", "time", "temperature_degC", "payload_kg", "order")
+    own = (
+        "pose_id", "target", "station", "anchor", "time", "temperature_degC", "payload_kg", "order"
+    )  # fmt: skip
     found = {one.stem: one.theirs for one in look.meanings if one.stem in own and not one.known}
     found = {key: name for key, name in found.items() if key in PLAIN}
     if "payload_kg" in found or look.has("payload_kg"):

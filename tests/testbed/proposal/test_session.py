@@ -298,6 +298,28 @@ def test_files_of_one_kind_are_stations(tmp_path):
     assert len(session.measurements) == 2 * M - 5
 
 
+def test_a_column_of_stations_is_read_by_other_names_and_files_come_before_one_that_tells_none(
+    tmp_path,
+):
+    """One file with the rows of both stations; two files that only name the make of the tracker."""
+    turned = points() @ np.array([[0.0, 1, 0], [-1, 0, 0], [0, 0, 1]]) + [100.0, 200.0, 300.0]
+    q = joints(*(f"J{k}" for k in range(1, 7)))
+    one, two = (
+        {"Pose": np.arange(M), "Station": [name] * M} | q | places("X", "Y", "Z", values=seen)
+        for name, seen in (("LT 1", points()), ("LT 2", turned))
+    )
+    both = {key: [*one[key], *two[key]] for key in one}
+    _, text = proposed(tmp_path, write(tmp_path, a__csv=csv(both)), "--robot", "staubli_tx60")
+    assert tomllib.loads(text)["points"]["columns"]["station"] == "Station"
+    assert read_session(tmp_path / "session.toml", ROBOT).station_names == ("LT 1", "LT 2")
+    (tmp_path / "session.toml").unlink()
+    alike = [csv(each | {"Station": ["AT960"] * M}) for each in (one, two)]
+    files = write(tmp_path, one__csv=alike[0], two__csv=alike[1])
+    said, text = proposed(tmp_path, files, "--robot", "staubli_tx60")
+    assert "to mend" not in said
+    assert "station" not in tomllib.loads(text)["points"]["columns"]
+
+
 def test_files_of_one_head_with_joints_of_their_own_are_visits(tmp_path):
     """Three visits of one arm; where the joints are the same, the files are stations."""
     files = write(
