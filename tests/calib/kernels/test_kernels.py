@@ -156,12 +156,15 @@ def test_without_its_own_folder_code_is_kept_in_the_user_cache_or_not_at_all(
 
 
 @NUMBA
-def test_few_replicates_load_no_compiler():
+def test_few_replicates_and_few_robots_load_no_compiler():
     code = (
-        "import sys; from calib.kernels.loops import MANY, loops_for; loops_for(MANY - 1);"
-        "print('numba' in sys.modules); loops_for(MANY); print('numba' in sys.modules)"
+        "import sys; from calib.kernels.loops import *; from calib.kernels import loops, plain;"
+        "few = loops_for(loops.MANY - 1), spring_loop_for(loops.MANY_SPRUNG - 1);"
+        "print(few[0].gradient is plain.gradient, few[1], 'numba' in sys.modules);"
+        "many = loops_for(loops.MANY), spring_loop_for(loops.MANY_SPRUNG);"
+        "print(many[0].gradient is plain.gradient, many[1] is None, 'numba' in sys.modules)"
     )
-    assert printed(code) == ["False", "True"]
+    assert printed(code) == ["True", "None", "False", "False", "False", "True"]
 
 
 def test_a_compiler_that_cannot_be_imported_is_none(monkeypatch):

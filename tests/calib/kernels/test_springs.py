@@ -7,7 +7,6 @@ from calib.identification.many.grounds import RowsLeft
 from calib.identification.many.settle import SprungRows
 from calib.identification.spring_products import ModelSprings, settled
 from calib.kernels import loops, springs
-from tests.calib.kernels.fresh import printed
 
 COMPILED = springs.springs_of_rows
 WRITTEN = getattr(COMPILED, "py_func", COMPILED)
@@ -38,16 +37,6 @@ def test_by_rows_they_end_where_the_products_end(loop, p, f):
         cut, plain = rows.settled(left, most, loop), rows.settled(left, most)
         np.testing.assert_allclose(cut.numbers, plain.numbers, rtol=1e-7, atol=1e-9)
         assert cut.loss >= one.loss
-
-
-@pytest.mark.skipif(not loops.NUMBA, reason="numba is not installed")
-def test_few_robots_load_no_compiler():
-    code = (
-        "import sys; from calib.kernels.loops import MANY_SPRUNG as many, spring_loop_for;"
-        "print(spring_loop_for(many - 1), 'numba' in sys.modules);"
-        "print(spring_loop_for(many) is None, 'numba' in sys.modules)"
-    )
-    assert printed(code) == ["None", "False", "False", "True"]
 
 
 def test_without_a_compiler_there_is_no_loop(monkeypatch):
