@@ -29,6 +29,8 @@ DONE = 1e-15
 STILL = 1e-7
 """A search whose squared error falls by a smaller share in one step has ended."""
 ITERATIONS = 150
+ENDED = 1e-13
+"""Longest step of a posture that is no longer pulled, in scaled joints."""
 LONGEST = 0.5
 """Longest step of any joint in one iteration [rad or m]: keeps far starts from jumping about."""
 NUDGES = (0.1, -0.1)
@@ -213,16 +215,17 @@ def pull_to_seeds(task: PoseSearch, q: Array, near: Bool) -> tuple[Array, Bool]:
     some, out = task.rows(rows), q.copy()
     x = q[rows]
     seeds = unwound(some, x, some.seeds)
+    active = np.arange(len(x))
     for _ in range(ITERATIONS):
-        # toward the seed in the null space, and back onto the target
-        e, J = some.error(x)
-        away = (seeds - x) / task.unit
-        nothing = np.zeros(len(x))
-        step = away - _damped_step(J, (J @ away[:, :, None])[..., 0] - e, nothing)
-        size = np.abs(step).max(axis=1, keepdims=True) / L
-        x = x + step * np.minimum(1.0, 0.2 / np.maximum(size, 1e-300)) * task.unit
-        if np.abs(step).max() < 1e-13:
+        if not len(active):
             break
+        # toward the seed in the null space, and back onto the target
+        e, J = some.rows(active).error(x[active])
+        away, nothing = (seeds[active] - x[active]) / task.unit, np.zeros(len(active))
+        step = away - _damped_step(J, (J @ away[:, :, None])[..., 0] - e, nothing)
+        size = np.abs(step).max(axis=1)
+        x[active] += step * np.minimum(1.0, 0.2 * L / np.maximum(size, 1e-300))[:, None] * task.unit
+        active = active[size >= ENDED]
     # accepted where it still reaches, inside the limits, and is no farther from the seed
     better = some.near(some.error(x)[0]) & inside(x, task.limits)
     better &= distance(task, x, some.seeds) <= distance(task, q[rows], some.seeds)
