@@ -3,6 +3,7 @@
 import numpy as np
 
 from calib.held_out_counts import fewest_poses
+from calib.identification.fit_statistics import RED
 from calib.uncertainty.statement.stated_point import StatedPoint
 from testbed.identify.applies.beyond import beyond_words, simpler_words
 from testbed.identify.applies.targets import tool_words as target_words
@@ -198,12 +199,13 @@ def next_step(calibration: Calibration) -> str:
         apart = "that would tell noise with long tails from a misfit"
         return f"{text} Visit every pose twice: {apart}."
     if calibration.refuted:
-        learnt = fit.test.position.mean <= LEARNT * fit.train.position.mean
-        text += (
-            " More poses will not make that smaller: it is not noise."
-            if learnt
-            else " Errors are larger than at the poses identified from: more of these may help."
-        )
+        lack = fit.identification.lack_of_fit
+        if fit.test.position.mean > LEARNT * fit.train.position.mean:
+            text += " Errors are larger than at the poses identified from: more of these may help."
+        elif lack is not None and lack.p_value < RED:
+            text += " More poses will not make that smaller: it is not noise."
+        else:
+            text += " Only poses measured again tell whether that is noise."
     return text
 
 

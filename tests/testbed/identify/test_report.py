@@ -10,6 +10,7 @@ import pytest
 
 from calib.geometry.joint_errors import harmonic_terms
 from calib.identification.identify import Status
+from calib.identification.lack_of_fit import LackOfFit
 from calib.identification.outliers.tails import LongTails
 from calib.uncertainty.regions import coverage_factor
 from calib.uncertainty.tool_point import tool_statement
@@ -179,6 +180,17 @@ def test_where_few_rows_miss_most_the_next_step_is_a_second_visit_and_not_that_i
         step = next_step(replace(found, proof=replace(found.proof, tails=tails)))
         assert ("Visit every pose twice" in step) == said
         assert "it is not noise" not in step or source
+
+
+def test_only_repeats_tell_that_what_is_left_is_no_noise():
+    found = real()
+    assert found.refuted
+    assert found.fit.identification.lack_of_fit is None  # each pose was measured once
+    assert "Only poses measured again tell whether that is noise." in next_step(found)
+    identification = replace(found.fit.identification, lack_of_fit=LackOfFit(9.0, 1e-9, 60.0, 90))
+    fits = [replace(found.fit, identification=identification) if one is found.fit else one
+            for one in found.fits]  # fmt: skip
+    assert "it is not noise." in next_step(replace(found, fits=tuple(fits)))
 
 
 def test_what_is_quoted_is_not_said_of_files_that_lack_the_joint_errors():
