@@ -252,7 +252,8 @@ def write_robot(
     robot : str, Path or Robot
         The robot as its maker describes it: limits, masses, meshes.
     found : RobotModel or CalibratedRobot
-        Its identified numbers, as `calib.calibrate` gave them.
+        Its identified numbers, as `calib.calibrate` gave them; with the model of the robot itself a
+        URDF becomes a robot.toml, name and all.
     folder : path
         Made if it is not there.
     overwrite : bool

@@ -49,5 +49,7 @@ def written(
     arm = robot if isinstance(robot, Robot) else load_robot(robot)
     model = found.model if isinstance(found, CalibratedRobot) else found
     own = RobotModel(model.chain, model.joint_errors)  # what the laboratory placed stays there
+    if model is arm.model:  # nothing was identified: another file of the same robot
+        return write_robot_folder(arm, folder, overwrite=overwrite)
     named = identified_robot(arm, own, name=identified_name(arm.name))
     return write_robot_folder(named, folder, overwrite=overwrite)

@@ -16,8 +16,8 @@ from testbed.strict import choice_of, some
 TOOL_NAMES = ("tool0", "tool")
 """An end of that name is the tool where the arm has several ends."""
 HELD_ELSEWHERE = (
-    "free it, write the arm as a robot.toml by truebed.write_robot, and state there under "
-    "[controller] how it follows the others"
+    "free it, write the arm as a robot.toml by truebed.write_robot, and state under [controller] "
+    "how it follows the others"
 )
 """What to do with a joint on the way to the tool that others move."""
 MOST_JOINTS = 64

@@ -6,12 +6,15 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
+import truebed
 from calib.errors import InputError
+from calib.geometry.jacobian import joint_columns
 from testbed.robots.catalog import load_robot
 from testbed.robots.controller import AS_THE_ARM
 from testbed.robots.coupled import ControllerTable
 from testbed.robots.write.toml import robot_toml
 from testbed.scenario.hashes import robot_hash
+from tests.testbed.robots.described_cases import urdf
 from tests.testbed.robots.robot_cases import TX60, joint_vectors
 from tests.testbed.robots.test_minimal import robot_file
 
@@ -126,3 +129,54 @@ def test_limits_are_those_of_the_arm_and_of_the_controller():
     off[:, 3] += 1e-3
     assert not found.allows(off).any()
     assert AS_THE_ARM.allows(q).all()
+
+
+def scatter(root):
+    """Root mean squares (m,) of tool points that scatter by roots (m, 3, n)."""
+    return np.sqrt((root**2).sum(axis=(1, 2)))
+
+
+@pytest.mark.parametrize(
+    ("statements", "ratio", "single"),
+    [
+        (("q5 = J5 + J4", "q6 = J6 - J5"), (0.998, 1.002), 0.12),
+        (("q3 = J3 - J2",), (0.72, 0.78), 0.45),
+        (("q3 = J3 + J2",), (1.17, 1.23), 0.31),
+    ],
+    ids=["wrist", "driven from the base", "to one side"],
+)
+def test_what_motors_scatter_beside_what_is_stated_of_joints_is_as_the_guide_says(
+    statements, ratio, single
+):
+    tool = np.eye(4)
+    tool[:3, 3] = 0.05, 0.03, 0.15
+    chain, sd = replace(TX60.model.chain, T_flange_tool=tool), TX60.repeatability
+    q = joint_vectors(2000)
+    J = replace(TX60.model, chain=chain).poses_and_jacobian(q)[1][:, :3, joint_columns(chain)]
+    C = stated(*statements).matrix
+    real, said = scatter(J @ C * sd), scatter(J * np.sqrt(C**2 @ sd**2))
+    low, high = ratio
+    assert low < np.sqrt((real**2).mean() / (said**2).mean()) < high
+    assert np.abs(real / said - 1).max() < single
+    # |c| s^2 more at both joints covers all that they scatter, in every direction
+    more = sum(np.abs(C[i, j]) * sd[j] ** 2 * (np.eye(6)[i] + np.eye(6)[j])
+               for i, j in np.argwhere(C - np.diag(np.diag(C))))  # fmt: skip
+    left = np.diag(C**2 @ sd**2 + more) - (C * sd) @ (C * sd).T
+    if len(statements) == 1:
+        assert np.linalg.eigvalsh(left).min() > -1e-12 * sd.max() ** 2
+
+
+def test_a_urdf_gets_its_statement_as_a_robot_toml_of_the_same_robot(tmp_path):
+    joint = ("turn", "revolute", "0 0 0.1", "0 0 0", "0 0 1", (-1, 1))
+    other = ("fold", "revolute", "0.2 0 0", "0 0 0", "0 1 0", (-1, 1))
+    (tmp_path / "arm.urdf").write_text(urdf("arm", [joint, other]))
+    arm = load_robot(tmp_path / "arm.urdf")
+    truebed.write_robot(arm, arm.model, tmp_path / "own")
+    file = tmp_path / "own" / "robot.toml"
+    file.write_text(file.read_text() + '\n[controller]\njoints = ["q2 = J2 - J1"]\n')
+    found = load_robot(file)
+    assert (found.name, found.title) == (arm.name, arm.title)
+    assert "identified" not in file.read_text()
+    q = joint_vectors(5, robot=arm)
+    assert_allclose(found.model.poses(q), arm.model.poses(q), atol=1e-12)
+    assert_allclose(found.controller.to_arm(np.array([0.3, 0.1])), [0.3, -0.2], rtol=1e-15)
