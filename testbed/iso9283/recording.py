@@ -122,9 +122,10 @@ def _draw_cell(shown: LargerThanLife, pen: Pen) -> None:
     pen.static("world/box", lines)
     pen.static("world/commanded", rr.Points3D(test.command, radii=size, colors=DARK))
     # a label has the color of its point, and stands on gray
+    labels = test.labels
     names = rr.Points3D(
-        test.command - [0, 0, 2 * size], radii=1e-6, colors=LABEL, labels=list(test.poses),
-        show_labels=True,
+        test.command[list(labels)] - [0, 0, 2 * size], radii=1e-6, colors=LABEL,
+        labels=list(labels.values()), show_labels=True,
     )  # fmt: skip
     pen.static("world/names", names)
 

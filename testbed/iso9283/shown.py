@@ -67,6 +67,21 @@ class ShownTest:
             name if name.casefold().startswith("pose") else f"pose {name}" for name in self.poses
         )
 
+    @property
+    def labels(self) -> dict[int, str]:
+        """The pose at each commanded place, by the first of the entries that are there."""
+        entries = dict[tuple[float, ...], list[int]]()
+        for k, place in enumerate(self.command.tolist()):
+            entries.setdefault(tuple(place), []).append(k)
+        labels = dict[int, str]()
+        for own in entries.values():
+            names = [self.poses[k] for k in own]
+            # of one pose that is reached from several directions its name alone
+            heads = {name.rpartition(" from ")[0] for name in names}
+            pose = heads.pop() if len(own) > 1 and len(heads) == 1 else ""
+            labels[own[0]] = pose or ", ".join(names)
+        return labels
+
 
 def shown_test(result: CycleResult) -> ShownTest:
     """The poses and paths of a test, and its words."""

@@ -19,6 +19,7 @@ from testbed.iso9283.play import play_test
 from testbed.iso9283.read import read_test
 from testbed.iso9283.report_figures import angle_section
 from testbed.iso9283.results import headline, iso_csv
+from testbed.iso9283.shown import shown_test
 from testbed.iso9283.words import mark, reasons, verdict
 from tests.testbed.iso9283.made import (
     BIAS,
@@ -152,6 +153,7 @@ def test_directions_of_approach_give_their_largest_gap(tmp_path):
     pairs = [f.where for f in result.of("AD")]
     assert len(pairs) == 30
     assert all(pair.count("from left") in (0, 2) for pair in pairs)
+    assert list(shown_test(result).labels.values()) == ["P1", "P2", "P3", "P4", "P5"]
     fewer = [row for row in rows if row["cycle"] < 15]
     with pytest.raises(InputError, match="cycle 5 of each direction of approach has no reading"):
         played(tmp_path, fewer)
