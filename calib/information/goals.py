@@ -12,12 +12,14 @@ from calib.geometry.jacobian import reflector_rows
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import Parameters
 from calib.information.rank import RANK_TOLERANCE
+from calib.information.reduction import KEEP_TOLERANCE
 from calib.kinds import checked_kinds
 from calib.shown import Shown
 
 NAME_GOALS = "name the poses or the box where the tool must be right"
-FELT = 1e-6
-"""Part of a unit step's effect on the goal below which a hidden direction does not matter."""
+FELT = 1e-4
+"""Part of a unit step's effect on the goal below which a hidden direction does not matter: 0.1 um
+of a millimeter."""
 WORTH_NAMING = 0.05
 """Part of the largest number of a direction below which another is not named."""
 
@@ -119,10 +121,12 @@ def hidden_numbers(A: Array, goals: Goals, names: Sequence[str]) -> list[str]:
     size = np.where(size > RANK_TOLERANCE * size.max(), size, size.max())
     # directions without effect on the rows, per unit of each column
     _, singular, Vt = np.linalg.svd(np.linalg.qr(A / size, mode="r"))
-    hidden = Vt[int((singular > RANK_TOLERANCE * singular[0]).sum()) :].T / size[:, None]
+    # what a reduction may hold counts as hidden: a joint that rounding alone moves shows nothing
+    hidden = Vt[int((singular > KEEP_TOLERANCE * singular[0]).sum()) :].T / size[:, None]
     effect = goals.rows.reshape(-1, A.shape[1]) @ hidden
     if not hidden.size or np.abs(effect).max() < FELT * np.abs(goals.rows @ (1 / size)).max():
         return []
     way = np.abs(hidden @ np.linalg.svd(effect, full_matrices=False)[2][0])
-    order = np.argsort(-way, kind="stable")[:4]
+    # equal parts stay in the order of the numbers, whatever rounding made of them
+    order = np.argsort(-np.round(way / way.max(), 6), kind="stable")[:4]
     return [names[k] for k in order if way[k] > WORTH_NAMING * way[order[0]]]
