@@ -172,9 +172,9 @@ def model_words(
             "left out; the model or the stated noise is wrong",
         )
     misses = predict(chosen.identification.model, train).misses
-    rows = set(shots.sound.tolist())
+    rows, bad = set(shots.sound.tolist()), set(shots.bad.tolist())
     rows |= {k for k in found.suspects if misses[k] > FAR_OFF * _median(misses, train, k)}
-    rows -= set(shots.bad.tolist())
+    rows -= bad
     if not rows:
         return ()
     ranked = sorted(rows, key=lambda row: -misses[row])
@@ -182,12 +182,22 @@ def model_words(
         "are", "them", "these shots are"
     )  # fmt: skip
     typical = _median(misses, train, ranked[0])
-    return (
+    text = (
         f"the model misses a region: {_named(ranked, misses, name)} {is_} missed by up to "
         f"{significant(misses[ranked[0]] * MM)} mm, where {significant(typical * MM, 2)} mm is "
         f"typical, and a richer model, fitted without {them}, explains {them}; nothing is left "
-        f"out: only another shot there could tell whether {there} bad",
+        f"out: only another shot there could tell whether {there} bad"
     )
+    if alone := [row for row in ranked if _another_fits(row, rows | bad, misses, train)]:
+        beside = _named(alone, misses, name)
+        text += f"; beside {beside} another reading of the same pose fits: look there first"
+    return (text,)
+
+
+def _another_fits(row: int, missed: set[int], misses: Array, train: Measurements) -> bool:
+    """Whether another reading of the pose is not missed: no model explains one of them alone."""
+    others = np.setdiff1d(np.flatnonzero(train.together == train.together[row]), sorted(missed))
+    return bool((misses[others] < FAR_OFF * _median(misses, train, row)).any())
 
 
 def _named(rows: Iterable[int], misses: Array, name: list[str]) -> str:

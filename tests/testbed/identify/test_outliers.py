@@ -107,6 +107,14 @@ def test_a_good_shot_that_the_model_misses_is_told_as_the_models_fault():
     assert told.startswith("the model misses a region: pose P5 is missed by up to 0.284 mm, ")
     assert "P10" not in told
     assert "P21" not in told
+    assert told.endswith("whether this shot is bad")  # nothing else was read at that pose
+    q, place, turned = train.q.copy(), far.copy(), train.rotation.copy()
+    q[5], place[5], turned[5] = q[4], train.position[4], train.rotation[4]
+    twice = replace(seen, q=q, position=place, rotation=turned)  # read again, and well
+    (again,) = model_words(LookedAt(1.0, shots, [4, 9, 20]), twice, found.fit, names)
+    assert again.endswith(
+        "; beside pose P5 another reading of the same pose fits: look there first"
+    )
     (bad,) = bad_words(LookedAt(1.0, shots, [4, 9]), seen, names)
     assert bad.startswith("pose P10 does not fit the others: the richest model offered, fitted ")
     assert "misses it by 0.0100 mm and 0.0057 deg, where 0.010 mm and 0.0057 deg is typical" in bad
