@@ -70,4 +70,4 @@ def as_believed(found: Identification, factor: float) -> Identification:
     at = [found.names.index(name) for name in tighter.names]
     spread = tighter.halved(found.covariance[:, at])
     wider = (factor**2 - 1) * (spread @ spread.T)
-    return replace(found, covariance=frozen(found.covariance + wider))
+    return replace(found, covariance=frozen(found.covariance + wider), tightened=factor**2)

@@ -63,7 +63,7 @@ class Identification(Shown):
     notes: tuple[str, ...]
     """What a reader must know before believing the numbers."""
     prior: Prior | None = None
-    """What was believed beforehand."""
+    """What was believed beforehand, as it was weighed."""
     loss: Loss = "squared"
     weights: Annotated[Array, "m"] = field(default_factory=lambda: frozen(()))
     """(m,) how much each observation counts, 0 to 1; ones for the squared loss."""
@@ -75,6 +75,9 @@ class Identification(Shown):
     has a prior."""
     lack_of_fit: LackOfFit | None = None
     """Misfit against the scatter of repeats; None without repeats or with a robust loss."""
+    tightened: float = 1.0
+    """Precision of the prior as it was weighed, over that believed: more where there is more noise
+    than stated."""
 
     def __repr__(self) -> str:
         if self.mode == "paper":

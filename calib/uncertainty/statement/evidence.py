@@ -164,11 +164,16 @@ def _shared_by_stops(root: Array, repeat: Index) -> Array:
 
 
 def believed_before(identification: Identification, precision: Array | None = None) -> PositionRows:
-    """The prior as rows without misfit; its `precision` (f, f) if already at hand."""
+    """The prior as it is believed, as rows without misfit.
+
+    Its `precision` (f, f), as it was weighed, if already at hand.
+    """
     free = identification.parameters
     if identification.prior is None:
         return PositionRows(np.zeros((0, free.n_free)), np.zeros(0), np.zeros(0), 0.0)
     precision = prior_precision(identification) if precision is None else precision
+    # the fit may have weighed it against more noise; no noise widens what is believed
+    precision = precision / identification.tightened
     expected = np.zeros(free.n_free)
     place = {name: k for k, name in enumerate(free.free_names)}
     at = [place[name] for name in identification.prior.names]

@@ -12,6 +12,7 @@ from calib.geometry.model import RobotModel
 from calib.geometry.parameters import parameters_of
 from calib.identification.identify import identify
 from calib.identification.joint_models import extended_model
+from calib.identification.larger_noise import under_noise
 from calib.identification.prior import Prior
 from calib.measurement.observations import Measurements, joined
 from calib.measurement.prediction import predict
@@ -106,18 +107,26 @@ def test_likelihood_of_mixed_rows_is_the_dense_one():
     np.testing.assert_allclose(ours - ours[0], np.array(brute) - brute[0], rtol=1e-7, atol=1e-6)
 
 
-@pytest.mark.parametrize(("repeats", "off"), [(NoiseRepeats(1e12, 1e12), 1e-4), (None, 0.02)])
-def test_numbers_with_a_prior_are_random_with_its_covariance(repeats, off):
+@pytest.mark.parametrize(
+    ("repeats", "off", "factor"),
+    [
+        (NoiseRepeats(1e12, 1e12), 1e-4, 1.0),
+        (None, 0.02, 1.0),
+        (NoiseRepeats(1e12, 1e12), 1e-4, 3.0),
+    ],
+)
+def test_numbers_with_a_prior_are_random_with_its_covariance(repeats, off, factor):
     """The geometry alone is flat, and no scale of the noise widens the prior.
 
-    Without repeats the scale is free: parabolas through three systems leave hundredths.
+    Nor does a fit that weighed it against `factor` times the noise tighten it. Without repeats the
+    scale is free: parabolas through three systems leave hundredths.
     """
     rng = np.random.default_rng(16)
     wide = extended_model(TX60)
     train = visit(rng, 20)
     prior = Prior(1e-5 * rng.normal(size=27), rng.uniform(1e-4, 3e-4, 27), wide.joint_errors.names)
     free = [*fitted(train).names, *prior.names]
-    fit = identify(wide, train, parameters_of(wide, free), prior=prior)
+    fit = under_noise(wide, train, parameters_of(wide, free), prior, factor)
     shape = misfit_shape(fit.model, train)
     rows = position_rows(fit.model, fit.parameters, train, shape, np.ones(len(train), bool))
     unit = kinds.NOISE
