@@ -21,6 +21,8 @@ BACK = 0.02
 rounded to a hundredth of their steps."""
 CORNER = 0.7
 """Turn between two parts of a command beyond which it is a corner [rad]."""
+LOST = 10.0
+"""Times the usual distance of readings beyond which some are lost."""
 FLIPS = 400
 """Draws of signs that tell what a path without error would read."""
 
@@ -112,19 +114,25 @@ def _inside(command: Array, normal: Array, longer: Array, when: Array) -> Array:
 
     Before the first and after the last of them it lies as far outside. A measured path bends as its
     command does: k (1 - k) L^2 / 2 times that, k the part of a line of length L. The bend is that
-    of points as far apart as the readings; a corner has none.
+    of points as far apart as the readings; a corner has none. Not a number where so many readings
+    are lost that the command turns like a corner meanwhile.
     """
     before = np.minimum(when.astype(np.int64), len(longer) - 2)
     share, line = when - before, np.linalg.norm(np.diff(longer, axis=0), axis=1)[before]
     outside = (before == 0) | (before == len(longer) - 2)
     size = np.where(outside, -0.5, 0.5) * share * (1 - share) * line**2
-    return np.asarray(size[:, None] * _bend(command, normal, line))
+    bend, corner = _bend(command, normal, line)
+    lost = corner & ~outside & (line > LOST * np.median(line))
+    return np.where(lost[:, None], np.nan, size[:, None] * bend)
 
 
-def _bend(command: Array, normal: Array, size: Array) -> Array:
-    """Curvature (m, 3) of a command in the planes across it, over so much of its length [1/m]."""
+def _bend(command: Array, normal: Array, size: Array) -> tuple[Array, Bool]:
+    """Curvature (m, 3) of a command in the planes across it, over so much of its length [1/m].
+
+    Zero at corners, which (m,) is returned, too.
+    """
     if len(command) < 3:
-        return np.zeros(command.shape)
+        return np.zeros(command.shape), np.zeros(len(command), dtype=bool)
     along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(command, axis=0), axis=1))])
     middle = np.clip(np.arange(len(command)), 1, len(command) - 2)
     room = 1e-9 * along[-1]
@@ -135,9 +143,9 @@ def _bend(command: Array, normal: Array, size: Array) -> Array:
     length = [np.linalg.norm(way, axis=1)[:, None] for way in ways]
     unit = [way / np.maximum(one, 1e-300) for way, one in zip(ways, length, strict=True)]
     turn = unit[1] - unit[0]
-    smooth = np.linalg.norm(turn, axis=1) < CORNER
-    bend = np.where(smooth[:, None], 2 * turn / np.maximum(length[0] + length[1], 1e-300), 0.0)
-    return np.asarray(bend - (bend * normal).sum(axis=1)[:, None] * normal)
+    corner = np.linalg.norm(turn, axis=1) >= CORNER
+    bend = np.where(corner[:, None], 0.0, 2 * turn / np.maximum(length[0] + length[1], 1e-300))
+    return np.asarray(bend - (bend * normal).sum(axis=1)[:, None] * normal), corner
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -230,7 +230,8 @@ def _path(path: PathRuns, shared: Shared) -> tuple[list[StatedFigure], PathShown
             f"the run of path {path.name} that begins here does not pass the plane across point "
             f"{path.points[point]} in its turn", code="M35",
             allowed="every run follows the whole path, in its order",
-            fix="check the order of points and rows, and the cycles, or take this run out",
+            fix="check the order of points and rows, the cycles, and lost readings, or take this "
+            "run out",
         )  # fmt: skip
     common = shared.covariance(x.mean(axis=1))
     noise = None if path.noise is None else np.broadcast_to(path.noise, (len(x), 3, 3))

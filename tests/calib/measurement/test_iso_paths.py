@@ -1,6 +1,6 @@
 """AT and RT against closed forms and a brute force of their own."""
 
-from itertools import product
+from itertools import pairwise, product
 
 import numpy as np
 import pytest
@@ -86,6 +86,20 @@ def test_at_and_rt_of_ninety_readings_are_those_of_small_steps_on_the_whole_path
     # on for up to 4 mm as far off as it was, where the waves go on
     assert found.accuracy.value.max() == pytest.approx(AT, abs=2e-6)
     assert found.repeatability.value.max() == pytest.approx(RT, abs=4e-6)
+
+
+def test_a_bend_of_which_most_readings_are_lost_is_not_passed():
+    """A straight line across a quarter of a circle would be 60 mm inside it; a corner has all."""
+    command = circle(0.2, 73)
+    run = np.delete(circle(0.2, 1000), slice(250, 500), axis=0)
+    seen = through_planes(run, command)
+    gone = np.isnan(seen).any(axis=1)
+    assert gone[19:36].all()
+    assert not gone[np.r_[:18, 37:73]].any()
+    square = np.array([[0, 0, 0], [0.1, 0, 0], [0.1, 0.1, 0], [0, 0.1, 0.0]])
+    ways = [np.linspace(a, b, 100) for a, b in pairwise(square)]
+    seen = through_planes(np.concatenate(ways)[1:] + np.array([0, 0, 1e-4]), square)
+    np.testing.assert_allclose(seen, square + np.array([0, 0, 1e-4]), atol=1e-12)
 
 
 def test_lines_off_by_known_amounts_give_the_figures_by_hand():
