@@ -229,8 +229,10 @@ def iso9283(
 def folder_of(data: Path, ending: str) -> Path:
     """Where a result goes unless --out says otherwise."""
     from testbed.files.session_toml import SESSION_FILE
-    from testbed.gates.paths import real
+    from testbed.gates.paths import is_there, real
 
     found = real(data, field="measurements", code="S37")
     name = found.parent.name if data.name == SESSION_FILE else data.stem
+    if is_there(data, Path.is_dir):  # "." has no name of its own
+        name = found.name
     return Path("runs") / f"{name}-{ending}"

@@ -11,6 +11,7 @@ import truebed
 from calib.errors import InputError
 from testbed.cli import app, handout, viewer
 from testbed.cli.compared import COLUMNS, document, figure, rows
+from testbed.cli.run import folder_of
 from testbed.store.npz import pretty_json
 
 VERBS = ("view", "report", "record", "compare")
@@ -258,3 +259,10 @@ def test_the_report_of_a_plan_or_a_test_is_printed_as_it_was_written(
     assert (done.exit_code, done.stdout) == (0, f"runs/{folder}/{name}.printer\n")
     assert page.read_text() == "written"
     assert "not made again" in call("report", page.parent, "--pdf", "--embed").stderr
+
+
+def test_what_is_made_of_the_folder_one_stands_in_has_its_name(tmp_path, monkeypatch):
+    (tmp_path / "cell" / "spring").mkdir(parents=True)
+    monkeypatch.chdir(tmp_path / "cell" / "spring")
+    names = [str(folder_of(Path(data), "identified")) for data in (".", "..", "a.csv")]
+    assert names == [f"runs/{name}-identified" for name in ("spring", "cell", "a")]
