@@ -295,6 +295,6 @@ def terminal_text(calibration: Calibration, delivered: Delivered) -> str:
     if more > 0:
         said.append(f"{more} more rows that do not fit are in the report")
     if believed:
-        said.append("Why the radius can be believed, and what each test found, is in the report")
+        said.append("What the radius rests on, and what each test found, is in the report")
     parts += [f"  {text}" for text in sentences(said)]
     return "\n".join(parts)
