@@ -45,6 +45,8 @@ class IsoFigure(Shown):
     """(...,) of a length: root of the variance in all directions together; None of a scatter."""
     directions: Array | None = None
     """(...,) in how many directions that variance is, 1 to 3; None of a scatter."""
+    sideways: Array | None = None
+    """(...,) by how much what is u longer lies beside its direction too; None of a scatter."""
 
     def __repr__(self) -> str:
         return f"IsoFigure({self.value.size} poses, largest {self.value.max():.4g})"
@@ -62,6 +64,7 @@ class IsoFigure(Shown):
             taken(self.value), taken(self.uncertainty), taken(self.floor),
             None if self.around is None else taken(self.around),
             None if self.directions is None else taken(self.directions),
+            None if self.sideways is None else taken(self.sideways),
         )  # fmt: skip
 
 
@@ -220,14 +223,19 @@ def _length(off: Array, covariance: Array, floor: Array) -> IsoFigure:
     """Length of vectors (..., 3) that scatter with covariance (..., 3, 3)."""
     value = np.linalg.norm(off, axis=-1)
     along = off / np.maximum(value, 1e-300)[..., None]
-    u = np.sqrt(np.einsum("...i,...ij,...j->...", along, covariance, along))
+    C_along = np.einsum("...ij,...j->...i", covariance, along)
+    u = np.sqrt(np.maximum((along * C_along).sum(axis=-1), 0.0))
+    # likeliest place of what is u longer: off + C_along / u
+    square = np.square(C_along).sum(axis=-1) / np.where(u > 0, u, 1.0) ** 2 - u**2
+    sideways = np.sqrt(np.where(u > 0, np.maximum(square, 0.0), 0.0))
     trace = np.trace(covariance, axis1=-2, axis2=-1)
     square = np.square(covariance).sum(axis=(-2, -1))
     # Satterthwaite: of k equal directions k
     directions = np.where(square > 0, trace**2 / np.where(square > 0, square, 1.0), 1.0)
     return IsoFigure(
-        frozen(value), frozen(u), frozen(floor), frozen(np.sqrt(trace)), frozen(directions)
-    )
+        frozen(value), frozen(u), frozen(floor), frozen(np.sqrt(trace)), frozen(directions),
+        frozen(sideways),
+    )  # fmt: skip
 
 
 def _distances(first: ArrayLike, second: ArrayLike) -> Array:

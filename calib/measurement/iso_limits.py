@@ -44,7 +44,9 @@ def mean_limits(figure: IsoFigure, dof: float, *, probability: float = 0.95) -> 
     of F(f, dof) tr C, f the directions of the covariance C (Satterthwaite), and 3 F(3, dof) u^2,
     which no more than that exceed whatever C is. At zero it is exact
     for equal scatter, far away it is Student's; between, at 95 %, it is 0.07 u higher at most than
-    the limit that holds exactly so often. The upper limit is safe near the floor without room.
+    the limit that holds exactly so often. The upper limit is safe near the floor without room; it
+    is the length of the likeliest vector whose part along the measured one is value + t u, which
+    lies beside that one where scatter is not equal in all directions.
     """
     single = (1 + probability) / 2
     half = stdtrit(dof, single) * figure.uncertainty
@@ -55,7 +57,10 @@ def mean_limits(figure: IsoFigure, dof: float, *, probability: float = 0.95) -> 
         reach = np.minimum(reach, figure.uncertainty * np.sqrt(3 * fdtri(3, dof, single)))
         room = np.maximum(reach - half, 0.0)
         lower = np.sqrt(np.maximum(lower**2 - room**2, 0.0))
-    return Limits(frozen(lower), frozen(figure.value + half), _all(dof, half))
+    upper = figure.value + half
+    if figure.sideways is not None:
+        upper = np.hypot(upper, stdtrit(dof, single) * figure.sideways)
+    return Limits(frozen(lower), frozen(upper), _all(dof, half))
 
 
 def largest_limits(figure: IsoFigure, dof: float, *, probability: float = 0.95) -> Limits:

@@ -75,13 +75,12 @@ class CycleMemory:
         own = np.maximum(figure.uncertainty**2 - common, 0.0)
         more = self.cycles / (self.worth * self.shrunk)
         u = np.sqrt(own * more + common)
-        around = figure.around
-        if around is not None:
-            # as much wider as u: of what is shared across the figure that is too much
-            around = frozen(around * u / np.where(u > 0, figure.uncertainty, 1.0))
+        # as much wider as u: of what is shared across the figure that is too much
+        wide = u / np.where(u > 0, figure.uncertainty, 1.0)
         return replace(
             figure, uncertainty=frozen(u), floor=frozen(figure.floor * np.sqrt(more)),
-            around=around,
+            around=None if figure.around is None else frozen(figure.around * wide),
+            sideways=None if figure.sideways is None else frozen(figure.sideways * wide),
         )  # fmt: skip
 
     def of_scatter(self, figure: IsoFigure) -> IsoFigure:
