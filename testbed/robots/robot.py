@@ -25,6 +25,9 @@ SHARE = (10.0, 90.0)
 """The box holds what lies between these percentiles of the reach, axis by axis."""
 ABOVE = 0.1
 """Postures whose tool is lower above the floor than this do not count [m]."""
+STANDS = 1 / 3
+"""Part of the postures above it from which on an arm stands on that floor; others, such as a SCARA,
+whose quill hangs below its base, stand on something higher."""
 STAND = 0.675
 """Height of the drawn tracker's beam above its floor [m]."""
 AWAY = 3.0
@@ -195,7 +198,8 @@ def workspace_of_reach(robot: Robot) -> Workspace:
     T = inverse(robot.model.chain.T_world_base) @ robot.model.poses(q)
     place = T[:, :3, 3]
     above = place[:, 2] > robot.base_offset + ABOVE
-    low, high = np.percentile(place[above] if above.any() else place, SHARE, axis=0)
+    place = place[above] if above.mean() > STANDS else place
+    low, high = np.percentile(place, SHARE, axis=0)
     center, size = (low + high) / 2, np.maximum(high - low, STEP)
     away = max(AWAY * float(np.linalg.norm(size)) / 2, NEAREST)
     aside = np.array([np.cos(ASIDE), np.sin(ASIDE), 0.0])

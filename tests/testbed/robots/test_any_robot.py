@@ -99,6 +99,16 @@ def test_the_workspace_found_from_the_reach_grows_with_the_arm():
     assert workspace(smaller(IIWA)) == workspace_of_reach(smaller(IIWA))
 
 
+def test_an_arm_that_hangs_below_its_base_works_there():
+    """The quill of a SCARA is above the plane of its base only where it is drawn in."""
+    whole, hung, stands = (
+        workspace_of_reach(replace(IIWA, base_offset=offset)) for offset in (-10.0, 1.0, 0.3)
+    )
+    assert hung.box_size_mm == whole.box_size_mm
+    assert hung.box_center_mm == whole.box_center_mm
+    assert stands.box_size_mm[2] < whole.box_size_mm[2]
+
+
 def test_the_workspace_found_from_the_reach_holds_feasible_poses():
     for robot in (UR10, TX60, smaller(IIWA)):
         found = workspace_of_reach(robot)
