@@ -13,6 +13,8 @@ from calib.arrays import Array, Bool, Index, frozen
 
 BEYOND = 1e-6
 """Farther than this outside the limits is outside, as where joints are read [rad, m]."""
+UNLIMITED = 1e9
+"""Farther than any joint goes [rad, m]."""
 
 
 def _none() -> Array:
@@ -35,7 +37,7 @@ class Controller:
     held: tuple[int, ...] = ()
     """Joints, from 0, that follow others and that the controller does not count: J is zero."""
     limits: Array = field(default_factory=_none)
-    """(n, 2) lower and upper limits of its own joints, infinite where none is stated [rad, m]."""
+    """(n, 2) limits of its own joints, lower and upper; `UNLIMITED` where none stands [rad, m]."""
 
     @property
     def plain(self) -> bool:

@@ -15,7 +15,7 @@ from pydantic import Field
 from calib.arrays import Array, frozen
 from calib.geometry.chain import JointKind
 from testbed.bounds import ANGLE, LINK
-from testbed.robots.controller import AS_THE_ARM, Controller
+from testbed.robots.controller import AS_THE_ARM, UNLIMITED, Controller
 from testbed.robots.units import degrees, millimeters
 from testbed.strict import PlainText, Strict
 
@@ -84,7 +84,7 @@ class ControllerTable(Strict):
 
     def _limits(self, equations: dict[int, "_Equation"], kinds: Sequence[JointKind]) -> Array:
         """Limits (n, 2) of the controller's joints [rad, m]."""
-        out = np.tile([-np.inf, np.inf], (len(kinds), 1))
+        out = np.tile([-UNLIMITED, UNLIMITED], (len(kinds), 1))
         for unit, factor, kind, stated in (
             ("deg", np.radians(1.0), "revolute", self.limits_deg),
             ("mm", 1e-3, "prismatic", self.limits_mm),
@@ -266,7 +266,7 @@ def controller_table(controller: Controller, kinds: Sequence[JointKind]) -> dict
         limits = {
             f"J{k + 1}": [own(lower), own(upper)]
             for k, (lower, upper) in enumerate(controller.limits.tolist())
-            if kinds[k] == kind and np.isfinite(lower)
+            if kinds[k] == kind and lower > -UNLIMITED
         }
         out |= {f"limits_{unit}": limits} if limits else {}
     return out

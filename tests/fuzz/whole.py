@@ -107,6 +107,10 @@ box_size_mm = [400.0, 400.0, 400.0]
 station_mm = [2500.0, 0.0, 500.0]
 joint_ranges_deg = [[-90.0, 90.0], [0.0, 400.0]]
 
+[controller]
+joints = ["q2 = J2 - 1/20 mm/deg J1"]
+limits_mm = { J2 = [-500.0, 500.0] }
+
 [[joints]]
 kind = "revolute"
 theta_deg = 0.0
