@@ -181,7 +181,7 @@ TARGETS = {
         read_cycles,
         whole.CYCLES,
         ("session.toml", "cycles.csv", "path.csv"),
-        frozenset({"floor", "drift_p_value"}),
+        frozenset({"floor", "noise", "drift_p_value"}),
     ),
     "URDF": Target(read_robot("arm.urdf"), whole.ARMS, ("arm.urdf",)),
     "MJCF": Target(read_robot("arm.xml"), whole.ARMS, ("arm.xml",)),
