@@ -26,6 +26,7 @@ from testbed.files.alternatives import (
 )
 from testbed.files.frames_fit import FAR, Misfit, flange_poses, target_groups
 from testbed.files.refusal import refusal
+from testbed.files.rows.exact import exactness
 from testbed.files.rows.ratios import ratios_that_fit
 from testbed.files.rows.shifts import (
     FEWEST,
@@ -38,7 +39,6 @@ from testbed.files.rows.shifts import (
 )
 from testbed.files.session import Session
 from testbed.robots.robot import Robot
-from testbed.units import significant
 
 TIMES = 5.0
 """An alternative is named if what it leaves is so many times smaller."""
@@ -51,16 +51,6 @@ BEYOND = 5.0
 """Times outside of that from which on a few poses show a wrong unit: inches for mm are 25."""
 LEAST_SPAN, TOOL = 0.02, 1.0
 """Distances vary by at least this part of what the flange moves, and by that and a tool [m]."""
-MODEL = 1e-6
-"""A misfit below this is no measurement but the model of a controller [m]."""
-ROUNDED = 1.2
-"""A misfit below so many times what the digits of a file leave is a model's, too: the links of a
-real robot leave a tenth of a millimeter or more."""
-METERS = tuple(10.0**-k for k in range(3, 7))
-TURNS = (*(np.radians(10.0**-k) for k in range(1, 5)), *(10.0**-k for k in range(2, 6)))
-"""Steps to which positions [m] and angles [rad] are rounded in files."""
-ON_STEP = 1e-5
-"""Part of a step that rounding in float64 may leave."""
 BETTER = 0.98
 """The other source of joints fits better if it leaves less than this part."""
 
@@ -227,17 +217,7 @@ def _extent(points: Array) -> float:
 
 def _warnings(robot: Robot, session: Session, rows: Index, stated: Misfit) -> tuple[str, ...]:
     """What looks odd though the reading is right."""
-    warnings = []
-    if stated.position < MODEL:
-        warnings.append(
-            f"base and tool explain the positions to {significant(stated.position * 1e9, 2)} nm: "
-            "these are a controller's own poses, not measurements"
-        )
-    elif stated.position < ROUNDED * _left_by_digits(robot.model, session, rows):
-        warnings.append(
-            f"base and tool explain the positions to {stated.shown}, all that the digits of the "
-            "file allow: are these a controller's own poses, not measurements?"
-        )
+    warnings = [exact] if (exact := exactness(robot.model, session, rows, stated)) else []
     if session.read_back is not None:
         other = replace(as_read(session, rows), q=session.read_back[rows])
         left = misfit_of(robot.model, other)
@@ -248,29 +228,6 @@ def _warnings(robot: Robot, session: Session, rows: Index, stated: Misfit) -> tu
                 f"{stated.shown}"
             )
     return tuple(warnings)
-
-
-def _left_by_digits(model: RobotModel, session: Session, rows: Index) -> float:
-    """Root mean square that rounding to the digits of a file leaves of the flange's place [m].
-
-    Rounding to steps g is off by g / sqrt(12) (JCGM 100:2008, F.2.2.1). Joints that were commanded
-    are what they are, however few their digits.
-    """
-    read = as_read(session, rows)
-    F, variance = flange_poses(model, read.q), 3 * _step(read.position, METERS) ** 2 / 12
-    n = len(model.chain.kinds) if session.joint_source == "read-back" else 0
-    for j in range(n):
-        step = _step(read.q[:, j], METERS if model.chain.prismatic[j] else TURNS)
-        moved = flange_poses(model, read.q + step * np.eye(n)[j])
-        variance += np.square(moved[:, :3, 3] - F[:, :3, 3]).sum(axis=1).mean() / 12
-    return float(np.sqrt(variance))
-
-
-def _step(values: Array, steps: Sequence[float]) -> float:
-    """The largest of some steps of which all values are multiples; 0 if there is none."""
-    found = (one for one in sorted(steps, reverse=True)
-             if np.abs(values / one - np.round(values / one)).max() < ON_STEP)  # fmt: skip
-    return next(found, 0.0)
 
 
 def _probe_distances(plain: Probe, robot: Robot, session: Session) -> Probe:

@@ -1,0 +1,61 @@
+"""Are positions so exact that a controller made them? Base and tool then leave rounding alone."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from calib.arrays import Array, Index
+from calib.geometry.model import RobotModel
+from testbed.files.frames_fit import Misfit, flange_poses
+from testbed.files.rows.shifts import as_read
+from testbed.files.session import Session
+from testbed.units import significant
+
+MODEL = 1e-6
+"""A misfit below this is no measurement but the model of a controller [m]."""
+ROUNDED = 1.2
+"""A misfit below so many times what the digits of a file leave is a model's, too: the links of a
+real robot leave a tenth of a millimeter or more."""
+METERS = tuple(10.0**-k for k in range(3, 7))
+TURNS = (*(np.radians(10.0**-k) for k in range(1, 5)), *(10.0**-k for k in range(2, 6)))
+"""Steps to which positions [m] and angles [rad] are rounded in files."""
+ON_STEP = 1e-5
+"""Part of a step that rounding in float64 may leave."""
+
+
+def exactness(model: RobotModel, session: Session, rows: Index, stated: Misfit) -> str:
+    """What to say of rows that the nominal robot explains better than a real one; else empty."""
+    if stated.position < MODEL:
+        return (
+            f"base and tool explain the positions to {significant(stated.position * 1e9, 2)} nm: "
+            "these are a controller's own poses, not measurements"
+        )
+    if stated.position < ROUNDED * _left_by_digits(model, session, rows):
+        return (
+            f"base and tool explain the positions to {stated.shown}, all that the digits of the "
+            "file allow: are these a controller's own poses, not measurements?"
+        )
+    return ""
+
+
+def _left_by_digits(model: RobotModel, session: Session, rows: Index) -> float:
+    """Root mean square that rounding to the digits of a file leaves of the flange's place [m].
+
+    Rounding to steps g is off by g / sqrt(12) (JCGM 100:2008, F.2.2.1). Joints that were commanded
+    are what they are, however few their digits.
+    """
+    read = as_read(session, rows)
+    F, variance = flange_poses(model, read.q), 3 * _step(read.position, METERS) ** 2 / 12
+    n = len(model.chain.kinds) if session.joint_source == "read-back" else 0
+    for j in range(n):
+        step = _step(read.q[:, j], METERS if model.chain.prismatic[j] else TURNS)
+        moved = flange_poses(model, read.q + step * np.eye(n)[j])
+        variance += np.square(moved[:, :3, 3] - F[:, :3, 3]).sum(axis=1).mean() / 12
+    return float(np.sqrt(variance))
+
+
+def _step(values: Array, steps: Sequence[float]) -> float:
+    """The largest of some steps of which all values are multiples; 0 if there is none."""
+    found = (one for one in sorted(steps, reverse=True)
+             if np.abs(values / one - np.round(values / one)).max() < ON_STEP)  # fmt: skip
+    return next(found, 0.0)
