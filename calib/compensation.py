@@ -236,10 +236,7 @@ def few_joints(model: RobotModel) -> bool:
 def turned_sentences(
     model: RobotModel, status: Sequence[str], left: Array, held: int = 0
 ) -> tuple[str, ...]:
-    """What rotation (m,) [rad] an arm of few joints leaves of targets that it reaches, in words.
-
-    So many joints are `held` by others and do not move by themselves.
-    """
+    """What rotation (m,) [rad] an arm leaves whose joints are few, less those that are `held`."""
     reached = np.array([one == "reached" for one in status], dtype=np.bool_)
     n = model.chain.n_joints - held
     if n >= 6 or not reached.any():

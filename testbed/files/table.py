@@ -10,6 +10,7 @@ from calib.arrays import Array
 from calib.errors import InputError
 from testbed.bounds import FACTORS
 from testbed.files.columns import AXES, TEXTS, UNITS, close_to, is_known, misspelling, unit_of
+from testbed.files.dialects.numbers import digits_after, floats, number_of, pointed
 from testbed.files.refusal import refusal
 from testbed.files.text import Sheet
 from testbed.strict import choice_of
@@ -89,7 +90,7 @@ class DataTable:
         out = np.empty((len(self), len(names)))
         for k, name in enumerate(names):
             cells = self.texts(name)
-            out[:, k] = _floats(cells if self.decimal != "," else [_pointed(c) for c in cells])
+            out[:, k] = floats(cells if self.decimal != "," else [pointed(c) for c in cells])
         out[~np.isfinite(out)] = np.nan
         return out
 
@@ -133,7 +134,7 @@ class DataTable:
 
     def decimals(self, name: str) -> tuple[int, int]:
         """Fewest and most digits after the decimal mark in a column."""
-        counts = [_digits_after(cell, self.decimal or ".") for cell in self.texts(name)]
+        counts = [digits_after(cell, self.decimal or ".") for cell in self.texts(name)]
         return min(counts, default=0), max(counts, default=0)
 
     def only(self, name: str) -> str | None:
@@ -276,32 +277,3 @@ def _decimal_mark(table: DataTable, in_doubt: str) -> str:
         message = f'numbers such as "{comma[0]}" may have a decimal comma or thousands marks'
         raise refusal(table.place(comma[1]), "decimal", message, fix=in_doubt)
     return "," if comma else "."
-
-
-def _floats(cells: Sequence[str]) -> Array:
-    """Numbers (m,); nan where a cell is none."""
-    if not any("_" in cell for cell in cells):  # Python reads 1_000, a table should not
-        try:
-            return np.array([float(cell) for cell in cells], dtype=np.float64)
-        except ValueError:
-            pass
-    return np.array([number_of(cell) for cell in cells], dtype=np.float64)
-
-
-def number_of(cell: str) -> float:
-    """One number, its minus as in print or not, or nan."""
-    try:
-        return np.nan if "_" in cell else float(cell.replace("\u2212", "-"))
-    except ValueError:
-        return np.nan
-
-
-def _pointed(cell: str) -> str:
-    """A number with a decimal comma as one with a point; a point there makes it no number."""
-    return cell.replace(",", ".") if "." not in cell else "?"
-
-
-def _digits_after(cell: str, mark: str) -> int:
-    """Digits after the decimal mark."""
-    mantissa = re.split("[eE]", cell)[0]
-    return len(mantissa.split(mark)[1]) if mark in mantissa else 0

@@ -8,9 +8,9 @@ import numpy as np
 from calib.arrays import Array
 from testbed.files.alternatives import BY_AXIS
 from testbed.files.columns import MATRIX_COLUMNS, PLAIN, QUATERNION_COLUMNS
+from testbed.files.dialects.numbers import number_of
 from testbed.files.refusal import refusal
 from testbed.files.rows.planned import foretold
-from testbed.files.table import number_of
 from testbed.proposal.data import Document, Found, Part
 from testbed.proposal.exports import exported_parts
 from testbed.proposal.layouts import layouts

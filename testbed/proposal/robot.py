@@ -5,9 +5,9 @@ from pathlib import Path
 
 import numpy as np
 
+from testbed.files.dialects.numbers import number_of
 from testbed.files.refusal import refusal
 from testbed.files.session import text_of
-from testbed.files.table import number_of
 from testbed.files.text import Sheet, read_sheet
 from testbed.gates.text import MAX_MB
 from testbed.proposal.names import without_unit

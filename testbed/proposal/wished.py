@@ -4,7 +4,7 @@ import numpy as np
 
 from calib.arrays import Array
 from testbed.bounds import FACTORS
-from testbed.files.table import number_of
+from testbed.files.dialects.numbers import number_of
 from testbed.proposal.data import Found
 from testbed.proposal.names import ANGLE, Meaning, without_unit
 from testbed.proposal.parts import DIFFERENCE, TARGET

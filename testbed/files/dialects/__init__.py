@@ -1,1 +1,1 @@
-"""Files of other programs that are no tables: exports of Spatial Analyzer, programs in RAPID."""
+"""How other programs write: exports of Spatial Analyzer, programs in RAPID, numbers with commas."""

@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from testbed.files.columns import ANGLES, LENGTHS
+from testbed.files.dialects.numbers import number_of
 from testbed.files.refusal import refusal
-from testbed.files.table import number_of
 from testbed.gates.text import FileText
 
 AXES = re.compile(r"AXES\s*=\s*(\w+)\s*:(.*)", re.IGNORECASE)

@@ -6,8 +6,9 @@ from collections.abc import Mapping
 import numpy as np
 
 from calib.errors import InputError
+from testbed.files.dialects.numbers import number_of
 from testbed.files.refusal import refusal
-from testbed.files.table import DataTable, number_of
+from testbed.files.table import DataTable
 from testbed.files.text import Sheet
 from testbed.robots.robot import Robot
 
