@@ -26,7 +26,7 @@ from testbed.robots.assumed import (
     assumed_sources,
     bodies,
 )
-from testbed.robots.coupled import controller_of
+from testbed.robots.controller import AS_THE_ARM
 from testbed.robots.file import (
     Drawn,
     Frame,
@@ -122,7 +122,9 @@ def load_robot(
         tolerances=None
         if data.tolerances is None
         else frozen(tolerances_of(data.tolerances, usual_tolerances(chain.n_joints))),
-        controller=controller_of(data.controller, chain.kinds),
+        controller=AS_THE_ARM
+        if data.controller is None
+        else data.controller.controller(chain.kinds),
     )
 
 

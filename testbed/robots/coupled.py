@@ -15,7 +15,7 @@ from pydantic import Field
 from calib.arrays import Array, frozen
 from calib.geometry.chain import JointKind
 from testbed.bounds import ANGLE, LINK
-from testbed.robots.controller import AS_THE_ARM, UNLIMITED, Controller
+from testbed.robots.controller import UNLIMITED, Controller
 from testbed.robots.units import degrees, millimeters
 from testbed.strict import PlainText, Strict
 
@@ -250,11 +250,6 @@ def _solved(equations: dict[int, _Equation], n: int) -> tuple[Array, Array]:
     if max(np.abs(matrix).max(), np.abs(inverse).max()) > LARGE:
         raise ValueError(f"the statements together multiply joints by more than {LARGE:g}")
     return matrix, inverse
-
-
-def controller_of(table: ControllerTable | None, kinds: Sequence[JointKind]) -> Controller:
-    """The controller that a robot's file states; as the arm where it states none."""
-    return AS_THE_ARM if table is None else table.controller(kinds)
 
 
 def controller_table(controller: Controller, kinds: Sequence[JointKind]) -> dict[str, Any] | None:
