@@ -134,6 +134,8 @@ def test_pictures_are_worked_on_in_their_order_while_the_next_is_taken(count):
 def test_a_whole_recording_becomes_a_film_as_long_as_it_is_played(tmp_path, monkeypatch, ending):
     """The recording of a campaign from start to end; .mp4 where an encoder is installed."""
     monkeypatch.setattr(video, "MOST_FRAMES", 6)  # as many as show a rate; each takes a second
+    monkeypatch.setattr(video, "SIZE", (800, 500))
+    monkeypatch.setattr(viewer, "NOTES_FADE", 0.5)
     out = tmp_path / f"film{ending}"
     if ending == ".mp4":
         try:
