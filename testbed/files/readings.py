@@ -13,8 +13,6 @@ from testbed.files.uncertainty import Spread
 
 SHOWN = 10
 """Lines named in one sentence."""
-ROUNDED = 11
-"""Decimals of the entries of a rotation: more than files have, fewer than rounding leaves."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -103,12 +101,11 @@ def lost_readings(readings: Readings, nests: Sequence[str]) -> tuple[Bool, list[
 def copied_rows(readings: Readings, *beside: Array | Index) -> tuple[Bool, list[str]]:
     """Rows (m,) without those that repeat the digits of an earlier one, and a sentence on them.
 
-    Numbers (m,) or (m, k) `beside` the readings must be equal, too. Rotations are computed from
-    the digits: what is equal to rounding is the same.
+    Numbers (m,) or (m, k) `beside` the readings must be equal, too.
     """
     names = (readings.station, readings.anchor)
     codes = [np.unique(np.array(texts, dtype=str), return_inverse=True)[1] for texts in names]
-    rotation = np.round(readings.rotation.reshape(-1, 9), ROUNDED)
+    rotation = readings.rotation.reshape(-1, 9)
     key = np.column_stack([readings.position, rotation, readings.distance, *codes, *beside])
     _, first = np.unique(key, axis=0, return_index=True)
     copies = np.ones(len(readings), dtype=bool)

@@ -41,6 +41,11 @@ def _no_main(monkeypatch):
     monkeypatch.setattr(sys.modules["__main__"], "__file__", None, raising=False)
 
 
+# the pool's own thread counts its children while it loses one: Python 3.11 trips over that at
+# times, after all futures of the broken pool are answered
+@pytest.mark.filterwarnings(
+    "ignore:Exception in thread:pytest.PytestUnhandledThreadExceptionWarning"
+)
 def test_faults_of_processes_change_no_byte_and_lose_no_piece(tmp_path):
     """A process killed twice, one piece that raises twice, one that always kills its process."""
     for fault in ("1.die once", "4.die once", "3.raise once", "2.die always"):

@@ -41,7 +41,9 @@ def made(seed=0, m=29, noise=17.5e-6, turn=2e-4, robot=ROBOT):
     q = rng.uniform(0.8 * lower, 0.8 * upper, (m, len(lower)))
     T = truth.poses(q)
     R = Rotation.from_rotvec(turn * rng.standard_normal((m, 3))).as_matrix() @ T[:, :3, :3]
-    return Made(q, transform(R, T[:, :3, 3] + noise * rng.standard_normal((m, 3))), truth)
+    T = transform(R, T[:, :3, 3] + noise * rng.standard_normal((m, 3)))
+    q.flags.writeable = T.flags.writeable = False  # many tests share them
+    return Made(q, T, truth)
 
 
 def columns(data, *, euler="XYZ", form="euler", ids=True, gives="T_tracker_tool"):

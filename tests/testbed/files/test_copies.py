@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from testbed.files import rotations
 from testbed.files.read import read_session
 from tests.testbed.files.made import ROBOT, columns, csv, made, with_spread
 
@@ -112,22 +111,6 @@ def test_nothing_is_left_out_before_rows_are_matched_by_order(tmp_path):
     joints = np.column_stack([np.radians(twice[k]) for k in JOINTS])
     np.testing.assert_allclose(session.measurements.q, joints[:29], rtol=0, atol=1e-13)
     assert session.masked[0].startswith("a.csv: 1 row left out (line 31): copies of earlier")
-
-
-def test_a_copy_whose_rotation_was_rounded_otherwise_is_a_copy(tmp_path, monkeypatch):
-    """Sines of an array may differ in their last digit from one place of it to another."""
-    table = with_spread(columns(made())) | {"euler": ["XYZ"] * 29}
-    table = {k: np.append(v, v[-1]) for k, v in table.items()}
-    plain = rotations.rotations
-
-    def rounded(form, numbers):
-        R = plain(form, numbers)
-        R[-1] += 1e-16
-        return R
-
-    (tmp_path / "a.csv").write_text(csv(table))
-    monkeypatch.setattr(rotations, "rotations", rounded)
-    assert len(read_session(tmp_path / "a.csv", ROBOT).measurements) == 29
 
 
 @pytest.mark.parametrize(("decimals", "left"), [(5, 1), (2, 0)])
