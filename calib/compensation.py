@@ -228,9 +228,9 @@ def corrected_poses(
     )
 
 
-def few_joints(model: RobotModel) -> bool:
-    """Whether an arm has too few joints to take any pose near its own."""
-    return model.chain.n_joints < 6
+def few_joints(model: RobotModel, held: int = 0) -> bool:
+    """Whether an arm, less joints that are `held`, has too few to take any pose near its own."""
+    return model.chain.n_joints - held < 6
 
 
 def turned_sentences(
@@ -238,9 +238,9 @@ def turned_sentences(
 ) -> tuple[str, ...]:
     """What rotation (m,) [rad] an arm leaves whose joints are few, less those that are `held`."""
     reached = np.array([one == "reached" for one in status], dtype=np.bool_)
-    n = model.chain.n_joints - held
-    if n >= 6 or not reached.any():
+    if not few_joints(model, held) or not reached.any():
         return ()
+    n = model.chain.n_joints - held
     most, free = np.degrees(left[reached].max()), "free " * bool(held)
     return (
         f"an arm of {n} {free}joint{'s' if n > 1 else ''} cannot turn its tool in every way: "
