@@ -11,7 +11,7 @@ import truebed
 from calib.errors import InputError
 from testbed.cli import app, handout, viewer
 from testbed.cli.compared import COLUMNS, document, figure, rows
-from testbed.cli.run import folder_of
+from testbed.cli.measured import folder_of
 from testbed.store.npz import pretty_json
 
 VERBS = ("view", "report", "record", "compare")

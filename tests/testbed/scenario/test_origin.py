@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from calib.errors import InputError
-from testbed.cli.run import scenario_of as scenario_of_command
+from testbed.cli.campaign import scenario_of as scenario_of_command
 from testbed.robots.catalog import load_robot, robot_names
 from testbed.run.play import load_run, play_run, rederive
 from testbed.scenario import read
