@@ -39,6 +39,7 @@ from testbed.report.page import (
     rejections,
     render,
 )
+from testbed.report.svg import on_phone
 from testbed.robots.catalog import Robot
 from testbed.units import DEG, MDEG, MM, UM, counted, fixed, sentence, significant
 
@@ -149,7 +150,8 @@ def order_section(plan: Plan) -> Section:
         "Path of the tool from pose to pose, numbered as in the table where there is room; square: "
         "start, blue: poses to identify from, amber: held-out poses."
     )
-    return Section("order", "Measuring order", (Figure(caption, plots.order_map(plan)), table))
+    figure = Figure(caption, plots.order_map(plan), phone=on_phone(plots.order_map, plan))
+    return Section("order", "Measuring order", (figure, table))
 
 
 def station_section(plan: Plan) -> Section | None:

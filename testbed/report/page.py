@@ -106,6 +106,8 @@ class Figure:
     """Half: of a drawing for half the width; on paper two of them stand beside each other."""
     on_paper: bool = True
     """Whether print shows it; not where a table beside it says the same."""
+    phone: str = ""
+    """The same drawn for a phone (`on_phone`); without it a phone scrolls through the figure."""
 
 
 Block = Text | Points | Table | Figure

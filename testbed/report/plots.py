@@ -1,6 +1,7 @@
 """What all pictures share: words, legends, rows, ticks and views; where the tracker stands."""
 
 from collections.abc import Mapping, Sequence
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -30,6 +31,10 @@ LETTER = (0.62, 0.85)
 """Width and height of the room that a letter takes, in units of its size: a digit, nearly."""
 GAP = 2.0
 """Between words and a curve [pt]."""
+ENTRY = 26.0
+"""What an entry of a legend takes beside its letters [pt]."""
+SIDES = 40.0
+"""What the ticks and names of a panel take from its width, nearly [pt]."""
 FEET = (0.04, 0.2, 0.36, 0.52, 0.68, 0.84)
 """Heights of words beside an upright line that are tried, as parts of the panel's height."""
 CUT_OFF = 0.02
@@ -113,6 +118,14 @@ def _meet(one: Sequence[float], other: Sequence[float]) -> bool:
     return all(one[i] < other[i + 2] and other[i] < one[i + 2] for i in (0, 1))
 
 
+def room_across(ax: "Axes") -> float:
+    """Width of a panel inside its ticks and names [pt]."""
+    spec, figure = ax.get_subplotspec(), ax.get_figure(root=True)
+    assert figure is not None  # a panel of ours
+    columns = spec.get_gridspec().ncols if spec else 1
+    return float(72 * figure.get_size_inches()[0] / columns - SIDES)
+
+
 def marked_line(
     ax: "Axes", x: float, text: str, offset: float, *, height: float = 0.97, **look: Any
 ) -> None:
@@ -192,7 +205,17 @@ def toward(ax: "Axes", station: Array) -> None:
 def legend_above(figure: "Figure", ax: "Axes", columns: int | None = None) -> None:
     """One legend for all panels, in a line above them or in so many columns."""
     handles, labels = ax.get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside upper center", ncols=columns or len(labels))
+    columns, wide = columns or len(labels), 72 * figure.get_size_inches()[0]
+    wants = [ENTRY + LETTER[0] * 7.5 * len(text) for text in labels]
+
+    def across(count: int) -> float:
+        """Width in so many columns, which are filled one after the other [pt]."""
+        deep = -(-len(wants) // count)
+        return sum(max(wants[k : k + deep]) for k in range(0, len(wants), deep))
+
+    while columns > 1 and across(columns) > wide:
+        columns -= 1
+    figure.legend(handles, labels, loc="outside upper center", ncols=columns)
 
 
 def legend_entries(ax: "Axes", looks: Mapping[str, Look]) -> None:
@@ -255,6 +278,13 @@ def log_ticks(axis: "Axis", low: float, high: float, most: int = 9) -> None:
     ticks = [tick for tick in TICKS if low < tick < high]
     if len(ticks) > most:
         ticks = [tick for tick in ticks if f"{tick:e}".startswith("1.0")]
+    if axis is axis.axes.xaxis and len(ticks) > 1:
+        decade = room_across(axis.axes) / np.log10(high / low)
+        while len(ticks) > 2 and any(
+            decade * np.log10(b / a) < LETTER[0] * 7.5 * (len(f"{a:g}{b:g}") / 2 + 0.5)
+            for a, b in pairwise(ticks)
+        ):
+            ticks = ticks[::2]
     axis.set_ticks(ticks, [f"{tick:g}" for tick in ticks])
     axis.set_ticks([], minor=True)
 

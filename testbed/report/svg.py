@@ -3,9 +3,10 @@
 import io
 import logging
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any
+from contextvars import ContextVar
+from typing import TYPE_CHECKING, Any, ParamSpec
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -56,13 +57,32 @@ STYLE: Any = {
 WIDTH, HALF_WIDTH = 7.1, 4.6
 """Width of a full figure [in], the text width of an A4 page; and of those of half its width, which
 are scaled less."""
+PHONE = 3.75
+"""Width of a figure drawn for the screen of a phone [in]: shown on 390 pixels, letters of 7 points
+are 10 pixels high."""
+FLATTER = 0.85
+"""Height of a panel there, over its height beside others."""
+_for_phone: ContextVar[bool] = ContextVar("_for_phone", default=False)
+P = ParamSpec("P")
+
+
+def on_phone(draw: Callable[P, str], *args: P.args, **options: P.kwargs) -> str:
+    """The same figure drawn for the screen of a phone: panels below each other, as wide as it.
+
+    Only for figures whose words name no panel by its place.
+    """
+    token = _for_phone.set(True)
+    try:
+        return draw(*args, **options)
+    finally:
+        _for_phone.reset(token)
 
 
 @contextmanager
 def drawing(
     rows: int = 1, columns: int = 1, *, height: float = 2.6, width: float = WIDTH, **share: Any
 ) -> Iterator[tuple["Figure", "list[Axes]"]]:
-    """A figure and its axes, row by row, inside the house style [in]."""
+    """A figure and its axes, row by row, inside the house style [in]; for a phone if asked so."""
     # it tells, at length, that it may not keep its list of fonts at home: no matter for a person
     logging.getLogger("matplotlib").setLevel(logging.ERROR)
     from matplotlib import rc_context
@@ -70,6 +90,12 @@ def drawing(
 
     from testbed.report.margins import Margins
 
+    if _for_phone.get():
+        panels, width = rows * columns, PHONE
+        columns = 1 if columns < 4 else 2
+        stacked = -(-panels // columns)
+        height *= stacked / rows * (FLATTER if stacked > rows else 1.0)
+        rows = stacked
     with rc_context(STYLE):
         figure = Figure(figsize=(width, height), layout=Margins())
         axes = figure.subplots(rows, columns, squeeze=False, **share)

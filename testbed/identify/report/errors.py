@@ -10,6 +10,7 @@ from testbed.identify.results import map_of
 from testbed.report.choice import choice_tables
 from testbed.report.page import Block, Figure, Points, Section, Text
 from testbed.report.plots_joints import joint_maps
+from testbed.report.svg import on_phone
 from testbed.units import counted, sentences, significant
 
 
@@ -22,7 +23,8 @@ def accuracy_section(calibration: Calibration) -> Section:
         f"{poses} by the size of their error{several}; dashed: the means, R95: the believed "
         "radius. What lies beyond an axis is counted in its outer bar."
     )
-    figure = Figure(caption, plots.histogram(calibration))
+    drawn = plots.histogram(calibration)
+    figure = Figure(caption, drawn, phone=on_phone(plots.histogram, calibration))
     return Section("accuracy", "Before and after", (figure,))
 
 

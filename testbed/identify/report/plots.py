@@ -78,6 +78,7 @@ def histogram(calibration: Calibration) -> str:
                 log_ticks(ax.xaxis, float(edges[0]), top)
             ax.set_xlabel(f"{name} error [{unit}]")
             ax.set_ylabel("poses")
+            ax.locator_params(axis="y", integer=True)
         legend_above(figure, axes[0])
         return svg_of(figure)
 

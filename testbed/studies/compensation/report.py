@@ -1,6 +1,7 @@
 """The report's section on compensation: what the calibration is worth to a program."""
 
 from testbed.report.page import Block, Figure, Points, Section, Table, Text, Verdict
+from testbed.report.svg import on_phone
 from testbed.studies.compensation.plots import accuracy_by_pose, readings_of_one
 from testbed.studies.compensation.study import STUDY, CompensationStudy
 from testbed.studies.compensation.summary import Outcome, Typical, compared, outcomes
@@ -35,6 +36,7 @@ def section(campaign: Campaign) -> Section:
             f"AP at each of the five poses: median over {robots} of each kind, 5 to 95 % of them. "
             "A figure near the noise floor says only that the truth is smaller.",
             accuracy_by_pose(studies),
+            phone=on_phone(accuracy_by_pose, studies),
         ),
         Figure(
             f"The {counted(studies[-1].cycles, 'cycle')} of the first {studies[-1].truth} robot at "

@@ -1,6 +1,7 @@
 """The report's section on coverage: which stated uncertainty can be believed on which robot."""
 
 from testbed.report.page import Block, Figure, Points, Section, Text, Verdict
+from testbed.report.svg import on_phone
 from testbed.studies.coverage.plots import attained, sharpness
 from testbed.studies.coverage.settings import CoverageSettings
 from testbed.studies.coverage.study import BELIEVED, MODELS, STATEMENTS, STUDY, CoverageStudy
@@ -48,6 +49,7 @@ def section(campaign: Campaign) -> Section:
             f"line is the promise, {level}. Thick: 95 % band of each; thin: bands that hold all "
             f"{len(found)} at once. Open: falls short. The panels have scales of their own.",
             attained(found),
+            phone=on_phone(attained, found),
         ),
         Figure(
             "What a statement costs: radius of the ball with the volume of the region, mean over "

@@ -3,6 +3,7 @@
 from typing import get_args
 
 from testbed.report.page import Block, Figure, Points, Section, Table, Text, Verdict, table_of
+from testbed.report.svg import on_phone
 from testbed.studies.over_robots import CONFIDENCE, Outcome, percent_of
 from testbed.studies.pose_sets.compare import Contest, Entry, contest_of, population_of
 from testbed.studies.pose_sets.plots import forest, kinds
@@ -27,6 +28,7 @@ def pose_sets_section(campaign: Campaign) -> Section:
             "vermilion triangles: worse; open squares: cannot be told apart"
             f"{only(contest.sizes, MOST_VIEWS)}.",
             forest(contest),
+            phone=on_phone(forest, contest),
         ),
     ]
     blocks += [size_table(contest, poses) for poses in contest.sizes]

@@ -17,10 +17,11 @@ from testbed.report.plots import (
     legend_above,
     log_ticks,
     marked_line,
+    room_across,
     short_ticks,
     toward,
 )
-from testbed.report.svg import DARK, INK, LIGHT, MIDDLE, SOFT, WIDTH, drawing, svg_of
+from testbed.report.svg import DARK, HALF_WIDTH, INK, LIGHT, MIDDLE, SOFT, WIDTH, drawing, svg_of
 from testbed.studies.trial.records import Campaign, Trial
 from testbed.studies.trial.set_records import PoseCountStudy, RandomSets
 from testbed.units import MM, UM
@@ -88,7 +89,7 @@ def error_distributions(trials: Sequence[Trial]) -> str:
         low, high = axes[0].get_xlim()
         log_ticks(axes[0].xaxis, low, high, most=9 if columns < 3 else 5)
         axes[0].set(ylim=(0, TOP), yticks=[0, 25, 50, 75, 100])
-        room = (WIDTH * 72 / columns - 40, 75.0)  # of a panel inside its ticks and titles [pt]
+        room = (room_across(axes[0]), 75.0)
         for ax, trial in zip(axes, trials, strict=False):
             _mark_radius(ax, trial, room)
         for ax in axes[len(trials) :]:
@@ -145,7 +146,8 @@ def pose_space(campaign: Campaign) -> str:
     else:
         rows, panels = 2, [(trial, view) for view in (above, side) for trial in trials]
     columns = len(panels) // rows
-    with drawing(rows, columns, height=0.4 + 1.6 * rows) as (figure, axes):
+    width = HALF_WIDTH if len(trials) == 1 else WIDTH
+    with drawing(rows, columns, height=0.4 + 1.6 * rows, width=width) as (figure, axes):
         for k, (ax, (trial, (i, j, view))) in enumerate(zip(axes, panels, strict=True)):
             chosen = pool[trial.selection.indices]
             dots(ax, pool[:, [i, j]])

@@ -7,6 +7,7 @@ import numpy as np
 
 from calib.measurement.accuracy import Accuracy
 from testbed.report.page import Block, Figure, Section, Table, heads, printed
+from testbed.report.svg import on_phone
 from testbed.studies.trial import plots
 from testbed.studies.trial.records import Campaign, Estimate, Replications, Trial
 from testbed.studies.trial.statement.report import statement_blocks
@@ -133,6 +134,7 @@ def distributions(trials: Sequence[Trial]) -> Figure:
         f"{listed([trial.name for trial in trials[: plots.MOST_PANELS]])}: share of held-out poses "
         f"with a tool point error up to each size{plots.only(trials)}.",
         plots.error_distributions(trials[: plots.MOST_PANELS]),
+        phone=on_phone(plots.error_distributions, trials) if len(trials) == 1 else "",
     )
 
 

@@ -67,6 +67,7 @@ def design_section(campaign: Campaign) -> Section:
             "The pool (gray) and the chosen poses: designed sets as blue dots, random sets as "
             f"vermilion triangles{plots.only(campaign.trials, plots.MOST_VIEWS)}.",
             plots.pose_space(campaign),
+            "half" if len(campaign.trials) == 1 else "full",
         ),
         *round_tables(campaign),
         index_table(campaign),

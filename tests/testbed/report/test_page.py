@@ -1,9 +1,7 @@
 """A page says each sentence once, where it is read first, and shows no empty section."""
 
 import re
-import subprocess
 from dataclasses import replace
-from html import escape
 
 import pytest
 
@@ -144,30 +142,3 @@ def test_the_banner_has_an_edge_all_around():
     banners = re.findall(r"(?m)^\s*(?:footer)?\.banner \{([^}]*)\}", style)
     assert "border: 2px solid" in banners[0]
     assert not any("border-" in banner for banner in banners)
-
-
-PHONE = """<!doctype html><iframe id="f" width="390" height="900" srcdoc="{}"></iframe><script>
-f.onload = () => {{
-  const page = f.contentDocument, box = page.querySelector("main > figure div.drawing");
-  const widths = [page.documentElement, box].map(one => [one.scrollWidth, one.clientWidth]);
-  document.body.insertAdjacentHTML("beforeend", `<p id="w">${{widths.flat()}}</p>`);
-}}
-</script>"""
-"""A window as wide as a phone's with a page in it, which writes down what scrolls there."""
-
-
-@pytest.mark.skipif(handout.browser() is None, reason="no browser shows pages")
-def test_the_first_picture_fits_a_phone(tmp_path):
-    svg = '<svg viewBox="0 0 511 190"><path d="M0 0L511 190"/></svg>'
-    shown = tmp_path / "phone.html"
-    shown.write_text(PHONE.format(escape(render(page(picture=Figure("A curve.", svg))))))
-    words = [handout.browser(), "--headless", "--disable-gpu", "--no-sandbox", "--dump-dom"]
-    words += [f"--user-data-dir={tmp_path / 'own'}", "--virtual-time-budget=5000", shown.as_uri()]
-    done = subprocess.run(words, capture_output=True, text=True, timeout=120, check=True)
-    needs, has, picture_needs, picture_has = map(
-        int, re.search(r'<p id="w">([\d,]+)', done.stdout)[1].split(",")
-    )
-    assert has > 300
-    assert needs == has
-    assert picture_needs == picture_has
-    assert picture_has >= has  # from edge to edge, to be read
