@@ -7,6 +7,7 @@ import numpy as np
 
 from calib.arrays import Array
 from calib.errors import one_line
+from testbed.plan.cautions import tests_contact
 from testbed.plan.plan import STEPS
 from testbed.plan.plan import plan as make_plan
 from testbed.plan.recording import plan_story
@@ -64,7 +65,9 @@ def _notes(plan: Plan, mark: str) -> list[str]:
         "First bring the robot by hand to the start, joints",
         f"({_list(_degrees(plan, tour.start), 3)}) deg:",
         "the first move was checked only from there. The program begins with a move to the start.",
-        "Moves were checked against the nominal robot and the obstacles of the scenario only:",
+        "Moves were checked against the nominal robot and the obstacles of the scenario only:"
+        if tests_contact(plan)
+        else "No move was checked for collisions, since the file gives the links no meshes:",
         "run it once at low speed with a hand on the stop.",
     ]
     return [f"{mark} {line}" for line in lines]

@@ -134,6 +134,7 @@ def _plan(scenario: Scenario, tell: Progress, where: str) -> Plan:
         next_poses=next_poses(task, places),
         stations=stations,
         obstacles=bench.cell,
+        shapeless=bench.robot.shapeless,
         assumed=assumed_of(bench),
     )
 

@@ -148,7 +148,7 @@ class Tour(Shown):
     """Places in the tour that no free move was found to."""
     clearance: float
     """Smallest distance of the moving robot to floor and obstacles on all free ways, poses
-    included, as far as was looked; negative: they overlap [m]."""
+    included, as far as was looked; negative: they overlap; nan: no part has a shape [m]."""
     sentence: str
     """How long it takes and whether every move is free."""
 
@@ -213,6 +213,9 @@ class Plan(Shown):
     """Tracker stations compared; the plan is for the best one. None: only the tracker's own."""
     obstacles: tuple[Obstacle, ...]
     """Of the cell."""
+    shapeless: tuple[int, ...]
+    """Moving bodies (1 ... n) whose shape the robot's file does not give: what they hit was not
+    tested."""
     assumed: tuple[str, ...]
     """What the robot's file leaves open and the promise rests on, in words."""
 

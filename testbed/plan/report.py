@@ -6,6 +6,7 @@ import numpy as np
 
 from calib.geometry.parameters import shown_in
 from testbed.plan import plots
+from testbed.plan.cautions import mark
 from testbed.plan.promises import (
     expanded,
     factor_words,
@@ -20,7 +21,6 @@ from testbed.plan.words import (
     PROMISED,
     certificate_word,
     headline_rows,
-    mark,
     next_step,
     reasons,
     warnings,

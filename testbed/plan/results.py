@@ -9,9 +9,10 @@ import numpy as np
 
 from calib.arrays import Array
 from testbed.laboratory.route.moves import travel_times
+from testbed.plan.cautions import uncounted, untested
 from testbed.plan.promises import factor_words, promise, reach_warnings, reach_words
 from testbed.plan.records import Move, Plan
-from testbed.plan.words import station_words, uncounted, untested
+from testbed.plan.words import station_words
 from testbed.report.page import SIMULATED
 from testbed.report.text import csv_text
 from testbed.robots.catalog import Robot
@@ -233,7 +234,7 @@ def _poses(plan: Plan) -> Iterator[Quantity]:
     rejected = dict(zip(pool.rejection_names, pool.rejection_counts, strict=True))
     yield Quantity("blocked", [names[k] for k in tour.blocked])
     yield Quantity("clearance_mm/wanted", plan.scenario.plan.clearance_mm, AS_NAMED)
-    yield Quantity("clearance_mm/smallest", tour.clearance, METRE)
+    yield Quantity("clearance_mm/smallest", _or_nan(np.array(tour.clearance)), METRE)
     yield Quantity("untested", untested(plan))
     yield Quantity("uncounted", uncounted(plan))
     yield Quantity("duration_s", tour.duration, SECOND)

@@ -92,6 +92,7 @@ def tour_of(
     plan, every = bench.scenario.plan, np.vstack([chosen, held_out])
     at_random = stream(bench.scenario.seed, "plan", "order").permutation(len(every))
     ranges = joint_ranges(bench.robot, bench.scenario.pool)
+    solid = len(bench.robot.shapeless) < len(bench.robot.limits)
     turning = ~bench.robot.model.chain.prismatic.astype(bool)
     many_turns = bool((np.ptp(ranges, axis=1)[turning] > MANY_TURNS).any())
     route = measuring_route(
@@ -122,8 +123,8 @@ def tour_of(
         speeds=frozen(bench.robot.speeds * plan.speed_share),
         settle=route.settle,
         blocked=blocked,
-        clearance=_clearance(bench, route, blocked),
-        sentence=_sentence(route, blocked, many_turns=many_turns),
+        clearance=_clearance(bench, route, blocked) if solid else np.nan,
+        sentence=_sentence(route, blocked, many_turns=many_turns) if solid else route.timing,
     )
 
 

@@ -6,6 +6,7 @@ import numpy as np
 
 from calib.uncertainty.statement.conditions import departure
 from testbed.laboratory.tracker.stations import place_word
+from testbed.plan.cautions import tests_contact, uncounted, untested
 from testbed.plan.promises import (
     OVER,
     efficiency_word,
@@ -21,12 +22,10 @@ from testbed.plan.promises import (
 )
 from testbed.plan.records import FAR, Plan
 from testbed.report.page import SIMULATED
-from testbed.scenario.laboratory import At960Tracker
 from testbed.units import (
     MM,
     counted,
     fixed,
-    listed,
     micrometres,
     millimetres,
     percent,
@@ -36,8 +35,6 @@ from testbed.units import (
 
 CLOSE = 0.01
 """Stations whose uncertainty differs by less than this part are called equally good."""
-WARNING = "Warning: "
-"""Begins a sentence on what was not asked of a plan."""
 PROMISED = (3, 4, 5, 6)
 """Rows of the headline that say what will come out."""
 
@@ -110,73 +107,16 @@ def reasons(plan: Plan) -> tuple[str, ...]:
     return tuple(sentence(text) for text in said if text)
 
 
-def mark(plan: Plan) -> str:
-    """What holds of every pose and move, as far as it was tested."""
-    if plan.tour.blocked:
-        return "✗ Not every move is free"
-    tested, tracker = "is free of collisions", "the tracker's"
-    if tests_cone(plan):
-        tested, tracker = f"{tested}, faces the tracker", "its"
-    if plan.scenario.pool.line_of_sight:
-        tested = f"{tested}, is in {tracker} line of sight"
-    whole = f"Every pose {listed(tested.split(', '))}, and every move is free"
-    open_ = [text.removeprefix(WARNING).partition(",")[0] for text in untested(plan)]
-    return f"! {whole}; but {' and '.join(open_)}" if open_ else f"✓ {whole}"
-
-
-def tests_cone(plan: Plan) -> bool:
-    """Whether poses were tested for facing the tracker."""
-    return plan.scenario.tracker.acceptance_deg < 180.0
-
-
 def warnings(plan: Plan) -> tuple[str, ...]:
     """Why the plan should not be followed as it is."""
     return (*untested(plan), *uncounted(plan), *reach_warnings(plan))
 
 
-def uncounted(plan: Plan) -> tuple[str, ...]:
-    """Warnings of what the scenario's tracker does to readings and the promise leaves out."""
-    tracker, said = plan.scenario.tracker, []
-    if not isinstance(tracker, At960Tracker):
-        return ()
-    if tracker.drift_um_per_sqrt_h:
-        said.append(
-            f"{WARNING}the promise counts no drift, and [tracker] drift_um_per_sqrt_h is "
-            f"{tracker.drift_um_per_sqrt_h:g}; the tool point will be known less well"
-        )
-    lost = {key: getattr(tracker, key) for key in ("outliers", "missed") if getattr(tracker, key)}
-    if lost:
-        stated = listed([f"{key} is {count}" for key, count in lost.items()])
-        said.append(
-            f"{WARNING}the promise counts every shot as good, and [tracker] {stated}; plan "
-            f"{counted(sum(lost.values()), 'pose')} more"
-        )
-    return tuple(said)
-
-
-def untested(plan: Plan) -> tuple[str, ...]:
-    """Warnings, one for each thing that decides whether a pose can be measured and was not asked.
-
-    A reflector alone may be seen from all around; a 6-D target never is.
-    """
-    said = []
-    if plan.scenario.tracker.measures == "pose" and not tests_cone(plan):
-        said.append(
-            f"{WARNING}whether the probe faces the tracker was not tested, since [tracker] "
-            "acceptance_deg is 180; write what the probe can take, such as 60, or some of these "
-            "poses cannot be measured"
-        )
-    if not plan.scenario.pool.line_of_sight:
-        said.append(
-            f"{WARNING}whether the beam is blocked was not tested, since [pool] line_of_sight is "
-            "false; some of these poses may be hidden"
-        )
-    return tuple(said)
-
-
 def clearance_words(plan: Plan) -> str:
     """How near the robot comes to what stands around it."""
     smallest, wanted = plan.tour.clearance, plan.scenario.plan.clearance_mm
+    if not tests_contact(plan):
+        return ""
     if smallest >= FAR:
         return f"The robot keeps {FAR * MM:g} mm or more from floor and obstacles"
     rule = f"{wanted:g} mm are required" if wanted else "only contact is ruled out"

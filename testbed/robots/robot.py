@@ -143,6 +143,12 @@ class Robot(Shown):
     """Largest distance from the poses another reader finds in the file, if converted [m]."""
 
     @property
+    def shapeless(self) -> tuple[int, ...]:
+        """Moving bodies (1 ... n) that no part collides of: nothing tests what they hit."""
+        solid = {visual.link for visual in self.visuals if visual.collides}
+        return tuple(k for k in range(1, self.model.chain.n_joints + 1) if k not in solid)
+
+    @property
     def moments(self) -> Array | None:
         """(n, 4) masses and first moments of its links [kg, kg m]; None where some are assumed."""
         if any(note.startswith(NO_MASS) for note in self.notes) or not self.masses.any():

@@ -60,6 +60,14 @@ class Route:
         return sum(len(stops) > 0 for stops in self.via)
 
     @property
+    def timing(self) -> str:
+        """How long it takes, in words."""
+        return (
+            f"{counted(len(self.order), 'pose')} in {self.total_time:.0f} s, "
+            f"{self.move_time:.0f} s of them moving"
+        )
+
+    @property
     def sentence(self) -> str:
         """How long a route without blocked moves takes, in words."""
         around = "every straight joint move is free"
@@ -67,9 +75,7 @@ class Route:
             need = "move needs" if self.detours == 1 else "moves need"
             around = f"{self.detours} {need} a stop on the way around"
         return (
-            f"{counted(len(self.order), 'pose')} in {self.total_time:.0f} s, "
-            f"{self.move_time:.0f} s of them moving; {around} (tested every "
-            f"{RESOLUTION * 1e3:g} mm of the fastest point)"
+            f"{self.timing}; {around} (tested every {RESOLUTION * 1e3:g} mm of the fastest point)"
         )
 
 

@@ -33,6 +33,7 @@ from testbed.robots.robot import Robot, Visual, body_name
 
 FULL_TURN, FULL_SLIDE = 2 * np.pi, 1.0
 """Limits of joints that have none: to both sides of zero [rad, m]."""
+UNTESTED = "boxes, cylinders and balls are not read, and what it would hit is not tested"
 LOCKED = 1e-6
 """Half the range that a joint gets whose limits are equal [rad or m]."""
 PROOFS = 33
@@ -102,6 +103,9 @@ def robot_of(description: Description) -> Robot:
         joint_names=description.joint_names,
         agreement=agreement,
     )
+    if bare := [description.joint_names[k - 1] for k in robot.shapeless]:
+        named = ", ".join(bare)
+        notes.append(f"no mesh that collides is given for what {named} moves: {UNTESTED}")
     robot = _without_constant_contacts(robot, notes)
     scatter = f"the repeatability of the joints is assumed ({TURN_SCATTER * 1e6:g} urad"
     notes.append(scatter + (f", sliding {SLIDE_SCATTER * 1e6:g} um)" if not turns.all() else ")"))

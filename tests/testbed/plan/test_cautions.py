@@ -1,0 +1,85 @@
+"""What a plan did not test is in its mark, its warnings, its numbers and its programs."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from calib.geometry.frames import slide, transform
+from testbed.laboratory.cell import Obstacle
+from testbed.plan.cautions import mark, untested
+from testbed.plan.folder import programs
+from testbed.plan.plan import plan
+from testbed.plan.results import plan_numbers
+from testbed.plan.words import clearance_words, terminal_text
+from testbed.robots.catalog import load_robot
+from testbed.scenario.read import changed
+from testbed.studies import load_scenario
+from tests.planned import quick_plan
+from tests.testbed.robots.described_cases import ARMS
+
+BALL = '<collision><geometry><sphere radius="0.05"/></geometry></collision></link>'
+
+
+@pytest.mark.parametrize("shape", ["</link>", BALL], ids=["none", "no mesh"])
+def test_an_arm_without_meshes_is_not_called_free_of_collisions(tmp_path, shape):
+    """Balls, boxes and cylinders of a URDF are not read: nothing of such an arm hits anything."""
+    (tmp_path / "arm.urdf").write_text(ARMS["scara"].replace("</link>", shape))
+    small = {
+        "robot": str(tmp_path / "arm.urdf"), "plan.poses": 8, "plan.held_out": 0,
+        "plan.goal.poses": 5, "pool.size": 30, "identification.estimators": ["whitened"],
+        # where the arm stands: nothing could be free
+        "cell.obstacle": [{"kind": "box", "size_mm": [3e3] * 3, "position_mm": [0.0, 0.0, 0.0]}],
+        "pool.line_of_sight": False,
+    }  # fmt: skip
+    made, robot = plan(changed(load_scenario("quick"), small)), load_robot(tmp_path / "arm.urdf")
+    assert made.shapeless == robot.shapeless == tuple(range(1, 5))
+    assert "what it would hit is not tested" in " ".join(robot.notes)
+    assert mark(made).startswith("! Every pose keeps to the joint limits; but whether the robot ")
+    said = f"{mark(made)} {terminal_text(made)}"
+    for false in ("is free", "clearance", "mm or more from floor"):
+        assert false not in said
+    assert "whether the robot hits anything or hides the target was not tested" in said
+    numbers = plan_numbers(made, robot)
+    assert np.isnan(numbers["clearance_mm"]["smallest"])  # null in the file
+    assert "add meshes" in numbers["untested"][0]
+
+
+@pytest.mark.parametrize(
+    ("bare", "words"),
+    [
+        ((3,), "whether link 3 hits anything or hides the target was not tested, since the robot's "
+               "file gives it a mesh"),
+        ((2, 5), "whether link 2 and link 5 hit anything or hide the target was not tested"),
+    ],
+)  # fmt: skip
+def test_links_without_a_shape_are_named(bare, words):
+    made = replace(quick_plan(), shapeless=bare)
+    assert mark(made).startswith("! Every pose is free of collisions, ")
+    assert words.partition(",")[0] in mark(made)
+    (said,) = untested(made)
+    assert words.partition(" gives")[0] in said
+    assert clearance_words(made)
+    assert quick_plan().shapeless == untested(quick_plan()) == ()
+
+
+def test_a_program_of_moves_that_were_not_tested_says_so():
+    made = replace(quick_plan(), shapeless=tuple(range(1, 7)))
+    for name, text in programs(made).items():
+        assert "No move was checked for collisions" in text, name
+    assert "No move was checked" not in "".join(programs(quick_plan()).values())
+
+
+def test_an_arm_on_a_wall_is_not_said_to_clear_the_floor_of_the_room():
+    """Its file's floor is the wall; a floor that the scenario states is tested."""
+    made = quick_plan()
+    model = made.nominal
+    wall = transform(np.array([[0.0, 0, 1], [0, 1, 0], [-1, 0, 0]]), np.array([0.0, 0.0, 1.5]))
+    chain = replace(model.chain, T_world_base=wall)
+    hung = replace(made, nominal=replace(model, chain=chain))
+    (said,) = untested(hung)
+    assert "whether the robot hits the floor of the room was not tested" in said
+    floor = Obstacle("obstacle 1", slide(0.5, 0.0, -0.05), np.array([4.0, 4.0, 0.1]))
+    beside = Obstacle("obstacle 1", slide(3.0, 0.0, -0.05), np.array([4.0, 4.0, 0.1]))
+    assert untested(replace(hung, obstacles=(floor,))) == ()
+    assert untested(replace(hung, obstacles=(beside,))) == untested(hung)
