@@ -27,6 +27,7 @@ from testbed.files.alternatives import (
 from testbed.files.frames_fit import FAR, Misfit, flange_poses, target_groups
 from testbed.files.refusal import refusal
 from testbed.files.rows.exact import exactness
+from testbed.files.rows.one_tool import not_on_one_tool
 from testbed.files.rows.ratios import ratios_that_fit
 from testbed.files.rows.shifts import (
     FEWEST,
@@ -78,6 +79,8 @@ class Probe:
     spread: float = float("nan")
     """Spread of measured over nominal positions; nan for distances."""
     warnings: tuple[str, ...] = ()
+    no_target: InputError | None = None
+    """Where two targets cannot both have been on the tool."""
 
     @property
     def best(self) -> Tried | None:
@@ -134,6 +137,8 @@ class Probe:
                 f"{wrong.misfit.shown} {other.condition}",
                 code=other.code, value=stated.position, fix=other.fix,
             )  # fmt: skip
+        elif self.no_target is not None:
+            raise self.no_target
         elif min([stated.score, *(tried.misfit.score for tried in self.tried)]) > FAR:
             raise refusal(
                 self.where, "ROBOT",
@@ -185,8 +190,24 @@ def probe(robot: Robot, session: Session) -> Probe:
     some_lines = lines or other_rows(session, rows)
     tried += [_of_rows(robot.model, one, stated.score) for one in some_lines]
     tried.sort(key=lambda one: one.misfit.score)
-    warnings = _warnings(robot, session, some, stated)
-    return replace(plain, stated=stated, tried=tuple(tried), warnings=warnings)
+    warnings = (*_warnings(robot, session, some, stated), *_others(robot, session, groups, rows))
+    no_target = not_on_one_tool(session, groups)
+    return replace(plain, stated=stated, tried=tuple(tried), warnings=warnings, no_target=no_target)
+
+
+def _others(
+    robot: Robot, session: Session, groups: Sequence[Index], judged: Index
+) -> Iterator[str]:
+    """The targets besides the one that is judged whose places a controller made."""
+    table = session.measurements
+    for rows in groups:
+        if rows is judged or len(np.unique(table.q[rows], axis=0)) < FEWEST:
+            continue
+        some = rows[spread_out(len(rows))]
+        left = misfit_of(robot.model, as_read(session, some))
+        if exact := exactness(robot.model, session, some, left):
+            name = session.reflector_names[int(table.reflector[rows[0]])]
+            yield f"target {name}: {exact}" if name else exact
 
 
 def _of_rows(model: RobotModel, one: Shifted, stated: float) -> Tried:

@@ -17,6 +17,15 @@ def layouts(look: Found, n: int) -> Iterator[tuple[str, dict[str, tuple[str, ...
 
         if left == n:
             yield "joints", {"joints": columns(at, n)}
+        if left == n + 6:  # where it was sent, and beside that where it was seen
+            for name, q, p in (
+                ("joints first", columns(at, n), columns(at + n + 3, 3)),
+                ("joints last", columns(at + 6, n), columns(at + 3, 3)),
+            ):
+                yield (
+                    f"both {skip} seen {name}",
+                    {"joints": q, "position": p, "rotation": ()},
+                )
         for turns in (0, 3, 4, 9):
             if left == 3 + turns:
                 both = {"position": columns(at, 3), "rotation": columns(at + 3, turns)}

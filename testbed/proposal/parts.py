@@ -1,23 +1,20 @@
 """Tables of session.toml that one file may be meant as, the likely ones first."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping
 from itertools import product
 
-import numpy as np
-
-from calib.arrays import Array
+from testbed.bounds import FACTORS
 from testbed.files.alternatives import BY_AXIS
 from testbed.files.columns import MATRIX_COLUMNS, PLAIN, QUATERNION_COLUMNS
-from testbed.files.dialects.numbers import number_of
 from testbed.files.refusal import refusal
+from testbed.files.rows.one_tool import apart_or_alike
 from testbed.files.rows.planned import foretold
 from testbed.proposal.data import Document, Found, Part
 from testbed.proposal.exports import exported_parts
 from testbed.proposal.layouts import layouts
 from testbed.proposal.names import Meaning, targets_in_a_row, turns_of_letters, without_unit
+from testbed.proposal.sizes import by_size, signed
 
-FEW = 300
-"""Rows whose numbers are looked at."""
 TARGET = ("command_x", "command_y", "command_z")
 DIFFERENCE = ("difference_x", "difference_y", "difference_z")
 VECTOR = ("rvx", "rvy", "rvz")
@@ -46,7 +43,7 @@ def joint_parts(look: Found, own: tuple[int, ...]) -> Iterator[Part]:
         for layout, columns in layouts(look, len(own)):
             names = columns.get("joints")
             if names:
-                for unit in _by_size(look, names, TURN, ("deg", "rad")):
+                for unit in by_size(look, names, TURN, ("deg", "rad")):
                     mapped = {f"q{k}_{unit}": name for k, name in zip(own, names, strict=True)}
                     note = f"joints: columns {names[0]} to {names[-1]}, taken as {unit}"
                     yield look, {"columns": mapped}, (note,), layout
@@ -55,7 +52,7 @@ def joint_parts(look: Found, own: tuple[int, ...]) -> Iterator[Part]:
         found = [look.stems[stem] for stem in stems if stem in look.stems]
         foreign = [one for one in found if not one.known]
         open_ = [one.theirs for one in foreign if not one.unit]
-        units = _by_size(look, open_, TURN, ("deg", "rad")) if open_ else ("",)
+        units = by_size(look, open_, TURN, ("deg", "rad")) if open_ else ("",)
         both = {"", "_read"} <= {one.plain[2:] for one in found}
         source = {"source": "commanded"} if both else {}
         notes = (BOTH_JOINTS,) if both else ()
@@ -110,23 +107,39 @@ def seen_parts(look: Found, own: tuple[int, ...]) -> Iterator[Part]:
 
 
 def _targets(look: Found, n: int) -> Iterator[Part]:
-    """[points] of a file whose rows hold several targets each, in each unit that is left open."""
+    """[points] of a file whose rows hold several targets each, in each unit that is left open.
+
+    Of two that cannot be on one tool each is read alone.
+    """
     ahead = foretold(look.head)
     found = targets_in_a_row([name for name in look.head if name not in ahead])
     names = [name for columns in found.values() for name in columns.values()]
     units = {without_unit(name)[1] for name in names}
     told = units - {""} if len(units) == 1 else set()
-    for unit in told or (_by_size(look, names, REACH, ("mm", "m")) if names else ()):
+    columns = _more(look) | _drives(look, n)
+    for unit in told or (by_size(look, names, REACH, ("mm", "m")) if names else ()):
+        said = () if told else (f"positions: no column says its unit; taken as {unit}",)
+        if len(found) == 2 and (why := _not_both(look, found, unit)):
+            for label, own in found.items():
+                other = next(one for one in found if one != label)
+                note = f"positions: {label}; those of {other} {why}, and are not used"
+                place = {f"{axis}_{unit}": own[axis] for axis in "xyz"}
+                yield look, {"section": "points", "columns": columns | place}, (*said, note), ""
+            continue
         keys: Document = {
             "section": "points",
             "length": unit,
-            "targets": {
-                label: [columns[axis] for axis in "xyz"] for label, columns in found.items()
-            },
+            "targets": {label: [own[axis] for axis in "xyz"] for label, own in found.items()},
         }
-        columns = _more(look) | _drives(look, n)
-        said = () if told else (f"positions: no column says its unit; taken as {unit}",)
         yield look, keys | ({"columns": columns} if columns else {}), said, ""
+
+
+def _not_both(look: Found, found: Mapping[str, Mapping[str, str]], unit: str) -> str:
+    """Why two targets in each row are not on one tool; empty where they may be."""
+    one, other = (
+        FACTORS[unit] * signed(look, [own[axis] for axis in "xyz"]).T for own in found.values()
+    )
+    return apart_or_alike(one, other)
 
 
 def _sum_said(place: dict[str, str]) -> str:
@@ -154,7 +167,7 @@ def _distances(look: Found, n: int) -> Iterator[Part]:
         ' "free" finds the places, [x, y, z] in mm states one'
     )
     told = one.known or one.unit
-    for unit in ("",) if told else _by_size(look, [one.theirs], REACH, ("mm", "m")):
+    for unit in ("",) if told else by_size(look, [one.theirs], REACH, ("mm", "m")):
         columns = _more(look) | _drives(look, n)
         for stem in ("distance", "u_distance", "U95_distance"):
             if look.has(stem) and not (own := look.stems[stem]).known:
@@ -200,7 +213,7 @@ def _readings(
     stated = {means[name].unit or (means[name].stem.rpartition("_")[2] if means[name].known else "")
               for name in place.values() if name in means}  # fmt: skip
     told = not place or (stated and "" not in stated)
-    lengths = ("",) if told else _by_size(look, tuple(place.values()), REACH, ("mm", "m"))
+    lengths = ("",) if told else by_size(look, tuple(place.values()), REACH, ("mm", "m"))
     for unit, (form, extra, said) in product(lengths, _turnings(look, turns, means)):
         columns = dict(more)
         for stem, name in place.items():
@@ -251,7 +264,7 @@ def _turnings(
             yield {}, gives, (_direction(gives),)
         return
     unit = next((means[name].unit for name in turns if name in means), "")
-    units = (unit,) if known or unit else _by_size(look, turns, TURN, ("deg", "rad"))
+    units = (unit,) if known or unit else by_size(look, turns, TURN, ("deg", "rad"))
     usual = ("ZYX", "XYZ") if turns_of_letters(look.head) else ("XYZ", "ZYX")
     forms = (*usual, *(a for a in BY_AXIS if a not in usual), "rotation_vector")
     for gives, one, form in product(directions, units, forms):
@@ -267,19 +280,3 @@ def _direction(gives: Document) -> str:
     """What transform was taken."""
     what = "the tracker in the tool" if gives else "the tool in the tracker"
     return f"transforms: taken as those of {what}"
-
-
-def _by_size(
-    look: Found, names: Sequence[str], most: float, units: tuple[str, str]
-) -> tuple[str, ...]:
-    """Both units, the one that the size of the numbers speaks for first."""
-    sizes = _numbers(look, names)
-    large = bool(np.nan_to_num(sizes).max(initial=0.0) > most)
-    return units if large else units[::-1]
-
-
-def _numbers(look: Found, names: Sequence[str]) -> Array:
-    """Sizes of all numbers in some columns; nan where a cell is none."""
-    cells = [cell.replace(",", ".") for name in names for cell in look.column(name)[:FEW]]
-    values: Array = np.array([number_of(cell) for cell in cells] or [np.nan])
-    return np.abs(values)

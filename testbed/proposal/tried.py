@@ -10,7 +10,8 @@ from calib.errors import InputError
 from testbed.files.frames_fit import FAR, fit_frames, flange_poses, target_groups
 from testbed.files.probe import TIMES, probe
 from testbed.files.read import session_of
-from testbed.files.rows.shifts import FEWEST
+from testbed.files.rows.exact import exactness
+from testbed.files.rows.shifts import FEWEST, as_read, misfit_of, spread_out
 from testbed.files.session import Session, Sources
 from testbed.files.session_toml import SESSION_FILE, SessionFile
 from testbed.gates.mistakes import validated
@@ -25,6 +26,8 @@ TRIED, FITTED = 300, 60
 """Lines of one file that readings are tried with, and rows of them that frames are fitted to."""
 AXES = 3
 """Equations of a position, where a distance has one."""
+PLACE = ("x_", "y_", "z_")
+"""Before the unit of a coordinate."""
 BY_SIZE = "units and conventions are by size and by custom"
 
 
@@ -93,12 +96,16 @@ def tried_with(
         fits = [_fit(robot, session, parts) for session in sessions]
         best = _best(drafts, sessions, fits)
         if fits[best].score <= FAR:
-            same = [k for k, one in enumerate(drafts) if _seen(one) == _seen(drafts[best])
-                    and (k == best or not _same_rows(sessions[k], sessions[best]))]  # fmt: skip
+            best, made, aside = _by_an_instrument(drafts, sessions, fits, best, robot)
+            same = [
+                k for k, one in enumerate(drafts)
+                if _seen(one) == _seen(drafts[best]) and k not in made
+                and (k == best or not _same_rows(sessions[k], sessions[best]))
+            ]  # fmt: skip
             others = sorted(fits[k].score for k in same if k != best and fits[k].is_one)
             tried = _fitting(robot, fits[best].score, others, len(same) - 1, parts)
             draft, more = _of_both(drafts, sessions, fits, best, robot, read)
-            return draft, tried + more, True
+            return draft, tried + aside + more, True
     likely = next((k for k, one in enumerate(sessions) if one is not None), None)
     if likely is None:
         read(drafts[0], drop=False)  # which says why
@@ -121,6 +128,51 @@ def tried_with(
         f"robot that was measured? {BY_SIZE.capitalize()}"
     )
     return drafts[likely], tried, False
+
+
+def _by_an_instrument(
+    drafts: Sequence[Draft],
+    sessions: Sequence[Session | None],
+    fits: Sequence[_Fit],
+    best: int,
+    robot: Robot,
+) -> tuple[int, set[int], str]:
+    """The best draft, or that of other columns where its own are a controller's poses.
+
+    Then the drafts of those as well, and what to say of them.
+    """
+    own = _places(drafts[best])
+    others = [
+        k for k, one in enumerate(drafts)
+        if fits[k].score <= FAR and _seen(one) == _seen(drafts[best]) and _places(one) != own
+    ]  # fmt: skip
+    if not others or not _is_of_a_controller(robot, sessions[best]):
+        return best, set(), ""
+    seen = [k for k in others if not _is_of_a_controller(robot, sessions[k])]
+    if not seen:
+        return best, set(), ""
+    aside = f". {', '.join(own)} are left aside: they are a controller's own poses"
+    made = {k for k, one in enumerate(drafts) if _places(one) == own}
+    return min(seen, key=lambda k: fits[k].noise), made, aside
+
+
+def _is_of_a_controller(robot: Robot, session: Session | None) -> bool:
+    """Whether the nominal robot explains positions better than a real one is explained."""
+    groups = [] if session is None else target_groups(session.measurements)
+    if session is None or not groups:
+        return False
+    rows = groups[0][spread_out(len(groups[0]))]
+    left = misfit_of(robot.model, as_read(session, rows))
+    return bool(exactness(robot.model, session, rows, left))
+
+
+def _places(draft: Draft) -> tuple[str, ...]:
+    """The columns of a file that a draft takes its positions from, by their names there."""
+    section = next(draft.document[name] for name in ("frames", "points", "ranges")
+                   if name in draft.document)  # fmt: skip
+    several = [name for own in section.get("targets", {}).values() for name in own]
+    columns = section.get("columns", {})
+    return tuple(several or [name for own, name in columns.items() if own[:2] in PLACE])
 
 
 def _of_both(

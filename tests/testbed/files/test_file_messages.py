@@ -338,6 +338,11 @@ CASES = {
         probed=True,
     ),
     "M32 a frame that mirrors": read(table(y_mm=-table()["y_mm"]), probed=True),
+    "M32 targets that are one place": read(
+        {k: np.repeat(v, 2) for k, v in with_spread(columns(made()), turn=False).items()
+         if k[:2] not in ("rx", "ry", "rz")} | {"target": ["A", "B"] * 29},
+        probed=True,
+    ),
     "M32 another robot": read(
         table(q2_deg=np.degrees(made().q[:, 1]) * 0.9, q3_deg=np.degrees(made().q[:, 2]) * 0.8),
         probed=True,

@@ -1,0 +1,69 @@
+"""Do targets that stand in one file stand on one tool? Places a robot was sent to are no target."""
+
+from collections.abc import Sequence
+from itertools import combinations
+
+import numpy as np
+
+from calib.arrays import Array, Index
+from calib.errors import InputError
+from testbed.files.frames_fit import FAR
+from testbed.files.refusal import refusal
+from testbed.files.rows.shifts import FEWEST
+from testbed.files.session import Session
+
+NEAR = 5e-3
+"""Middles of two reflectors do not lie so near each other: the smallest balls of trackers measure
+12.7 mm. Where a robot was sent and where it was seen mostly do [m]."""
+MOST = 20
+"""Targets of which each is held against each other one."""
+
+
+def apart_or_alike(one: Array, other: Array) -> str:
+    """Why readings (m, 3) of two targets at the same poses are not of one tool [m]; else empty.
+
+    Medians, so that single shots that were missed say nothing.
+    """
+    away = np.linalg.norm(one - other, axis=1)
+    away = away[np.isfinite(away)]
+    if len(away) < FEWEST:
+        return ""
+    middle = float(np.median(away))
+    if middle < NEAR:
+        return f"lie {middle * 1e3:.2g} mm from each other, where no two reflectors can"
+    varies = float(np.median(np.abs(away - middle)))
+    if varies > FAR:
+        return f"do not stay together: how far they lie apart varies by {varies * 1e3:.2g} mm"
+    return ""
+
+
+def not_on_one_tool(session: Session, groups: Sequence[Index]) -> InputError | None:
+    """The error of two targets that cannot both have been on the tool; None if there are none.
+
+    Parameters
+    ----------
+    session : Session
+        As it was read.
+    groups : sequence of (m,) int arrays
+        Rows of each target and station.
+    """
+    table = session.measurements
+    for one, other in combinations(groups[:MOST], 2):
+        if any(own[one[0]] != own[other[0]] for own in (table.station, table.tool)):
+            continue
+        at = {(table.pose_id[k], table.repeat[k]): k for k in other}
+        both = [(k, at[key]) for k in one if (key := (table.pose_id[k], table.repeat[k])) in at]
+        if len(both) < FEWEST:
+            continue
+        rows, beside = np.array(both).T
+        why = apart_or_alike(table.position[rows], table.position[beside])
+        if why:
+            first, second = (
+                session.reflector_names[int(table.reflector[k])] for k in (rows[0], beside[0])
+            )
+            return refusal(
+                session.where, "target", f'targets "{first}" and "{second}" {why}', code="M32",
+                allowed="targets are reflectors on one tool, each at a place of its own",
+                fix="keep what was measured: one of them may be where the robot was sent",
+            )  # fmt: skip
+    return None

@@ -1,0 +1,137 @@
+"""Two places in a row, one where the robot was sent and one where it was seen: which is read?
+
+Truth: the files are written here; where the robot was sent is the forward kinematics of the nominal
+one, to the last digit that a file has.
+"""
+
+import numpy as np
+import pytest
+
+from testbed.files.read import read_session
+from tests.testbed.files.made import ROBOT, csv
+from tests.testbed.proposal.test_session import (
+    ARM,
+    M,
+    call,
+    data,
+    joints,
+    places,
+    points,
+    proposed,
+)
+
+FLANGE = ROBOT.model.poses(data().q)
+SENT = (FLANGE[:, :3, 3] + FLANGE[:, :3, :3] @ ARM) * 1e3
+"""In the base of the robot [mm]."""
+BASE = data().truth.chain.T_world_base
+
+
+def nominal():
+    """Where a nominal robot at the same base has the reflector that was measured [mm]."""
+    T = FLANGE @ data().truth.chain.T_flange_tool
+    return ((T[:, :3, 3] + T[:, :3, :3] @ ARM) @ BASE[:3, :3].T + BASE[:3, 3]) * 1e3
+
+
+def named(form, label, values):
+    return places(*(form.format(label=label, axis=axis) for axis in "XYZ"), values=values)
+
+
+J = tuple(f"J{k}" for k in range(1, 7))
+LABELS = {
+    "Dutch": ("Gemeten", "Nominaal"),
+    "Polish": ("Zmierzone", "Nominalne"),
+    "Japanese": ("実測", "設計"),
+    "letters": ("M", "N"),
+}
+
+
+@pytest.mark.parametrize("sent", [nominal, lambda: SENT], ids=["in the room", "in the base"])
+@pytest.mark.parametrize("labels", LABELS.values(), ids=LABELS)
+def test_where_the_robot_was_sent_is_no_second_target_whatever_it_is_called(labels, sent, tmp_path):
+    seen, wished = labels
+    table = joints(*J) | named("{label} {axis}", wished, sent())
+    table |= named("{label} {axis}", seen, points())
+    (tmp_path / "a.csv").write_text(csv(table), encoding="utf-8")
+    said, _ = proposed(tmp_path, [tmp_path / "a.csv"], "--robot", ROBOT.name)
+    assert f"{wished} X, {wished} Y, {wished} Z are left aside" in said
+    assert "too little to tell them apart" not in said
+    table = read_session(tmp_path / "session.toml", ROBOT).measurements
+    assert len(table) == M
+    # fifteen digits are written
+    np.testing.assert_allclose(table.position, points() / 1e3, rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize("order", ["joints first", "joints last"])
+def test_without_a_head_the_places_that_were_measured_are_read(order, tmp_path):
+    values = list((joints(*J) | places("a", "b", "c", values=nominal())).values())
+    seen = list(places("x", "y", "z").values())
+    table = values + seen if order == "joints first" else values[6:] + seen + values[:6]
+    np.savetxt(tmp_path / "a.txt", np.column_stack(table), fmt="%.12f")
+    proposed(tmp_path, [tmp_path / "a.txt"], "--robot", ROBOT.name)
+    read = read_session(tmp_path / "session.toml", ROBOT).measurements
+    # twelve decimals of a millimeter are written, and the joints read back in float64
+    np.testing.assert_allclose(read.position, points() / 1e3, rtol=0, atol=1e-12)
+
+
+def test_two_readings_of_one_reflector_are_told_and_one_is_taken(tmp_path):
+    again = points() + np.random.default_rng(3).normal(0, 0.02, (M, 3))
+    table = joints(*J) | named("{label} {axis}", "raw", points())
+    table |= named("{label} {axis}", "fit", again)
+    (tmp_path / "a.csv").write_text(csv(table), encoding="utf-8")
+    said, _ = proposed(tmp_path, [tmp_path / "a.csv"], "--robot", ROBOT.name)
+    assert "from each other, where no two reflectors can, and are not used" in said
+    assert "too little to tell them apart" in said
+    assert len(read_session(tmp_path / "session.toml", ROBOT).measurements) == M
+
+
+TWO = """
+[joints.columns]
+{joints}
+[points.targets]
+A = ["A X", "A Y", "A Z"]
+B = ["B X", "B Y", "B Z"]
+[uncertainty]
+position_um = 30
+"""
+
+
+def session_of(folder, other):
+    table = joints(*J) | named("{label} {axis}", "A", points())
+    table |= named("{label} {axis}", "B", other)
+    (folder / "a.csv").write_text(csv(table), encoding="utf-8")
+    own = "\n".join(f'q{k}_deg = "J{k}"' for k in range(1, 7))
+    text = 'format = 1\njoints.file = "a.csv"\npoints.file = "a.csv"\n' + TWO.format(joints=own)
+    (folder / "session.toml").write_text(text)
+
+
+@pytest.mark.parametrize(
+    ("other", "why"),
+    [
+        (nominal, "from each other, where no two reflectors can"),
+        (lambda: SENT, "do not stay together: how far they lie apart varies by"),
+    ],
+    ids=["in the room", "in the base"],
+)
+def test_identify_refuses_targets_that_cannot_be_on_one_tool(other, why, tmp_path):
+    session_of(tmp_path, other())
+    done = call("identify", ROBOT.name, tmp_path / "session.toml", "--out", tmp_path / "r")
+    assert done.exit_code == 2
+    message = " ".join(done.stderr.split())
+    assert f'targets "A" and "B" {"lie" if "from" in why else ""}'.strip() in message
+    assert why in message
+    assert "keep what was measured" in message
+
+
+def test_a_target_elsewhere_on_the_tool_that_a_controller_made_is_named(tmp_path):
+    flange = (FLANGE[:, :3, 3] @ BASE[:3, :3].T + BASE[:3, 3]) * 1e3
+    session_of(tmp_path, flange)
+    done = call("check", tmp_path / "session.toml", "--robot", ROBOT.name)
+    assert "target B: base and tool explain the positions to" in " ".join(done.stdout.split())
+
+
+def test_reflectors_on_one_tool_stay_targets_whichever_shots_were_missed(tmp_path):
+    other = (data().T[:, :3, 3] + data().T[:, :3, :3] @ (ARM + np.array([0.0, 0.02, 0.0]))) * 1e3
+    other[::5] += 400.0  # another nest
+    session_of(tmp_path, other)
+    done = call("check", tmp_path / "session.toml", "--robot", ROBOT.name)
+    assert "do not stay together" not in done.stdout + done.stderr
