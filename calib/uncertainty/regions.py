@@ -17,6 +17,8 @@ from calib.kinds import checked_kinds
 
 FLAT = 1e-12
 """A direction whose variance is below this part of the largest has none: rounding of J C J'."""
+ROUNDED = 1e-9
+"""Part of its largest entry by which a covariance may be uneven or negative: rounding, too."""
 
 
 @checked_kinds
@@ -47,24 +49,26 @@ def student_factor(degrees_of_freedom: ArrayLike, probability: float = 0.95) -> 
 
 
 @checked_kinds
-def expanded(standard: Array, *, dimension: int = 1, probability: float = 0.95) -> Array:
+def expanded(standard: ArrayLike, *, dimension: int = 1, probability: float = 0.95) -> Array:
     """Expanded uncertainty U = k u of the same shape and unit as `standard`.
 
     `dimension` is that of the statement: 1 for an interval of one number, 3 for a semi-axis of the
     ellipsoid of a point.
     """
-    return np.asarray(
-        coverage_factor(dimension, probability) * require_numbers("standard", standard)
-    )
+    standard, k = require_numbers("standard", standard), coverage_factor(dimension, probability)
+    require_finite("standard", standard)
+    if (standard < 0).any():
+        raise refuse("standard", float(standard.min()), "zero or more", code="A3")
+    return np.asarray(k * standard)
 
 
 @checked_kinds
-def ellipsoid(covariance: Array, *, probability: float = 0.95) -> tuple[Array, Array]:
+def ellipsoid(covariance: ArrayLike, *, probability: float = 0.95) -> tuple[Array, Array]:
     """Semi-axes (..., d) and orientation (..., d, d) of the coverage ellipsoid, longest axis first.
 
     Parameters
     ----------
-    covariance : (..., d, d) array
+    covariance : (..., d, d) array_like
         Of a point, e.g. the first three rows and columns of a tool covariance [m^2].
     probability : float
         Content of the region.
@@ -76,8 +80,7 @@ def ellipsoid(covariance: Array, *, probability: float = 0.95) -> tuple[Array, A
     orientation : (..., d, d) array
         Right-handed rotation; its columns are the axes, in the frame of the covariance.
     """
-    covariance = _square(covariance)
-    values, vectors = np.linalg.eigh(covariance)
+    covariance, values, vectors = _axes(covariance)
     values, vectors = values[..., ::-1], vectors[..., ::-1]
     # an axis has no sign: point its largest component up, then make the last one right-handed
     largest = np.argmax(np.abs(vectors), axis=-2)[..., None, :]
@@ -115,7 +118,7 @@ def mahalanobis_squared(error: Array, covariance: Array) -> Array:
 
 
 @checked_kinds
-def inside(error: Array, covariance: Array, *, probability: float = 0.95) -> Bool:
+def inside(error: ArrayLike, covariance: ArrayLike, *, probability: float = 0.95) -> Bool:
     """Whether the coverage region holds the truth (...,).
 
     A direction without variance (few numbers estimated, or a posture that some of them do not move)
@@ -124,18 +127,22 @@ def inside(error: Array, covariance: Array, *, probability: float = 0.95) -> Boo
 
     Parameters
     ----------
-    error : (..., d) array
+    error : (..., d) array_like
         True minus stated value.
-    covariance : (..., d, d) array
+    covariance : (..., d, d) array_like
         Of the stated value, positive semidefinite.
     probability : float
         Content of the region.
     """
-    covariance, error = _square(covariance), require_numbers("error", error)
+    (covariance, values, vectors), error = _axes(covariance), require_numbers("error", error)
     require_finite("error", error)
     if error.ndim == 0 or error.shape[-1] != covariance.shape[-1]:
         raise wrong_shape("error", error.shape, f"expected (..., {covariance.shape[-1]})")
-    values, vectors = np.linalg.eigh(covariance)
+    try:
+        np.broadcast_shapes(error.shape[:-1], covariance.shape[:-2])
+    except ValueError:
+        allowed = f"covariance has shape {covariance.shape}: one for each error"
+        raise wrong_shape("error", error.shape, allowed) from None
     along = (np.swapaxes(vectors, -1, -2) @ error[..., None])[..., 0]
     flat = values <= FLAT * values[..., -1:]
     square = np.where(flat, 0.0, along**2 / np.where(flat, 1.0, values)).sum(axis=-1)
@@ -146,13 +153,34 @@ def inside(error: Array, covariance: Array, *, probability: float = 0.95) -> Boo
     return np.asarray((square <= factors[(~flat).sum(axis=-1)] ** 2) & ~off_plane)
 
 
-def _square(covariance: Array) -> Array:
-    """A covariance (..., d, d), of finite numbers."""
+def _axes(covariance: ArrayLike) -> tuple[Array, Array, Array]:
+    """A covariance (..., d, d), its variances (..., d), smallest first, and their directions."""
     covariance = require_numbers("covariance", covariance)
     if covariance.ndim < 2 or not 0 < covariance.shape[-1] == covariance.shape[-2]:
         raise wrong_shape("covariance", covariance.shape, "expected (..., d, d)")
     require_finite("covariance", covariance)
-    return covariance
+    require_covariance(covariance)
+    values, vectors = np.linalg.eigh(covariance)
+    if (values[..., 0] < -ROUNDED * np.abs(values).max(axis=-1)).any():
+        least, allowed = float(values.min()), "no negative variance in any direction"
+        message = f"covariance has the eigenvalue {least:.3g}"
+        raise refuse("covariance", least, allowed, code="A3", message=message)
+    return covariance, values, vectors
+
+
+def require_covariance(covariance: Array) -> None:
+    """Refuse matrices (..., d, d) that are not symmetric, or have a negative variance."""
+    size = np.abs(covariance).max(axis=(-2, -1), keepdims=True)
+    uneven = np.abs(covariance - np.swapaxes(covariance, -1, -2)) > ROUNDED * size
+    if uneven.any():
+        *_, i, j = (int(k) for k in np.argwhere(uneven)[0])
+        message = f"covariance[{i}, {j}] and [{j}, {i}] differ"
+        raise refuse("covariance", allowed="a symmetric matrix", code="A3", message=message)
+    variance = np.diagonal(covariance, axis1=-2, axis2=-1)
+    if (variance < -ROUNDED * size[..., 0]).any():
+        least = float(variance.min())
+        message = f"covariance has the variance {least:.3g}"
+        raise refuse("covariance", least, "zero or more", code="A3", message=message)
 
 
 def _not_definite(what: str, numbers: str) -> InputError:

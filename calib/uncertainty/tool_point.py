@@ -22,9 +22,9 @@ from calib.information.propagation import (
 )
 from calib.kinds import checked_kinds
 from calib.measurement.tool_target import ToolTarget
-from calib.shown import Shown
+from calib.shown import Shown, mean_of
 from calib.uncertainty.discrepancy import Discrepancy
-from calib.uncertainty.regions import coverage_factor, ellipsoid, inside
+from calib.uncertainty.regions import coverage_factor, ellipsoid, inside, require_covariance
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -40,7 +40,7 @@ class ToolStatement(Shown):
     probability: float
 
     def __repr__(self) -> str:
-        u = 1e6 * self.point.mean()
+        u = 1e6 * mean_of(self.point)
         return f"ToolStatement({len(self.position)} postures, mean u {u:.3g} um)"
 
     @property
@@ -111,6 +111,8 @@ def tool_statement(
     ----------
     Sigma_t = J C J'; JCGM 102:2011, 6.5 (ellipsoidal region).
     """
+    (covariance,) = check(f"{model.n_numbers} {model.n_numbers}", covariance=covariance)
+    require_covariance(covariance)
     if target is None and not at.stated:
         position = model.poses(q)[:, :3, 3]
         sigma = tool_covariance(model, q, covariance)[:, :3, :3]
@@ -127,12 +129,11 @@ def tool_statement(
 def _of_target(
     model: RobotModel,
     q: ArrayLike,
-    covariance: ArrayLike,
+    covariance: Array,
     target: ArrayLike | ToolTarget,
     at: OperatingConditions,
 ) -> tuple[Array, Array]:
     """Positions (N, 3) and covariances (N, 3, 3) of a point fixed in the tool frame."""
-    (covariance,) = check(f"{model.n_numbers} {model.n_numbers}", covariance=covariance)
     T, J = model.poses_and_jacobian(q, at)
     position, rows = ToolTarget.of(target).positions_and_rows(model, T, J)
     return position, propagated(rows, covariance)

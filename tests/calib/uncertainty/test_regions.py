@@ -5,6 +5,8 @@ import pytest
 from scipy import stats
 
 from calib.errors import InputError
+from calib.geometry.chain import Chain
+from calib.geometry.model import RobotModel
 from calib.uncertainty.regions import (
     coverage_factor,
     ellipsoid,
@@ -13,6 +15,7 @@ from calib.uncertainty.regions import (
     mahalanobis_squared,
     student_factor,
 )
+from calib.uncertainty.tool_point import tool_statement
 
 
 def random_covariances(count, dimension, seed=0):
@@ -39,6 +42,45 @@ def test_few_repeats_need_students_factor_and_many_the_normal_one():
 def test_expanded_uncertainty_is_k_times_u():
     u = np.array([1.0, 2.0])
     np.testing.assert_array_equal(expanded(u, dimension=3), coverage_factor(3) * u)
+
+
+@pytest.mark.parametrize(
+    ("covariance", "message"),
+    [
+        (-np.eye(3), "covariance has the variance -1"),
+        (np.array([[1.0, 0.9], [0.0, 1.0]]), r"covariance\[0, 1\] and \[1, 0\] differ"),
+        (np.array([[1.0, 2.0], [2.0, 1.0]]), "covariance has the eigenvalue -1"),
+    ],
+)
+def test_what_is_no_covariance_has_no_region(covariance, message):
+    """Of one with a negative variance the axes would be zero: the best statement of all."""
+    several = np.stack([np.eye(len(covariance)), covariance])
+    for wrong in (covariance, several):
+        with pytest.raises(InputError, match=message):
+            ellipsoid(wrong)
+        with pytest.raises(InputError, match=message):
+            inside(np.zeros(len(covariance)), wrong)
+    model = RobotModel(Chain([[0.0, 0.3, 0.1, 0.0, 0.0]]))
+    C = np.zeros((17, 17))
+    C[: len(covariance), : len(covariance)] = covariance
+    with pytest.raises(InputError, match="covariance"):
+        tool_statement(model, [[0.0]], C).region  # noqa: B018  # an indefinite one is found there
+
+
+def test_rounding_makes_no_covariance_wrong():
+    """J C J' of a plane that lies askew: of its smallest eigenvalues rounding decides the sign."""
+    L = np.random.default_rng(5).normal(size=(300, 3, 2)) * 1e-5
+    C = L @ np.swapaxes(L, 1, 2)
+    assert (np.linalg.eigvalsh(C)[:, 0] < 0).any()
+    axes, _ = ellipsoid(C)
+    assert (axes[:, 2] < 1e-6 * axes[:, 0]).all()
+    assert inside(L[:, :, 0], C).all()
+
+
+def test_no_uncertainty_is_negative_or_unknown():
+    for wrong in ([1.0, -1.0], [np.nan]):
+        with pytest.raises(InputError, match="standard"):
+            expanded(wrong)
 
 
 def test_axes_and_orientation_rebuild_the_covariance():
