@@ -146,7 +146,7 @@ def require_finite(name: str, array: Array) -> None:
     finite = np.isfinite(array)
     if not np.logical_and.reduce(finite, axis=None):
         where = tuple(int(i) for i in np.argwhere(~finite)[0])
-        message = f"{name}{list(where)} is {array[where]}"
+        message = f"{name}{list(where) if where else ''} is {array[where]}"
         value, allowed = float(array[where]), "every value must be finite"
         raise refuse(name, value, allowed, code="A2", message=message)
 

@@ -154,6 +154,11 @@ def _field(name: str, value: object) -> str:
     return f"{len(value)} {name}" if isinstance(value, tuple) and value else ""
 
 
+def mean_of(values: NDArray[np.float64]) -> float:
+    """Mean for a line about a result; zero of none."""
+    return float(values.mean()) if values.size else 0.0
+
+
 def decimals(uncertainty: float) -> int:
     """Places behind the point that leave an uncertainty two digits; six where there is none.
 

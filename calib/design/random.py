@@ -37,7 +37,7 @@ class RandomFigures(Shown):
     def __repr__(self) -> str:
         span = f"{self.values.min():.4g} to {self.values.max():.4g}"
         count, m = self.indices.shape
-        return f"RandomSets({count} of {m} poses, {self.criterion} = {span})"
+        return f"RandomFigures({count} of {m} poses, {self.criterion} = {span})"
 
 
 def random_selection(n_pool: int, m: int, rng: np.random.Generator) -> Index:

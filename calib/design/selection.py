@@ -25,8 +25,9 @@ class Selection(Shown):
     criterion: str
     """Criterion that was made best, by the name it was asked for."""
     value: float
-    """Its figure: O1 to O5 from the singular values of the stacked rows, u of the tool point [m].
-    """
+    """Its figure, with the poses given: O1 to O5 from the singular values of the stacked rows, D as
+    O1 and E as O3; of V and G u of the tool point [m]; of A the root of the sum of variances, in
+    scaled units. That of the certificate is another one: `Certificate.figure` is this."""
     trace: Annotated[Array, "t"]
     """(t,) best figure known after each local search, draw or step."""
     method: str

@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike
 
 from calib.arrays import Array, Index, check, require_count
 from calib.errors import refuse
+from calib.kinds import checked_kinds
 from calib.shown import ResultTable, Shown
 
 IndexName = Literal["O1", "O2", "O3", "O4", "O5"]
@@ -56,7 +57,7 @@ class Observability(Shown):
 
 
 def index_of_singular(
-    singular: Array, n_poses: int | Index, criterion: IndexName, form: Form = "correct"
+    singular: ArrayLike, n_poses: int | Index, criterion: IndexName, form: Form = "correct"
 ) -> Array:
     """One index (...,) of the scaled identification Jacobian; a vanishing singular value gives 0.
 
@@ -68,7 +69,7 @@ def index_of_singular(
 
     Parameters
     ----------
-    singular : (..., p) array
+    singular : (..., p) array_like
         Singular values, largest first.
     n_poses : int or (...,) array
         Poses stacked in that Jacobian.
@@ -81,6 +82,7 @@ def index_of_singular(
     (O3, O4); Sun and Hollerbach 2008 (O5, assumed).
     """
     check_index(criterion, form)
+    singular = np.asarray(singular, dtype=np.float64)
     # a set whose every singular value is zero: condition 0, not 0 / 0
     singular = np.where(singular[..., :1] > 0, singular, [1.0] + [0.0] * (singular.shape[-1] - 1))
     first, last = singular[..., 0], singular[..., -1]
@@ -102,6 +104,7 @@ def index_of_singular(
     return np.asarray(values / np.sqrt(n_poses) if form == "per_pose" else values)
 
 
+@checked_kinds
 def indices(singular: ArrayLike, n_poses: int) -> Observability:
     """All five indices of the singular values (p,) of the Jacobian of `n_poses` poses."""
     (singular,) = check("p", singular=singular)
@@ -117,14 +120,16 @@ def indices(singular: ArrayLike, n_poses: int) -> Observability:
     return Observability(n_poses, *tables)
 
 
-def index_of(M: Array, n_poses: int | Index, criterion: IndexName, form: Form = "correct") -> Array:
+def index_of(
+    M: ArrayLike, n_poses: int | Index, criterion: IndexName, form: Form = "correct"
+) -> Array:
     """One index of information matrices M = A'A (..., p, p), for scoring many sets at once.
 
     Squaring costs digits: with the paper's rows (condition 3e4) O2 to O5 keep about seven.
 
     Parameters
     ----------
-    M : (..., p, p) array
+    M : (..., p, p) array_like
         Information matrices, trusted to be symmetric and finite.
     n_poses : int or (...,) array
         Poses in each.
@@ -138,6 +143,7 @@ def index_of(M: Array, n_poses: int | Index, criterion: IndexName, form: Form = 
     Wen et al. 2022, eq. (6): O1 = exp(log det M / 2p) / sqrt(poses), the others from eigenvalues.
     """
     check_index(criterion, form)
+    M = np.asarray(M, dtype=np.float64)
     if criterion == "O1":
         sign, log_det = np.linalg.slogdet(M)
         log_det = np.where(sign > 0, log_det, -np.inf)

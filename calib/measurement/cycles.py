@@ -7,8 +7,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.special import chdtri, gammaln, ndtri
 
-from calib.arrays import Array, require_finite, wrong_shape
+from calib.arrays import Array, require_finite, require_numbers, wrong_shape
 from calib.errors import refuse
+from calib.geometry.frames import ROUNDED
 
 FEWEST = 3
 """Fewest cycles for which a scatter is stated."""
@@ -20,7 +21,7 @@ QUANTILES = 512
 
 def cycles_of(position: ArrayLike) -> Array:
     """Positions (..., n, 3), checked."""
-    x = np.asarray(position, dtype=np.float64)
+    x = require_numbers("position", position)
     if x.ndim < 2 or x.shape[-1] != 3 or x.shape[-2] < FEWEST:
         allowed = f"(..., n, 3) with at least {FEWEST} cycles"
         raise wrong_shape("position", x.shape, allowed)
@@ -30,16 +31,27 @@ def cycles_of(position: ArrayLike) -> Array:
 
 def rotations_of(R: ArrayLike) -> Array:
     """Rotations (..., n, 3, 3), checked."""
-    array = np.asarray(R, dtype=np.float64)
+    array = require_numbers("R", R)
     if array.ndim < 3 or array.shape[-2:] != (3, 3) or array.shape[-3] < FEWEST:
         raise wrong_shape("R", array.shape, f"(..., n, 3, 3) with at least {FEWEST} cycles")
     require_finite("R", array)
-    return array
+    return require_rotations("R", array)
+
+
+def require_rotations(name: str, R: Array) -> Array:
+    """The same rotations (..., 3, 3), after refusing matrices that are none."""
+    skewed = np.abs(np.swapaxes(R, -1, -2) @ R - np.eye(3)).max(axis=(-2, -1))
+    wrong = (skewed > ROUNDED) | (np.linalg.det(R) < 0)
+    if wrong.any():
+        place = "".join(f"[{int(k)}]" for k in np.argwhere(wrong)[0])
+        allowed = "an orthonormal right-handed matrix"
+        raise refuse(name, allowed=allowed, code="A3", message=f"{name}{place} is no rotation")
+    return R
 
 
 def per_pose(values: ArrayLike, lead: tuple[int, ...], name: str, tail: tuple[int, ...]) -> Array:
     """Values that stand for every pose (..., *tail)."""
-    array = np.asarray(values, dtype=np.float64)
+    array = require_numbers(name, values)
     try:
         array = np.broadcast_to(array, (*lead, *tail))
     except ValueError:
@@ -48,12 +60,12 @@ def per_pose(values: ArrayLike, lead: tuple[int, ...], name: str, tail: tuple[in
     return array
 
 
-def covariances_of(values: ArrayLike, name: str) -> Array:
-    """Covariances (..., 3, 3), none with a negative direction."""
-    C = np.asarray(values, dtype=np.float64)
+def covariances_of(values: ArrayLike, name: str, lead: tuple[int, ...]) -> Array:
+    """Covariances (*lead, 3, 3), none with a negative direction."""
+    C = require_numbers(name, values)
     if C.shape[-2:] != (3, 3):
         raise wrong_shape(name, C.shape, "expected (..., 3, 3)")
-    require_finite(name, C)
+    C = per_pose(C, lead, name, (3, 3))
     least = float(np.linalg.eigvalsh(C)[..., 0].min(initial=0.0))
     if least < -1e-9 * max(float(np.abs(C).max()), 1e-300):
         message = f"{name} has the eigenvalue {least:.3g}"

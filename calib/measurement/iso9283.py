@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from calib.arrays import Array, frozen, wrong_shape
+from calib.errors import refuse
 from calib.measurement.cycles import (
     covariances_of,
     cycles_of,
@@ -49,7 +50,7 @@ class IsoFigure(Shown):
     """(...,) by how much what is u longer lies beside its direction too; None of a scatter."""
 
     def __repr__(self) -> str:
-        return f"IsoFigure({self.value.size} poses, largest {self.value.max():.4g})"
+        return f"IsoFigure({self.value.size} poses, largest {self.value.max(initial=0.0):.4g})"
 
     @property
     def largest(self) -> "IsoFigure":
@@ -97,7 +98,7 @@ def accuracy(
     target = per_pose(command, x.shape[:-2], "command", (3,))
     off = x.mean(axis=-2) - target
     scatter = _covariance(x) / x.shape[-2]
-    spread = scatter + (0.0 if common is None else covariances_of(common, "common"))
+    spread = scatter + (0.0 if common is None else covariances_of(common, "common", x.shape[:-2]))
     return _length(off, spread, mean_norm(scatter))
 
 
@@ -120,9 +121,7 @@ def repeatability(position: ArrayLike, *, noise: ArrayLike | None = None) -> Iso
     x = cycles_of(position)
     floor = np.full(x.shape[:-2], np.nan)
     if noise is not None:
-        floor = np.broadcast_to(
-            repeatability_floor(covariances_of(noise, "noise"), x.shape[-2]), floor.shape
-        )
+        floor = repeatability_floor(covariances_of(noise, "noise", x.shape[:-2]), x.shape[-2])
     return IsoFigure(frozen(_radius(x)), frozen(jackknife(_radius, x)), frozen(floor))
 
 
@@ -176,9 +175,12 @@ def distance_accuracy(
     Scatter s across the line lengthens a distance D by s^2 / D on average: nanometres for a robot.
     """
     D = _distances(first, second)
-    off = D.mean(axis=-1) - np.asarray(distance, dtype=np.float64)
+    off = D.mean(axis=-1) - per_pose(distance, D.shape[:-1], "distance", ())
+    shared = per_pose(common, D.shape[:-1], "common", ())
+    if (shared < 0).any():
+        raise refuse("common", float(shared.min()), "zero or more", code="A3")
     scatter = D.var(axis=-1, ddof=1) / D.shape[-1]
-    total = np.sqrt(scatter + np.square(np.asarray(common, dtype=np.float64)))
+    total = np.sqrt(scatter + np.square(shared))
     floor = np.sqrt(2 / np.pi * scatter)
     return IsoFigure(frozen(np.abs(off)), frozen(total), frozen(floor))
 
@@ -205,11 +207,12 @@ def distance_repeatability(
     floor = np.full(D.shape[:-2], np.nan)
     if noise is not None:
         gap = np.mean(np.asarray(second) - np.asarray(first), axis=-2)
-        along = gap / np.linalg.norm(gap, axis=-1, keepdims=True)
-        sd = np.sqrt(
-            np.einsum("...i,...ij,...j->...", along, covariances_of(noise, "noise"), along)
-        )
-        floor = 3 * sd_bias(n) * sd
+        size = np.linalg.norm(gap, axis=-1)
+        along = gap / np.where(size > 0, size, 1.0)[..., None]
+        C = covariances_of(noise, "noise", size.shape)
+        sd = np.sqrt(np.einsum("...i,...ij,...j->...", along, C, along))
+        # two poses at one place have no line between them
+        floor = np.where(size > 0, 3 * sd_bias(n) * sd, np.nan)
     return IsoFigure(frozen(spread(D)), frozen(jackknife(spread, D)), frozen(floor))
 
 

@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 
 from calib.arrays import Array, Index, frozen
 from calib.errors import refuse
+from calib.kinds import checked_kinds
 from calib.measurement.cycles import FEWEST, cycles_of, per_pose
 
 DRAWS = 999
@@ -43,6 +44,7 @@ class DriftFigures:
         return np.stack([_change(self.accuracy), _change(self.repeatability)], axis=1)
 
 
+@checked_kinds
 def drift(position: ArrayLike, command: ArrayLike, *, block: int = BLOCK) -> DriftFigures:
     """Compare blocks of `block` cycles with the first one, cycles in the order of time.
 
@@ -68,7 +70,7 @@ def drift(position: ArrayLike, command: ArrayLike, *, block: int = BLOCK) -> Dri
     """
     x = cycles_of(position)
     n = x.shape[-2]
-    blocks = n // block
+    blocks = n // max(block, 1)
     if x.ndim != 3 or block < FEWEST or blocks < 2:
         allowed = f"two blocks of {FEWEST} cycles or more, (e, n, 3) positions"
         raise refuse("block", block, allowed, code="A3")

@@ -6,7 +6,16 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.special import chdtri, fdtri, stdtrit
 
-from calib.arrays import Array, frozen
+from calib.arrays import (
+    Array,
+    frozen,
+    require_count,
+    require_finite,
+    require_numbers,
+    require_probability,
+)
+from calib.errors import refuse
+from calib.kinds import checked_kinds
 from calib.measurement.cycles import cycles_of, repeatability_dof
 from calib.measurement.iso9283 import IsoFigure
 from calib.measurement.iso_memory import CycleMemory, wider
@@ -24,6 +33,7 @@ class Limits:
     """(...,) effective degrees of freedom."""
 
 
+@checked_kinds
 def mean_limits(figure: IsoFigure, dof: float, *, probability: float = 0.95) -> Limits:
     """Limits of AP, vAP and of each point of a path: t times the standard uncertainty, and room.
 
@@ -48,7 +58,8 @@ def mean_limits(figure: IsoFigure, dof: float, *, probability: float = 0.95) -> 
     is the length of the likeliest vector whose part along the measured one is value + t u, which
     lies beside that one where scatter is not equal in all directions.
     """
-    single = (1 + probability) / 2
+    single = (1 + require_probability(probability)) / 2
+    require_freedom(dof)
     half = stdtrit(dof, single) * figure.uncertainty
     lower = np.maximum(figure.value - half, 0.0)
     if figure.around is not None and figure.directions is not None:
@@ -63,6 +74,7 @@ def mean_limits(figure: IsoFigure, dof: float, *, probability: float = 0.95) -> 
     return Limits(frozen(lower), frozen(upper), _all(dof, half))
 
 
+@checked_kinds
 def largest_limits(figure: IsoFigure, dof: float, *, probability: float = 0.95) -> Limits:
     """Limits of the largest of figures (..., k), which chance has chosen.
 
@@ -70,21 +82,27 @@ def largest_limits(figure: IsoFigure, dof: float, *, probability: float = 0.95) 
     largest figure; the largest upper limit holds it as any one does: it is no smaller than that
     of its place.
     """
-    single = 1 - (1 - probability) / figure.value.shape[-1]
+    single = 1 - (1 - require_probability(probability)) / figure.value.shape[-1]
     low = mean_limits(figure, dof, probability=single)
     high = mean_limits(figure, dof, probability=probability)
     return Limits(*(frozen(x.max(axis=-1)) for x in (low.lower, high.upper, high.dof)))
 
 
+@checked_kinds
 def spread_limits(
     value: ArrayLike, n: int, *, probability: float = 0.95, memory: CycleMemory | None = None
 ) -> Limits:
     """Limits of RD and of the RP of angles: three standard deviations of n normal numbers."""
+    n, value = require_count("n", n, 2), require_numbers("value", value)
+    require_finite("value", value)
+    if (value < 0).any():
+        raise refuse("value", float(value.min()), "zero or more: it is a scatter", code="A3")
     dof = n - 1.0 if memory is None else memory.freedom(n - 1)
-    value = wider(np.asarray(value, dtype=np.float64), memory)
+    value = wider(value, memory)
     return _chi_square(value, np.asarray(dof), probability)
 
 
+@checked_kinds
 def repeatability_limits(
     position: ArrayLike, *, probability: float = 0.95, memory: CycleMemory | None = None
 ) -> Limits:
@@ -123,10 +141,17 @@ def repeatability_limits(
 
 def _chi_square(value: Array, dof: Array, probability: float) -> Limits:
     """Limits of a standard deviation, or of what scatters like one."""
+    require_probability(probability)
     lower, upper = (
         value * np.sqrt(dof / chdtri(dof, (1 + side * probability) / 2)) for side in (-1, 1)
     )
     return Limits(frozen(lower), frozen(upper), _all(dof, value))
+
+
+def require_freedom(dof: float) -> None:
+    """Refuse degrees of freedom that are none."""
+    if not dof > 0:
+        raise refuse("dof", dof, "above zero: of n cycles n - 1", code="A3")
 
 
 def _all(dof: ArrayLike, like: Array) -> Array:

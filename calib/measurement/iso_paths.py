@@ -11,8 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from calib.arrays import Array, Bool, Index, check, frozen
+from calib.arrays import Array, Bool, Index, check, frozen, require_count
 from calib.errors import refuse
+from calib.kinds import checked_kinds
 from calib.measurement.cycles import cycles_of, mean_largest, per_pose, repeatability_dof
 from calib.measurement.iso9283 import IsoFigure, accuracy, repeatability
 
@@ -239,6 +240,7 @@ def nearest_in_order(when: Sequence[Array], distance: Sequence[Array]) -> Index:
     return chosen
 
 
+@checked_kinds
 def path_figures(
     position: ArrayLike,
     command: ArrayLike,
@@ -279,7 +281,7 @@ def path_figures(
     found = repeatability(x, noise=noise)
     if noise is not None:
         worst = int(found.floor.argmax())
-        count = min(len(x), len(x) if readings is None else readings)
+        count = min(len(x), len(x) if readings is None else require_count("readings", readings))
         one = float(repeatability_dof(noise[worst], n))
         spread_floor = float(found.floor[worst]) * mean_largest(one, count)
     return PathFigures(accuracy(x, c), found, floor, spread_floor)
@@ -292,6 +294,7 @@ def in_planes(covariance: Array, command: Array) -> Array:
     return np.asarray(across @ covariance @ across)
 
 
+@checked_kinds
 def resampled(paths: Sequence[ArrayLike], command: ArrayLike) -> Array:
     """Positions (m, n, 3) of n measured paths in the planes of m commanded points."""
     return frozen(np.stack([through_planes(path, command) for path in paths], axis=1))

@@ -5,7 +5,14 @@ from numpy.typing import ArrayLike
 
 from calib.arrays import Array, frozen
 from calib.geometry.frames import exp_so3, log_so3
-from calib.measurement.cycles import covariances_of, jackknife, rotations_of, sd_bias
+from calib.measurement.cycles import (
+    covariances_of,
+    jackknife,
+    per_pose,
+    require_rotations,
+    rotations_of,
+    sd_bias,
+)
 from calib.measurement.iso9283 import IsoFigure, accuracy
 
 
@@ -31,7 +38,8 @@ def rotation_accuracy(
     """
     R = rotations_of(R)
     mean = mean_rotation(R)
-    away = rotation_vectors(mean[..., None, :, :], np.asarray(command, dtype=np.float64))
+    target = require_rotations("command", per_pose(command, R.shape[:-3], "command", (3, 3)))
+    away = rotation_vectors(mean[..., None, :, :], target)
     return accuracy(rotation_vectors(R, mean) + away, np.zeros(3), common=common)
 
 
@@ -56,8 +64,8 @@ def rotation_repeatability(R: ArrayLike, *, noise: ArrayLike | None = None) -> I
     value = spread(turn)
     floor = np.full(value.shape, np.nan)
     if noise is not None:
-        variance = np.diagonal(covariances_of(noise, "noise"), axis1=-2, axis2=-1)
-        floor = np.broadcast_to(3 * sd_bias(n) * np.sqrt(variance), value.shape)
+        variance = np.diagonal(covariances_of(noise, "noise", R.shape[:-3]), axis1=-2, axis2=-1)
+        floor = 3 * sd_bias(n) * np.sqrt(variance)
     return IsoFigure(frozen(value), frozen(jackknife(spread, turn)), frozen(floor))
 
 

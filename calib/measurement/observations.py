@@ -252,6 +252,10 @@ def joined(tables: Sequence[Measurements]) -> Measurements:
     """
     if not len(tables):
         raise refuse("tables", 0, "at least one", code="A3", message="there are no tables to join")
+    joints = [table.q.shape[1] for table in tables]
+    if len(set(joints)) > 1:
+        message = f"tables have rows of {' and '.join(map(str, dict.fromkeys(joints)))} joints"
+        raise refuse("tables", tuple(joints), "rows of one robot", code="A1", message=message)
     columns = {name: np.concatenate([getattr(table, name) for table in tables]) for name in COLUMNS}
     counts = [len(table) for table in tables]
     own = np.repeat(np.arange(len(tables)), counts)

@@ -193,7 +193,8 @@ def covariances_of_sd(sd: ArrayLike, size: int, m: int, name: str = "sd") -> Arr
     if sd.shape in ((), (size,)):
         sd = np.diag(np.square(np.broadcast_to(_positive(sd), size)))
     elif sd.shape not in ((size, size), (m, size, size)):
-        allowed = f"one number, {size}, or covariances ({size}, {size}) or ({m}, {size}, {size})"
+        few = "two numbers" if size == 6 else "one number"
+        allowed = f"{few}, {size}, or covariances ({size}, {size}) or ({m}, {size}, {size})"
         raise wrong_shape(name, sd.shape, allowed)
     return np.broadcast_to(sd, (m, size, size))
 

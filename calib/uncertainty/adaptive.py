@@ -112,7 +112,8 @@ def adaptive(
     sums: tuple[Array, Array] | None = None
     stable = False
     while not stable and (len(rows) + 1) * size <= most:
-        (y,) = check(f"{size} k", sample=sample(size, rng))
+        outputs = str(values[0].shape[1]) if values else "k"
+        (y,) = check(f"{size} {outputs}", sample=sample(size, rng))
         values.append(y)
         rows.append(_figures(y, probability))
         offset = y - values[0].mean(axis=0)
@@ -150,10 +151,9 @@ def adaptive(
 
 def _batch_size(digits: int, probability: float, finer: float, batch: int | None, most: int) -> int:
     """Draws per batch, with all options checked."""
-    if digits not in (1, 2, 3, 4) or not finer >= 1:
-        allowed = "1, 2, 3 or 4 digits; finer 1 or more"
-        message = f"digits is {digits} and finer {finer}"
-        raise refuse("digits", digits, allowed, code="A3", message=message)
+    require_digits(digits)
+    if not finer >= 1:
+        raise refuse("finer", finer, "1 or more", code="A3")
     need = fewest_draws(probability)
     size = max(BATCH, need) if batch is None else batch
     if size < need:
@@ -165,6 +165,12 @@ def _batch_size(digits: int, probability: float, finer: float, batch: int | None
     if most < 2 * size:
         raise refuse("most", most, f"two batches at least, {2 * size}", code="A3")
     return size
+
+
+def require_digits(digits: int) -> None:
+    """Refuse another number of significant digits than 1 to 4."""
+    if digits not in (1, 2, 3, 4):
+        raise refuse("digits", digits, "1, 2, 3 or 4", code="A3")
 
 
 def _figures(y: Array, probability: float) -> Array:

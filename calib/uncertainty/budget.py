@@ -12,7 +12,7 @@ from calib.geometry.model import RobotModel
 from calib.geometry.parameters import Parameters
 from calib.information.propagation import point_uncertainty, tool_covariance
 from calib.kinds import checked_kinds
-from calib.shown import ResultTable, Shown
+from calib.shown import ResultTable, Shown, mean_of
 from calib.uncertainty.covariance import (
     common_input_covariance,
     covariance_factor,
@@ -60,12 +60,12 @@ class ToolBudget(Shown):
     """(N,) effective, of the combined u_3D."""
 
     def __repr__(self) -> str:
-        u = 1e6 * self.combined.mean()
+        u = 1e6 * mean_of(self.combined)
         return f"ToolBudget({len(self.names)} sources, mean u {u:.3g} um)"
 
     def tables(self) -> dict[str, ResultTable]:
         """``sources``: what each leaves at the tool point alone, root mean square [m]."""
-        u = np.sqrt(np.mean(self.standard**2, axis=1))
+        u = [np.sqrt(mean_of(own**2)) for own in self.standard]
         return {"sources": ResultTable({"source": self.names, "u_m": u})}
 
     @property
@@ -75,8 +75,13 @@ class ToolBudget(Shown):
 
     @property
     def share(self) -> Array:
-        """(s, N) part of the combined variance that each source brings; sums to one."""
-        return np.asarray(self.standard**2 / np.square(self.combined))
+        """(s, N) part of the combined variance that each source brings; sums to one.
+
+        Zero where no source leaves anything.
+        """
+        whole = np.broadcast_to(np.square(self.combined), self.standard.shape)
+        none = np.zeros(whole.shape)
+        return np.asarray(np.divide(self.standard**2, whole, out=none, where=whole > 0))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -136,8 +141,21 @@ class Budget(Shown):
         whole = np.maximum(np.floor(self.degrees_of_freedom * (1 + 1e-9)), 1.0)
         return student_factor(whole, probability) * self.combined
 
+    @checked_kinds
     def at_tool(self, model: RobotModel, q: ArrayLike) -> ToolBudget:
-        """The same at the tool point of joints q (N, n)."""
+        """The same at the tool point of joints q (N, n) [rad, m], in the axes of the world.
+
+        Parameters
+        ----------
+        model : RobotModel
+            Identified: the one whose numbers the budget is of.
+        q : (N, n) array_like
+            Commanded joint values [rad, m].
+        """
+        if model.names != self.parameters.names:
+            sizes = f"{len(self.parameters.names)} numbers, the model has {model.n_numbers}"
+            allowed, message = "the model that the budget is of", f"the budget knows {sizes}"
+            raise refuse("model", allowed=allowed, code="A4", message=message)
         index = self.parameters.free_index
         parts = []
         for source in self.sources:

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.special import betaincinv
 
-from calib.arrays import check
+from calib.arrays import check, require_probability
 from calib.errors import refuse
 from calib.held_out_counts import fewest_poses
 from calib.kinds import checked_kinds
@@ -25,6 +25,7 @@ class Conformal:
     probability: float
     """Content asked for, on average over validation sets: k / (n + 1) or more."""
 
+    @checked_kinds
     def content_range(self, probability: float = 0.95) -> tuple[float, float]:
         """Range that holds the content of this one radius: it depends on the n poses drawn.
 
@@ -32,7 +33,7 @@ class Conformal:
         ----------
         The content is Beta(k, n + 1 - k) for independent continuous errors.
         """
-        tail = (1 - probability) / 2
+        tail = (1 - require_probability(probability)) / 2
         a, b = self.rank, self.n_poses + 1 - self.rank
         return float(betaincinv(a, b, tail)), float(betaincinv(a, b, 1 - tail))
 

@@ -13,7 +13,7 @@ from calib.geometry.model import RobotModel
 from calib.kinds import checked_kinds
 from calib.measurement.observations import Measurements
 from calib.measurement.prediction import predict
-from calib.shown import ResultTable, Shown
+from calib.shown import ResultTable, Shown, mean_of
 from calib.uncertainty.covariance import covariance_factor
 
 SAME_POSE = 1e-4
@@ -43,7 +43,7 @@ class HeldOut(Shown):
         return len(self.error)
 
     def __repr__(self) -> str:
-        mean = 1e6 * self.distance.mean()
+        mean = 1e6 * mean_of(self.distance)
         return f"HeldOut({len(self)} poses, mean error {mean:.3g} um, p = {self.p_value:.2g})"
 
     def tables(self) -> dict[str, ResultTable]:
@@ -90,6 +90,9 @@ def held_out(
     """
     require_disjoint(validation.q, used_q)
     (covariance,) = check(f"{model.n_numbers} {model.n_numbers}", covariance=covariance)
+    if not len(validation):
+        message, fix = "there are no validation poses", "hold some out, measured where it is used"
+        raise refuse("validation", 0, "at least one", code="A3", message=message, fix=fix)
     if validation.is_distance.any():
         row = int(np.argmax(validation.is_distance))
         message = f"validation row {row} is a distance; it shows no position"

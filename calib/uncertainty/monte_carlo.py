@@ -10,7 +10,7 @@ from calib.errors import refuse
 from calib.geometry.model import RobotModel
 from calib.information.propagation import point_uncertainty, tool_covariance
 from calib.kinds import checked_kinds
-from calib.shown import Shown
+from calib.shown import Shown, mean_of
 from calib.uncertainty.covariance import checked, covariance_factor, drawn
 from calib.uncertainty.covariance import correlated_draws as correlated_draws
 from calib.uncertainty.covariance import independent_draws as independent_draws
@@ -50,7 +50,7 @@ class DistanceSpread(Shown):
     """(N, 3, 2) smallest and largest deviation of x, y, z from nominal [m]."""
 
     def __repr__(self) -> str:
-        u = 1e6 * self.standard.mean()
+        u = 1e6 * mean_of(self.standard)
         return f"DistanceSpread({len(self.standard)} postures, mean u of |P| {u:.3g} um)"
 
     @property
@@ -91,7 +91,7 @@ class PointSpread(Shown):
     """(N,) largest |exact - linear| of the first 10 000 draws, in units of the linear u_3D."""
 
     def __repr__(self) -> str:
-        u = 1e6 * self.point.mean()
+        u = 1e6 * mean_of(self.point)
         return f"PointSpread({len(self.nominal)} postures, {self.draws} draws, mean u {u:.3g} um)"
 
     @property
@@ -146,7 +146,9 @@ def distance_spread(
     ----------
     Wen et al. 2022, with g = sqrt(Px^2 + Py^2 + Pz^2); the squares are missing in print.
     """
-    (standard,) = check(f"{model.n_numbers}", standard=standard)
+    standard, q = check(f"{model.n_numbers}, N {model.chain.n_joints}", standard=standard, q=q)
+    if not len(q):
+        raise refuse("q", 0, "at least one posture", code="A1", message="q has no postures")
     steps = independent_draws(standard, draws, rng)
     moving = np.flatnonzero(standard)
     require_probability(probability)
@@ -164,7 +166,7 @@ def distance_spread(
     size = min(POSE_BLOCK, max(8, VALUES // draws))
     for start in range(0, len(nominal), size):
         part = slice(start, start + size)
-        some, there = np.asarray(q, dtype=np.float64)[part], nominal[part]
+        some, there = q[part], nominal[part]
         loop = PointLoop.of(model, some, there, -(-draws * len(nominal) // len(some)))
         deviation = np.empty((3, draws, len(some)))
         for these, points in loop.deviations(steps):

@@ -11,7 +11,7 @@ from calib.arrays import Array, check, frozen, require_numbers, wrong_shape
 from calib.errors import refuse
 from calib.kinds import checked_kinds
 from calib.shown import Shown
-from calib.uncertainty.adaptive import Adaptive
+from calib.uncertainty.adaptive import Adaptive, require_digits
 from calib.uncertainty.covariance import correlation, covariance_factor
 from calib.uncertainty.monte_carlo import numerical_tolerance
 from calib.uncertainty.regions import coverage_factor
@@ -84,6 +84,8 @@ def first_order(
     JCGM 100:2008, 5.1.2, 5.2.2; derivatives by five-point differences.
     """
     mean, covariance = check("n, n n", mean=mean, covariance=covariance)
+    if not len(mean):
+        raise refuse("mean", 0, "at least one input", code="A1", message="there are no inputs")
     covariance_factor(covariance)
     h = DIFFERENCE_STEP * np.sqrt(np.diagonal(covariance))
     moving = np.flatnonzero(h)
@@ -91,8 +93,6 @@ def first_order(
     for row, i in enumerate(moving):
         steps[row, :, i] = h[i] * np.array([-2, -1, 1, 2])
     points = np.concatenate([mean[None], (mean + steps).reshape(-1, len(mean))])
-    if not len(mean):
-        raise refuse("mean", 0, "at least one input", code="A1", message="there are no inputs")
     out = require_numbers("model", model(points))
     if out.ndim not in (1, 2) or len(out) != len(points):
         raise wrong_shape("model", out.shape, f"a row of outputs for each of {len(points)} rows")
@@ -128,7 +128,10 @@ def validate(
     ----------
     JCGM 101:2008 and JCGM 102:2011, clause 8: within delta, Monte Carlo run to delta / 5.
     """
-    value, covariance = check("k, k k", value=value, covariance=covariance)
+    k = len(monte_carlo.mean)
+    value, covariance = check(f"{k}, {k} {k}", value=value, covariance=covariance)
+    require_digits(digits)
+    covariance_factor(covariance)
     u = np.sqrt(np.diagonal(covariance))
     largest = float(np.linalg.eigvalsh(correlation(covariance))[-1])
     factor = coverage_factor(len(u), monte_carlo.probability)

@@ -20,7 +20,17 @@ from calib.identification.model_choice import choose
 from calib.identification.prior import Prior, weak_prior
 from calib.identification.start.start import start_frames
 from calib.information.goals import goal_matrix
+from calib.information.observability import indices
 from calib.kinds import checked_kinds, of_kind
+from calib.measurement import (
+    iso9283,
+    iso_drift,
+    iso_limits,
+    iso_memory,
+    iso_paths,
+    iso_rotations,
+    iso_straying,
+)
 
 LINKS = [[0, 0.4, 0.1, -1.57, 0], [0, 0, 0.5, 0, 0], [0, 0, 0.4, 0, 0]]
 ARM = calib.RobotModel(calib.Chain(LINKS))
@@ -36,6 +46,8 @@ PROBLEM = design.Problem.of_poses(ARM, Q, poses=12, criterion="V", goals=Q[:5])
 PLACES = np.arange(12)
 LIMITS = np.tile([-3.0, 3.0], (3, 1))
 WIDE = np.eye(27) * 1e-12
+CYCLES = RNG.normal(size=(2, 10, 3))
+DRAWN = uncertainty.adaptive(lambda n, rng: rng.normal(size=(n, 2)), RNG, digits=1)
 CONDITIONS = {
     "payload": np.ones(2), "center": np.zeros((2, 3)), "approach": np.ones((2, 3)),
     "torque": np.ones((2, 3)), "temperature": np.ones(2),
@@ -276,6 +288,63 @@ CASES = {
         uncertainty.first_order,
         {"model": lambda x: 2 * x, "mean": np.ones(2), "covariance": np.eye(2)},
     ),
+    "validate": (
+        uncertainty.validate,
+        {"value": np.zeros(2), "covariance": np.eye(2), "monte_carlo": DRAWN, "digits": 2},
+    ),
+    "content_range": (
+        uncertainty.conformal(np.ones(20)).content_range, {"probability": 0.9},
+    ),
+    "at_tool": (
+        uncertainty.budget(FROZEN, [uncertainty.RowNoise("a", TRAIN.covariance)]).at_tool,
+        {"model": ARM, "q": Q[:2]},
+    ),
+    "indices": (indices, {"singular": [3.0, 2.0, 1.0], "n_poses": 4}),
+    "accuracy": (
+        iso9283.accuracy, {"position": CYCLES, "command": np.zeros((2, 3)), "common": np.eye(3)},
+    ),
+    "repeatability": (iso9283.repeatability, {"position": CYCLES, "noise": np.eye(3)}),
+    "approaches": (iso9283.approaches, {"position": CYCLES}),
+    "distance_accuracy": (
+        iso9283.distance_accuracy,
+        {"first": CYCLES[0], "second": CYCLES[1], "distance": 1.0, "common": 0.1},
+    ),
+    "distance_repeatability": (
+        iso9283.distance_repeatability,
+        {"first": CYCLES[0], "second": CYCLES[1], "noise": np.eye(3)},
+    ),
+    "rotation_accuracy": (
+        iso_rotations.rotation_accuracy,
+        {"R": np.tile(np.eye(3), (2, 4, 1, 1)), "command": np.eye(3), "common": np.eye(3)},
+    ),
+    "rotation_repeatability": (
+        iso_rotations.rotation_repeatability,
+        {"R": np.tile(np.eye(3), (2, 4, 1, 1)), "noise": np.eye(3)},
+    ),
+    "mean_limits": (
+        iso_limits.mean_limits,
+        {"figure": iso9283.accuracy(CYCLES, [0, 0, 0]), "dof": 9, "probability": 0.95},
+    ),
+    "largest_limits": (
+        iso_limits.largest_limits,
+        {"figure": iso9283.gaps(CYCLES), "dof": 18, "probability": 0.95},
+    ),
+    "spread_limits": (iso_limits.spread_limits, {"value": [1.0], "n": 10, "probability": 0.95}),
+    "repeatability_limits": (
+        iso_limits.repeatability_limits, {"position": CYCLES, "probability": 0.95},
+    ),
+    "path_figures": (
+        iso_paths.path_figures,
+        {
+            "position": CYCLES, "command": [[0, 0, 0], [1, 0, 0]],
+            "noise": np.tile(np.eye(3), (2, 1, 1)), "readings": 2,
+        },
+    ),
+    "drift": (
+        iso_drift.drift, {"position": CYCLES, "command": np.zeros((2, 3)), "block": 5},
+    ),
+    "straying_cycle": (iso_straying.straying_cycle, {"position": CYCLES}),
+    "cycle_memory": (iso_memory.cycle_memory, {"position": CYCLES}),
 }  # fmt: skip
 """Functions with arguments that they take."""
 ODD = (
@@ -317,6 +386,37 @@ def test_what_a_public_function_is_fed_is_taken_or_refused_in_words(name):
         (lambda: calib.joined(SEEN), "tables is of the type Measurements; several, each calib.Mea"),
         (lambda: calib.joined([SEEN, Q]), r"tables\[1\] is of the type ndarray"),
         (
+            lambda: calib.joined([SEEN, calib.points(Q[:, :2], T[:, :3, 3], sd=1e-5)]),
+            "tables have rows of 3 and 2 joints; rows of one robot",
+        ),
+        (
+            lambda: calib.poses(Q, T, sd=[1e-5] * 3),
+            r"sd has shape \(3,\); two numbers, 6, or covariances \(6, 6\)",
+        ),
+        (lambda: iso9283.distance_accuracy(*CYCLES, np.nan), "distance is nan"),
+        (
+            lambda: iso9283.accuracy(np.ma.masked_greater(CYCLES, 1.0), np.zeros(3)),
+            "position has masked entries",
+        ),
+        (
+            lambda: iso_rotations.rotation_accuracy(np.ones((4, 3, 3)), np.eye(3)),
+            r"R\[0\] is no rotation; an orthonormal right-handed matrix",
+        ),
+        (
+            lambda: iso_limits.mean_limits(iso9283.accuracy(CYCLES, np.zeros(3)), 0),
+            "dof is 0; above zero",
+        ),
+        (
+            lambda: uncertainty.budget(
+                FROZEN, [uncertainty.RowNoise("a", TRAIN.covariance)]
+            ).at_tool(calib.RobotModel(calib.Chain(LINKS[:2])), Q[:, :2]),
+            "the budget knows 27 numbers, the model has 22; the model that the budget is of",
+        ),
+        (
+            lambda: uncertainty.held_out(ARM, WIDE, TEST.rows([]), Q),
+            "there are no validation poses; at least one",
+        ),
+        (
             lambda: calib.parameters_of(ARM, "d1"),
             r"free is of the type str.* give a list: \['d1'\]",
         ),
@@ -338,6 +438,25 @@ def test_what_a_public_function_is_fed_is_taken_or_refused_in_words(name):
 def test_the_sentence_says_what_is_wanted(wrong, sentence):
     with pytest.raises(InputError, match=sentence):
         wrong()
+
+
+def test_of_no_posture_there_is_a_line_too():
+    """A script that warns of a mean of nothing would stop at the prompt."""
+    budget = uncertainty.budget(FROZEN, [uncertainty.RowNoise("a", 0 * TRAIN.covariance)])
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        lines = [
+            repr(uncertainty.tool_statement(ARM, Q[:0], WIDE)),
+            repr(uncertainty.point_spread(ARM, Q[:0], WIDE, RNG, draws=10)),
+            repr(budget.at_tool(ARM, Q[:0])),
+            repr(iso9283.accuracy(np.zeros((0, 5, 3)), np.zeros((0, 3)))),
+        ]
+        assert all("0 " in line for line in lines)
+        assert not budget.at_tool(ARM, Q[:2]).share.any()
+    with pytest.raises(InputError, match="q has no postures"):
+        uncertainty.distance_spread(ARM, Q[:0], np.zeros(27), RNG)
+    sets = design.random_sets(PROBLEM, RNG, sets=2)
+    assert repr(sets).startswith(type(sets).__name__)
 
 
 def test_what_is_meant_is_taken():
