@@ -1,4 +1,4 @@
-"""Whether the station, a target or a joint moved once between two readings, in words."""
+"""Whether a station, the base, a target, the tool or a joint moved once, in words."""
 
 from dataclasses import replace
 
@@ -68,11 +68,20 @@ def _said(calibration: Calibration, found: Moved) -> tuple[str, str]:
         if len(targets_of(whole)[0]) > 1:
             return what, "leave its rows of one side out"
         return what, "state the rows from there on as a [[session]] of their own"
-    turn = float(np.linalg.norm(found.change[3:])) * DEG
-    what = f"the readings stand {size} off as one piece, turned by {fixed(turn, 4)} deg (the "
-    what += "instrument or the base of the robot was moved)"
-    mend = 'state the rows from there on as a [[session]] of their own, tool = "same as" the first'
-    return what, mend
+    turned = f"turned by {fixed(float(np.linalg.norm(found.change[3:])) * DEG, 4)} deg"
+    apart = "state the rows from there on as a [[session]] of their own"
+    if found.what == "tool":
+        what = f"all targets stand {size} off on the tool as one piece, {turned} (it slipped, or "
+        return f"{what}was mounted anew)", f'{apart}, base = "same as" the first'
+    what = f"the readings stand {size} off as one piece, {turned} "
+    if found.what == "base":
+        what = f"the readings of all stations stand {size} off as one piece, {turned} (the base of "
+        return f"{what}the robot was moved)", f'{apart}, tool = "same as" the first'
+    what += "(the instrument or the base of the robot was moved)"
+    if len(calibration.set_up.stations) > 1:
+        what = f"the readings of station {calibration.set_up.stations[found.number]} stand {size} "
+        what += f"off as one piece, {turned} (it was moved)"
+    return what, f'{apart}, tool = "same as" the first'
 
 
 def _target(calibration: Calibration, table: Measurements, number: int) -> str:

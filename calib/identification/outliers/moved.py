@@ -1,8 +1,9 @@
 """Whether something moved between two readings: all later ones stand off as one piece.
 
-A tracker that was pushed, a reflector that came loose and a joint whose zero slipped leave a step
-in the readings: from some row on they differ by few numbers, the same in all later rows. What a
-model misses follows the poses instead, and what warms up comes slowly.
+A tracker that was pushed, a robot that was shifted on its foot, a reflector that came loose, a tool
+that slipped with all of its reflectors and a joint whose zero slipped leave a step in the readings:
+from some row on they differ by few numbers, the same in all later rows. What a model misses follows
+the poses instead, and what warms up comes slowly.
 """
 
 from collections.abc import Iterator
@@ -13,7 +14,7 @@ import numpy as np
 from scipy.special import fdtrc
 
 from calib.arrays import Array, Index, frozen
-from calib.geometry.frames import skew
+from calib.geometry.frames import inverse, skew
 from calib.identification.fit_statistics import RED
 from calib.identification.result import Identification
 from calib.information.rank import RANK_TOLERANCE
@@ -22,7 +23,9 @@ from calib.measurement.prediction import predict, predicted_positions, tool_pose
 from calib.measurement.residual import table_whiteners
 from calib.shown import Shown
 
-What = Literal["station", "target", "joint"]
+What = Literal["station", "base", "target", "tool", "joint"]
+"""The base of the robot moves before several stations alike, the tool with several targets; of one
+station, or one target, it is the same as these."""
 FEWEST = 8
 """Poses on either side of a step below which six numbers fit them too well."""
 EXPLAINED = 0.8
@@ -42,7 +45,7 @@ class Moved(Shown):
 
     what: What
     number: int
-    """Which station, target of `targets_of`, or joint; from 0."""
+    """Which station, target of `targets_of`, or joint; from 0, which base and tool are."""
     last: int
     """Last row of the table before the step, in time."""
     row: int
@@ -50,8 +53,9 @@ class Moved(Shown):
     rows: int
     """Rows that stand off."""
     change: Annotated[Array, "k"]
-    """(k,) shift [m] and turn [rad] of the station about the mean point; shift of the target in the
-    axes of the tool [m]; change of the joint [rad, m]."""
+    """(k,) shift [m] and turn [rad] of station or base about the mean point; the same of the tool
+    about the mean target, in its axes; shift of the target in these [m]; change of the joint [rad,
+    m]."""
     size: float
     """Root mean square by which it moves those readings [m]."""
     explained: float
@@ -128,17 +132,28 @@ def _changes(
     """What may have moved: kind, number, and columns (m, 6, k) of the rows by its change."""
     model = identification.model
     m, n = len(rows), model.chain.n_joints
-    p = predicted_positions(model, rows)
-    own = np.swapaxes(model.fixtures.station_frames[rows.station][:, :3, :3], 1, 2)
-    R = own @ tool_poses(model, rows)[:, :3, :3]
+    p, frames = predicted_positions(model, rows), model.fixtures.station_frames[rows.station]
+    T_station_tool = inverse(frames) @ tool_poses(model, rows)
+    R = T_station_tool[:, :3, :3]
     full = rows.is_pose[:, None, None]
-    for station in np.unique(rows.station):
-        here = (rows.station == station)[:, None, None]
+    stations = np.unique(rows.station)
+
+    def piece(axes: Array, places: Array) -> Array:
+        """Rows (m, 6, 6) of points (m, 3) of a piece, by its shift and turn in some axes."""
         C = np.zeros((m, 6, 6))
-        C[:, :3, :3] = np.eye(3)
-        C[:, :3, 3:] = -skew(p - p[rows.station == station].mean(axis=0))
-        C[:, 3:, 3:] = full * np.eye(3)
-        yield "station", int(station), np.where(here, C, 0.0)
+        C[:, :3, :3] = axes
+        C[:, :3, 3:] = -axes @ skew(places)
+        C[:, 3:, 3:] = full * axes
+        return C
+
+    for station in stations:
+        here = rows.station == station
+        C = piece(np.broadcast_to(np.eye(3), R.shape), p - p[here].mean(axis=0))
+        yield "station", int(station), np.where(here[:, None, None], C, 0.0)
+    if len(stations) > 1:
+        world = (frames[:, :3, :3] @ p[:, :, None])[..., 0] + frames[:, :3, 3]
+        axes = np.swapaxes(frames[:, :3, :3], 1, 2)
+        yield "base", 0, piece(axes, world - world.mean(axis=0))
     targets, which = targets_of(rows)
     for target in range(len(targets)):
         C = np.zeros((m, 6, 6 if rows.is_pose[which == target].any() else 3))
@@ -146,6 +161,10 @@ def _changes(
         if C.shape[2] > 3:
             C[:, 3:, 3:] = full * R
         yield "target", target, np.where((which == target)[:, None, None], C, 0.0)
+    if len(targets) > 1:
+        from_origin = (p - T_station_tool[:, :3, 3])[:, :, None]
+        places = (np.swapaxes(R, 1, 2) @ from_origin)[..., 0]
+        yield "tool", 0, piece(R, places - places.mean(axis=0))
     derivative = predict(model, rows).rows
     names = identification.parameters.names
     for joint in range(n):

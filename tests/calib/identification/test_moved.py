@@ -89,6 +89,56 @@ def test_the_one_of_three_reflectors_that_came_loose_is_named():
     np.testing.assert_allclose(found.change, way, atol=20e-6)
 
 
+def of_three(true, q, rng, went=None, stations=(0, 0, 0)):
+    """Three reflectors of a tool at each pose, each from a station, and their order in time."""
+    sides = [(true, ~LATER), (went or true, LATER)]
+    table = joined(
+        [
+            kinds.points(robot, q[side], rng, reflector=k, station=station)
+            for robot, side in sides
+            for k, station in enumerate(stations)
+        ]
+    )
+    place = {tuple(joints): k for k, joints in enumerate(q)}
+    at = np.array([place[tuple(joints)] for joints in table.q])
+    return replace(table, pose_id=at), 3 * at + table.reflector
+
+
+@pytest.mark.parametrize("size", [60e-6, 3e-3], ids=["little", "millimeters"])
+def test_a_tool_that_slipped_with_all_its_reflectors_is_named_as_one_piece(size):
+    true, q, rng = robot(6, Fixtures(0.1 * np.eye(3)))
+    way, turn = size * np.array([0.6, -0.64, 0.48]), np.array([0.0, 0.0, 2 * size])
+    mean = true.fixtures.reflectors.mean(axis=0)
+    slipped = mean + way + (true.fixtures.reflectors - mean) @ exp_so3(turn).T
+    went = replace(true, fixtures=replace(true.fixtures, reflectors=slipped))
+    table, order = of_three(true, q, rng, went)
+    found = of(true, table, order)
+    assert (found.what, found.number, found.rows) == ("tool", 0, 3 * (POSES - STEP))
+    assert (table.pose_id[found.last], table.pose_id[found.row]) == (STEP - 1, STEP)
+    # three times as many readings as of one target; turns over levers of 60 mm, 40 urad each
+    np.testing.assert_allclose(found.change[:3], way, atol=12e-6 + 5e-3 * size)
+    np.testing.assert_allclose(found.change[3:], turn, atol=120e-6 + 5e-3 * size)
+
+
+def test_a_base_that_moved_before_two_stations_is_no_station_that_did():
+    rng = np.random.default_rng(7)
+    true, q, rng = robot(
+        7, Fixtures(rng.normal(size=(3, 3)) * 0.1, stations=kinds.anywhere(rng, 3.0)[None])
+    )
+    chain = true.chain
+    push = np.eye(4)
+    push[:3, 3] = way = np.array([2e-4, -1e-4, 1e-4])
+    went = replace(true, chain=replace(chain, T_world_base=push @ chain.T_world_base))
+    table, order = of_three(true, q, rng, went, stations=(0, 1, 1))
+    found = of(true, table, order)
+    assert (found.what, found.rows) == ("base", 3 * (POSES - STEP))
+    np.testing.assert_allclose(found.change[:3], way, atol=15e-6)
+    pushed = np.where((LATER[table.pose_id] & (table.station == 1))[:, None], way, 0.0)
+    table, order = of_three(true, q, rng, stations=(0, 1, 1))
+    found = of(true, replace(table, position=table.position + pushed), order)
+    assert (found.what, found.number) == ("station", 1)
+
+
 @pytest.mark.parametrize("joint", [1, 2, 3, 4])
 def test_a_joint_whose_zero_slipped_is_named(joint):
     true, q, rng = robot(4 + joint)
