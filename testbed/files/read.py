@@ -201,7 +201,7 @@ def _without_strays(robot: Robot, session: Session) -> Session:
 
 def _strays(robot: Robot, session: Session) -> tuple[Bool, dict[int, str]]:
     """Rows (m,) that no frames bring near their joints, and why; refuses shots that slipped."""
-    mismatched, why, doubtful = mismatched_rows(robot.model, session.measurements)
+    mismatched, why, doubtful = mismatched_rows(robot.model, session.measurements, session.place)
     raise_if_slipped(robot.model, session.measurements, doubtful, session.place)
     return mismatched, why
 

@@ -1,5 +1,8 @@
 """Rows that no frames bring near their joints, and why."""
 
+from collections.abc import Sequence
+from dataclasses import dataclass
+
 import numpy as np
 
 from calib.arrays import Array, Bool, Index
@@ -25,10 +28,29 @@ LARGEST_SHARE = 0.2
 """Part of the rows above which it is the reading of the file that is wrong, not some rows."""
 NEAR = 5
 """Rows before and after, among which the joints of a mismatched one are looked for."""
+MOST_ASTRAY = 1000
+"""Other mismatched rows among which they are looked for."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Group:
+    """Rows of one target from one station, and the frames that most of them fit."""
+
+    rows: Index
+    frames: Frames
+    bad: Index
+    """Places among the rows of those that do not."""
+    usual: float
+    """Median error of all of them [m]."""
+
+    @property
+    def near(self) -> float:
+        """Error up to which a reading fits other joints, or another target [m]."""
+        return max(3 * self.usual, 1e-4)
 
 
 def mismatched_rows(
-    model: RobotModel, table: Measurements
+    model: RobotModel, table: Measurements, place: Sequence[str]
 ) -> tuple[Bool, dict[int, str], list[Index]]:
     """Rows (m,) that no frames bring near their joints, why, and the groups that may have slipped.
 
@@ -38,29 +60,42 @@ def mismatched_rows(
         Nominal.
     table : Measurements
         All rows.
+    place : sequence of str
+        File and line of each.
     """
     mismatched = np.zeros(len(table), dtype=bool)
     why: dict[int, str] = {}
-    doubtful = []
+    doubtful, groups = [], []
     for rows in target_groups(table):
         if len(rows) < PARTED:
             continue
         F, position = flange_poses(model, table.q[rows]), table.position[rows]
         rotation = table.rotation[rows] if table.is_pose[rows[0]] else None
         frames, bad = _trimmed_frames(F, position, rotation)
-        errors = frames.position_errors(F, position)
-        if len(bad) > 1 or np.median(errors) > FAR:
+        usual = float(np.median(frames.position_errors(F, position)))
+        if len(bad) > 1 or usual > FAR:
             doubtful.append(rows)
+        groups.append(_Group(rows, frames, bad, usual))
+    for group in groups:
+        rows, bad = group.rows, group.bad
         if len(rows) < FEWEST or len(bad) > LARGEST_SHARE * len(rows):
             continue
         mismatched[rows[bad]] = True
-        for k in map(int, bad):
-            sentence = f"{errors[k] * 1e3:.0f} mm off"
-            other = _fitting_joints(frames, F, position, k, float(np.median(errors)))
-            if other is not None:
-                sentence += f", fits the joints of row {other - k:+d}"
-            why[int(rows[k])] = sentence
+        for row in map(int, rows[bad]):
+            F = flange_poses(model, table.q[[row]])
+            error = float(group.frames.position_errors(F, table.position[[row]])[0])
+            why[row] = f"{error * 1e3:.0f} mm off"
+            if (found := _fitting_label(groups, group, table, row, F)) is not None:
+                why[row] += f", fits the {found[0]} of {_line(place, row, found[1])}"
+            elif (other := _fitting_joints(group, model, table, row)) is not None:
+                why[row] += f", fits the joints of {_line(place, row, other)}"
     return mismatched, why, doubtful
+
+
+def _line(place: Sequence[str], row: int, other: int) -> str:
+    """The line of another row, with its file where that is not the file of the first one."""
+    file, _, line = place[other].rpartition(":")
+    return f"line {line}" if file == place[row].rpartition(":")[0] else place[other]
 
 
 def _trimmed_frames(F: Array, position: Array, rotation: Array | None) -> tuple[Frames, Index]:
@@ -100,11 +135,29 @@ def _sound_stretch(F: Array, position: Array, rotation: Array | None, rows: Inde
     return best
 
 
-def _fitting_joints(
-    frames: Frames, F: Array, position: Array, k: int, ordinary: float
-) -> int | None:
-    """Row nearby whose joints fit reading `k`, if any."""
-    near = [j for j in range(max(k - NEAR, 0), min(k + NEAR + 1, len(F))) if j != k]
-    errors = frames.position_errors(F[near], position[k])
+def _fitting_joints(group: _Group, model: RobotModel, table: Measurements, row: int) -> int | None:
+    """Row nearby, or one that fits nowhere either, whose joints fit the reading of one, if any."""
+    k = int(np.flatnonzero(group.rows == row)[0])
+    near = np.arange(max(k - NEAR, 0), min(k + NEAR + 1, len(group.rows)))
+    others = np.union1d(near, group.bad[:MOST_ASTRAY])
+    others = group.rows[others[others != k]]
+    F = flange_poses(model, table.q[others])
+    errors = group.frames.position_errors(F, table.position[row])
     best = int(np.argmin(errors))
-    return near[best] if errors[best] <= max(3 * ordinary, 1e-4) else None
+    return int(others[best]) if errors[best] <= group.near else None
+
+
+def _fitting_label(
+    groups: Sequence[_Group], own: _Group, table: Measurements, row: int, F: Array
+) -> tuple[str, int] | None:
+    """Target or station that fits a reading at F (1, 4, 4) instead, and a row that states it.
+
+    A row of the same pose, if there is one.
+    """
+    for group in groups:
+        if group is own or group.frames.position_errors(F, table.position[[row]])[0] > group.near:
+            continue
+        there = table.station[group.rows[0]] == table.station[row]
+        same = group.rows[table.pose_id[group.rows] == table.pose_id[row]]
+        return "target" if there else "station", int(same[0] if len(same) else group.rows[0])
+    return None

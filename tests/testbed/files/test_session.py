@@ -398,14 +398,37 @@ def test_wrong_locks_and_swapped_rows_are_left_out_and_told_apart(tmp_path):
     T = data.T.copy()
     T[5, :3, 3] += [0.3, 0.2, -0.15]  # 391 mm
     T[[20, 21]] = T[[21, 20]]
+    T[[9, 33]] = T[[33, 9]]
     wrong = Made(data.q, T, data.truth)
     session = read_session(saved(tmp_path / "a.csv", poses_csv(wrong)), ROBOT)
-    assert len(session.measurements) == 37
+    assert len(session.measurements) == 35
     told = [sentence.rpartition("/")[2] for sentence in session.masked]
     assert told[0].startswith("a.csv:7: left out: 39")
     assert "fits" not in told[0]
-    assert told[1].endswith("fits the joints of row +1")
-    assert told[2].endswith("fits the joints of row -1")
+    fits = [sentence.rpartition(", ")[2] for sentence in told[1:]]
+    assert fits == [f"fits the joints of line {line}" for line in (35, 23, 22, 11)]
+
+
+@pytest.mark.parametrize("label", ["target", "station"])
+def test_a_reading_under_the_name_of_another_is_left_out_with_the_line_of_that(tmp_path, label):
+    """Two targets 90 mm apart, or two stations 5 m apart, exchanged in the rows of one pose."""
+    data = made(6, 40)
+    other = data.T.copy()
+    if label == "target":
+        other[:, :3, 3] += data.T[:, :3, :3] @ [0.0, 0.09, 0.0]
+    else:
+        other[:, :3, 3] += [3.0, -4.0, 0.2]
+    seen = np.stack([data.T[:, :3, 3], other[:, :3, 3]], axis=1)  # (40, 2, 3)
+    seen[7] = seen[7, ::-1]
+    table = {"pose_id": np.repeat(np.arange(40), 2), label: ["A", "B"] * 40}
+    table |= {f"q{k + 1}_rad": np.repeat(data.q[:, k], 2) for k in range(6)}
+    table |= {f"{axis}_m": seen[:, :, k].ravel() for k, axis in enumerate("xyz")}
+    saved(tmp_path / "a.csv", csv(table))
+    places = 'reflectors_mm = { A = "free", B = "free" }\n' * (label == "target")
+    text = f'[points]\nfile = "a.csv"\n{places}[uncertainty]\nposition_um = 20\n'
+    session = read_session(saved(tmp_path / "session.toml", text), ROBOT)
+    told = [sentence.rpartition(", ")[2] for sentence in session.masked]
+    assert told == [f"fits the {label} of line 17", f"fits the {label} of line 16"]
 
 
 def test_rows_that_are_no_numbers_are_left_out_on_request_only(tmp_path):
