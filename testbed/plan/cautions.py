@@ -7,13 +7,12 @@ import numpy as np
 from calib.arrays import Array
 from testbed.laboratory.cell import Obstacle
 from testbed.plan.records import Plan
+from testbed.robots.robot import UPRIGHT
 from testbed.scenario.laboratory import At960Tracker
 from testbed.units import counted, listed
 
 WARNING = "Warning: "
 """Begins a sentence on what was not asked of a plan."""
-LEVEL = 0.99
-"""Cosine of the tilt of a base up to which its floor is that of the room: 8 deg."""
 
 
 def mark(plan: Plan) -> str:
@@ -106,7 +105,7 @@ def _floor(plan: Plan) -> list[str]:
     """A warning where the floor that the robot was tested against is not that of the room."""
     T = plan.nominal.chain.T_world_base
     stands = any(_is_below(one, T[:3, 3]) for one in plan.obstacles)
-    if T[2, 2] >= LEVEL or stands or not tests_contact(plan):
+    if T[2, 2] >= UPRIGHT or stands or not tests_contact(plan):
         return []
     return [
         f"{WARNING}whether the robot hits the floor of the room was not tested, since the z axis "

@@ -13,7 +13,7 @@ from calib.geometry.gravity import moments_of
 from calib.geometry.model import RobotModel
 from calib.shown import Shown
 from testbed.robots.controller import AS_THE_ARM, Controller
-from testbed.robots.room import outside
+from testbed.robots.room import leading_slides, outside
 from testbed.units import in_units
 
 Affine: TypeAlias = tuple[tuple[float, ...], ...]
@@ -34,7 +34,9 @@ AWAY = 3.0
 """The tracker stands so many halves of the box's diagonal from its center, and 2 m or more."""
 NEAREST = 2.0
 ASIDE = np.radians(-40.0)
-"""Direction of the tracker from the base, about the base's z [rad]."""
+"""Direction of the tracker from the base, about the vertical [rad]."""
+UPRIGHT = 0.99
+"""Cosine of the tilt up to which a base stands upright: 8 deg."""
 TURNS = 1.5
 """Joints that turn farther than so many turns are kept to half a turn about their middle."""
 STEP = 0.01
@@ -208,14 +210,33 @@ def workspace_of_reach(robot: Robot) -> Workspace:
     low, high = np.percentile(place, SHARE, axis=0)
     center, size = (low + high) / 2, np.maximum(high - low, STEP)
     away = max(AWAY * float(np.linalg.norm(size)) / 2, NEAREST)
-    aside = np.array([np.cos(ASIDE), np.sin(ASIDE), 0.0])
-    station = np.array([center[0], center[1], robot.base_offset + STAND]) + away * aside
+    start, aside = _stand(robot, center)
+    station = start + away * aside
     station = outside(robot.model.chain, robot.limits, station, aside)
     kept: tuple[tuple[float, float], ...] = ()
     if not np.array_equal(ranges, robot.limits):
         slides = robot.model.chain.prismatic.astype(bool)[:, None]
         kept = tuple((float(a), float(b)) for a, b in in_units(ranges, slides).round(6))
     return Workspace(in_mm(center), in_mm(size), in_mm(station), kept)
+
+
+def _stand(robot: Robot, center: Array) -> tuple[Array, Array]:
+    """From where and in which direction a tracker goes aside, both (3,) in the base frame [m].
+
+    About the vertical, as high as a drawn tracker is over the floor of an upright base. Of another
+    base, such as on a wall or a rail, no file says how high the room's floor is: as high as the
+    center of the box.
+    """
+    up, z = robot.model.chain.T_world_base[2, :3], np.array([0.0, 0.0, 1.0])
+    if up[2] >= UPRIGHT:
+        start = np.array([center[0], center[1], robot.base_offset + STAND])
+        return start, np.array([np.cos(ASIDE), np.sin(ASIDE), 0.0])
+    # away from a wall, across a rail, along x below a ceiling
+    ahead = np.cross(up, z) if leading_slides(robot.model.chain) else z - up[2] * up
+    if np.linalg.norm(ahead) < 1 - UPRIGHT:
+        ahead = np.array([1.0, 0.0, 0.0]) - up[0] * up
+    ahead = ahead / np.linalg.norm(ahead)
+    return center, np.cos(ASIDE) * ahead + np.sin(ASIDE) * np.cross(up, ahead)
 
 
 def joint_ranges(robot: Robot) -> Array:

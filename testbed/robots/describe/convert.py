@@ -26,6 +26,7 @@ from testbed.robots.assumed import (
     scatter_source,
 )
 from testbed.robots.describe.description import Body, Description, plain_name
+from testbed.robots.describe.floor import floor_of
 from testbed.robots.describe.xml_gate import FileOptions, read_xml
 from testbed.robots.meshes.files import check_files, read_mesh
 from testbed.robots.placements import LIMIT, difference, link_poses
@@ -88,7 +89,7 @@ def robot_of(description: Description) -> Robot:
         inertias=frozen(inertias),
         repeatability=frozen(np.where(turns, TURN_SCATTER, SLIDE_SCATTER)),
         visuals=visuals,
-        base_offset=_floor(visuals, chain),
+        base_offset=floor_of(visuals, chain, limits),
         exclusions=_exclusions(description),
         free_sets=MappingProxyType({}),
         sources=MappingProxyType(
@@ -263,20 +264,6 @@ def _is_flat(vertices: Array) -> bool:
     """Whether a mesh encloses nothing."""
     size = np.linalg.svd(vertices - vertices.mean(axis=0), compute_uv=False)
     return bool(len(vertices) < 4 or size[-1] <= FLAT * size[0])
-
-
-def _floor(visuals: Sequence[Visual], chain: Chain) -> float:
-    """Height of the floor in the base frame [m]: where the base ends, else the world's z = 0."""
-    lowest = []
-    for visual in visuals:
-        if visual.link == 0:
-            affine = np.array(visual.affine)
-            heights = read_mesh(visual.file)[0] @ affine[2, :3] + affine[2, 3]
-            lowest.append(float(heights.min()))
-    if lowest:
-        return min(lowest)
-    up = float(chain.T_world_base[2, 2])
-    return float(-chain.T_world_base[2, 3] / up) if up > 0.5 else 0.0
 
 
 def _exclusions(description: Description) -> tuple[tuple[str, str], ...]:
