@@ -5,13 +5,16 @@ from numbers import Real
 from typing import Annotated, Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from calib.errors import InputError, refuse
 
-Array = NDArray[np.float64]
-Bool = NDArray[np.bool_]
-Index = NDArray[np.int64]
+# written out: numpy.typing.NDArray hides its parts from whoever reads a hint, from numpy 2.5 on
+Array = np.ndarray[tuple[Any, ...], np.dtype[np.float64]]
+Bool = np.ndarray[tuple[Any, ...], np.dtype[np.bool_]]
+Index = np.ndarray[tuple[Any, ...], np.dtype[np.int64]]
+Labels = np.ndarray[tuple[Any, ...], np.dtype[np.str_]]
+AnyArray = np.ndarray[tuple[Any, ...], np.dtype[Any]]
 LARGEST = 2.0**53
 """Up to here every whole number is a float64."""
 MAY_BE_NAN = "nan where it does not apply"
@@ -21,7 +24,7 @@ FloatOrNan = Annotated[float, MAY_BE_NAN]
 """Type of the field of a result that may be nan; all others are finite, or no result."""
 
 
-def frozen(values: ArrayLike, dtype: Any = np.float64) -> NDArray[Any]:
+def frozen(values: ArrayLike, dtype: Any = np.float64) -> AnyArray:
     """Read-only C-ordered copy, or the same array if it is one whose memory nobody can write."""
     _require_whole("values", values)
     array = np.asarray(values, dtype=dtype)
@@ -43,7 +46,7 @@ def _require_whole(name: str, values: object) -> None:
         raise refuse(name, code="A1", message=message, allowed=allowed, fix="take its real part")
 
 
-def _writable(array: NDArray[Any]) -> bool:
+def _writable(array: AnyArray) -> bool:
     """Whether an array, or the memory of another one that it shows, can be written."""
     shown: Any = array
     while isinstance(shown, np.ndarray):

@@ -15,7 +15,6 @@ from calib.errors import InputError, refuse
 P = ParamSpec("P")
 T = TypeVar("T")
 
-ARRAYS = frozenset(get_args(ArrayLike))
 SEVERAL = (Sequence, Iterable, Collection, list, tuple)
 WORDS: Mapping[str, str] = {
     "bool": "True or False",
@@ -88,13 +87,12 @@ def of_kind(name: str, value: object, kind: Any) -> Any:
     InputError
         A3: it is of another kind.
     """
+    several = _written_out(kind)
+    if len(several) > 1:
+        return value if {*several} >= ARRAYS else _of_one(name, value, several)
     origin, parts = get_origin(kind), get_args(kind)
     if origin is Annotated:
         return of_kind(name, value, parts[0])
-    if origin in (Union, UnionType):
-        if {*parts} >= ARRAYS:
-            return value
-        return _of_one(name, value, parts)
     if origin is Literal:
         if not any(type(value) is type(one) and value == one for one in parts):
             said = f'"{value}"' if isinstance(value, str) else repr(value)
@@ -121,6 +119,17 @@ def of_kind(name: str, value: object, kind: Any) -> Any:
     elif isinstance(kind, type) and not isinstance(value, kind):
         raise _wrong(name, value, _words(kind))
     return value
+
+
+def _written_out(kind: Any) -> tuple[Any, ...]:
+    """The kinds that one kind allows; a union with a name is what it stands for."""
+    meant = getattr(kind, "__value__", kind) if not isinstance(kind, type) else kind
+    if get_origin(meant) not in (Union, UnionType):
+        return (kind,)
+    return tuple(one for part in get_args(meant) for one in _written_out(part))
+
+
+ARRAYS = frozenset(_written_out(ArrayLike))
 
 
 def _of_one(name: str, value: object, kinds: tuple[Any, ...]) -> Any:

@@ -7,7 +7,6 @@ from html import escape
 from typing import Any, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.errors import refuse
 
@@ -19,7 +18,7 @@ FRAMES = "pip install 'truebed[frames]'"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class ResultTable(Mapping[str, "NDArray[Any]"]):
+class ResultTable(Mapping[str, np.ndarray[Any, Any]]):
     """Columns of equal length, by names that end in their unit; ``dict(table)`` is plain arrays."""
 
     columns: Mapping[str, Any]
@@ -33,7 +32,7 @@ class ResultTable(Mapping[str, "NDArray[Any]"]):
         assert all(column.ndim == 1 for column in columns), "columns of unequal length"
         object.__setattr__(self, "columns", dict(zip(names, columns, strict=True)))
 
-    def __getitem__(self, name: str) -> "NDArray[Any]":
+    def __getitem__(self, name: str) -> np.ndarray[Any, Any]:
         return np.asarray(self.columns[name])
 
     def __iter__(self) -> Iterator[str]:
@@ -154,7 +153,7 @@ def _field(name: str, value: object) -> str:
     return f"{len(value)} {name}" if isinstance(value, tuple) and value else ""
 
 
-def mean_of(values: NDArray[np.float64]) -> float:
+def mean_of(values: np.ndarray[Any, np.dtype[np.float64]]) -> float:
     """Mean for a line about a result; zero of none."""
     return float(values.mean()) if values.size else 0.0
 

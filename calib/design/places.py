@@ -1,17 +1,15 @@
 """Places in a pool as callers give them: which are measured already, which may be chosen."""
 
-from typing import Any
-
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from calib.arrays import Bool, Index, frozen
+from calib.arrays import AnyArray, Bool, Index, frozen
 from calib.errors import refuse
 
 NO_POSES = frozen(np.zeros(0), np.int64)
 
 
-def array_of(values: ArrayLike) -> NDArray[Any]:
+def array_of(values: ArrayLike) -> AnyArray:
     """An array of whatever it is; of objects where its rows differ in length."""
     try:
         return np.asarray(values)

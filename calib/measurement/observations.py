@@ -5,13 +5,13 @@ from dataclasses import dataclass, field, replace
 from typing import Annotated
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calib.arrays import (
     LATER,
     Array,
     Bool,
     Index,
+    Labels,
     check,
     frozen,
     require_numbers,
@@ -56,7 +56,7 @@ class Measurements(Shown):
     covariance: Annotated[Array, "m", 6, 6]
     """(m, 6, 6) of [position (m); rotation vector (rad)], axes of the station; points use the first
     3 x 3, distances only the variance at [0, 0]."""
-    kind: Annotated[NDArray[np.str_], "m"]
+    kind: Annotated[Labels, "m"]
     """(m,) "pose", "point" or "distance"."""
     offset: Annotated[Array, "m", 3]
     """(m, 3) reflector in the tool frame [m]; zero for pose rows and where `reflector` names it."""

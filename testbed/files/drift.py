@@ -30,8 +30,8 @@ def split_nests(readings: Readings, nests: Sequence[str]) -> tuple[Readings, Rea
 
 def judge_drift(
     readings: Readings, nests: Sequence[str], middle: Array, *, limit: float
-) -> tuple[Drift, Index, list[str]]:
-    """How the station moved, from its readings of the nests, and where each round begins.
+) -> tuple[Drift, Array, list[str]]:
+    """How the station moved, from its readings of the nests, and where each round stands.
 
     The k-th reading of a nest belongs to the k-th round. One farther than `limit` from the median
     of its nest is wrong and does not count, nor does a round with fewer than
@@ -53,7 +53,7 @@ def judge_drift(
     drift : Drift
         Not corrected yet, but judged.
     begins : (r,) array
-        Place of each round in the file, as `Readings.order` counts.
+        Mean place of each round in the file, as `Readings.order` counts.
     warnings : list of str
         Name the shots and rounds that do not count.
 
@@ -94,7 +94,7 @@ def judge_drift(
     return drift, begins, warnings
 
 
-def correct_drift(readings: Readings, drift: Drift, begins: Index) -> Readings:
+def correct_drift(readings: Readings, drift: Drift, begins: Array) -> Readings:
     """Readings with the drift taken off, between two rounds in proportion."""
     if not drift.corrected:
         return readings

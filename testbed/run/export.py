@@ -3,9 +3,8 @@
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
-from calib.arrays import Array, Bool, Index
+from calib.arrays import Array, Bool, Index, Labels
 from calib.measurement.observations import Measurements, joined
 from calib.uncertainty.statement.conditions import Conditions
 from testbed.files.columns import covariance_names
@@ -20,8 +19,6 @@ from testbed.scenario.fixtures import RANGES
 from testbed.store.whole_folder import whole_folder
 from testbed.studies.trial.play import visits_of
 from testbed.studies.trial.records import Campaign, Trial
-
-Labels = NDArray[np.str_]
 
 
 def export_campaign(

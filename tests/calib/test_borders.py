@@ -4,6 +4,7 @@ import warnings
 
 import numpy as np
 import pytest
+from numpy.typing import ArrayLike
 
 import calib
 from calib import design, uncertainty
@@ -465,6 +466,20 @@ def test_what_is_meant_is_taken():
     assert uncertainty.coverage_factor(np.int64(3)) == uncertainty.coverage_factor(3)
     assert len(SEEN.rows([-1])) == 1
     assert of_kind("x", None, int | None) is None
+
+
+def test_a_union_with_a_name_is_what_it_stands_for():
+    """numpy names its ArrayLike from 2.5 on, where Python lets it: such a name has no parts."""
+
+    class Named:
+        __value__ = ArrayLike
+
+    for kind in (ArrayLike, ArrayLike | None, Named()):
+        value = object()  # arrays are looked at elsewhere
+        assert of_kind("x", value, kind) is value
+    Named.__value__ = int | str
+    with pytest.raises(InputError, match="x is of the type list"):
+        of_kind("x", [1], Named())
 
 
 def test_a_function_keeps_its_name_and_words():

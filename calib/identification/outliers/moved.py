@@ -112,7 +112,7 @@ def moved_once(identification: Identification, table: Measurements, order: Index
         seen = np.abs(plain[k:]).max(axis=(1, 2)) > 0
         found = Moved(
             what, number, int(in_time[k - 1]), int(in_time[k]), int(seen.sum()), frozen(change),
-            float(np.sqrt((by[seen, :3] ** 2).sum() / max(seen.sum(), 1))),
+            float(np.sqrt((by[seen, :3] ** 2).sum() / max(int(seen.sum()), 1))),
             min(gain / excess, 1.0), min(chance, 1.0),
         )  # fmt: skip
         if best is None or worth > best[0]:

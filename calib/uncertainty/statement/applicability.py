@@ -9,9 +9,9 @@ from dataclasses import dataclass, replace
 from typing import Annotated
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from calib.arrays import Array, Bool, Index, check, frozen
+from calib.arrays import Array, Bool, Index, Labels, check, frozen
 from calib.errors import refuse
 from calib.geometry.joint_errors import JointErrors, harmonic_terms
 from calib.geometry.model import RobotModel
@@ -65,7 +65,7 @@ class Applicability(Shown):
         return np.maximum(1.0, self.transfer)
 
     @property
-    def place(self) -> NDArray[np.str_]:
+    def place(self) -> Labels:
         """(N,) "inside", "edge" (warned, the region grown), or "outside" (no region)."""
         worst = np.maximum(self.transfer, self.leverage)
         place = np.where((worst > WARNED) | self.beyond.any(axis=1), "edge", "inside")

@@ -4,9 +4,9 @@ from dataclasses import dataclass
 from typing import Annotated, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from calib.arrays import LATER, Array, Bool, check, frozen, require_probability
+from calib.arrays import LATER, Array, Bool, Labels, check, frozen, require_probability
 from calib.errors import refuse
 from calib.shown import ResultTable, Shown
 from calib.uncertainty.statement.distance import distance_radius, probability_within
@@ -33,7 +33,7 @@ class Conformity(Shown):
     """(N,) width of the guard band, R95 of the region; zero under the simple rule [m]."""
     risk: Annotated[Array, "N"]
     """(N,) specific consumer's risk: probability that the point is out of tolerance."""
-    outcome: Annotated[NDArray[np.str_], "N"]
+    outcome: Annotated[Labels, "N"]
     """(N,) "pass", "fail" or "undecided"."""
     radius: Annotated[Array | None, LATER] = None
     """(N,) R95 of the region, whatever the rule [m]; None counts as the guard band."""

@@ -3,9 +3,8 @@
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
-from calib.arrays import Array
+from calib.arrays import Array, Bool, Labels
 from calib.uncertainty.statement.applicability import (
     BEYOND,
     BEYOND_SLIDE,
@@ -50,9 +49,7 @@ def reasons(proven: Proven, reach: Applicability, q: Array) -> tuple[str, ...]:
     return tuple(out)
 
 
-def place_words(
-    place: NDArray[np.str_], noun: str, plural: str, names: Sequence[str] | None = None
-) -> str:
+def place_words(place: Labels, noun: str, plural: str, names: Sequence[str] | None = None) -> str:
     """How many targets lie inside what was proven, at its edge, or outside, and which ones do.
 
     Parameters
@@ -139,7 +136,7 @@ def _named(names: Sequence[str], most: int = 10) -> str:
     return ", ".join([*names[:most], *more])
 
 
-def _beyond(proven: Proven, joint: int, q: Array, slides: NDArray[np.bool_]) -> str:
+def _beyond(proven: Proven, joint: int, q: Array, slides: Bool) -> str:
     """Beyond which end of its range over the held-out poses a joint goes."""
     low, high = proven.low[joint], proven.high[joint]
     if proven.between(q)[joint]:

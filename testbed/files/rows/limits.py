@@ -54,7 +54,7 @@ def check_limits(
     unit = unit_of(name)
     first = f'{table.names[name]} = "{table.texts(name)[row][:20]}"'
     allowed = _allowed(robot, j, unit, float(q[row, j]), of_arm=bool(by_arm[row, j]))
-    if outside.sum() <= MANY * max(good.sum(), 1) * q.shape[1]:
+    if outside.sum() <= MANY * max(int(good.sum()), 1) * q.shape[1]:
         values, lie = (
             counted(int(outside.sum()), "joint value"),
             "lies" if outside.sum() == 1 else "lie",

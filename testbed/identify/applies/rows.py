@@ -4,9 +4,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from calib.arrays import Array, Index
+from calib.arrays import Array, Index, Labels
 from calib.uncertainty.statement.applicability import BEYOND, BEYOND_SLIDE
 from calib.uncertainty.statement.distance import distance_radius
 from calib.uncertainty.statement.places import PLACES, place_words, reasons
@@ -27,7 +26,7 @@ class HeldOutPlaces:
 
     rows: Index
     """(n,) of the table."""
-    place: NDArray[np.str_]
+    place: Labels
     """(n,) inside, edge or outside."""
     transfer: Array
     leverage: Array

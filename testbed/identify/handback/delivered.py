@@ -3,10 +3,7 @@
 from dataclasses import dataclass
 from typing import Annotated
 
-import numpy as np
-from numpy.typing import NDArray
-
-from calib.arrays import LATER, Array, Bool
+from calib.arrays import LATER, Array, Bool, Labels
 from calib.uncertainty.statement.conformity import Conformity
 
 GEOMETRIC = "robot_geometric"
@@ -27,7 +24,7 @@ class TargetStatement:
     """(m,) g: what reaches the target of what the model misses, as against the held-out poses."""
     leverage: Annotated[Array, "m"]
     """(m,) h: the same of the noise."""
-    place: Annotated[NDArray[np.str_], "m"]
+    place: Annotated[Labels, "m"]
     """(m,) inside, edge or outside of what was proven; `NOT_CORRECTED` where the program has the
     target as it was."""
     stated: Annotated[Bool, "m"]

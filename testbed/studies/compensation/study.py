@@ -3,10 +3,7 @@
 from dataclasses import dataclass
 from typing import Annotated
 
-import numpy as np
-from numpy.typing import NDArray
-
-from calib.arrays import Array, Bool, Index
+from calib.arrays import Array, Bool, Index, Labels
 from calib.shown import Shown
 from testbed.studies.compensation.settings import CompensationSettings
 from testbed.studies.kinds import KindsStudy
@@ -52,7 +49,7 @@ class CompensationStudy(Shown):
     reach: Annotated[Array, 2, "R", 5]
     """(2, R, 5) transfer and leverage of the chosen model at the corrected targets: how much more
     of what it cannot hold, and of the noise, arrives there than at the held-out poses."""
-    place: Annotated[NDArray[np.str_], "R", 5]
+    place: Annotated[Labels, "R", 5]
     """(R, 5) "inside", "edge" or "outside" of where a statement of the chosen model reaches."""
     step: Annotated[Array, 3, "R"]
     """(3, R) largest joint correction [rad, or m]."""

@@ -10,9 +10,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
-from numpy.typing import NDArray
 
-from calib.arrays import LATER, Array, Bool, FloatOrNan, Index
+from calib.arrays import LATER, Array, Bool, FloatOrNan, Index, Labels
 from calib.errors import CalibError
 from calib.geometry.parameters import parameters_of
 from calib.identification.identify import Identification, identify
@@ -46,7 +45,7 @@ class Tree:
     values: Array
     truth: Bool
     index: Index
-    names: NDArray[np.str_]
+    names: Labels
     maybe: Leaf | None
     limit: float | None
 
