@@ -46,6 +46,7 @@ from testbed.identify.proof import (
 from testbed.identify.records import HeldOutSplit, OutlierRows
 from testbed.identify.session import origin_of, row_names, scatter_root, with_scatter
 from testbed.identify.shared import shared_of
+from testbed.identify.splitting import with_poses_held_out
 from testbed.identify.visits.apart import require_shared
 from testbed.identify.visits.fit import with_own_frames
 from testbed.identify.visits.frames import own_frames
@@ -121,8 +122,11 @@ def calibrate(
     require_order(session)
     try:
         return _calibrated(robot, session, probes, split, options, model, loss, report)
-    except InputError as error:  # of arrays, which know no file
-        raise error.located(session.where) from error
+    except InputError as error:  # of arrays, which know no file, nor what is held out
+        told = with_poses_held_out(
+            error, session.measurements, train=options.train, held_out=options.held_out
+        )
+        raise told.located(session.where) from error
 
 
 def _calibrated(

@@ -1,11 +1,13 @@
 """Which poses identify and which are held out."""
 
+import re
+
 import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from calib.arrays import Bool, Index, frozen
-from calib.errors import refuse
+from calib.errors import InputError, refuse
 from calib.held_out_counts import fewest_poses
 from calib.measurement.observations import Measurements
 from calib.uncertainty.held_out import SAME_POSE
@@ -120,6 +122,33 @@ def _split(
     return HeldOutSplit(
         frozen(is_test, np.bool_), frozen(is_train, np.bool_), stated, seed, sentence
     )
+
+
+def with_poses_held_out(
+    error: InputError,
+    measurements: Measurements,
+    train: int | None = None,
+    held_out: int | None = None,
+) -> InputError:
+    """The error of too few poses to identify from, where the split holds out enough: its fix.
+
+    Any other error as it is, and one that says where it stands: it is of single visits.
+    """
+    found = re.fullmatch(r"measure at least (\d+)", error.fix)
+    count = int(groups(measurements).max()) + 1
+    if found is None or error.code != "M27" or error.where or count < (least := int(found[1])):
+        return error
+    how = (
+        f"--train {least} or more"
+        if train is not None
+        else f"--held-out {count - least} or fewer"
+        if held_out is not None
+        else "hold out fewer"
+    )
+    return refuse(
+        error.field, error.value, error.allowed, code=error.code, message=error.message,
+        fix=f"identify from at least {least} of the {count}: {how}",
+    )  # fmt: skip
 
 
 def groups(measurements: Measurements) -> Index:

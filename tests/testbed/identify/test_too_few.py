@@ -4,10 +4,11 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from calib.errors import InputError
+from calib.errors import InputError, refuse
 from testbed.cli import app
 from testbed.files.read import read_session
-from testbed.identify.calibrate import calibrate
+from testbed.identify.calibrate import Options, calibrate
+from testbed.identify.splitting import with_poses_held_out
 from tests.testbed.files.made import ROBOT, columns, csv, made, with_spread
 
 TURNS = ("rx_deg", "ry_deg", "rz_deg")
@@ -45,6 +46,37 @@ def test_too_few_poses_name_the_file(poses, visits, points, told, tmp_path):
         calibrate(ROBOT, read_session(file, ROBOT))
     assert str(caught.value).startswith(f"{file}: {told}")
     assert caught.value.code == "M27"
+
+
+@pytest.mark.parametrize(
+    ("options", "least", "how"),
+    [
+        ({"train": 5}, 6, "--train 6 or more"),
+        ({"held_out": 19}, 6, "--held-out 18 or fewer"),
+        ({"train": 3}, 6, "--train 6 or more"),
+    ],
+)
+def test_where_a_split_leaves_too_few_the_fix_is_the_split(options, least, how, tmp_path):
+    """The poses are there already: nobody has to measure more."""
+    file = file_of(tmp_path, 24)
+    session = read_session(file, ROBOT)
+    with pytest.raises(InputError) as caught:
+        calibrate(ROBOT, session, options=Options(**options))
+    assert caught.value.fix == f"identify from at least {least} of the 24: {how}"
+    assert str(caught.value).startswith(f"{file}: ")
+    # the advice is good, and the least that is
+    enough = {"train": least} if "train" in options else {"held_out": 24 - least}
+    calibrate(ROBOT, session, options=Options(**enough))
+
+
+def test_a_split_that_the_data_state_is_told_too_and_more_poses_only_where_none_are_left(tmp_path):
+    def said(poses, **options):
+        error = refuse("measurements", 2, code="M27", message="m", fix="measure at least 6")
+        table = read_session(file_of(tmp_path, poses), ROBOT).measurements
+        return with_poses_held_out(error, table, **options).fix
+
+    assert said(8) == "identify from at least 6 of the 8: hold out fewer"
+    assert said(5, train=2) == "measure at least 6"
 
 
 def test_a_single_pose_ends_the_command_in_one_sentence(tmp_path):
