@@ -24,13 +24,16 @@ from testbed.bounds import (
 )
 
 LENGTHS = {unit: FACTORS[unit] for unit in ("m", "mm", "um", "in")}
-ANGLES = {unit: FACTORS[unit] for unit in ("rad", "deg", "mdeg", "urad")}
+ANGLES = {unit: FACTORS[unit] for unit in ("rad", "deg", "mdeg", "urad", "gon")}
 LOADS = {unit: FACTORS[unit] for unit in ("Nm", "Nmm", "N")}
 CURRENTS = {unit: FACTORS[unit] for unit in ("A", "mA")}
 UNITS = {"length": LENGTHS, "angle": ANGLES, "torque": LOADS, "current": CURRENTS}
 WRITTEN = {
-    "mm": "mm", "m": "m", "um": "um", "µm": "um", "in": "in", "inch": "in", "meter": "m",
-    "millimeter": "mm", "deg": "deg", "°": "deg", "degree": "deg", "degrees": "deg", "grad": "deg",
+    "mm": "mm", "m": "m", "um": "um", "µm": "um", "μm": "um", "in": "in", "inch": "in",
+    "inches": "in", "meter": "m", "meters": "m", "metre": "m", "metres": "m", "millimeter": "mm",
+    "millimeters": "mm", "millimetre": "mm", "millimetres": "mm", "micron": "um", "microns": "um",
+    "deg": "deg", "°": "deg", "º": "deg", "degree": "deg", "degrees": "deg", "grad": "deg",
+    "degré": "deg", "degrés": "deg", "gradi": "deg", "grados": "deg", "gon": "gon",
     "rad": "rad", "radian": "rad", "radians": "rad", "mdeg": "mdeg", "c": "degC", "degc": "degC",
     "°c": "degC", "kg": "kg", "s": "s", "nm": "Nm", "n m": "Nm", "n*m": "Nm", "n·m": "Nm",
     "nmm": "Nmm", "n mm": "Nmm", "n": "N", "a": "A", "amp": "A", "ma": "mA",

@@ -68,6 +68,8 @@ def read_sheet(text: FileText, *, separator: str = "", header: bool | None = Non
         head, first = tuple(str(k + 1) for k in range(len(head))), 0
     elif header is None:
         _require_names(head, f"{text.where}:{content[0][0]}")
+    if titles:
+        head = _of_groups(head, titles[-1], separator)
     _check_head(head, text.where)
     head = tuple(name or f"column {k + 1}" for k, name in enumerate(head))
     width, units = len(head), _units(cells[1:2], len(head)) if header is not False else ()
@@ -96,14 +98,17 @@ def titles_above(content: Sequence[tuple[int, str]], separator: str = "") -> int
         except InputError:
             return 0
         names = _trimmed(cells[k])
-        # the cells of a merged one are empty but for the first
-        if _holds_data(names) or any(sum(map(bool, above)) >= len(names) for above in cells[:k]):
+        # the cells of a merged one are empty but for the first; what has more than any row is none
+        widest = max((len(_trimmed(row)) for row in cells[k + 1 :]), default=0)
+        full = (sum(map(bool, above)) for above in cells[:k])
+        if _holds_data(names) or any(len(names) <= count <= widest for count in full):
             continue
         fit = [len(row) >= len(names) > 1 and not any(row[len(names) :]) for row in cells[k + 1 :]]
         many = sum(fit) * len(names)
         below = cells[k + 1 :]
-        first = below[bool(_units(below[:1], len(names))) :][:1]
-        if fit[0] and many > most and any(NUMBER.fullmatch(cell) for row in first for cell in row):
+        first = below[bool(_units(below[:1], len(names))) :][:2]
+        counted = [any(NUMBER.fullmatch(cell) for cell in row) for row in first]
+        if fit[0] and many > most and counted and all(counted):
             best, most = k, many
     return best
 
@@ -118,6 +123,29 @@ def split_cells(content: Sequence[tuple[int, str]], separator: str, where: str) 
 def _trimmed(cells: Sequence[str]) -> tuple[str, ...]:
     """Cells without the empty ones that separators at the end of a line leave."""
     return tuple(cells[: max((k + 1 for k, cell in enumerate(cells) if cell), default=0)])
+
+
+def _of_groups(head: tuple[str, ...], title: tuple[int, str], separator: str) -> tuple[str, ...]:
+    """Names that come again, as X under both Nominal and Measured, with the cell above before them.
+
+    A cell above is that of the columns to its right, as merged cells are written, up to the next
+    one. Names of a group get it together, and only where one of them comes again.
+    """
+    if len(set(filter(None, head))) == len([name for name in head if name]):
+        return head
+    try:
+        above = split([title], separator, "")[0]
+    except InputError:
+        return head
+    groups, last = [], ""
+    for k in range(len(head)):
+        last = (above[k] if k < len(above) else "") or last
+        groups.append(last)
+    again = {group for group, name in zip(groups, head, strict=True) if head.count(name) > 1}
+    return tuple(
+        f"{group} {name}" if name and group and group in again else name
+        for group, name in zip(groups, head, strict=True)
+    )
 
 
 def _units(below: Sequence[Sequence[str]], width: int) -> tuple[str, ...]:

@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from os.path import commonpath
 from pathlib import Path
 from typing import Any, Literal, TypeAlias
@@ -121,9 +121,10 @@ def _looked(path: Path, name: str, sheet: str | None, text: FileText) -> Found:
     content = text.content("#", "//")
     if not content:
         raise refusal(text.where, "file", "has no table")
-    commented = any(line.lstrip().startswith("//") for line in text.lines)
+    headed = _has_head(content[0][1])
+    commented = any(line.lstrip().startswith("//") for line in text.lines) and not headed
     titled = titles_above(content) and not commented
-    if commented or not (titled or _has_head(content[0][1])):
+    if commented or not (titled or headed):
         try:
             return _of_lines(path, name, sheet, text)
         except InputError:
@@ -153,14 +154,31 @@ def _of_sheet(
     ahead = foretold(table.head)
     kept = [k for k, own in enumerate(table.head) if own not in ahead]
     units = [table.units[k] for k in kept] if table.units else []
-    means = meanings([table.head[k] for k in kept], units)
+    means = _points_by_name(meanings([table.head[k] for k in kept], units), table)
     return Found(path, name, sheet, text, kind, table.head, len(table.rows), means)
+
+
+def _points_by_name(means: tuple[Meaning, ...], table: Sheet) -> tuple[Meaning, ...]:
+    """The same where names of targets never come again: then each is the name of a point.
+
+    So tables of Spatial Analyzer call it; a reflector is seen more than once.
+    """
+    stems = {one.plain: one for one in means}
+    one = stems.get("target")
+    if one is None or one.known or "pose_id" in stems:
+        return means
+    column = table.head.index(one.theirs)
+    cells = [row[column] for row in table.rows]
+    if len(set(cells)) < len(cells) or len(cells) < 2:
+        return means
+    return tuple(replace(each, stem="pose_id") if each is one else each for each in means)
 
 
 def _of_lines(path: Path, name: str, sheet: str | None, text: FileText) -> Found:
     """Rows without a head: names, then numbers."""
     comma = text.content("#", "//")[0][1]
-    if ";" in comma or "\t" in comma:
+    commented = any(line.lstrip()[:2] == "//" for line in text.lines)
+    if (";" in comma or "\t" in comma) and not commented:
         table = read_sheet(text, header=False)
         fields, length = table.rows, ""
         lines = None
@@ -175,7 +193,7 @@ def _of_lines(path: Path, name: str, sheet: str | None, text: FileText) -> Found
             break
         width += 1
     kind: Kind = "bare"
-    if lines is not None and (names or any(line.lstrip()[:2] == "//" for line in text.lines)):
+    if lines is not None and (names or commented):
         # coordinates behind up to three names are points; one name and a transform are a frame
         kind = "frames" if names == 1 and width in (6, 7, 16, 19) else "points"
     named: tuple[int, ...] = ()

@@ -6,70 +6,37 @@ from dataclasses import dataclass, replace
 
 from testbed.bounds import FACTORS
 from testbed.files.columns import WRITTEN, is_known
+from testbed.proposal.words import (
+    ANGLE,
+    BEHIND,
+    CONTROLLED,
+    DIFFERENCES,
+    DISTANCE,
+    DRIVES,
+    EXPANDED,
+    FROM_ZERO,
+    JOINT,
+    JOINTS,
+    LETTERS,
+    LOADS,
+    MEASURED,
+    OF_JOINTS,
+    OF_TARGET,
+    OF_TURNS,
+    PLACE,
+    PLAIN,
+    QUATERNION,
+    READ,
+    SHIFTS,
+    SPREAD,
+    STANDARD,
+    TARGETS,
+    TRANSFORM,
+    TURNS,
+    WISHED,
+)
 
-ENDS = re.compile(r"^(.*?)[\s_]*[\[(/]\s*([^\])]+?)\s*[\])]?$")
-ROS = {
-    "shoulder_pan_joint": 1, "shoulder_lift_joint": 2, "elbow_joint": 3,
-    "wrist_1_joint": 4, "wrist_2_joint": 5, "wrist_3_joint": 6,
-}  # fmt: skip
-"""Joints of the Universal Robots descriptions."""
-JOINT = re.compile(r"(?:.*[\s_])?(?:j|a|q|joint|axis|achse|theta|ax)[\s_]*a?([1-9])")
-FROM_ZERO = re.compile(r"(.*?\b(?:j|a|q|joint|axis|achse|theta|ax)[\s_]*a?)([0-9])")
-"""The same, of programs that count joints from 0."""
-PLACE = re.compile(r"(?:p|pos|tcp|pt)([xyz])")
-"""A coordinate that is written in one word: Px, TCPx."""
-TRANSFORM = re.compile(r"([a-z]) ?([1-4]) ?([1-4])")
-"""An entry of a transform: T11 ... T34."""
-OF_TARGET = re.compile(r"(.*?) ?([xyz]) ?(\d{0,3})")
-"""A coordinate of one of several targets: x1, P1 x, SMR A x."""
-READ = {"read", "actual", "act", "feedback", "measured", "current", "ist", "istwert"}
-"""Words of a joint that was read back."""
-TARGETS = {"goal", "target", "nominal", "nom", "cmd", "command", "commanded", "ref", "set", "t",
-           "soll", "sollwert", "reference", "desired", "programmed", "prog", "planned", "plan",
-           "theo", "theoretical", "predicted", "expected", "calc", "calculated", "computed",
-           "model", "cad", "sim", "simulated", "fk"}  # fmt: skip
-MEASURED = (
-    {"meas", "measured", "mess", "messwert", "gemessen", "seen", "observed", "tracker", "laser",
-     "lasertracker", "lt", "smr", "reflector", "prism"},
-    {"actual", "act", "ist", "istwert", "real", "true"},
-)  # fmt: skip
-"""Words of what an instrument saw: beside the first ones, the others are what a controller says."""
-CONTROLLED = {"robot", "rob", "controller", "tcp", "flange"}
-"""Words of what a controller says, where other columns do not say so."""
-DIFFERENCES = {"dif", "diff", "difference", "delta", "err", "error", "dev", "deviation"}
-WISHED = TARGETS | DIFFERENCES
-"""Words of a place that was not measured."""
-DISTANCE = {"distance", "dist", "range", "length"}
-"""Words of a distance from a fixed point, where no angle stands beside it."""
-ANGLE = {"azimuth", "elevation", "zenith", "hz", "horizontal", "vertical"}
-DRIVES = {"torque": "torque", "tau": "torque", "moment": "torque", "effort": "torque"}
-"""Words of what a drive reports; a current is known by its unit, or as that of a motor."""
-LOADS = {"payload", "load"}
-SPREAD = {"std", "sd", "sigma", "stdev", "rms"}
-EXPANDED = {"u95", "u95%", "unc95"}
-STANDARD = {"u", "u1", "unc", "uncertainty"}
-PLAIN = {
-    "pose_id": {"pose", "poseid", "pose id", "pose nr", "pose no", "nr", "no", "id", "index",
-                "number", "point", "point id", "point name", "pointname", "name", "step order"},
-    "target": {"target", "reflector", "smr", "target name"},
-    "station": {"station", "station name", "station id", "station nr", "station no", "instrument",
-                "instrument name"},
-    "anchor": {"anchor", "anchor name", "fixed point", "from", "nest", "ball", "base point"},
-    "temperature_degC": {"temperature", "temp", "t air", "ambient temperature",
-                         "measurement temperature"},
-    "payload_kg": {"payload", "load"},
-    "order": {"order", "sequence", "measuring order", "measured order"},
-    "time": {"time", "timestamp", "date time", "datetime"},
-}  # fmt: skip
-TURNS = {
-    "rx": "rx", "ry": "ry", "rz": "rz", "roll": "rx", "pitch": "ry", "yaw": "rz",
-    "qw": "qw", "qx": "qx", "qy": "qy", "qz": "qz", "q0": "qw",
-}  # fmt: skip
-SCALAR_FIRST = {"q0": "qw", "q1": "qx", "q2": "qy", "q3": "qz"}
-"""Beside q0, which is no joint, q1 is no joint either."""
-OF_TURNS = {*TURNS.values(), *(f"r{i}{j}" for i in "123" for j in "123"), "rvx", "rvy", "rvz"}
-LETTERS = ({"a": "rz", "b": "ry", "c": "rx"}, {"w": "rx", "p": "ry", "r": "rz"})
-"""Turns of KUKA, about z, then y, then x, and of FANUC, about fixed x, y, z: they are the same."""
+ENDS = re.compile(r"^(.*?)[\s_]*[\[(/,]\s*([^\])]+?)\s*[\])]?$")
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,9 +64,10 @@ def meanings(head: Sequence[str], units: Sequence[str] = ()) -> tuple[Meaning, .
     A stem that several columns claim alike is given to none. `units` are those that a line below
     the names says, "" of columns that have none.
     """
-    found, shifted, turns = [], _from_zero(head), turns_of_letters(head)
+    found, shifted, turns = [], _from_zero(head), _of_this_head(head)
     if "q0" in {name.strip().lower() for name in head if name not in shifted}:
-        turns = turns | SCALAR_FIRST
+        # beside q0, which is no joint, q1 is no joint either
+        turns = turns | {f"q{k}": stem for k, stem in enumerate(QUATERNION)}
     for name, unit in zip(head, units or [""] * len(head), strict=True):
         bare = not (is_known(name) or without_unit(name)[1])
         said = f"{shifted.get(name, name)} [{unit}]" if unit and bare else shifted.get(name, name)
@@ -127,6 +95,28 @@ def meanings(head: Sequence[str], units: Sequence[str] = ()) -> tuple[Meaning, .
     )  # fmt: skip
 
 
+def _of_this_head(head: Sequence[str]) -> dict[str, str]:
+    """Stems of names that mean something beside the others of a table alone."""
+    texts = {without_unit(name)[0] for name in head}
+    found = turns_of_letters(head)
+    for names in JOINTS:
+        if texts.issuperset(names):
+            found = found | {name: f"q{k}" for k, name in enumerate(names, start=1)}
+    if texts.issuperset((*SHIFTS, "rx", "ry", "rz")) and texts.isdisjoint(SHIFTS.values()):
+        found = found | SHIFTS
+    fours = {f"q{k}": stem for k, stem in enumerate(QUATERNION, start=1)}
+    others = {joint[1] for text in texts - set(fours)
+              if (joint := JOINT.fullmatch(_joint_alone(text))) is not None}  # fmt: skip
+    if texts.issuperset(fours) and "q5" not in texts and others >= set("1234"):
+        found = found | fours
+    return found
+
+
+def _joint_alone(text: str) -> str:
+    """A name without the words that say nothing of which joint it is."""
+    return " ".join(word for word in text.split() if word not in OF_JOINTS)
+
+
 def _of_one(place: str, turn: str) -> bool:
     """Whether the names of a place and of a turn say alike that they were measured."""
     said = [[bool(words & set(without_unit(name)[0].split())) for words in MEASURED]
@@ -148,7 +138,7 @@ def _from_zero(head: Sequence[str]) -> dict[str, str]:
     """Joints that are counted from 0, under the names that they have when counted from 1."""
     families: dict[str, dict[int, str]] = {}
     for name in head:
-        if (joint := FROM_ZERO.fullmatch(without_unit(name)[0])) is not None:
+        if (joint := FROM_ZERO.fullmatch(_joint_alone(without_unit(name)[0]))) is not None:
             families.setdefault(joint[1], {})[int(joint[2])] = name
     shifted = {}
     for word, columns in families.items():
@@ -166,12 +156,16 @@ def targets_in_a_row(head: Sequence[str]) -> dict[str, dict[str, str]]:
     """Columns by axis of targets that stand in one row, by their labels: x1 y1 z1, x2 y2 z2."""
     found: dict[str, dict[str, str]] = {}
     for name in head:
-        entry = OF_TARGET.fullmatch(without_unit(name)[0])
-        label = entry and " ".join(filter(None, (entry[1], entry[3]))).strip()
-        if entry and label and not set(label.split()) & (WISHED | SPREAD | STANDARD | EXPANDED):
+        text = without_unit(name)[0]
+        label = axis = ""
+        if (entry := OF_TARGET.fullmatch(text)) is not None:
+            label, axis = " ".join(filter(None, (entry[1], entry[3]))).strip(), entry[2]
+        elif (entry := BEHIND.fullmatch(text)) is not None:
+            axis, label = entry[1], entry[2]
+        if label and not set(label.split()) & (WISHED | SPREAD | STANDARD | EXPANDED):
             at = name.lower().find(label)
             label = name[at : at + len(label)] if at >= 0 else label  # in its own letters
-            found.setdefault(label, {}).setdefault(entry[2], name)
+            found.setdefault(label, {}).setdefault(axis, name)
     whole = [label for label, columns in found.items() if len(columns) == 3]
     measured = _measured(whole)
     return {label: found[label] for label in measured} if len(measured) > 1 else {}
@@ -199,10 +193,8 @@ def _meaning(name: str, head: Sequence[str], turns: Mapping[str, str]) -> Meanin
         return Meaning(name, name, "", known=True)
     text, unit = without_unit(name)
     words = set(text.split())
-    if text.replace(" ", "_") in ROS:
-        return Meaning(name, f"q{ROS[text.replace(' ', '_')]}", unit)
     if text in turns:
-        return Meaning(name, turns[text], unit if len(text) == 1 else "")
+        return Meaning(name, turns[text], "" if turns[text] in QUATERNION else unit)
     for own, known in PLAIN.items():
         if text in known:
             return Meaning(name, own, "")
@@ -217,8 +209,10 @@ def _meaning(name: str, head: Sequence[str], turns: Mapping[str, str]) -> Meanin
     if words & LOADS:
         axis = text.split()[-1]
         return Meaning(name, f"payload_{axis}", unit) if axis in ("x", "y", "z") else None
-    joint = JOINT.fullmatch(" ".join(word for word in text.split() if word not in READ | WISHED))
-    if joint and not words & {"error", "diff", "dev", "deviation"}:
+    joint = JOINT.fullmatch(
+        " ".join(word for word in _joint_alone(text).split() if word not in READ | WISHED)
+    )
+    if joint and not words & DIFFERENCES:
         return Meaning(name, f"q{joint[1]}{'_read' if words & READ else ''}", unit)
     far = words & DISTANCE and not words & {"x", "y", "z"}
     if far and not any(ANGLE & set(without_unit(other)[0].split()) for other in head):
@@ -288,7 +282,7 @@ def without_unit(name: str) -> tuple[str, str]:
     ends = ENDS.match(text)
     if ends and ends[2].strip().lower() in WRITTEN:
         text, unit = ends[1], WRITTEN[ends[2].strip().lower()]
-    words = re.sub(r"[\s_.:\-]+", " ", text).strip().lower().split()
+    words = re.sub(r"[\s_.:/\-\[\]()]+", " ", text).strip().lower().split()
     if (
         not unit
         and len(words) > 1

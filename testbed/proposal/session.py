@@ -20,6 +20,8 @@ from testbed.units import counted
 
 MOST_JOINTS = 20
 """Above the number of joints that a file has columns of."""
+SHOWN = 8
+"""Columns that nothing is known of, by name."""
 JOINTS = 6
 """Of a robot that nobody names."""
 
@@ -176,13 +178,26 @@ def _proposed(looks: tuple[Found, ...], robot: Robot | None, root: Path) -> Prop
         return Proposed(first.document, first.notes, tried, False)
     if first.jointless:
         _require_joints(looks, robot)
-        tried = "there are no joints: nothing could be tried"
+        tried = "there are no joints: nothing could be tried" + _not_known(looks)
         return Proposed(first.document, first.notes, tried, False)
     best, tried, fits = tried_with(drafts, looks, robot, root)
     there = max(len(_joints(one)) for one in looks)
     if not fits and there > n:
         tried += f". There are {there} joints, and {robot.name} has {n}"
     return Proposed(best.document, best.notes, tried, fits)
+
+
+def _not_known(looks: tuple[Found, ...]) -> str:
+    """The columns of tables that are taken for nothing, in words."""
+    names = [
+        name
+        for one in looks
+        if one.kind == "table"
+        for name in one.head
+        if name not in {each.theirs for each in one.meanings}
+    ]
+    more = f" and {len(names) - SHOWN} more" if len(names) > SHOWN else ""
+    return f"; not known are {', '.join(names[:SHOWN])}{more}" if names else ""
 
 
 def _untried(drafts: list[Draft]) -> Draft:

@@ -10,8 +10,8 @@ from calib.errors import InputError
 from testbed.files.frames_fit import FAR, fit_frames, flange_poses, target_groups
 from testbed.files.probe import TIMES, probe
 from testbed.files.read import session_of
-from testbed.files.rows.exact import exactness
-from testbed.files.rows.shifts import FEWEST, as_read, misfit_of, spread_out
+from testbed.files.refusal import refusal
+from testbed.files.rows.shifts import FEWEST
 from testbed.files.session import Session, Sources
 from testbed.files.session_toml import SESSION_FILE, SessionFile
 from testbed.gates.mistakes import validated
@@ -19,6 +19,7 @@ from testbed.gates.text import MAX_MB, FileText
 from testbed.proposal.both import Joined, is_ranged, joined_with, names_of
 from testbed.proposal.data import Found
 from testbed.proposal.drafts import MATCHED, PARTS, Draft
+from testbed.proposal.sent import is_of_a_controller, places_of
 from testbed.robots.robot import Robot
 from testbed.units import counted
 
@@ -26,8 +27,8 @@ TRIED, FITTED = 300, 60
 """Lines of one file that readings are tried with, and rows of them that frames are fitted to."""
 AXES = 3
 """Equations of a position, where a distance has one."""
-PLACE = ("x_", "y_", "z_")
-"""Before the unit of a coordinate."""
+GUESSED = ("M20", "M22", "M23", "V9")
+"""Codes of numbers that are not what they were taken for."""
 BY_SIZE = "units and conventions are by size and by custom"
 
 
@@ -108,8 +109,14 @@ def tried_with(
             return draft, tried + aside + more, True
     likely = next((k for k, one in enumerate(sessions) if one is not None), None)
     if likely is None:
-        read(drafts[0], drop=False)  # which says why
-        read(drafts[0])
+        try:
+            read(drafts[0], drop=False)  # which says why
+            read(drafts[0])
+        except InputError as error:
+            nameless = next((one for one in looks if one.kind == "bare"), None)
+            if nameless is None or error.code not in GUESSED:
+                raise
+            raise _unnamed(nameless) from error
         raise AssertionError("a draft can be read that could not be")
     session = sessions[likely]
     assert session is not None
@@ -130,6 +137,16 @@ def tried_with(
     return drafts[likely], tried, False
 
 
+def _unnamed(look: Found) -> InputError:
+    """The error of rows without a head whose numbers stand in no order that is tried."""
+    return refusal(
+        str(look.path), "file",
+        f"no line names its {look.width} columns, and they are no joints and places in any order "
+        "that is tried", allowed="joints and places, or either of them, a rotation after the place",
+        fix="name the columns in a first line: J1 ... J6, X Y Z; others by any other name",
+    )  # fmt: skip
+
+
 def _by_an_instrument(
     drafts: Sequence[Draft],
     sessions: Sequence[Session | None],
@@ -141,38 +158,19 @@ def _by_an_instrument(
 
     Then the drafts of those as well, and what to say of them.
     """
-    own = _places(drafts[best])
+    own = places_of(drafts[best])
     others = [
         k for k, one in enumerate(drafts)
-        if fits[k].score <= FAR and _seen(one) == _seen(drafts[best]) and _places(one) != own
+        if fits[k].score <= FAR and _seen(one) == _seen(drafts[best]) and places_of(one) != own
     ]  # fmt: skip
-    if not others or not _is_of_a_controller(robot, sessions[best]):
+    if not others or not is_of_a_controller(robot, sessions[best]):
         return best, set(), ""
-    seen = [k for k in others if not _is_of_a_controller(robot, sessions[k])]
+    seen = [k for k in others if not is_of_a_controller(robot, sessions[k])]
     if not seen:
         return best, set(), ""
     aside = f". {', '.join(own)} are left aside: they are a controller's own poses"
-    made = {k for k, one in enumerate(drafts) if _places(one) == own}
+    made = {k for k, one in enumerate(drafts) if places_of(one) == own}
     return min(seen, key=lambda k: fits[k].noise), made, aside
-
-
-def _is_of_a_controller(robot: Robot, session: Session | None) -> bool:
-    """Whether the nominal robot explains positions better than a real one is explained."""
-    groups = [] if session is None else target_groups(session.measurements)
-    if session is None or not groups:
-        return False
-    rows = groups[0][spread_out(len(groups[0]))]
-    left = misfit_of(robot.model, as_read(session, rows))
-    return bool(exactness(robot.model, session, rows, left))
-
-
-def _places(draft: Draft) -> tuple[str, ...]:
-    """The columns of a file that a draft takes its positions from, by their names there."""
-    section = next(draft.document[name] for name in ("frames", "points", "ranges")
-                   if name in draft.document)  # fmt: skip
-    several = [name for own in section.get("targets", {}).values() for name in own]
-    columns = section.get("columns", {})
-    return tuple(several or [name for own, name in columns.items() if own[:2] in PLACE])
 
 
 def _of_both(

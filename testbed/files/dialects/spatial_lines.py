@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from testbed.files.columns import ANGLES, LENGTHS
-from testbed.files.dialects.numbers import number_of
+from testbed.files.dialects.numbers import number_of, pointed
 from testbed.files.refusal import refusal
-from testbed.gates.text import FileText
+from testbed.gates.text import SEPARATORS, FileText
 
 AXES = re.compile(r"AXES\s*=\s*(\w+)\s*:(.*)", re.IGNORECASE)
 UNIT = re.compile(r"\((mm|m|meters|millimeters|inches|in|degrees|deg|radians|rad)\)", re.IGNORECASE)
@@ -41,12 +41,17 @@ class Lines:
 def sa_lines(text: FileText) -> Lines:
     """Fields of the data lines, with axes and units from the comments."""
     comments = [line for line in text.lines if line.lstrip().startswith("//")]
-    content = [(number, line.strip().rstrip(",")) for number, line in text.content("//", "#")]
+    content = [(number, line.strip().rstrip(",;")) for number, line in text.content("//", "#")]
     if not content:
         raise refusal(text.where, "file", "has no points")
-    separator = "comma" if all("," in line for _, line in content) else "space"
-    mark = "," if separator == "comma" else "\t" if "\t" in content[0][1] else None
+    marks = (name for name in ("semicolon", "comma")
+             if all(SEPARATORS[name] in line for _, line in content))  # fmt: skip
+    separator = next(marks, "space")
+    mark = SEPARATORS[separator] if separator != "space" else None
+    mark = "\t" if mark is None and "\t" in content[0][1] else mark
     fields = tuple(_apart([f.strip() for f in line.split(mark)]) for _, line in content)
+    if separator == "semicolon":  # where a comma before decimals leaves no other
+        fields = tuple(tuple(map(_pointed, line)) for line in fields)
     numbers = tuple(number for number, _ in content)
     lines = Lines(text.where, fields, numbers, separator, text.encoding)
     found = AXES.search("\n".join(comments))
@@ -61,6 +66,12 @@ def sa_lines(text: FileText) -> Lines:
     length = next((unit for unit in units if unit in LENGTHS), "")
     angle = next((unit for unit in units if unit in ANGLES), "")
     return replace(lines, system=system, length=length, angle=angle)
+
+
+def _pointed(field: str) -> str:
+    """A number with a decimal comma as one with a point; anything else as it is."""
+    number = pointed(field)
+    return number if np.isfinite(number_of(number)) else field
 
 
 def _apart(fields: Sequence[str]) -> tuple[str, ...]:

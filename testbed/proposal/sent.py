@@ -1,0 +1,30 @@
+"""Places that a controller made, told from those that an instrument saw."""
+
+from testbed.files.frames_fit import target_groups
+from testbed.files.rows.exact import exactness
+from testbed.files.rows.shifts import as_read, misfit_of, spread_out
+from testbed.files.session import Session
+from testbed.proposal.drafts import Draft
+from testbed.robots.robot import Robot
+
+PLACE = ("x_", "y_", "z_")
+"""Before the unit of a coordinate."""
+
+
+def is_of_a_controller(robot: Robot, session: Session | None) -> bool:
+    """Whether the nominal robot explains positions better than a real one is explained."""
+    groups = [] if session is None else target_groups(session.measurements)
+    if session is None or not groups:
+        return False
+    rows = groups[0][spread_out(len(groups[0]))]
+    left = misfit_of(robot.model, as_read(session, rows))
+    return bool(exactness(robot.model, session, rows, left))
+
+
+def places_of(draft: Draft) -> tuple[str, ...]:
+    """The columns of a file that a draft takes its positions from, by their names there."""
+    section = next(draft.document[name] for name in ("frames", "points", "ranges")
+                   if name in draft.document)  # fmt: skip
+    several = [name for own in section.get("targets", {}).values() for name in own]
+    columns = section.get("columns", {})
+    return tuple(several or [name for own, name in columns.items() if own[:2] in PLACE])

@@ -1,0 +1,171 @@
+"""Exports in the words and shapes of several programs and languages: all are read as they mean it.
+
+Truth: the files are written here from poses that are known.
+"""
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from testbed.files.read import read_session
+from testbed.proposal.names import meanings
+from tests.testbed.files.made import csv
+from tests.testbed.proposal.test_odd_files import (
+    DATA,
+    DEG,
+    GERMAN,
+    MM,
+    UR10,
+    M,
+    W,
+    X,
+    Y,
+    Z,
+    joints,
+    places,
+)
+from tests.testbed.proposal.test_session import call, proposed
+
+SOLL = np.round(MM, 1) + 0.5
+NAMES = [f"P{k + 1}" for k in range(M)]
+VECTOR = Rotation.from_matrix(DATA.T[:, :3, :3]).as_rotvec().T
+
+
+def over(groups, table, **how):
+    """A table with the names of its groups in the line above, each over its first column."""
+    above = [name for name, count in groups for name in (name, *[""] * (count - 1))]
+    mark = how.get("separator", ",")
+    return "\n".join([mark.join(above), csv(table, **how)])
+
+
+def doubled(text, *names):
+    """The same with names that come again: only lists may hold them."""
+    for name in names:
+        text = text.replace(f"{name}*", name)
+    return text
+
+
+TWICE = joints("J{}") | places("{}*", SOLL) | places("{}")
+MOTIVE = (
+    "Format Version,1.23,Take Name,Take 1,Capture Frame Rate,120,Rotation Type,Quaternion,Length "
+    "Units,Meters,Coordinate Space,Global\n\n,,"
+    + ",".join(["Rigid Body"] * 7) + ",,,,,,\n,," + ",".join(["tool"] * 7) + ",,,,,,\n,,"
+    + ",".join("1234567") + ",,,,,,\n,," + ",".join(["Rotation"] * 4 + ["Position"] * 3)
+    + ",,,,,,\nFrame,Time (Seconds),X,Y,Z,W,X,Y,Z,J1,J2,J3,J4,J5,J6\n"
+    + csv({"Frame": np.arange(M), "t": np.arange(M) / 120, "a": X, "b": Y, "c": Z, "d": W}
+          | places("{}", MM / 1e3) | joints("J{}")).partition("\n")[2]
+)  # fmt: skip
+DIALECTS = {
+    "French, where it was measured": csv(
+        {"Nom": NAMES} | places("{} théorique", SOLL) | places("{} mesuré") | joints("Axe {}"),
+        **GERMAN,
+    ),
+    "Italian": csv(places("{} nominale", SOLL) | places("{} misurato") | joints("Asse {}")),
+    "Spanish": csv(places("{} teórico", SOLL) | places("{} medido") | joints("Eje {}")),
+    "Chinese": csv(
+        {"名称": NAMES} | places("名义 {}", SOLL) | places("测量 {}") | joints("关节{}")
+    ),
+    "German joints": csv(joints("Gelenk {}") | places("{}")),
+    "Greek letters": csv(joints("θ{}") | places("{}")),
+    "joints by what they are": csv(joints("Joint angle {}") | places("{}")),
+    "positions of joints": csv(joints("joint_{}_position", DATA.q) | places("{}")),
+    "joints in brackets": csv({f"q[{k}]": DATA.q[:, k] for k in range(6)} | places("{}")),
+    "paths of messages": csv(
+        {f"/joint_states/joint_{k + 1}/position": DATA.q[:, k] for k in range(6)}
+        | {f"/vicon/pose/position/{a}": MM[:, k] / 1e3 for k, a in enumerate("xyz")}
+    ),
+    "joints of Yaskawa": csv({a: DEG[:, k] for k, a in enumerate("SLURBT")} | places("{}")),
+    "joints of a teach pendant": csv(
+        dict(zip(("Base", "Shoulder", "Elbow", *(f"Wrist {k}" for k in "123")), DEG.T, strict=True))
+        | places("{}")
+    ),
+    "gon": csv(joints("J{} [gon]", DEG / 0.9) | places("{} [mm]")),
+    "units behind a comma": csv(joints('"J{}, deg"') | places('"{}, mm"')),
+    "what was wished in brackets": csv(joints("J{}") | places("{} (nominal)", SOLL) | places("{}")),
+    "a quaternion that counts from 1 beside the joints": csv(
+        joints("J{}") | places("{}") | {"q1": W, "q2": X, "q3": Y, "q4": Z}
+    ),
+    "shifts and turns of one body": csv(
+        joints("J{}") | places("T{}") | dict(zip(("RX", "RY", "RZ"), VECTOR, strict=True))
+    ),
+    "groups whose names come again": doubled(
+        over([("Joints", 6), ("Nominal", 3), ("Measured", 3)], TWICE), "X", "Y", "Z"
+    ),
+    "motion capture, a long line of settings above": MOTIVE,
+    "comments with slashes above names": "// tracker\n// mm\n" + csv(joints("J{}") | places("{}")),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("text", DIALECTS.values(), ids=DIALECTS)
+def test_a_dialect_is_proposed_as_it_was_meant(text, tmp_path):
+    (tmp_path / "m.csv").write_text(text, encoding="utf-8")
+    said, _ = proposed(tmp_path, [tmp_path / "m.csv"], "--robot", UR10.name)
+    assert "to mend" not in said
+    table = read_session(tmp_path / "session.toml", UR10).measurements
+    # fifteen digits are written, of gon as well
+    np.testing.assert_allclose(table.q, DATA.q, rtol=0, atol=2e-12)
+    np.testing.assert_allclose(table.position, DATA.T[:, :3, 3], rtol=0, atol=2e-12)
+    if table.is_pose.any():
+        # fifteen digits of each of three or four numbers
+        np.testing.assert_allclose(table.rotation, DATA.T[:, :3, :3], rtol=0, atol=1e-11)
+
+
+JOINTED = {"Target": NAMES} | joints("J{}")
+SHUFFLED = np.random.default_rng(1).permutation(M)
+POINTS = {
+    "a table of Spatial Analyzer with names of its columns": csv(
+        {"Collection": ["A"] * M, "Group": ["Main"] * M, "Target": [NAMES[k] for k in SHUFFLED]}
+        | places("{} (mm)", MM[SHUFFLED])
+    ),
+    "points of Spatial Analyzer with semicolons and decimal commas": (
+        "// AXES = CARTESIAN: X, Y, Z (mm)\n"
+        + "\n".join(
+            f"A; Main; {NAMES[k]}; " + "; ".join(f"{v:.9f}".replace(".", ",") for v in MM[k]) + ";"
+            for k in SHUFFLED
+        )
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("text", POINTS.values(), ids=POINTS)
+def test_names_of_points_in_two_files_are_those_of_poses(text, tmp_path):
+    (tmp_path / "points.txt").write_text(text, encoding="utf-8")
+    (tmp_path / "joints.csv").write_text(csv(JOINTED if "Target" in text else
+                                             {"name": NAMES} | joints("J{}")))  # fmt: skip
+    files = [tmp_path / "points.txt", tmp_path / "joints.csv"]
+    said, _ = proposed(tmp_path, files, "--robot", UR10.name)
+    assert "to mend" not in said
+    table = read_session(tmp_path / "session.toml", UR10).measurements
+    assert len(np.unique(table.reflector)) == 1
+    np.testing.assert_allclose(table.q, DATA.q[SHUFFLED], rtol=0, atol=1e-12)
+    # nine decimals of a millimeter are written
+    np.testing.assert_allclose(table.position, DATA.T[SHUFFLED, :3, 3], rtol=0, atol=1e-12)
+
+
+def test_columns_without_names_in_an_order_that_is_not_tried_are_to_be_named(tmp_path):
+    away = MM + np.array([0.0, 60.0, 0.0])
+    np.savetxt(tmp_path / "m.txt", np.column_stack([MM, away, MM, np.zeros((M, 6)), DEG]))
+    done = call("new", "session", tmp_path / "m.txt", "--robot", UR10.name, "--out",
+                tmp_path / "session.toml")  # fmt: skip
+    assert done.exit_code == 2
+    message = " ".join(done.stderr.split())
+    assert "no line names its 21 columns" in message
+    assert "name the columns in a first line" in message
+
+
+def test_what_is_not_known_is_named_where_there_are_no_joints(tmp_path):
+    table = {f"Motor {'abcdef'[k]}": DEG[:, k] for k in range(6)} | places("{}")
+    (tmp_path / "m.csv").write_text(csv(table))
+    said, _ = proposed(tmp_path, [tmp_path / "m.csv"], "--robot", UR10.name)
+    assert "there are no joints: nothing could be tried; not known are Motor a, Motor b" in said
+
+
+def test_a_shift_beside_a_place_is_no_place():
+    head = ["X", "Y", "Z", "RX", "RY", "RZ", "TX", "TY", "TZ"]
+    assert "TX" not in {one.theirs for one in meanings(head)}
+    assert {one.stem for one in meanings(["TX", "TY", "TZ"])} == set()
+
+
+def test_four_joints_of_an_arm_are_no_quaternion():
+    own = {one.theirs: one.stem for one in meanings(["q1", "q2", "q3", "q4", "X", "Y", "Z"])}
+    assert own["q1"] == "q1"
