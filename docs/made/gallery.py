@@ -73,8 +73,8 @@ def page(name: str) -> str:
     if name in SPREAD:
         seen = PICTURES.get(name, OF_ONE_CAMPAIGN)[1]
         parts += [
-            f"```{{image}} /_pictures/scene-{name}.png\n:class: figure\n"
-            f":alt: {seen} of {name} at five seeds, one dot each\n```",
+            f"::::{{container}} drawn\n```{{image}} /_pictures/scene-{name}.png\n:class: figure\n"
+            f":alt: {seen} of {name} at five seeds, one dot each\n```\n::::",
             "One dot for each of the seeds 1 to 5.",
         ]
     if text := at_five_seeds(name):

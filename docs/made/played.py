@@ -154,16 +154,17 @@ class Play(SphinxDirective):
             found.append(self._figure(page.folder / self.options["figure"]))
         return found
 
-    def _figure(self, drawn: Path) -> nodes.image:
-        """The picture, where Sphinx finds it."""
+    def _figure(self, drawn: Path) -> nodes.container:
+        """The picture, where Sphinx finds it, in a frame through which a phone scrolls."""
         name = f"{self.env.docname.replace('/', '-')}-{drawn.name}"
         kept = Path(self.env.srcdir) / PICTURES / name
         kept.parent.mkdir(exist_ok=True)
         shutil.copyfile(drawn, kept)
-        return nodes.image(
+        image = nodes.image(
             uri=f"{'../' * self.env.docname.count('/')}{PICTURES}/{name}",
             alt=self.options["alt"], classes=["figure"],
         )  # fmt: skip
+        return nodes.container("", image, classes=["drawn"])
 
 
 def _forget(app: Sphinx, _doctree: nodes.document) -> None:

@@ -55,7 +55,10 @@ def clusters(result: CycleResult) -> str:
         legend_entries(
             axes[0],
             {
-                "first half of the cycles": {"marker": "o", "color": LIGHT},
+                "first half of the cycles": {
+                    "marker": "^" if visits.cycles <= 2 * FEW else "o",
+                    "color": LIGHT,
+                },
                 "second half": {"marker": "o", "color": DARK},
                 "barycenter": {"marker": "+", "color": INK, "markersize": 7},
                 "toward the command": {"linestyle": "-", "color": MIDDLE},
@@ -81,11 +84,11 @@ def _cluster(ax: "Axes", x: Array, radius: float, toward: Array, reach: float) -
     turn = np.linspace(0, 2 * np.pi, 90)
     ax.plot(radius * np.cos(turn), radius * np.sin(turn), color=SOFT, linewidth=0.9)
     half = len(x) // 2
-    for part, color in ((x[:half], LIGHT), (x[half:], DARK)):
+    for part, color, marker in ((x[:half], LIGHT, "^"), (x[half:], DARK, "o")):
         if len(part) > FEW:
             dots(ax, part[np.linspace(0, len(part) - 1, FEW).round().astype(np.int64)], color)
         else:
-            ax.plot(part[:, 0], part[:, 1], "o", color=color, markersize=2.6)
+            ax.plot(part[:, 0], part[:, 1], marker, color=color, markersize=2.6)
     ax.plot(0, 0, "+", color=INK, markersize=7)
     length = float(np.abs(toward).max())
     end = toward * min(1.0, 0.93 * reach / max(length, 1e-9))
