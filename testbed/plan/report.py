@@ -137,7 +137,16 @@ def order_section(plan: Plan) -> Section:
     starred = ' *: the move passes a stop on the way around, a row "via" of plan.csv.'
     table = Table(
         caption=f"{counted(len(tour), 'pose')} in measuring order",
-        head=("", "pose", "role", *joints, "azimuth deg", "elevation deg", "range mm", "move s"),
+        head=(
+            "step",
+            "pose",
+            "role",
+            *joints,
+            "azimuth deg",
+            "elevation deg",
+            "range mm",
+            "move s",
+        ),
         rows=rows,
         align="lll" + "r" * (len(joints) + 4),
         size="small",

@@ -72,7 +72,7 @@ def number_section(plan: Plan) -> Section:
     if plan.next_poses:
         ranking = Table(
             caption="The best next pose, if one more can be measured",
-            head=("", *joint_head(plan), "U with it µm"),
+            head=("rank", *joint_head(plan), "U with it µm"),
             rows=tuple(
                 (str(rank), *joint_cells(plan, plan.pool.q[one.place]), expanded(plan, one.u, 4))
                 for rank, one in enumerate(plan.next_poses, start=1)

@@ -78,7 +78,7 @@ def workspace_table(calibration: Calibration) -> Table:
     ]
     return Table(
         caption="The calibrated workspace: where the tool was, in the base frame [mm]",
-        head=("", "identified from", "to", "proven from", "to"),
+        head=("coordinate", "identified from", "to", "proven from", "to"),
         rows=tuple(rows),
         align="lrrrr",
         note="By the robot's description, tool and all.",

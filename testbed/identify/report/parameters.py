@@ -1,6 +1,6 @@
 """A calibration report's section on numbers: old and new with their U, and fixtures."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
@@ -41,6 +41,10 @@ def parameter_section(calibration: Calibration) -> Section:
             "not that the model is right"
         )
     drawn = drawn_waves(result.model.joint_errors.terms)
+    shown = [
+        one for one in handed_numbers(calibration) if one.row.name not in drawn and not still(one)
+    ]
+    waves = sum(one.row.name.startswith("harmonic") for one in shown)
     blocks: list[Block] = [
         Text(
             f"U = 2 u covers one number with 95.4 %, {how}; misfit hidden by the noise is in the "
@@ -51,13 +55,10 @@ def parameter_section(calibration: Calibration) -> Section:
             caption=f"Base, links, tool: {result.parameters.n_free} numbers estimated in all"
             + (", joint terms included" if calibration.choice.chosen == "extended" else ""),
             head=("number", "unit", "old", "new", "delta", ONE_NUMBER, "held by"),
-            rows=tuple(
-                _cells(one)
-                for one in handed_numbers(calibration)
-                if one.row.name not in drawn and not still(one)
-            ),
+            rows=tuple(map(_cells, shown)),
             align="llrrrrl",
             size="small",
+            on_paper=len(shown) - waves if are_last(shown, waves) else None,
             note="Numbers that stay as they were are in dh_table.csv. old: the nominal links, and "
             "base and tool as fitted to them. base, tool: position and rotation vector in the "
             "measuring frame and in the flange. held by: see What is handed back."
@@ -66,12 +67,19 @@ def parameter_section(calibration: Calibration) -> Section:
                 "instead and stand in dh_table.csv."
                 if drawn
                 else ""
-            ),
+            )
+            + " Waves of joints, drawn under Joint errors, are not printed." * bool(waves),
         ),
     ]
     if result.model.fixtures.n_numbers:
         blocks.append(fixture_table(calibration))
     return Section("parameters", "Parameters", tuple(blocks))
+
+
+def are_last(shown: Sequence[HandedNumber], waves: int) -> bool:
+    """Whether the last numbers of a list, and no others, are so many waves of joints."""
+    last = shown[len(shown) - waves :]
+    return waves > 0 and all(one.row.name.startswith("harmonic") for one in last)
 
 
 def drawn_waves(terms: Iterable[JointTerm]) -> set[str]:

@@ -38,7 +38,7 @@ from testbed.identify.words import (
     terminal_text,
     verdict,
 )
-from testbed.report.page import SIMULATED, render
+from testbed.report.page import SIMULATED, Table, render
 from testbed.report.text import verdict_lines
 from testbed.robots.write.dh_table import DhRow
 from testbed.units import micrometres, plain
@@ -75,8 +75,20 @@ def test_no_sentence_is_said_twice(make):
 
 
 @pytest.mark.parametrize("make", [real, sound])
-def test_a_calibration_prints_on_five_pages(make, tmp_path):
-    assert printed_pages(html(make), tmp_path) <= 5
+def test_a_calibration_prints_on_five_pages_with_room_for_more(make, tmp_path):
+    """A quarter of a page is left: other robots have more to say."""
+    fuller = html(make).replace("<footer", '<div style="height: 7cm"></div><footer')
+    assert printed_pages(fuller, tmp_path) <= 5
+
+
+def test_print_leaves_waves_of_joints_to_the_file_where_a_figure_draws_them():
+    section = next(one for one in page(real).sections if one.anchor == "parameters")
+    table = next(block for block in section.blocks if isinstance(block, Table))
+    waves = [row[0].startswith("harmonic") for row in table.rows]
+    assert sum(waves) == len(waves) - table.on_paper > 0
+    assert not any(waves[: table.on_paper])
+    plain = next(one for one in page(sound).sections if one.anchor == "parameters")
+    assert plain.blocks[1].on_paper is None
 
 
 def test_what_is_believed_is_said_before_anything_else():
