@@ -28,6 +28,8 @@ SETTLED = 0.01
 LARGEST_TERM = 0.05
 """Largest turn [rad] by a step of the joint terms, for which the compiled loop has a series; a
 replicate beyond it does not count as converged."""
+RUNAWAY = 1.0
+"""A step after the first ones that moves a number so far [m, rad] leads nowhere: none is taken."""
 STEPS = 2
 """Steps from the model itself: 1e-8 standard deviations are left after them, or 1e-6 where the
 first is known to first order alone."""
@@ -42,7 +44,7 @@ class Refits(Shown):
     chi_square: Array
     """(K,) whitened sum of squares of the rows, without the prior."""
     last: Array
-    """(K,) length of the last step in standard deviations."""
+    """(K,) length of the last step in standard deviations; infinite where a fit ran away."""
 
     def __repr__(self) -> str:
         return f"Refits({len(self.last)} fits, {int(self.converged.sum())} converged)"
@@ -142,15 +144,9 @@ def freeze(
     factor = np.linalg.cholesky(padded_covariance(measurements))
     factor[missing] = 0
     return Frozen(
-        model,
-        parameters,
-        plan,
-        frozen(np.swapaxes(N, -1, -2) @ N),
-        frozen(factor),
-        frozen(rows.T @ rows),
-        frozen(prior),
-        frozen(root @ root.T),
-    )
+        model, parameters, plan, frozen(np.swapaxes(N, -1, -2) @ N), frozen(factor),
+        frozen(rows.T @ rows), frozen(prior), frozen(root @ root.T),
+    )  # fmt: skip
 
 
 def unknown_to_loops(
@@ -271,7 +267,7 @@ def descend(
     """
     batch = Batch(start.model, start.parameters, start.measurements, len(measured))
     B, f = len(measured), start.parameters.n_free
-    free = start.parameters.free_index
+    free, lost = start.parameters.free_index, np.zeros((B, WIDTH), dtype=np.bool_)
     slope = np.empty((B, start.model.n_numbers, WIDTH))
     square = np.empty((B, WIDTH))
     for k in range(steps):
@@ -285,11 +281,14 @@ def descend(
             own = slope[:, free]
         pull = own + start.prior @ (center - batch.x)
         step = start.covariance @ pull
+        if k >= STEPS:  # the steps of a replicate that runs away would end beyond all numbers
+            lost = np.abs(step).max(axis=1, initial=0.0) > RUNAWAY
+            step = np.where(lost[:, None], 0.0, step)
         batch.move(step)
     data = start.precision - start.prior
     chi_square = square - np.einsum("bfl,bfl->bl", step, 2 * own - data @ step)
     length = np.sqrt(np.einsum("bfl,bfl->bl", step, start.precision @ step))
-    length[batch.turned > LARGEST_TERM] = np.inf
+    length[(batch.turned > LARGEST_TERM) | lost] = np.inf
     return Refits(
         np.moveaxis(batch.x, 1, -1).reshape(-1, f),
         chi_square.ravel(),

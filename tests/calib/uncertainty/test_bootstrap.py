@@ -169,6 +169,28 @@ def test_fits_that_two_steps_leave_unsettled_take_more():
     assert gap.max() < SETTLED  # what the last step of a fit may still be long
 
 
+def test_fits_that_run_away_are_counted_and_end_at_numbers():
+    """A point on the last axis hardly tells joint 5: the curvature at the model leads nowhere.
+
+    Each such step is longer than the last one; beyond all numbers there would be no scatter left.
+    """
+    rng = np.random.default_rng(5)
+    q, arm = rng.uniform(-1.5, 1.5, (40, 6)), tx60()
+    arm = arm.moved(rng.normal(scale=2e-4, size=arm.n_numbers))  # else nothing tells it at all
+    table = tables.points(q, arm.poses(q)[:, :3, 3], sd=1e-5)
+    fit = identify(arm, table, parameters_of(arm))
+    assert fit.reduction.condition > 1e3
+    again = bootstrap(fit.model, table, fit.parameters, rng, replicates=100)  # warns of nothing
+    assert not again.settled
+    assert np.isfinite(again.estimates).all()
+    assert np.isfinite(again.ratio).all()
+    start = freeze(fit.model, table, fit.parameters)
+    noisy = table.position + rng.normal(scale=1e-5, size=(20, *table.position.shape))
+    many = refit(start, noisy, np.tile(np.eye(3), (20, 40, 1, 1)), steps=20)
+    assert not many.converged.all()
+    assert np.isfinite(many.steps).all()
+
+
 def test_zero_noise_is_refused():
     table = tables.poses(Q, tx60().poses(Q), sd=np.zeros((29, 6, 6)))
     with pytest.raises(InputError, match="not positive definite"):
