@@ -228,8 +228,9 @@ def save(result: object, path: str | Path) -> None:
     Parameters
     ----------
     result : Measurements, RobotModel, CalibratedRobot, Judgement ...
-        What `calib.points` or `calib.poses`, `calib.calibrate`, `calib.judge`, `calib.compensate`
-        or `calib.design` gave. Campaigns and calibrations have folders of their own: ``out``.
+        What `calib.points` or `calib.poses`, `calib.calibrate`, `calib.judge`, `calib.compensate`,
+        `calib.design`, `bootstrap` or `tool_statement` gave. Campaigns and calibrations have
+        folders of their own: ``out``.
     path : path
         File to write, ``.npz`` at its end; one that is there is replaced.
     """

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
-from calib.arrays import Array, check
+from calib.arrays import Array, check, require_numbers
 from calib.errors import refuse
 from calib.uncertainty.regions import ellipsoid
 from testbed.report.plots import plain_log
@@ -46,6 +46,7 @@ def residuals(axes: "Axes", result: Tabular) -> "Axes":
     result : CalibratedRobot, Judgement or HeldOut
         Of a calibration its training rows, of a judgement the held-out poses.
     """
+    _require_axes(axes)
     table = _table(result, ("residuals", "errors"), "x_m")
     rows = np.arange(table.rows)
     for place, marker in enumerate("os^"):
@@ -70,6 +71,7 @@ def errors(axes: "Axes", result: Tabular, *, radius: float | None = None) -> "Ax
     radius : float, optional
         A stated radius to be marked, such as R95 [m].
     """
+    _require_axes(axes)
     table = _table(result, ("errors",), "after_mm")
     kept = np.ones(table.rows, dtype=bool)
     if "role" in table and (table["role"] == "test").any():
@@ -117,8 +119,9 @@ def ellipse(
     points : (N, 3) or (N, 2) array_like, optional
         Points to show beside it, and how many of them lie inside [m].
     """
+    _require_axes(axes)
     which = _plane(plane)
-    S, middle = np.asarray(covariance, dtype=np.float64), np.asarray(center, dtype=np.float64)
+    S, middle = require_numbers("covariance", covariance), require_numbers("center", center)
     S = S[np.ix_(which, which)] if S.shape == (3, 3) else S
     check("2 2, 2", covariance=S, center=middle)
     half, turn = ellipsoid(S, probability=probability)
@@ -126,7 +129,7 @@ def ellipse(
     ring = middle + np.column_stack([np.cos(angle), np.sin(angle)]) * half @ turn.T
     axes.plot(*(1e6 * ring).T, color=AFTER, label=f"{100 * probability:g} % region")
     if points is not None:
-        seen = np.asarray(points, dtype=np.float64)
+        seen = require_numbers("points", points)
         seen = seen[:, which] if seen.shape[-1] == 3 else seen
         inside = (((seen - middle) @ turn / half) ** 2).sum(axis=1) <= 1.0
         label = f"{inside.sum()} of {len(seen)} inside"
@@ -140,6 +143,7 @@ def ellipse(
 
 def observability(axes: "Axes", count: "PoseCount") -> "Axes":
     """An index of observability against the number of poses: mean and scatter of random sets."""
+    _require_axes(axes)
     _has(count, "PoseCount", "counts", "mean", "sd", "chosen", "criterion")
     low, high = count.mean - count.sd, count.mean + count.sd
     axes.fill_between(count.counts, low, high, color=AFTER, alpha=0.2, linewidth=0)
@@ -154,6 +158,7 @@ def observability(axes: "Axes", count: "PoseCount") -> "Axes":
 
 def pose_budget(axes: "Axes", budget: "PoseBudget") -> "Axes":
     """What so many poses reach, and what no set of so many can [um]."""
+    _require_axes(axes)
     _has(budget, "PoseBudget", "counts", "reached", "possible", "target")
     axes.plot(budget.counts, 1e6 * budget.reached, "o-", color=AFTER, label="designed set")
     axes.plot(budget.counts, 1e6 * budget.possible, "--", color=INK, label="no set is better")
@@ -175,6 +180,7 @@ def coverage(axes: "Axes", result: Tabular, *, level: float = 0.95) -> "Axes":
     level : float
         What is promised.
     """
+    _require_axes(axes)
     table = _table(result, (), "statement")
     words = zip(table["truth"], table["model"], table["statement"], strict=True)
     names = [", ".join(row) for row in words]
@@ -233,6 +239,14 @@ def _has(thing: object, wanted: str, *names: str) -> None:
     if not all(hasattr(thing, name) for name in names):
         message = f"{type(thing).__name__} cannot be drawn here"
         raise refuse("result", None, f"a {wanted} is wanted", code="A3", message=message)
+
+
+def _require_axes(axes: object) -> None:
+    """Refuse what is not one set of axes: pyplot, a figure, several of them, a result."""
+    if not all(hasattr(axes, name) for name in ("plot", "set", "axhline")):
+        allowed = "axes of matplotlib, such as plt.gca(), or one of those of plt.subplots()"
+        message = f"axes is of the type {type(axes).__name__}"
+        raise refuse("axes", allowed=allowed, code="A3", message=message)
 
 
 def _distribution(axes: "Axes", mm: Array, label: str, color: str, style: str) -> None:

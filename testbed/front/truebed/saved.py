@@ -18,14 +18,23 @@ from testbed.store.npz import (
 )
 
 HOMES = {
+    "Bootstrap": "calib.uncertainty.bootstrap",
     "CalibratedRobot": "calib",
+    "Certificate": "calib.design",
     "Chain": "calib",
     "Correction": "calib.compensation",
     "Identification": "calib",
     "Judgement": "calib",
     "Measurements": "calib",
+    "PoseBudget": "calib.design",
+    "PoseCorrection": "calib.compensation",
+    "PoseCount": "calib.design",
+    "Prior": "calib",
+    "RandomFigures": "calib.design",
+    "Ranking": "calib.design",
     "RobotModel": "calib",
     "Selection": "calib.design",
+    "ToolStatement": "calib.uncertainty.tool_point",
 }
 """Kinds of results that a file of their own can hold, and where each is imported from."""
 SUFFIX = ".npz"

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from matplotlib import pyplot as plt
 from matplotlib.figure import Figure
 from scipy.stats import chi2
 
@@ -107,3 +108,19 @@ def test_what_cannot_be_drawn_is_refused_in_a_sentence(axes, campaign):
         plots.ellipse(axes, S, plane="xw")
     with pytest.raises(InputError, match="covariance has shape"):
         plots.ellipse(axes, S[:2])
+
+
+@pytest.mark.parametrize("wrong", [None, Figure(), plt, [Figure().add_subplot()], S])
+def test_what_are_no_axes_is_said_so(wrong):
+    """Who writes plt for its axes would read that a module has no attribute set."""
+    draws = (
+        lambda: plots.ellipse(wrong, S),
+        lambda: plots.residuals(wrong, None),
+        lambda: plots.errors(wrong, None),
+        lambda: plots.observability(wrong, None),
+        lambda: plots.pose_budget(wrong, None),
+        lambda: plots.coverage(wrong, None),
+    )
+    for draw in draws:
+        with pytest.raises(InputError, match=r"axes is of the type .*; axes of matplotlib"):
+            draw()

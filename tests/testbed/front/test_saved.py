@@ -5,6 +5,7 @@ import pytest
 
 import calib
 import truebed
+from calib.compensation import corrected_poses
 from calib.errors import InputError
 from testbed.store.npz import record_bytes
 from truebed.saved import HOMES, WHOLE
@@ -27,11 +28,22 @@ def results(kind):
     """One result of each sort that a file can hold."""
     train, test = measured(kind).split(held_out=20, seed=0)
     found = calib.calibrate(ROBOT.model, train)
-    problem = calib.design.Problem.of_poses(ROBOT.model, test.q, poses=10, criterion="D")
-    best = calib.design.exchange(problem, np.random.default_rng(0))
-    fixed = calib.compensate(found.start.model, found.model, test.q[:3])
-    return (train, found, found.identification, found.judge(test), found.model.chain, found.model,
-            best, fixed)  # fmt: skip
+    q, rng, design = test.q, np.random.default_rng(0), calib.design
+    problem = design.Problem.of_poses(ROBOT.model, q, poses=10, criterion="V", goals=q[:3])
+    next_one = design.Problem.of_poses(ROBOT.model, q, poses=1, given=range(8))
+    best = design.exchange(problem, rng, restarts=1)
+    start, model, fit = found.start.model, found.model, found.identification
+    limits = np.tile([-3.0, 3.0], (6, 1))
+    return (
+        train, found, fit, found.judge(test), model.chain, model, best, best.certificate,
+        calib.compensate(start, model, q[:3]),
+        corrected_poses(start, model, start.poses(q[:3]), q[:3], limits),
+        design.pose_budget(problem, 1e-5, rng, counts=[8, 10], restarts=1),
+        design.pose_count(problem, rng, sets=2)[0], design.best_next(next_one),
+        design.random_sets(problem, rng, sets=2), calib.Prior([0.0], [1e-3], ["d1"]),
+        calib.uncertainty.tool_statement(model, q, fit.full_covariance),
+        calib.uncertainty.bootstrap(model, train, fit.parameters, rng, replicates=100),
+    )  # fmt: skip
 
 
 @pytest.mark.parametrize("kind", ["points", "poses"])
@@ -61,7 +73,7 @@ def test_a_loaded_calibration_judges_as_the_one_that_was_saved(tmp_path):
 
 def test_what_cannot_be_saved_or_loaded_says_so(tmp_path):
     model, path = ROBOT.model, tmp_path / "one.npz"
-    with pytest.raises(InputError, match="Robot cannot be saved here; one of CalibratedRobot, "):
+    with pytest.raises(InputError, match="Robot cannot be saved here; one of Bootstrap, Cal"):
         truebed.save(ROBOT, path)
     with pytest.raises(InputError, match=r"is not the name of an .npz file; write one.npz"):
         truebed.save(model, tmp_path / "one.pkl")
