@@ -13,9 +13,12 @@ if TYPE_CHECKING:
     from calib.calibration import calibrate as calibrate
     from calib.compensation import compensate as compensate
     from calib.geometry.chain import Chain as Chain
+    from calib.geometry.fixtures import Fixtures as Fixtures
     from calib.geometry.model import RobotModel as RobotModel
+    from calib.geometry.operating import OperatingConditions as OperatingConditions
     from calib.geometry.parameters import parameters_of as parameters_of
     from calib.identification.identify import identify as identify
+    from calib.identification.prior import Prior as Prior
     from calib.identification.result import Identification as Identification
     from calib.measurement.observations import Measurements as Measurements
     from calib.measurement.observations import joined as joined
@@ -34,9 +37,12 @@ else:
         "CalibratedRobot": "calibration",
         "Chain": "geometry.chain",
         "Circumstances": "uncertainty.judgement",
+        "Fixtures": "geometry.fixtures",
         "Identification": "identification.result",
         "Judgement": "uncertainty.judgement",
         "Measurements": "measurement.observations",
+        "OperatingConditions": "geometry.operating",
+        "Prior": "identification.prior",
         "RobotModel": "geometry.model",
         "SinglePoses": "single_poses",
         "calibrate": "calibration",

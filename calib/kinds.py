@@ -23,11 +23,14 @@ WORDS: Mapping[str, str] = {
     "str": "a text",
     "Callable": "a function",
     "Chain": "a calib.Chain of the links",
+    "Fixtures": "calib.Fixtures",
     "Generator": "a numpy.random.Generator, as numpy.random.default_rng(0) makes one",
     "Identification": "what calib.identify gave; calib.calibrate has it as .identification",
     "Measurements": "calib.Measurements, as calib.poses, calib.points and calib.distances make "
     "them",
+    "OperatingConditions": "calib.OperatingConditions",
     "Parameters": "what calib.parameters_of gave",
+    "Prior": "a calib.Prior",
     "Problem": "a calib.design.Problem, as its of_poses and of_blocks make one",
     "RobotModel": "a calib.RobotModel; a robot of truebed has it as robot.model",
 }

@@ -1,14 +1,19 @@
 """The documents: every key of every file is described, and pages only name what is there."""
 
+import inspect
 import json
 import re
 import shlex
+from dataclasses import is_dataclass
+from functools import reduce
 from importlib.util import find_spec
 from pathlib import Path
+from typing import get_args, get_type_hints
 
 import pytest
 import typer
 
+import calib
 from made.fields import allowed_of, keys
 from made.formats import FILES, described, page, places
 from made.gallery import OF_ONE_CAMPAIGN, PICTURES, QUESTIONS, SPREAD, at_five_seeds
@@ -238,3 +243,34 @@ def test_what_measured_arms_reach_is_what_their_study_found():
 def test_the_readme_is_read_in_a_few_minutes():
     """What a newcomer needs stands there; the rest is in docs/."""
     assert len((ROOT / "README.md").read_text(encoding="utf-8").split()) <= 1800
+
+
+def named_in(kind):
+    """Classes of calib that an annotation names."""
+    parts = [one for part in get_args(kind) for one in named_in(part)]
+    return [kind, *parts] if inspect.isclass(kind) and not get_args(kind) else parts
+
+
+def taken_and_given(thing):
+    """Classes that a function takes or gives, or that the fields of a class hold."""
+    kinds = get_type_hints(thing).values()
+    return {
+        one
+        for kind in kinds
+        for one in named_in(kind)
+        if one.__module__.startswith("calib.") and is_dataclass(one)
+    }
+
+
+def test_what_functions_on_the_pages_take_and_give_is_on_a_page_as_well():
+    """Who reads that distances are measured from anchors of the fixtures asks what those are."""
+    pages = "\n".join(page.read_text("utf-8") for page in (DOCS / "api").glob("*.md"))
+    written = {name.split(".")[-1] for name in re.findall(r"autoclass:: (calib\S+)", pages)}
+    functions = [
+        reduce(getattr, name.split(".")[1:], calib)
+        for name in re.findall(r"autofunction:: (calib\.(?:design\.|uncertainty\.)?\w+)\n", pages)
+    ]
+    classes = [calib.RobotModel, calib.Judgement, calib.CalibratedRobot, calib.Measurements]
+    asked = {kind.__name__ for thing in (*functions, *classes) for kind in taken_and_given(thing)}
+    missing = asked - written
+    assert not missing

@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cache
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -49,6 +49,16 @@ class Chain(Shown):
     """(4, 4) base in the world, the frame measurements are reported in [m]."""
     T_flange_tool: Array = field(default_factory=lambda: np.eye(4))
     """(4, 4) tool in the flange [m]."""
+
+    if TYPE_CHECKING:  # the fields are arrays; what is given need not be
+
+        def __init__(
+            self,
+            links: ArrayLike,
+            kinds: Sequence[str] = ...,
+            T_world_base: ArrayLike = ...,
+            T_flange_tool: ArrayLike = ...,
+        ) -> None: ...
 
     def __post_init__(self) -> None:
         try:

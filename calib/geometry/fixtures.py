@@ -1,6 +1,7 @@
 """What stands beside the robot and may be unknown: reflectors, anchors, stations, tools."""
 
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -15,19 +16,31 @@ from calib.geometry.frames import (
     step_transform,
     transform_step,
 )
-from calib.shown import in_a_line
+from calib.shown import Shown
 
 POINT_AXES = FRAME_AXES[:3]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Fixtures:
+class Fixtures(Shown):
     """Reflectors on the tool, points fixed in the world, further stations and further tools.
 
     The first station is the world frame and has no numbers: `stations` holds the second, the third
     and so on. The first tool is that of the chain: `tools` holds those that were mounted in its
     place. All of them are numbers of the model like any other, named ``reflector1.x``,
     ``anchor1.x``, ``station2.x`` ... ``station2.rz``, ``tool2.x`` ... ``tool2.rz``.
+
+    Examples
+    --------
+    Distances from two anchors, to a reflector whose place on the tool is found:
+
+    >>> import calib
+    >>> beside = calib.Fixtures(reflectors=[[0.05, 0, 0.1]], anchors=[[2, 0, 0], [0, 2, 1]])
+    >>> arm = calib.RobotModel(calib.Chain([[0, 0.4, 0.1, 0, 0]]), fixtures=beside)
+    >>> calib.distances([[0.1], [0.2]], [1.9, 2.1], sd=2e-5, anchor=[0, 1], reflector=0)
+    Measurements(2 distance rows, 2 poses)
+    >>> arm.names[-9:-5]
+    ('reflector1.x', 'reflector1.y', 'reflector1.z', 'anchor1.x')
     """
 
     reflectors: Array = field(default_factory=lambda: frozen(np.zeros((0, 3))))
@@ -38,6 +51,16 @@ class Fixtures:
     """(t, 4, 4) T_world_station of the second, third ... station [m]."""
     tools: Array = field(default_factory=lambda: frozen(np.zeros((0, 4, 4))))
     """(u, 4, 4) T_flange_tool of the second, third ... tool [m]."""
+
+    if TYPE_CHECKING:  # the fields are arrays; what is given need not be
+
+        def __init__(
+            self,
+            reflectors: ArrayLike = ...,
+            anchors: ArrayLike = ...,
+            stations: ArrayLike = ...,
+            tools: ArrayLike = ...,
+        ) -> None: ...
 
     def __post_init__(self) -> None:
         values = check(
@@ -50,7 +73,8 @@ class Fixtures:
             object.__setattr__(self, name, value)
 
     def __repr__(self) -> str:
-        return in_a_line(self)
+        k, s, t, u = self.counts
+        return f"Fixtures({k} reflectors, {s} anchors, {t} further stations, {u} further tools)"
 
     @property
     def counts(self) -> tuple[int, int, int, int]:

@@ -50,7 +50,7 @@ class RobotModel(Shown):
     def __post_init__(self) -> None:
         require_kind("chain", self.chain, Chain, "a calib.Chain of the links")
         require_kind("joint_errors", self.joint_errors, JointErrors, "a JointErrors of the terms")
-        require_kind("fixtures", self.fixtures, Fixtures, "a Fixtures of what stands beside it")
+        require_kind("fixtures", self.fixtures, Fixtures, "calib.Fixtures beside it")
         if len(self.joint_errors.coefficients):
             self.joint_errors.require_chain(self.chain)
 

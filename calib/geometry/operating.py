@@ -24,6 +24,16 @@ class OperatingConditions(Shown):
 
     What a model needs and nobody states is as it was on average where the model was identified,
     with directions of approach unknown.
+
+    Examples
+    --------
+    A table of measurements that says which mass the arm carried:
+
+    >>> import calib
+    >>> from dataclasses import replace
+    >>> table = calib.points([[0.1], [0.2]], [[0.1, 0, 0.4], [0.1, 0, 0.4]], sd=1e-5)
+    >>> replace(table, conditions=calib.OperatingConditions(payload=[2.0, 5.0])).conditions
+    OperatingConditions(payload)
     """
 
     payload: Annotated[Array, "m"] | None = None

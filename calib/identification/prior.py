@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from difflib import get_close_matches
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -26,6 +27,13 @@ class Prior(Shown):
     """Normal belief about some numbers of a model, as the step that leads from the nominal model.
 
     Give `sd` for independent numbers; for correlated ones use `Prior.of_precision`.
+
+    Examples
+    --------
+    Two lengths are drawn to 0.1 mm, and the drawing says that one of them is 0.2 mm longer:
+
+    >>> Prior([2e-4, 0.0], [1e-4, 1e-4], ["d1", "a2"])
+    Prior(of 2 numbers)
     """
 
     mean: Array
@@ -36,6 +44,12 @@ class Prior(Shown):
     """(k,) numbers believed in; all of them free in the fit."""
     precision: Array = ()  # type: ignore[assignment]  # becomes an array in __post_init__
     """(k, k) Lambda0, inverse covariance [1/m^2, 1/(m rad), 1/rad^2]; from `sd` unless given."""
+
+    if TYPE_CHECKING:  # the fields are arrays; what is given need not be
+
+        def __init__(
+            self, mean: ArrayLike, sd: ArrayLike, names: Sequence[str], precision: ArrayLike = ...
+        ) -> None: ...
 
     def __post_init__(self) -> None:
         names = of_kind("names", self.names, Sequence[str])

@@ -26,26 +26,26 @@ more draws there are, but never fewer than 8."""
 
 @dataclass(frozen=True, slots=True, eq=False)
 class DistanceSpread(Shown):
-    """The paper's statement about N postures: scatter of |P| for independent parameters."""
+    """The paper's statement about N postures: scatter of ``|P|``, parameters independent."""
 
     draws: int
     """M."""
     nominal: Array
-    """(N,) |P| of the model itself [m]."""
+    """(N,) ``|P|`` of the model itself [m]."""
     mean: Array
-    """(N,) mean of |P| [m]."""
+    """(N,) mean of ``|P|`` [m]."""
     standard: Array
-    """(N,) standard deviation of |P|: the paper's u_g [m]."""
+    """(N,) standard deviation of ``|P|``: the paper's u_g [m]."""
     extremes: Array
-    """(N, 2) smallest and largest |P| [m]."""
+    """(N, 2) smallest and largest ``|P|`` [m]."""
     interval: Array
     """(N, 2) ends of the interval with equal tails [m]."""
     linear_interval: Array
-    """(N, 2) the same of |P| made linear in the parameters, on the same draws [m]."""
+    """(N, 2) the same of ``|P|`` made linear in the parameters, on the same draws [m]."""
     linear: Array
-    """(N,) standard uncertainty of |P| by linear propagation, without draws [m]."""
+    """(N,) standard uncertainty of ``|P|`` by linear propagation, without draws [m]."""
     axis_standard: Array
-    """(N, 3) standard deviations of x, y, z [m]: what |P| does not show."""
+    """(N, 3) standard deviations of x, y, z [m]: what ``|P|`` does not show."""
     axis_extremes: Array
     """(N, 3, 2) smallest and largest deviation of x, y, z from nominal [m]."""
 
@@ -88,7 +88,7 @@ class PointSpread(Shown):
     The linear part of the same draws is the control variate: a thousand draws give u to about 1e-6.
     """
     worst_remainder: Array
-    """(N,) largest |exact - linear| of the first 10 000 draws, in units of the linear u_3D."""
+    """(N,) largest ``|exact - linear|`` of the first 10 000 draws, in units of the linear u_3D."""
 
     def __repr__(self) -> str:
         u = 1e6 * mean_of(self.point)
