@@ -83,7 +83,9 @@ def moved_once(identification: Identification, table: Measurements, order: Index
     ----------
     Fall of chi-square by columns C of the rows from k on, beside the free numbers and their basis
     Q: b' S^+ b with b = C'r and S = C'C - C'Q Q'C over these rows; F test with Bonferroni's factor
-    for all k and all kinds, and the kinds compared by BIC.
+    for all k and all kinds, and the kinds compared by BIC. The rows of a pose share what the model
+    misses there: c of them count as one, their chi-square and freedom as the c-th part (design
+    effect: Kish 1965).
     """
     if table.is_distance.any() or table.n_poses < 2 * FEWEST:
         return None
@@ -91,7 +93,7 @@ def moved_once(identification: Identification, table: Measurements, order: Index
     rows = table.rows(in_time)
     places = _places(rows)
     fit = _Whitened.of(identification, rows)
-    kinds = list(_changes(identification, rows))
+    kinds, alike = list(_changes(identification, rows)), len(rows) / rows.n_poses
     best: tuple[float, Moved] | None = None
     for what, number, plain in kinds:
         gain, k, told, change = fit.step(plain, places)
@@ -102,11 +104,13 @@ def moved_once(identification: Identification, table: Measurements, order: Index
         if freedom < 1 or excess <= 0:
             continue
         scale = max(rest / freedom, 1e-300)
-        chance = float(fdtrc(told, freedom, gain / told / scale)) * len(places) * len(kinds)
+        one = float(fdtrc(told, freedom / alike, gain / told / scale / alike))
+        chance = one * len(places) * len(kinds)
         worth = fit.freedom * np.log(fit.square / rest) - told * np.log(fit.freedom)
         if chance >= RED or gain < EXPLAINED * excess:
             continue
-        if gain - fit.slow(plain) < SUDDEN * max(scale, 1.0) or _elsewhere(rows, k):
+        sudden = SUDDEN * max(scale, 1.0) * alike
+        if gain - fit.slow(plain) < sudden or _elsewhere(rows, k):
             continue
         by = plain[k:] @ change
         seen = np.abs(plain[k:]).max(axis=(1, 2)) > 0

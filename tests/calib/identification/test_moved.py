@@ -203,3 +203,20 @@ def test_few_poses_on_one_side_tell_nothing():
     late = np.arange(POSES) >= POSES - FEWEST + 1
     found = of(true, shifted(kinds.points(true, q, rng), np.array([3e-4, 0, 0]), late))
     assert found is None or found.row <= POSES - FEWEST
+
+
+def test_targets_that_a_model_misses_alike_tell_as_much_as_one():
+    """Three within a millimeter at each pose: their chance of such a step is not its cube."""
+    chance = []
+    for targets in (1, 3):
+        true, q, rng = robot(11, Fixtures(np.array([0.1, 0.05, 0.1]) + 1e-3 * np.eye(3)[:targets]))
+        table = joined([kinds.points(true, q, rng, reflector=k) for k in range(targets)])
+        at = np.tile(np.arange(POSES), targets)
+        missed = 100e-6 * np.random.default_rng(12).normal(size=(POSES, 3))
+        way = missed[at] + np.where(LATER[at, None], [1.5e-3, 0, 0], 0.0)
+        table = replace(table, pose_id=at, position=table.position + way)
+        found = of(true, table, at * targets + table.reflector)
+        assert found.what == "station"
+        chance.append(np.log(found.p_value))
+    # the noise, a fifth of what is missed, is less in the mean of three
+    assert chance[1] / chance[0] == pytest.approx(1.0, abs=0.3)
