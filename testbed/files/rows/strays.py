@@ -28,6 +28,9 @@ LARGEST_SHARE = 0.2
 """Part of the rows above which it is the reading of the file that is wrong, not some rows."""
 NEAR = 5
 """Rows before and after, among which the joints of a mismatched one are looked for."""
+FITS = 7.0
+"""A reading fits other joints, or another target, if it is off by less than so many medians, as
+where shots have slipped: a nominal arm misses some poses by several times its usual error."""
 MOST_ASTRAY = 1000
 """Other mismatched rows among which they are looked for."""
 
@@ -46,7 +49,7 @@ class _Group:
     @property
     def near(self) -> float:
         """Error up to which a reading fits other joints, or another target [m]."""
-        return max(3 * self.usual, 1e-4)
+        return max(FITS * self.usual, 1e-4)
 
 
 def mismatched_rows(
