@@ -89,6 +89,8 @@ def run(
                     say(f"FAILED {name}: {reason}")
                 say(f"Slice {part}   {played.pieces} pieces in {folder / 'parts'}")
                 say_next(*words, "--resume", when="when all slices have ended: ")
+                merging = "truebed merge FOLDER FOLDER... --out DIR"
+                say(f"Or         of slices in folders of their own: {merging}")
             return
         end.resume = [*words, "--resume"]
         from testbed.engines.choice import cores, workers_of

@@ -200,7 +200,11 @@ def next_step(calibration: Calibration) -> str:
         return f"{text} Visit every pose twice: {apart}."
     if calibration.refuted:
         lack = fit.identification.lack_of_fit
-        if fit.test.position.mean > LEARNT * fit.train.position.mean:
+        if calibration.choice.asked == "geometric":
+            text = (
+                f"Try --model choose: joint errors (sag, waves) may be what is left. Else: {text}"
+            )
+        elif fit.test.position.mean > LEARNT * fit.train.position.mean:
             text += " Errors are larger than at the poses identified from: more of these may help."
         elif lack is not None and lack.p_value < RED:
             text += " More poses will not make that smaller: it is not noise."

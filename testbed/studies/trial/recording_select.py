@@ -11,8 +11,10 @@ from testbed.recording.chart import Chart, Series, level
 from testbed.recording.pen import Pen
 from testbed.recording.story import Chapter, numbered
 from testbed.recording.timeline import Motion, Phase, spread, visit
+from testbed.studies.trial.plots import unit_factor, unit_of_criterion
 from testbed.studies.trial.recording_cell import CHOSEN, LEAVES, WORLD, ShownTrial
 from testbed.studies.trial.set_records import RandomSets
+from testbed.units import significant
 
 FRAMES, MOST_FRAMES = 4, 144
 """For each exchange, and about for all of them: the chapter is short."""
@@ -41,11 +43,14 @@ def select_chapter(shown: ShownTrial, sets: RandomSets | None) -> Chapter:
     selection, pool = shown.trial.selection, shown.setting.pool_q
     way, figures = sets_on_the_way(selection)
     criterion, count = selection.criterion, len(way)
+    unit = unit_of_criterion(shown.trial)
+    factor, axis = unit_factor(unit, criterion)
+    figures = factor * figures
     curves = [Series(criterion, figures, style.BLUE, "the set")]
     if sets is not None:
         name = f"best of {len(sets.values)} random sets"
-        curves.append(level("random", count, sets.best, style.MUTED_COLOR, name))
-    says = (f"{criterion} {figure:.5g}" for figure in figures)
+        curves.append(level("random", count, factor * sets.best, style.MUTED_COLOR, name))
+    says = (f"{criterion} {significant(figure, 5)}{' µm' * (unit == 'm')}" for figure in figures)
     return Chapter(
         name="select",
         local="exchange",
@@ -64,7 +69,7 @@ def select_chapter(shown: ShownTrial, sets: RandomSets | None) -> Chapter:
         ),
         draw=lambda pen, phase: draw_exchanges(shown, pen, phase),
         lines=numbered("set", count, says),
-        charts=(Chart("select", f"{criterion} of the set, by exchange", curves),),
+        charts=(Chart("select", f"{axis} of the set, by exchange", curves),),
     )
 
 

@@ -190,6 +190,7 @@ def test_a_slice_with_a_failed_piece_gives_exit_code_3(truebed, scene, monkeypat
         result = truebed("run", scene, "--slice", "1/2")
         assert result.exit_code == code
         assert ("FAILED many.000001 many.b: no luck. [T1]" in result.stdout) == bool(found)
+        assert "of their own: truebed merge FOLDER FOLDER... --out DIR" in result.stdout
 
 
 WRONG = [

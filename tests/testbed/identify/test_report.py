@@ -205,6 +205,18 @@ def test_only_repeats_tell_that_what_is_left_is_no_noise():
     assert "it is not noise." in next_step(replace(found, fits=tuple(fits)))
 
 
+def test_where_geometry_alone_was_asked_for_and_is_refuted_the_next_step_is_the_choice():
+    """Whoever holds the model fixed does not know that more of it would do."""
+    found = real()
+    held = replace(found, choice=replace(found.choice, asked="geometric"))
+    assert next_step(held).startswith("Try --model choose: ")
+    assert "--model" not in next_step(found)
+    fine = sound()
+    assert not fine.refuted
+    held = replace(fine, choice=replace(fine.choice, asked="geometric"))
+    assert "--model" not in next_step(held)
+
+
 def test_what_is_quoted_is_not_said_of_files_that_lack_the_joint_errors():
     found = real()
     assert found.choice.chosen == "extended"

@@ -30,6 +30,7 @@ from testbed.studies.trial.recording_ghost import (
     ghost_chains,
     smallest_equal,
 )
+from testbed.studies.trial.recording_select import select_chapter
 from tests import recorded, viewed
 from tests.campaign import with_records
 from tests.planes import unfitting
@@ -87,6 +88,29 @@ def test_curves_are_the_records_numbers_bit_for_bit(opened, shown):
         at, values = scalars(opened, entity, timeline)
         assert np.array_equal(at, np.arange(len(expected)))
         assert np.array_equal(values, expected)
+
+
+@pytest.mark.parametrize(
+    ("criterion", "rows", "figure", "said", "curve"),
+    [
+        ("O1", "whitened", 127922.4, "O1 127922", 127922.4),
+        ("O2", "paper", 5.7841e-5, "O2 5.7841 × 10⁻⁵", 5.7841e-5),
+        ("V", "whitened", 31.234567e-6, "V 31.235 µm", 31.234567),
+        ("V", "paper", 0.25, "V 0.25000", 0.25),
+    ],
+)
+def test_the_figure_of_a_set_has_its_unit_and_is_written_for_people(
+    shown, criterion, rows, figure, said, curve
+):
+    selection = replace(
+        shown.trial.selection, criterion=criterion, way=None, way_figures=None, value=figure
+    )
+    trial = replace(shown.trial, selection=selection, rows=rows)
+    chapter = select_chapter(replace(shown, trial=trial), None)
+    assert chapter.lines == [f"set 1 of 1, {said}"]
+    (chart,) = chapter.charts
+    assert ("[µm]" in chart.title) == ("µm" in said)
+    assert chart.curves[0].values[0] == pytest.approx(curve, rel=1e-12)  # one multiplication
 
 
 def test_exchange_after_exchange_ends_at_the_chosen_set_and_the_robot_shows_what_comes_in(
