@@ -8,6 +8,7 @@ from itertools import product
 from testbed.files.columns import covariance_names
 from testbed.files.refusal import refusal
 from testbed.proposal.data import Document, Found, Part
+from testbed.proposal.names import targets_in_a_row
 from testbed.proposal.parts import joint_parts, seen_parts
 
 MATCHED = 2000
@@ -66,10 +67,13 @@ def drafts_of(looks: tuple[Found, ...], own: tuple[int, ...]) -> Iterator[Draft]
 
 
 def _stations(looks: tuple[Found, ...]) -> list[tuple[Found, ...]]:
-    """Tables of one kind whose rows have names are of one robot from several stations."""
+    """Tables of one kind whose rows have names, or joints, are of one robot, in several files."""
     alike: dict[object, list[Found]] = {}
     for look in looks:
-        many = look.kind == "table" and look.sheet is None and look.has("pose_id")
+        jointed = look.has("q1") or look.has("q1_read")
+        seen = look.has("x") or bool(targets_in_a_row(look.head))
+        named = look.has("pose_id") or (jointed and seen)
+        many = look.kind == "table" and look.sheet is None and named
         alike.setdefault(look.head if many else id(look), []).append(look)
     return [tuple(group) for group in alike.values()]
 

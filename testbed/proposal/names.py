@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 from testbed.bounds import FACTORS
 from testbed.files.columns import WRITTEN, is_known
+from testbed.proposal.transforms import entry_of
 from testbed.proposal.words import (
     ANGLE,
     BEHIND,
@@ -31,7 +32,6 @@ from testbed.proposal.words import (
     SPREAD,
     STANDARD,
     TARGETS,
-    TRANSFORM,
     TURNS,
     WISHED,
 )
@@ -162,7 +162,7 @@ def targets_in_a_row(head: Sequence[str]) -> dict[str, dict[str, str]]:
             label, axis = " ".join(filter(None, (entry[1], entry[3]))).strip(), entry[2]
         elif (entry := BEHIND.fullmatch(text)) is not None:
             axis, label = entry[1], entry[2]
-        if label and not set(label.split()) & (WISHED | SPREAD | STANDARD | EXPANDED):
+        if label and not set(text.split()) & (WISHED | SPREAD | STANDARD | EXPANDED):
             at = name.lower().find(label)
             label = name[at : at + len(label)] if at >= 0 else label  # in its own letters
             found.setdefault(label, {}).setdefault(axis, name)
@@ -189,9 +189,12 @@ def _meaning(name: str, head: Sequence[str], turns: Mapping[str, str]) -> Meanin
 
     `turns` are names that are turns in this table alone.
     """
-    if is_known(name):
-        return Meaning(name, name, "", known=True)
     text, unit = without_unit(name)
+    entry = entry_of(text, [without_unit(one)[0] for one in head])
+    if is_known(name) and entry in ("", name):
+        return Meaning(name, name, "", known=True)
+    if entry:
+        return Meaning(name, entry, unit)
     words = set(text.split())
     if text in turns:
         return Meaning(name, turns[text], "" if turns[text] in QUATERNION else unit)
@@ -242,13 +245,6 @@ def _of_quaternion(text: str, head: Sequence[str]) -> bool:
     return last in tuple("xyzw") and wanted <= {without_unit(name)[0] for name in head}
 
 
-def _is_transform(letter: str, head: Sequence[str]) -> bool:
-    """Whether all twelve entries of a transform are there under one letter."""
-    entries = (TRANSFORM.fullmatch(without_unit(name)[0]) for name in head)
-    places = {(entry[2], entry[3]) for entry in entries if entry and entry[1] == letter}
-    return {(row, column) for row in "123" for column in "1234"} <= places
-
-
 def _coordinate(name: str, text: str, unit: str, head: Sequence[str]) -> Meaning | None:
     """A coordinate, a turn, or the uncertainty of one."""
     words = text.split()
@@ -263,9 +259,6 @@ def _coordinate(name: str, text: str, unit: str, head: Sequence[str]) -> Meaning
             return Meaning(name, f"{prefix}{words[0]}", unit)
     if _of_quaternion(text, head):
         return Meaning(name, f"q{words[-1]}", "")
-    if (entry := TRANSFORM.fullmatch(text)) and _is_transform(entry[1], head):
-        row, column = entry[2], entry[3]
-        return Meaning(name, "xyz"[int(row) - 1] if column == "4" else f"r{row}{column}", unit)
     for word in (words[-1], words[0]) if words else ():
         if word in ("x", "y", "z"):
             return Meaning(name, word, unit)

@@ -124,8 +124,8 @@ def _of_visits(proposed: Proposed, looks: tuple[Found, ...]) -> Proposed:
     ]
     notes = tuple(note for note in proposed.assumed if not note.startswith("stations: "))
     note = (
-        f"sessions: {len(alike)} files have the same columns and other joints: each is a visit of "
-        'the robot with its own base and tool; write "same as NAME" where one stayed'
+        f"sessions: {len(alike)} files have the same columns and joints of their own: each is a "
+        'visit of the robot with its own base and tool; write "same as NAME" where one stayed'
     )
     return replace(proposed, document=document, assumed=(*notes, note))
 
@@ -133,6 +133,8 @@ def _of_visits(proposed: Proposed, looks: tuple[Found, ...]) -> Proposed:
 def _same_poses(alike: list[Found], joints: list[str]) -> bool:
     """Whether poses of one name have the same joints in all files, and each file has such poses."""
     known: dict[str, tuple[object, ...]] = {}
+    if not alike[0].has("pose_id"):
+        return False
     for k, one in enumerate(alike):
         names = one.column(one.stems["pose_id"].theirs)
         own = dict(zip(names, zip(*map(one.column, joints), strict=True), strict=True))

@@ -2,8 +2,8 @@
 
 import re
 
-_JOINTS = ("j", "a", "q", "joint", "axis", "achse", "gelenk", "theta", "θ", "ϑ", "ax", "axe",
-           "articulation", "asse", "giunto", "eje", "关节", "轴", "関節", "軸")  # fmt: skip
+_JOINTS = ("j", "a", "q", "joint", "jnt", "rax", "axis", "achse", "gelenk", "theta", "θ", "ϑ", "ax",
+           "axe", "articulation", "asse", "giunto", "eje", "关节", "轴", "関節", "軸")  # fmt: skip
 _JOINT = f"(?:{'|'.join(_JOINTS)})"
 JOINT = re.compile(rf"(?:.*[\s_])?{_JOINT}[\s_]*a?([1-9])")
 FROM_ZERO = re.compile(rf"(.*?\b{_JOINT}[\s_]*a?)([0-9])")
@@ -21,13 +21,11 @@ JOINTS = (
 """Joints 1 to 6 by names of makers, where all of them are there: Universal Robots, Yaskawa."""
 PLACE = re.compile(r"(?:p|pos|tcp|pt)([xyz])")
 """A coordinate that is written in one word: Px, TCPx."""
-TRANSFORM = re.compile(r"([a-z]) ?([1-4]) ?([1-4])")
-"""An entry of a transform: T11 ... T34."""
 OF_TARGET = re.compile(r"(.*?) ?([xyz]) ?(\d{0,3})")
 """A coordinate of one of several targets: x1, P1 x, SMR A x."""
 BEHIND = re.compile(r"([xyz]) ([^\W\d].*)")
 """The same with the word behind: X raw."""
-READ = {"read", "actual", "act", "feedback", "measured", "current", "ist", "istwert"}
+READ = {"read", "meas", "msr", "actual", "act", "feedback", "measured", "current", "ist", "istwert"}
 """Words of a joint that was read back."""
 TARGETS = {"goal", "target", "nominal", "nom", "cmd", "command", "commanded", "ref", "set", "t",
            "soll", "sollwert", "reference", "desired", "programmed", "prog", "planned", "plan",
@@ -38,7 +36,8 @@ TARGETS = {"goal", "target", "nominal", "nom", "cmd", "command", "commanded", "r
 MEASURED = (
     {"meas", "measured", "mess", "messwert", "gemessen", "seen", "observed", "tracker", "laser",
      "lasertracker", "lt", "smr", "reflector", "prism", "mesuré", "mesurée", "mesure", "misurato",
-     "misurata", "medido", "medida", "测量", "实测", "測定", "測定値", "実測", "実測値"},
+     "misurata", "mean", "avg", "average", "mittel", "mittelwert", "moyenne", "media", "平均",
+     "medido", "medida", "测量", "实测", "測定", "測定値", "実測", "実測値"},
     {"actual", "act", "ist", "istwert", "real", "true", "réel", "reel", "reale", "实际"},
 )  # fmt: skip
 """Words of what an instrument saw: beside the first ones, the others are what a controller says."""
@@ -55,7 +54,7 @@ ANGLE = {"azimuth", "elevation", "zenith", "hz", "horizontal", "vertical"}
 DRIVES = {"torque": "torque", "tau": "torque", "moment": "torque", "effort": "torque"}
 """Words of what a drive reports; a current is known by its unit, or as that of a motor."""
 LOADS = {"payload", "load"}
-SPREAD = {"std", "sd", "sigma", "stdev", "rms"}
+SPREAD = {"std", "sd", "sigma", "stdev", "rms", "min", "max", "minimum", "maximum"}
 EXPANDED = {"u95", "u95%", "unc95"}
 STANDARD = {"u", "u1", "unc", "uncertainty"}
 PLAIN = {

@@ -81,6 +81,28 @@ DIALECTS = {
     ),
     "gon": csv(joints("J{} [gon]", DEG / 0.9) | places("{} [mm]")),
     "units behind a comma": csv(joints('"J{}, deg"') | places('"{}, mm"')),
+    "entries of transforms counted from 0": csv(
+        {"number": np.arange(M)} | joints("theta_{}", DATA.q)
+        | {f"m_{i}{j}": (MM[:, i] if j == 3 else DATA.T[:, i, j]) if i < 3 else np.full(M, j == 3)
+           for i in range(4) for j in range(4)}
+    ),
+    "entries of transforms apart": csv(
+        joints("J{}")
+        | {f"T_{i + 1}_{j + 1}": (MM[:, i] if j == 3 else DATA.T[:, i, j])
+           for i in range(3) for j in range(4)}
+    ),
+    "entries of rotations counted from 0": csv(
+        joints("J{}") | places("p{}", axes="xyz")
+        | {f"r{i}{j}": DATA.T[:, i, j] for i in range(3) for j in range(3)}
+    ),
+    "joints of ABB, and averages among their shots": csv(
+        joints("rax_{}") | places("{} shot 1", MM + 0.1) | places("{} shot 2", MM - 0.1)
+        | places("{} avg")
+    ),
+    "averages with their extremes": csv(
+        joints("J{}") | places("{} mean") | places("{} std", 0 * MM + 0.01)
+        | places("{} min", MM - 0.02) | places("{} max", MM + 0.02)
+    ),
     "what was wished in brackets": csv(joints("J{}") | places("{} (nominal)", SOLL) | places("{}")),
     "a quaternion that counts from 1 beside the joints": csv(
         joints("J{}") | places("{}") | {"q1": W, "q2": X, "q3": Y, "q4": Z}

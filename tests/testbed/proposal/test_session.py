@@ -326,7 +326,7 @@ def test_files_of_one_head_with_joints_of_their_own_are_visits(tmp_path):
         tmp_path, **{f"{name}__csv": visit_table(visit(k, 20)) for k, name in enumerate("abc")}
     )
     said, text = proposed(tmp_path, files, "--robot", "staubli_tx60")
-    assert "3 files have the same columns and other joints" in said
+    assert "3 files have the same columns and joints of their own" in said
     assert [one["file"] for one in tomllib.loads(text)["session"]] == ["a.csv", "b.csv", "c.csv"]
     read = read_session(tmp_path / "session.toml", ROBOT)
     assert [one.name for one in read.visits] == ["a", "b", "c"]
@@ -334,6 +334,31 @@ def test_files_of_one_head_with_joints_of_their_own_are_visits(tmp_path):
     told = CliRunner().invoke(app, ["check", str(tmp_path / "session.toml")]).stdout
     assert "3 sessions of one robot: a, b, c" in told
     assert told.count("base and tool alone leave") == 3
+
+
+@pytest.mark.parametrize("targets", [1, 3])
+def test_files_of_one_head_without_names_of_poses_are_visits(targets, tmp_path):
+    """The first half of the rows in one file, the others in another frame in a second one."""
+    places_of = [data().T[:, :3, 3] + data().T[:, :3, :3] @ (ARM + np.array([0, 0.05 * k, 0]))
+                 for k in range(targets)]  # fmt: skip
+    half = np.arange(M) < M // 2
+    for name, rows, shift in (("a", half, 0.0), ("b", ~half, 2.5)):
+        table = {
+            joint: column[rows] for joint, column in joints(*(f"J{k}" for k in range(1, 7))).items()
+        }
+        for k, seen in enumerate(places_of):
+            label = f"N{k + 1} " if targets > 1 else ""
+            table |= places(*(f"{label}{a}" for a in "XYZ"), values=1e3 * (seen[rows] + shift))
+        (tmp_path / f"{name}.csv").write_text(csv(table))
+    said, text = proposed(
+        tmp_path, [tmp_path / "a.csv", tmp_path / "b.csv"], "--robot", "staubli_tx60"
+    )
+    assert "2 files have the same columns and joints of their own" in said
+    assert "unused" not in said
+    assert [one["file"] for one in tomllib.loads(text)["session"]] == ["a.csv", "b.csv"]
+    read = read_session(tmp_path / "session.toml", ROBOT)
+    assert len(read.measurements) == targets * M
+    assert len(read.visits) == 2
 
 
 def test_several_targets_and_missed_shots_leave_files_of_one_head_stations(tmp_path):
