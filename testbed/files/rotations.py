@@ -224,9 +224,13 @@ def _checked_matrices(R: Array, table: DataTable) -> tuple[Array, list[str]]:
     out, far = np.array(R), np.flatnonzero(off > KEPT)
     U, _, Vt = np.linalg.svd(R[far])
     out[far] = U @ Vt
-    worst = float(np.nanmax(np.append(off, 0.0)))
-    warning = f"{table.where}: matrices are off rotations by up to {worst:.1e}; set right"
-    return frozen(out), [warning] if worst > QUIET else []
+    worst = int(np.argmax(np.nan_to_num(off))) if off.size else 0
+    most = float(np.nan_to_num(off[worst])) if off.size else 0.0
+    if most <= QUIET:
+        return frozen(out), []
+    # one that stands out is a cell that was typed
+    where = f"{table.where}: matrices are off rotations by up to {most:.1e}"
+    return frozen(out), [f"{where} (line {table.sheet.lines[worst]}); set right"]
 
 
 def _plain_columns(table: DataTable, names: tuple[str, ...]) -> Columns | None:

@@ -40,7 +40,7 @@ J = tuple(f"J{k}" for k in range(1, 7))
 LABELS = {
     "Dutch": ("Gemeten", "Nominaal"),
     "Polish": ("Zmierzone", "Nominalne"),
-    "Japanese": ("実測", "設計"),
+    "Finnish": ("Mitattu", "Nimellinen"),
     "letters": ("M", "N"),
 }
 
