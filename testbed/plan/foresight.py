@@ -17,6 +17,7 @@ from testbed.laboratory.goal import Goal
 from testbed.laboratory.tracker.of_scenario import bias_size
 from testbed.laboratory.tracker.predicted import goal_u
 from testbed.plan.records import Foresight
+from testbed.plan.rehearsal import rehearsed
 from testbed.plan.task import DesignTask
 from testbed.scenario.laboratory import At960Tracker
 
@@ -62,16 +63,18 @@ def foresight(
     _, evidence = evidence_rows(bench.robot.model, parameters, train, apart, every)
     proven = proof(bench, goal, parameters, gain, train, held_out)
     reach = None if proven is None else proven.applies(goal.q)
+    shared = sources(bench, parameters, gain, train, apart if len(apart) else train)
     return Foresight(
         covariance=frozen(covariance * np.outer(scale, scale)),
         noise=frozen(u.noise),
         shared=frozen(u.shared),
         R95_over=radius_over(sigma, goal.weights),
         R95_worst=_largest(sigma, u.whole),
+        stated=rehearsed(bench, goal, parameters, train, apart, shared),
         misfit_seen=detectable_size(evidence),
         applies=reach,
         why=() if proven is None or reach is None else reasons(proven, reach, goal.q),
-        sources=sources(bench, parameters, gain, train, apart if len(apart) else train),
+        sources=shared,
     )
 
 

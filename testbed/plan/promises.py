@@ -27,8 +27,8 @@ def promise(plan: Plan) -> str:
     return (
         f"{poses} will locate the mean tool point within {micrometres(seen.R95_over)} µm (3-D "
         f"radius, 95{NARROW}%). This is over the goal, counting {far}; at the goal's worst posture "
-        f"the radius is {micrometres(seen.R95_worst)} µm. {_time_words(plan)}. Errors outside the "
-        f"model cannot be predicted: {misfit_words(plan)}."
+        f"the radius is {micrometres(seen.R95_worst)} µm. {_time_words(plan)}. Errors "
+        f"outside the model cannot be predicted: {misfit_words(plan)}."
     )
 
 
@@ -41,13 +41,18 @@ def _time_words(plan: Plan) -> str:
 
 
 def misfit_words(plan: Plan) -> str:
-    """Which misfit the measurements would show, and what becomes of a smaller one."""
-    size = plan.foresight.misfit_seen
+    """Which misfit the measurements would show, what becomes of a smaller one, and the radius."""
+    size, radius = plan.foresight.misfit_seen, plan.foresight.radius_stated
+    about = f"about {micrometres(radius, 2)} µm" if np.isfinite(radius) else ""
     if not np.isfinite(size):
-        return "these measurements are too few to show any misfit"
+        few = "these measurements are too few to show any misfit"
+        return f"{few}, and the calibration will state {about}" if about else few
+    allowed = "the stated region will allow for it"
+    if about:
+        allowed = f"the calibration will allow for it and state {about}"
     return (
         f"a misfit of {micrometres(size, 2)} µm per axis or more would show in these "
-        "measurements; a smaller one may stay hidden, and the stated region will allow for it"
+        f"measurements; a smaller one may stay hidden, and {allowed}"
     )
 
 
