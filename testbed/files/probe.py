@@ -27,7 +27,7 @@ from testbed.files.alternatives import (
 from testbed.files.frames_fit import FAR, Misfit, flange_poses, target_groups
 from testbed.files.refusal import refusal
 from testbed.files.rows.exact import exactness
-from testbed.files.rows.one_tool import not_on_one_tool
+from testbed.files.rows.one_tool import named_target, not_on_one_tool
 from testbed.files.rows.ratios import ratios_that_fit
 from testbed.files.rows.shifts import (
     FEWEST,
@@ -206,8 +206,7 @@ def _others(
         some = rows[spread_out(len(rows))]
         left = misfit_of(robot.model, as_read(session, some))
         if exact := exactness(robot.model, session, some, left):
-            name = session.reflector_names[int(table.reflector[rows[0]])]
-            yield f"target {name}: {exact}" if name else exact
+            yield f"{named_target(session, int(rows[0]))}{exact}"
 
 
 def _of_rows(model: RobotModel, one: Shifted, stated: float) -> Tried:

@@ -22,9 +22,10 @@ def is_of_a_controller(robot: Robot, session: Session | None) -> bool:
 
 
 def places_of(draft: Draft) -> tuple[str, ...]:
-    """The columns of a file that a draft takes its positions from, by their names there."""
+    """The files and columns that a draft takes its positions from, by their names."""
     section = next(draft.document[name] for name in ("frames", "points", "ranges")
                    if name in draft.document)  # fmt: skip
     several = [name for own in section.get("targets", {}).values() for name in own]
     columns = section.get("columns", {})
-    return tuple(several or [name for own, name in columns.items() if own[:2] in PLACE])
+    files = section.get("files", [section[key] for key in ("file", "sheet") if key in section])
+    return (*files, *(several or [name for own, name in columns.items() if own[:2] in PLACE]))

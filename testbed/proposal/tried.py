@@ -161,7 +161,7 @@ def _by_an_instrument(
     own = places_of(drafts[best])
     others = [
         k for k, one in enumerate(drafts)
-        if fits[k].score <= FAR and _seen(one) == _seen(drafts[best]) and places_of(one) != own
+        if fits[k].score <= FAR and not is_ranged(one) and places_of(one) != own
     ]  # fmt: skip
     if not others or not is_of_a_controller(robot, sessions[best]):
         return best, set(), ""

@@ -58,12 +58,30 @@ def not_on_one_tool(session: Session, groups: Sequence[Index]) -> InputError | N
         rows, beside = np.array(both).T
         why = apart_or_alike(table.position[rows], table.position[beside])
         if why:
-            first, second = (
-                session.reflector_names[int(table.reflector[k])] for k in (rows[0], beside[0])
-            )
+            first, second = (_target(session, int(k)) for k in (rows[0], beside[0]))
             return refusal(
                 session.where, "target", f'targets "{first}" and "{second}" {why}', code="M32",
                 allowed="targets are reflectors on one tool, each at a place of its own",
                 fix="keep what was measured: one of them may be where the robot was sent",
             )  # fmt: skip
     return None
+
+
+def named_target(session: Session, row: int) -> str:
+    """What a sentence on the target and the station of a row begins with; empty where all are one.
+
+    Examples: ``target A: ``, ``station b.csv: ``.
+    """
+    table = session.measurements
+    target, stations = _target(session, row), session.station_names
+    said = [f"target {target}"] if target else []
+    at = int(table.station[row])
+    if len(stations) > 1 and at < len(stations):
+        said.append(f"station {stations[at]}")
+    return f"{', '.join(said)}: " if said else ""
+
+
+def _target(session: Session, row: int) -> str:
+    """The name of the target of a row; of one that needs none it is empty."""
+    k, names = int(session.measurements.reflector[row]), session.reflector_names
+    return names[k] if 0 <= k < len(names) else ""

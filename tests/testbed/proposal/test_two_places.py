@@ -135,3 +135,24 @@ def test_reflectors_on_one_tool_stay_targets_whichever_shots_were_missed(tmp_pat
     session_of(tmp_path, other)
     done = call("check", tmp_path / "session.toml", "--robot", ROBOT.name)
     assert "do not stay together" not in done.stdout + done.stderr
+
+
+@pytest.mark.parametrize("names", [("m", "nominal"), ("z", "nominal")])
+def test_a_file_of_where_the_robot_was_sent_is_left_aside(names, tmp_path):
+    tables = {"j": joints(*J), names[0]: places(*"XYZ"), names[1]: places(*"XYZ", values=SENT)}
+    for name, table in tables.items():
+        (tmp_path / f"{name}.csv").write_text(csv(table))
+    files = sorted(tmp_path.glob("*.csv"))
+    said, _ = proposed(tmp_path, files, "--robot", ROBOT.name)
+    assert "nominal.csv, X, Y, Z are left aside: they are a controller's own poses" in said
+    table = read_session(tmp_path / "session.toml", ROBOT).measurements
+    np.testing.assert_allclose(table.position, points() / 1e3, rtol=0, atol=1e-12)
+
+
+def test_a_station_whose_readings_a_controller_made_is_named(tmp_path):
+    own = {"id": np.arange(M)}
+    tables = {"j": joints(*J), "m": places(*"XYZ"), "nominal": places(*"XYZ", values=nominal())}
+    for name, table in tables.items():
+        (tmp_path / f"{name}.csv").write_text(csv(own | table))
+    said, _ = proposed(tmp_path, sorted(tmp_path.glob("*.csv")), "--robot", ROBOT.name)
+    assert "station 2: base and tool explain the positions to" in said
