@@ -26,6 +26,9 @@ FRAME, MISFIT = "another frame", "misfit"
 """Name of that question."""
 StatementName = Literal["region", "none"]
 
+LEAST_SAID = 1e-4
+"""A p-value that is written out; of a smaller one only that it is small."""
+
 
 @dataclass(frozen=True, slots=True)
 class Trust(Shown):
@@ -207,8 +210,8 @@ def _unrefuted(questions: Questions, held_out: HeldOut | None, frame: OtherFrame
 
 
 def _chance(p: float) -> str:
-    """A p-value, also where it underflows."""
-    return f"= {p:.2g}" if p > 0 else "< 1e-300"
+    """A p-value; how far a tiny one is below any level depends on tails that nobody knows."""
+    return f"= {p:.2g}" if p >= LEAST_SAID else "< 0.001"
 
 
 def _capital(text: str) -> str:

@@ -104,6 +104,21 @@ def test_a_motion_that_the_region_holds_is_said_to_be_in_it():
     assert answer in verdict.sentence
 
 
+@pytest.mark.parametrize(
+    ("p", "said"), [(0.0, "< 0.001"), (1.4e-7, "< 0.001"), (2.4e-4, "= 0.00024")]
+)
+def test_a_tiny_p_value_is_only_called_small(p, said):
+    """Nobody knows the tails of a noise so far out."""
+    _, fit, train, test = campaign(3)
+    made = judge(fit, test, train=train)
+    refuted = dataclasses.replace(made.held_out, p_value=p)
+    verdict = trust(
+        fit, belief=made.belief, point=made.point, questions=made.questions, held_out=refuted,
+        frame=made.frame,
+    )  # fmt: skip
+    assert f"p {said})" in verdict.sentence
+
+
 def test_nothing_is_believed_of_a_fit_that_did_not_converge():
     _, fit, train, test = campaign(3)
     made = judge(dataclasses.replace(fit, status=Status.LIMIT), test, train=train)
