@@ -23,6 +23,8 @@ from calib.measurement.residual import Stack
 
 RED = 1e-3
 """A p-value below this shows that the model or the stated noise is wrong."""
+LEAST_SAID = 1e-4
+"""A p-value that is written out; of a smaller one only that it is small."""
 MOST_OUTLIERS = 0.2
 """Part of the observations above which misfits are the model's fault, not theirs."""
 
@@ -218,7 +220,7 @@ def _chi_square_notes(
     """What a chi-square out of its range means."""
     if p_value < RED:
         return (
-            f"chi-square is {total / dof:.2f} per degree of freedom (p {_chance(p_value)}): the "
+            f"chi-square is {total / dof:.2f} per degree of freedom (p {chance(p_value)}): the "
             "residuals are larger than the stated noise explains; do not believe the intervals, "
             "look for errors that the model leaves out",
         )
@@ -237,7 +239,7 @@ def _repeat_notes(misfit: LackOfFit | None, p_value: float) -> tuple[str, ...]:
     ratio = f"against the scatter of repeats the misfit has F = {misfit.ratio:.2f}"
     if misfit.p_value < RED:
         return (
-            f"{ratio} (p {_chance(misfit.p_value)}): the model misses more than the measurements "
+            f"{ratio} (p {chance(misfit.p_value)}): the model misses more than the measurements "
             "scatter; free more numbers or use the extended model",
         )
     return (
@@ -257,6 +259,6 @@ def _outlier_notes(judged: Outliers, measurements: Measurements, many: bool) -> 
     return judged.sentences(measurements)
 
 
-def _chance(p: float) -> str:
-    """A p-value, also where it underflows."""
-    return f"= {p:.1e}" if p > 0 else "< 1e-300"
+def chance(p: float) -> str:
+    """A p-value; how far a tiny one is below any level depends on tails that nobody knows."""
+    return f"= {p:.2g}" if p >= LEAST_SAID else "< 0.001"

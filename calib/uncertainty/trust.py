@@ -7,7 +7,7 @@ from typing import Literal
 import numpy as np
 
 from calib.held_out_counts import fewest_poses
-from calib.identification.fit_statistics import RED
+from calib.identification.fit_statistics import RED, chance
 from calib.identification.identify import Identification, Status
 from calib.identification.outliers.tails import LongTails
 from calib.shown import Shown
@@ -25,9 +25,6 @@ from calib.uncertainty.validation import LinearCheck
 FRAME, MISFIT = "another frame", "misfit"
 """Name of that question."""
 StatementName = Literal["region", "none"]
-
-LEAST_SAID = 1e-4
-"""A p-value that is written out; of a smaller one only that it is small."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -176,25 +173,25 @@ def _against(fit: Identification, held_out: HeldOut | None) -> list[str]:
     if fit.p_value < RED:
         reasons.append(
             f"the residuals are larger than the stated noise (chi-square "
-            f"{fit.chi_square / _freedom(fit):.2f} per degree of freedom, p {_chance(fit.p_value)})"
+            f"{fit.chi_square / _freedom(fit):.2f} per degree of freedom, p {chance(fit.p_value)})"
         )
     lack = fit.lack_of_fit
     if lack is not None and lack.p_value < RED:
         reasons.append(
-            f"the misfit is larger than the scatter of repeats explains (p {_chance(lack.p_value)})"
+            f"the misfit is larger than the scatter of repeats explains (p {chance(lack.p_value)})"
         )
     if held_out is not None and held_out.p_value < RED:
         reasons.append(
             f"errors at {len(held_out)} held-out poses are larger than they say (chi-square "
             f"{held_out.chi_square / (3 * len(held_out)):.2f} per degree of freedom, "
-            f"p {_chance(held_out.p_value)})"
+            f"p {chance(held_out.p_value)})"
         )
     return reasons
 
 
 def _unrefuted(questions: Questions, held_out: HeldOut | None, frame: OtherFrame | None) -> str:
     """What the tests saw where none refutes: nothing, or a doubt; never a proof."""
-    p = f"combined p {_chance(questions.combined)}"
+    p = f"combined p {chance(questions.combined)}"
     of = "residuals" if held_out is None else "residuals and held-out errors"
     if questions.said:
         said = " and ".join(questions.said)
@@ -203,15 +200,10 @@ def _unrefuted(questions: Questions, held_out: HeldOut | None, frame: OtherFrame
         elif frame is not None and not frame.found:
             said = said.replace(FRAME, f"{FRAME}, by less than the region holds")
         least = max(p for p in questions.adjusted if p < LEVEL)
-        return f"A test of the {of} answers: {said} (p {_chance(least)})"
+        return f"A test of the {of} answers: {said} (p {chance(least)})"
     if not questions.agree:
         return f"The {of} together are larger than the stated noise makes likely ({p})"
     return f"No test of the {of} contradicts the stated noise ({p}), which is no proof"
-
-
-def _chance(p: float) -> str:
-    """A p-value; how far a tiny one is below any level depends on tails that nobody knows."""
-    return f"= {p:.2g}" if p >= LEAST_SAID else "< 0.001"
 
 
 def _capital(text: str) -> str:

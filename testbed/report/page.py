@@ -3,6 +3,7 @@
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from html import escape
 from itertools import zip_longest
 from pathlib import Path
 from typing import Any, ClassVar, Literal, get_args
@@ -14,6 +15,8 @@ from testbed.units import counted, listed, plain, typeset
 SIMULATED = "SIMULATED - not a calibration certificate"
 """On everything that was made from a virtual robot."""
 SENTENCE_ENDS = re.compile(r"(?<=[.!?]) (?=[A-Z])")
+OPTION = re.compile(r"--[a-z][a-z-]*")
+"""An option of a command, which a browser would break behind its hyphens."""
 SHORTEST = 3
 """Spaces in what counts as a sentence, at least."""
 HALF = 74
@@ -220,6 +223,17 @@ def _announced(blocks: Sequence[Block]) -> Iterator[Block]:
             yield block
 
 
+def whole(text: str) -> str:
+    """A text as HTML whose options, as of a command, stand in one line: nothing is hidden in them.
+
+    Examples
+    --------
+    >>> print(whole("a < b: --train 6"))
+    a &lt; b: <span class="whole">--train</span> 6
+    """
+    return OPTION.sub(r'<span class="whole">\g<0></span>', escape(text))
+
+
 def render(page: Page) -> str:
     """The page as HTML: no network, same bytes each time; whatever a user wrote is escaped."""
     from jinja2 import Environment, FileSystemLoader, StrictUndefined
@@ -232,6 +246,7 @@ def render(page: Page) -> str:
         lstrip_blocks=True,
     )
     environment.filters["typeset"] = typeset
+    environment.filters["whole"] = whole
     return visible(environment.get_template("report.html.j2").render(page=said_once(page.opened())))
 
 

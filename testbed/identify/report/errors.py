@@ -10,7 +10,7 @@ from testbed.identify.results import map_of
 from testbed.report.choice import choice_tables
 from testbed.report.page import Block, Figure, Points, Section, Text
 from testbed.report.plots_joints import joint_maps
-from testbed.report.svg import on_phone
+from testbed.report.svg import HALF_WIDTH, WIDTH, on_phone
 from testbed.units import counted, sentences, significant
 
 
@@ -57,6 +57,15 @@ def residual_section(calibration: Calibration) -> Section:
     low, high = plots.shade_steps(calibration)
     shown = "held-out rows" if calibration.split.is_test.any() else "rows identified from"
     medians = plots.has_medians(calibration)
+    temperature = calibration.conditions.temperature
+    warmed = temperature is not None and bool(np.ptp(temperature) > 0)
+    by_order = Figure(
+        "Error after calibration in the order of measuring"
+        f"{f'; line: running median of the {shown}' * medians}. A trend or a step suggests "
+        "that something moved, or that neighboring poses were measured one after another.",
+        plots.by_order(calibration, HALF_WIDTH if warmed else WIDTH),
+        "half" if warmed else "full",
+    )
     blocks: list[Block] = [
         Figure(
             f"Errors of the {shown} against each joint, before and after"
@@ -64,22 +73,16 @@ def residual_section(calibration: Calibration) -> Section:
             f"that this joint does not turn as modeled.{plots.thinned(calibration)}",
             plots.by_joint(calibration),
         ),
-        Figure(
-            "Error after calibration in the order of measuring"
-            f"{f'; line: running median of the {shown}' * medians}. A trend or a step suggests "
-            "that something moved, or that neighboring poses were measured one after another.",
-            plots.by_order(calibration),
-        ),
+        by_order,
         Figure(
             f"Where the errors after calibration are, from pale, below {mm(low)} mm, to dark, "
             f"above {mm(high)} mm, equally many rows in each shade; square: the base.",
             plots.over_workspace(calibration),
         ),
     ]
-    temperature = calibration.conditions.temperature
-    if temperature is not None and np.ptp(temperature) > 0:
+    if warmed:  # beside the order, with which it often goes
         caption = f"Errors of the {shown} against the temperature."
-        blocks.append(Figure(caption, plots.by_temperature(calibration)))
+        blocks.insert(2, Figure(caption, plots.by_temperature(calibration), "half"))
     return Section("errors", "Where the errors are", tuple(blocks))
 
 

@@ -22,7 +22,7 @@ from testbed.report.plots import (
     marked_line,
     view_of,
 )
-from testbed.report.svg import DARK, INK, LIGHT, MIDDLE, SOFT, drawing, svg_of
+from testbed.report.svg import DARK, HALF_WIDTH, INK, LIGHT, MIDDLE, SOFT, WIDTH, drawing, svg_of
 from testbed.units import DEG, MM, micrometres
 
 if TYPE_CHECKING:
@@ -112,14 +112,14 @@ def by_joint(calibration: Calibration) -> str:
     return _against(calibration, panels, height=height, columns=columns, titles=titles)
 
 
-def by_order(calibration: Calibration) -> str:
+def by_order(calibration: Calibration, width: float = WIDTH) -> str:
     """Errors over time, or over the order of the table where no time was kept."""
     table, after = calibration.measurements, calibration.fit.misses.position * MM
     if calibration.time is not None:
         x, label = calibration.time / 3600.0, "time since the first row [h]"
     else:
         x, label = np.arange(1.0, len(table) + 1), "row of the table"
-    with drawing(1, 1, height=2.2) as (figure, (ax,)):
+    with drawing(1, 1, height=2.2, width=width) as (figure, (ax,)):
         for rows, color, marker, name in (
             (calibration.is_used, LIGHT, "s", "identified from"),
             (calibration.split.is_test, DARK, "o", "held out"),
@@ -144,7 +144,7 @@ def by_temperature(calibration: Calibration) -> str:
     if temperature is None:
         return ""
     panels = [(temperature, "temperature [°C]")]
-    return _against(calibration, panels, height=1.9, columns=1)
+    return _against(calibration, panels, height=2.2, columns=1, width=HALF_WIDTH)
 
 
 def over_workspace(calibration: Calibration) -> str:
@@ -199,13 +199,14 @@ def _against(
     height: float,
     columns: int,
     titles: Sequence[str] = (),
+    width: float = WIDTH,
 ) -> str:
     """Errors before and after against several columns (m,), with their running medians."""
     rows = calibration.is_judged
     before = calibration.before_misses.position[rows] * MM
     after = calibration.fit.misses.position[rows] * MM
     lines = -(-len(panels) // columns)
-    with drawing(lines, columns, height=height, sharey=True) as (figure, axes):
+    with drawing(lines, columns, height=height, width=width, sharey=True) as (figure, axes):
         for ax in axes[len(panels) :]:
             ax.set_visible(False)
         for k, (x, label) in enumerate(panels):

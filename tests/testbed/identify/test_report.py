@@ -76,9 +76,11 @@ def test_no_sentence_is_said_twice(make):
 
 @pytest.mark.parametrize("make", [real, sound])
 def test_a_calibration_prints_on_five_pages_with_room_for_more(make, tmp_path):
-    """A quarter of a page is left: other robots have more to say."""
-    fuller = html(make).replace("<footer", '<div style="height: 7cm"></div><footer')
-    assert printed_pages(fuller, tmp_path) <= 5
+    """Other robots have more to say: in the first box, which shifts all tables, and at the end."""
+    more, spare = "word " * 45, '<div style="height: 6cm"></div>'
+    fuller = html(make).replace("Next step.</b>", f"Next step.</b> {more}")
+    assert more in fuller
+    assert printed_pages(fuller.replace("<footer", f"{spare}<footer"), tmp_path) <= 5
 
 
 def test_print_leaves_waves_of_joints_to_the_file_where_a_figure_draws_them():
