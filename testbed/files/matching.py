@@ -1,5 +1,6 @@
 """Which joints belong to which reading: by row, by pose_id, or by order if that is stated."""
 
+import re
 from collections import Counter
 from collections.abc import Collection, Hashable, Iterable, Sequence
 from dataclasses import dataclass
@@ -17,6 +18,8 @@ from testbed.files.slips import parted
 LARGEST_ID = 100_000
 """Whole numbers up to this are kept as pose numbers."""
 SHOWN = 8
+WHOLE = re.compile(r"(\d{1,17})\.0*", re.ASCII)
+COUNTED = re.compile(r"(\D*)(\d{1,17})", re.ASCII)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -107,8 +110,10 @@ def by_pose(
             raise refusal(part.where, "pose_id", "has no column pose_id", fix=fix)
         require_names("pose_id", part.extras.pose, part.place)
     visits = joints.extras.repeat is not None and readings.extras.repeat is not None
-    where, commanded = readings.where, _keys(joints.extras, visits=visits)
-    measured = _keys(readings.extras, visits=visits)
+    where = readings.where
+    commanded, measured = _keys(joints.extras, visits=visits), _keys(readings.extras, visits=visits)
+    if not {key[0] for key in measured} <= {key[0] for key in commanded} and not elsewhere:
+        commanded, measured = _written_alike(commanded, measured)
     once = _stops(commanded, joints.q)
     twice = [key for key, count in Counter(commanded[k] for k in once).items() if count > 1]
     if twice:
@@ -183,6 +188,39 @@ def _keys(extras: Extras, *, visits: bool) -> list[tuple[str, int]]:
 def _plain(name: str) -> str:
     """A pose's name; 07 is 7."""
     return str(int(name)) if name.isascii() and name.isdigit() and len(name) < 19 else name
+
+
+def _written_alike(
+    commanded: Sequence[tuple[str, int]], measured: Sequence[tuple[str, int]]
+) -> tuple[list[tuple[str, int]], list[tuple[str, int]]]:
+    """Keys as two programs would write them alike, where that brings all readings to joints."""
+    files = [[name for name, _ in keys] for keys in (commanded, measured)]
+    one, other = ([(written_alike(name), k) for name, k in keys] for keys in (commanded, measured))
+    found = {name for name, _ in other} <= {name for name, _ in one}
+    if found and all(stay_apart(names) for names in files):
+        return one, other
+    return list(commanded), list(measured)
+
+
+def written_alike(name: str) -> str:
+    """A pose's name however a program writes it: P001, p 1 and P1 are one, and so are 7.0 and 7.
+
+    Examples
+    --------
+    >>> [written_alike(name) for name in ("P001", "p 1", "7.0", "P1_2")]
+    ['p1', 'p1', '7', 'p1_2']
+    """
+    name = name.casefold().replace(" ", "")
+    if (whole := WHOLE.fullmatch(name)) is not None:
+        return str(int(whole[1]))
+    counted = COUNTED.fullmatch(name)
+    return f"{counted[1]}{int(counted[2])}" if counted is not None else name
+
+
+def stay_apart(names: Iterable[str]) -> bool:
+    """Whether different names of one file stay different where two programs write alike."""
+    own = {_plain(name) for name in names}
+    return len({written_alike(name) for name in own}) == len(own)
 
 
 def _listed(keys: Sequence[tuple[str, int]]) -> str:

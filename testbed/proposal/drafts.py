@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from itertools import product
 
 from testbed.files.columns import covariance_names
+from testbed.files.matching import stay_apart, written_alike
 from testbed.files.refusal import refusal
 from testbed.proposal.data import Document, Found, Part
 from testbed.proposal.names import targets_in_a_row
@@ -177,5 +178,9 @@ def _ways(one: Found, two: Found) -> tuple[str, ...]:
         found = look.stems.get("pose_id")
         sides.append(set(look.column(found.theirs)) if found else None)
     named, seen = sides
+    if named is None or seen is None:
+        return ("order",)
+    if not seen <= named and stay_apart(seen) and stay_apart(named):
+        named, seen = ({written_alike(name) for name in names} for names in (named, seen))
     # readings of another kind may be those of the other poses
-    return ("pose_id",) if named is not None and seen is not None and seen <= named else ("order",)
+    return ("pose_id",) if seen <= named else ("order",)

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from testbed.files.read import read_session
+from testbed.files.matching import stay_apart
+from testbed.files.read import ReadOptions, read_session
 from testbed.proposal.names import meanings
 from tests.testbed.files.made import csv
 from tests.testbed.proposal.test_odd_files import (
@@ -162,6 +163,35 @@ def test_names_of_points_in_two_files_are_those_of_poses(text, tmp_path):
     np.testing.assert_allclose(table.q, DATA.q[SHUFFLED], rtol=0, atol=1e-12)
     # nine decimals of a millimeter are written
     np.testing.assert_allclose(table.position, DATA.T[SHUFFLED, :3, 3], rtol=0, atol=1e-12)
+
+
+WRITTEN = {
+    "zeros before": ("P{:03d}", "P{}"),
+    "small letters and a space": ("p {}", "P{}"),
+    "whole numbers of a table program": ("{}.0", "{}"),
+}
+
+
+@pytest.mark.parametrize(("seen", "sent"), WRITTEN.values(), ids=WRITTEN)
+def test_names_of_poses_that_two_programs_write_in_their_ways_are_one(seen, sent, tmp_path):
+    """In another order, and some were not seen."""
+    rows = SHUFFLED[: M - 3]
+    table = {"id": [seen.format(k + 1) for k in rows]} | places("{}", MM[rows])
+    (tmp_path / "points.csv").write_text(csv(table))
+    (tmp_path / "joints.csv").write_text(
+        csv({"id": [sent.format(k + 1) for k in range(M)]} | joints("J{}"))
+    )
+    files = [tmp_path / "points.csv", tmp_path / "joints.csv"]
+    proposed(tmp_path, files, "--robot", UR10.name)
+    options = ReadOptions(drop_invalid=True)
+    read = read_session(tmp_path / "session.toml", UR10, options=options).measurements
+    np.testing.assert_allclose(read.q, DATA.q[rows], rtol=0, atol=1e-12)
+    np.testing.assert_allclose(read.position, DATA.T[rows, :3, 3], rtol=0, atol=1e-12)
+
+
+def test_names_that_one_file_tells_apart_stay_apart():
+    assert stay_apart(["P1", "P01", "P2"]) is False
+    assert stay_apart(["P1", "P2", "P1_2", "P12"]) is True
 
 
 def test_columns_without_names_in_an_order_that_is_not_tried_are_to_be_named(tmp_path):
