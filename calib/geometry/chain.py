@@ -122,7 +122,7 @@ class Chain(Shown):
         return Chain(self.links + step[6:-6].reshape(-1, 5), self.kinds, base, tool)
 
     def step_to(self, other: "Chain") -> Array:
-        """Step (12 + 5 n,) that moves this chain to `other`: ``a.moved(a.step_to(b))`` is b."""
+        """Step (12 + 5 n,) [m, rad] to `other`: ``a.moved(a.step_to(b))`` is b."""
         if self.kinds != other.kinds:
             message = f"chains differ in their joints: {self.kinds} and {other.kinds}"
             raise refuse("kinds", code="A3", message=message)

@@ -98,7 +98,7 @@ class RobotModel(Shown):
         return RobotModel(self.chain.moved(step[:k]), errors, self.fixtures.moved(step[end:]))
 
     def step_to(self, other: "RobotModel") -> Array:
-        """Step (P,) that moves this model to `other`, of the same joint terms and fixtures."""
+        """Step (P,) [m, rad] to `other`, of the same joint terms and fixtures; see `moved`."""
         require_kind("other", other, RobotModel, "a calib.RobotModel")
         (here, there) = check(
             "k, k",
@@ -110,7 +110,15 @@ class RobotModel(Shown):
         )
 
     def poses(self, q: ArrayLike, at: OperatingConditions = AS_USUAL) -> Array:
-        """Tool poses T_world_tool (m, 4, 4) at commanded joint values q (m, n)."""
+        """Tool poses T_world_tool (m, 4, 4) [m] at commanded joint values q (m, n).
+
+        Parameters
+        ----------
+        q : (m, n) array_like
+            Commanded joint values [rad, m].
+        at : OperatingConditions, optional
+            What the poses say beside their joints, one row for each.
+        """
         q, errors = joint_vectors(self.chain, q), self.joint_errors
         require_kind("at", at, OperatingConditions, CONDITIONS)
         at.require_rows(*q.shape)
@@ -123,7 +131,10 @@ class RobotModel(Shown):
     def poses_and_jacobian(
         self, q: ArrayLike, at: OperatingConditions = AS_USUAL
     ) -> tuple[Array, Array]:
-        """Poses (m, 4, 4) and Jacobian (m, 6, P), rows [dp; dr] in world axes.
+        """Poses (m, 4, 4) [m] and Jacobian (m, 6, P), rows [dp (m); dr (rad)] in world axes.
+
+        Arguments as in `poses`; columns by the numbers of `names`, each per meter or radian of a
+        step as `moved` takes it.
 
         A joint term's column is its joint's own column times the basis value: exact, because the
         offset is linear in the coefficient; that of lengths is the same of all lengths. A number

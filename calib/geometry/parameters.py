@@ -85,7 +85,7 @@ class Parameters(Shown):
         return replace(self, free=np.array([name in wanted for name in self.names]))
 
     def expand(self, step: Array) -> Array:
-        """Full step (P,) from a step of the free numbers (f,)."""
+        """Full step (P,) from a step of the free numbers (f,) [m, rad]."""
         full = np.zeros(len(self.names))
         full[self.free] = step
         return full

@@ -98,7 +98,7 @@ class Identification(Shown):
 
     @property
     def full_covariance(self) -> Array:
-        """(P, P) covariance of all numbers; zero where a number was not estimated."""
+        """(P, P) of all numbers [m^2, m rad, rad^2]; zero where one was not estimated."""
         full = np.zeros((len(self.parameters.names),) * 2)
         index = self.parameters.free_index
         full[np.ix_(index, index)] = self.covariance

@@ -106,7 +106,28 @@ def index_of_singular(
 
 @checked_kinds
 def indices(singular: ArrayLike, n_poses: int) -> Observability:
-    """All five indices of the singular values (p,) of the Jacobian of `n_poses` poses."""
+    """All five indices of the singular values (p,) of the Jacobian of `n_poses` poses.
+
+    Parameters
+    ----------
+    singular : (p,) array_like
+        Of the stacked rows, whitened and per scaled unit of each number; largest first.
+    n_poses : int
+        Poses stacked in them.
+
+    Examples
+    --------
+    Of the first twelve poses of a pool:
+
+    >>> from calib import Chain, RobotModel, design
+    >>> arm = RobotModel(Chain([[0, 0.4, 0.1, -1.57, 0], [0, 0, 0.5, 0, 0], [0, 0, 0.4, 0, 0]]))
+    >>> pool = np.random.default_rng(0).uniform(-2, 2, (40, 3))
+    >>> problem = design.Problem.of_poses(arm, pool, poses=12, criterion="O1")
+    >>> rows = problem.rows(range(12))
+    >>> found = indices(np.linalg.svd(rows, compute_uv=False), 12)
+    >>> bool(found.correct.O1 < design.exchange(problem, np.random.default_rng(0)).value)
+    True
+    """
     (singular,) = check("p", singular=singular)
     if not singular.size or (singular < 0).any() or (np.diff(singular) > 0).any():
         message = "singular must be the singular values of a Jacobian"

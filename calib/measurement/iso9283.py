@@ -137,7 +137,7 @@ def approaches(position: ArrayLike) -> IsoFigure:
 
 
 def gaps(position: ArrayLike) -> IsoFigure:
-    """Distances (..., k) between the barycenters of every two directions of approach.
+    """Distances (..., k) [m] between the barycenters of every two directions of approach.
 
     Their floor is that of the largest of them, vAP, whose limits need them all.
     """

@@ -296,5 +296,5 @@ def in_planes(covariance: Array, command: Array) -> Array:
 
 @checked_kinds
 def resampled(paths: Sequence[ArrayLike], command: ArrayLike) -> Array:
-    """Positions (m, n, 3) of n measured paths in the planes of m commanded points."""
+    """Positions (m, n, 3) [m] of n measured paths (k, 3) in the planes of m commanded points."""
     return frozen(np.stack([through_planes(path, command) for path in paths], axis=1))

@@ -76,7 +76,7 @@ class Bootstrap(Shown):
 
     @property
     def empirical(self) -> Array:
-        """(f, f) covariance over the replicates."""
+        """(f, f) covariance over the replicates [m^2, m rad, rad^2]."""
         return np.cov(self.estimates, rowvar=False).reshape(self.covariance.shape)
 
     @property

@@ -107,7 +107,7 @@ class Budget(Shown):
 
     @property
     def covariance(self) -> Array:
-        """(f, f) of the estimate, all sources together."""
+        """(f, f) of the estimate, all sources together [m^2, m rad, rad^2]."""
         return np.asarray(sum(source.covariance for source in self.sources))
 
     @property

@@ -73,11 +73,11 @@ def held_out(
     model : RobotModel
         Identified.
     covariance : (P, P) array_like
-        Of its full parameter vector, `Identification.full_covariance`.
+        Of its full parameter vector, `Identification.full_covariance` [m^2, m rad, rad^2].
     validation : Measurements
         Poses or points drawn from where the robot will be used, never from the designed set.
     used_q : (m, n) array_like
-        Joints that the identification used.
+        Joints that the identification used [rad, m].
 
     Raises
     ------

@@ -58,9 +58,9 @@ def common_inputs(
     names : sequence of str
         Name of each of the k numbers; equal names make one source (``target offset`` three times).
     sensitivity : (m, 6, k) array_like
-        B.
+        B: change of each row [m, rad], world axes, per unit of each number.
     variance : (k,) array_like
-        Variance of each number.
+        Variance of each number, in that unit squared.
     degrees_of_freedom : float
         Of all of them.
     """
