@@ -1,8 +1,12 @@
 """Places that a controller made, told from those that an instrument saw."""
 
+from dataclasses import replace
+
+import numpy as np
+
 from testbed.files.frames_fit import target_groups
 from testbed.files.rows.exact import exactness
-from testbed.files.rows.shifts import as_read, misfit_of, spread_out
+from testbed.files.rows.shifts import FEWEST, as_read, misfit_of, spread_out
 from testbed.files.session import Session
 from testbed.proposal.drafts import Draft
 from testbed.robots.robot import Robot
@@ -29,3 +33,27 @@ def places_of(draft: Draft) -> tuple[str, ...]:
     columns = section.get("columns", {})
     files = section.get("files", [section[key] for key in ("file", "sheet") if key in section])
     return (*files, *(several or [name for own, name in columns.items() if own[:2] in PLACE]))
+
+
+def without_sent(robot: Robot, draft: Draft, session: Session | None) -> tuple[Draft, str]:
+    """A draft of several files without those that a controller made, and what to say of them."""
+    name = next((key for key in ("frames", "points") if "files" in draft.document.get(key, {})), "")
+    if session is None or not name:
+        return draft, ""
+    table, section = session.measurements, dict(draft.document[name])
+    files = section.pop("files")
+    made = []
+    for k, file in enumerate(files):
+        rows = np.flatnonzero(table.station == k)
+        if len(rows) < FEWEST or table.is_distance[rows[0]]:
+            continue
+        some = rows[spread_out(len(rows))]
+        if exactness(robot.model, session, some, misfit_of(robot.model, as_read(session, some))):
+            made.append(file)
+    left = [file for file in files if file not in made]
+    if not made or not left:
+        return draft, ""
+    own = {"files": left} if len(left) > 1 else {"file": left[0]}
+    notes = tuple(one for one in draft.notes if len(left) > 1 or not one.startswith("stations: "))
+    said = f". {', '.join(made)} is left aside: it has a controller's own poses"
+    return replace(draft, document=draft.document | {name: own | section}, notes=notes), said

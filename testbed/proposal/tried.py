@@ -19,7 +19,7 @@ from testbed.gates.text import MAX_MB, FileText
 from testbed.proposal.both import Joined, is_ranged, joined_with, names_of
 from testbed.proposal.data import Found
 from testbed.proposal.drafts import MATCHED, PARTS, Draft
-from testbed.proposal.sent import is_of_a_controller, places_of
+from testbed.proposal.sent import is_of_a_controller, places_of, without_sent
 from testbed.robots.robot import Robot
 from testbed.units import counted
 
@@ -106,6 +106,9 @@ def tried_with(
             others = sorted(fits[k].score for k in same if k != best and fits[k].is_one)
             tried = _fitting(robot, fits[best].score, others, len(same) - 1, parts)
             draft, more = _of_both(drafts, sessions, fits, best, robot, read)
+            if draft is drafts[best]:
+                draft, sent = without_sent(robot, draft, sessions[best])
+                more += sent
             return draft, tried + aside + more, True
     likely = next((k for k, one in enumerate(sessions) if one is not None), None)
     if likely is None:

@@ -149,10 +149,33 @@ def test_a_file_of_where_the_robot_was_sent_is_left_aside(names, tmp_path):
     np.testing.assert_allclose(table.position, points() / 1e3, rtol=0, atol=1e-12)
 
 
-def test_a_station_whose_readings_a_controller_made_is_named(tmp_path):
+@pytest.mark.parametrize("more", [False, True])
+def test_a_station_whose_readings_a_controller_made_is_left_aside(more, tmp_path):
+    """Beside one station, and beside two: the second one stands elsewhere."""
     own = {"id": np.arange(M)}
     tables = {"j": joints(*J), "m": places(*"XYZ"), "nominal": places(*"XYZ", values=nominal())}
+    if more:
+        tables["n"] = places(*"XYZ", values=points() @ BASE[:3, :3] + [10.0, 20.0, 30.0])
     for name, table in tables.items():
         (tmp_path / f"{name}.csv").write_text(csv(own | table))
     said, _ = proposed(tmp_path, sorted(tmp_path.glob("*.csv")), "--robot", ROBOT.name)
-    assert "station 2: base and tool explain the positions to" in said
+    assert "nominal.csv is left aside: it has a controller's own poses" in said
+    assert ("stations: each file is one" in said) is more
+    table = read_session(tmp_path / "session.toml", ROBOT).measurements
+    assert len(table) == M * (1 + more)
+    np.testing.assert_allclose(table.position[:M], points() / 1e3, rtol=0, atol=1e-12)
+
+
+def test_a_station_of_a_session_whose_readings_a_controller_made_is_named(tmp_path):
+    own = {"pose_id": np.arange(M)}
+    tables = {"j": joints(*(f"q{k}_deg" for k in range(1, 7)))}
+    tables |= {"m": places("x_mm", "y_mm", "z_mm")}
+    tables |= {"n": places("x_mm", "y_mm", "z_mm", values=nominal())}
+    for name, table in tables.items():
+        (tmp_path / f"{name}.csv").write_text(csv(own | table))
+    (tmp_path / "session.toml").write_text(
+        'format = 1\nmatch = "pose_id"\njoints.file = "j.csv"\npoints.files = ["m.csv", "n.csv"]\n'
+        "uncertainty.position_um = 30\n"
+    )
+    done = call("check", tmp_path / "session.toml", "--robot", ROBOT.name)
+    assert "station 2: base and tool explain the positions to" in " ".join(done.stdout.split())
