@@ -6,6 +6,10 @@ from calib.arrays import Array, Index
 
 STARTS = 24
 """Tours improved besides the given one: nearest neighbors after each of so many first stops."""
+MANY = 250
+"""Points above which a search from each of so many starts takes minutes."""
+WORK = 10**9
+"""Pairs of points that the improvement of one tour looks at, at most."""
 GAIN = 1e-9
 """Share of the length that a change must gain, so that rounding cannot keep the search going."""
 
@@ -24,7 +28,8 @@ def best_tour(times: Array, given: Index) -> Index:
     -------
     (n,) array
         Points in order; no reversal of a piece and no move of up to three neighbors to another
-        place, either way around, makes it shorter.
+        place, either way around, makes it shorter. Of more than `MANY` points fewer tours are
+        tried, and of a thousand or more they are improved only as often as `WORK` allows.
 
     References
     ----------
@@ -33,8 +38,9 @@ def best_tour(times: Array, given: Index) -> Index:
     n = len(times)
     if n < 3:
         return np.asarray(given)
-    firsts = np.argsort(times[0, 1:], kind="stable")[:STARTS] + 1
-    tours = [improved(times, np.asarray(given))]
+    starts = STARTS if n <= MANY else max(STARTS * MANY**2 // n**2, 1)
+    firsts = np.argsort(times[0, 1:], kind="stable")[:starts] + 1
+    tours = [improved(times, np.asarray(given)) if n <= MANY else np.asarray(given)]
     tours += [improved(times, nearest_neighbors(times, int(first))) for first in firsts]
     return min(tours, key=lambda tour: length(times, tour))
 
@@ -58,11 +64,12 @@ def nearest_neighbors(times: Array, first: int) -> Index:
 def improved(times: Array, tour: Index) -> Index:
     """The tour after the best change again and again, until none gains."""
     slack = GAIN * max(length(times, tour), 1.0)
-    while True:
+    for _ in range(max(WORK // len(tour) ** 2, 1)):
         gain, changed = max((_best_turn(times, tour), _best_move(times, tour)), key=lambda c: c[0])
         if gain <= slack:
             return tour
         tour = changed
+    return tour
 
 
 def _best_turn(times: Array, tour: Index) -> tuple[float, Index]:
@@ -87,19 +94,39 @@ def _best_move(times: Array, tour: Index) -> tuple[float, Index]:
     """Largest gain of taking out up to three neighbors and putting them elsewhere."""
     best, out = -np.inf, tour
     n = len(tour)
+    D = times[np.ix_(tour, tour)]
+    step = np.diagonal(D, 1)
     for size in range(1, min(3, n - 2) + 1):
-        for i in range(1, n - size + 1):
+        first = np.arange(1, n - size + 1)
+        last = first + size - 1
+        gone = D[first - 1, first]
+        gone[:-1] += step[last[:-1]] - D[first[:-1] - 1, last[:-1] + 1]
+        added = np.stack([_added(D, step, *ends) for ends in ((first, last), (last, first))], 1)
+        after = np.argmin(added, axis=2)
+        gain = gone[:, None] - np.take_along_axis(added, after[:, :, None], axis=2)[:, :, 0]
+        k, turned = divmod(int(np.argmax(gain)), 2)
+        if gain[k, turned] > best:
+            best, i, behind = float(gain[k, turned]), int(first[k]), int(after[k, turned])
             piece, rest = tour[i : i + size], np.delete(tour, np.s_[i : i + size])
-            gone = times[tour[i - 1], piece[0]]
-            if i + size < n:
-                following = tour[i + size]
-                gone += times[piece[-1], following] - times[tour[i - 1], following]
-            before, behind = rest, rest[1:]
-            for ends in (piece, piece[::-1]):
-                added = times[before, ends[0]]
-                added[:-1] += times[ends[-1], behind] - times[before[:-1], behind]
-                k = int(np.argmin(added))
-                if gone - added[k] > best:
-                    best = float(gone - added[k])
-                    out = np.concatenate([rest[: k + 1], ends, rest[k + 1 :]])
+            cut = behind + 1 if behind < i else behind + 1 - size
+            out = np.concatenate([rest[:cut], piece[::-1] if turned else piece, rest[cut:]])
     return best, out
+
+
+def _added(D: Array, step: Array, head: Index, tail: Index) -> Array:
+    """Time (k, n) that k pieces add behind each place of the tour without them; inf inside them.
+
+    `head` (k,) comes after that place, and what followed it after `tail` (k,); D (n, n) are times
+    between places of the tour, `step` (n - 1,) those between neighbors.
+    """
+    added = D[head]
+    added[:, :-1] += D[tail, 1:] - step
+    first, last = np.minimum(head, tail), np.maximum(head, tail)
+    row, before = np.arange(len(first)), first - 1
+    # where a piece was taken out, what followed it follows; nothing follows the last one
+    added[row, before] = D[head, before]
+    row, before, behind = row[:-1], before[:-1], last[:-1] + 1
+    added[row, before] += D[tail[:-1], behind] - D[before, behind]
+    for k in range(int(last[0] - first[0]) + 1):
+        added[np.arange(len(first)), first + k] = np.inf
+    return added

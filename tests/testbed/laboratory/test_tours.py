@@ -1,0 +1,52 @@
+"""Tours: the best single change is found, and many points take no hours."""
+
+import time
+
+import numpy as np
+import pytest
+
+from testbed.laboratory.route import tours
+from testbed.laboratory.route.tours import best_tour, length
+
+
+def times_of(x):
+    """Times (n, n) of moves whose slowest joint decides."""
+    return np.abs(x[:, None] - x).max(axis=-1)
+
+
+def gains(times, tour):
+    """Gain of every move of one to three neighbors, either way around, by measuring each tour."""
+    n, whole = len(tour), length(times, tour)
+    for size in range(1, min(3, n - 2) + 1):
+        for i in range(1, n - size + 1):
+            rest = np.delete(tour, np.s_[i : i + size])
+            for piece in (tour[i : i + size], tour[i : i + size][::-1]):
+                for k in range(1, len(rest) + 1):
+                    changed = np.concatenate([rest[:k], piece, rest[k:]])
+                    yield whole - length(times, changed)
+
+
+@pytest.mark.parametrize("n", [3, 4, 5, 9, 16])
+def test_the_best_move_is_the_best_by_brute_force(n):
+    rng = np.random.default_rng(n)
+    for _ in range(20):
+        times = times_of(rng.uniform(size=(n, 4)))
+        tour = np.concatenate([[0], 1 + rng.permutation(n - 1)])
+        gain, changed = tours._best_move(times, tour)
+        assert sorted(changed) == list(range(n))
+        assert changed[0] == 0
+        # lengths of a few: their last digits
+        assert gain == pytest.approx(max(gains(times, tour)), abs=1e-13)
+        assert length(times, tour) - length(times, changed) == pytest.approx(gain, abs=1e-13)
+
+
+def test_six_hundred_points_take_seconds_and_no_longer_way_than_from_neighbor_to_neighbor():
+    times = times_of(np.random.default_rng(4).uniform(size=(600, 6)))
+    given, began = np.arange(600), time.process_time()
+    tour = best_tour(times, given)
+    # 3 s on one core; move by move, from each of 25 starts, it took ten minutes
+    assert time.process_time() - began < 60
+    assert sorted(tour) == given.tolist()
+    nearest = tours.nearest_neighbors(times, int(np.argsort(times[0, 1:], kind="stable")[0]) + 1)
+    assert length(times, tour) < 0.97 * length(times, nearest)
+    assert length(times, best_tour(times, tour)) <= length(times, tour)
