@@ -142,6 +142,9 @@ def tidy(text: str) -> str:
 
 
 def _opening(match: "re.Match[str]") -> str:
-    """The opening tag, as wide as its column and with the joins of the dropped style sheet."""
+    """The opening tag, as wide as its column and with the joins of the dropped style sheet.
+
+    Hidden from screen readers, which would say every number of an axis: the caption says it.
+    """
     attributes = re.sub(r"\b(?:width|height|version)=\"[^\"]*\"\s*", "", match.group(1)).strip()
-    return f'<svg {attributes} stroke-linejoin="round" stroke-linecap="butt">'
+    return f'<svg {attributes} aria-hidden="true" stroke-linejoin="round" stroke-linecap="butt">'

@@ -142,3 +142,13 @@ def test_the_banner_has_an_edge_all_around():
     banners = re.findall(r"(?m)^\s*(?:footer)?\.banner \{([^}]*)\}", style)
     assert "border: 2px solid" in banners[0]
     assert not any("border-" in banner for banner in banners)
+
+
+def test_a_screen_reader_is_told_of_which_row_a_number_is_and_a_caption_once():
+    table = Table("Errors", ("trial", "mm"), (("one", "1"), ("", "2")))
+    figure = Figure("A curve.", "<svg></svg>")
+    html = render(page(Section("one", "One", (figure, table))))
+    assert '<table aria-label="Errors">' in html
+    assert '<th scope="row" class="l">one</th><td class="r">1</td>' in html
+    assert '<td class="l"></td><td class="r">2</td>' in html  # goes on with the row above
+    assert html.count("A curve.") == 1
