@@ -11,6 +11,8 @@ from testbed.robots.robot import UPRIGHT
 from testbed.scenario.laboratory import At960Tracker
 from testbed.units import counted, listed
 
+JOINTS = 6
+"""Programs are for arms with so many turning joints."""
 WARNING = "Warning: "
 """Begins a sentence on what was not asked of a plan."""
 
@@ -25,7 +27,7 @@ def mark(plan: Plan) -> str:
     if tests_cone(plan):
         tested.append("faces the tracker")
         tracker = "its"
-    if plan.scenario.pool.line_of_sight:
+    if plan.scenario.pool.line_of_sight and tests_contact(plan):
         tested.append(f"is in {tracker} line of sight")
     whole = f"Every pose {listed(tested or ['keeps to the joint limits'])}"
     if tests_contact(plan):
@@ -37,6 +39,12 @@ def mark(plan: Plan) -> str:
 def tests_cone(plan: Plan) -> bool:
     """Whether poses were tested for facing the tracker."""
     return plan.scenario.tracker.acceptance_deg < 180.0
+
+
+def has_program(plan: Plan) -> bool:
+    """Whether programs are written for such an arm: one of six turning joints."""
+    kinds = plan.nominal.chain.kinds
+    return len(kinds) == JOINTS and "prismatic" not in kinds
 
 
 def tests_contact(plan: Plan) -> bool:

@@ -7,7 +7,7 @@ import numpy as np
 
 from calib.arrays import Array
 from calib.errors import one_line
-from testbed.plan.cautions import tests_contact
+from testbed.plan.cautions import has_program, tests_contact
 from testbed.plan.plan import STEPS
 from testbed.plan.plan import plan as make_plan
 from testbed.plan.recording import plan_story
@@ -28,8 +28,6 @@ from testbed.versions import all_versions
 
 ACCELERATION = 1.4
 """Of the joint that turns farthest, URScript [rad/s^2]."""
-JOINTS = 6
-"""These programs are for arms with so many turning joints."""
 TABLE, REPORT, RECORDING = "plan.csv", "plan_report.html", PLAYED_PLAN
 GOAL = "goal.csv"
 
@@ -40,8 +38,7 @@ def programs(plan: Plan) -> dict[str, str]:
     There are none if the arm is not of six turning joints, nor if a move is blocked: a program that
     hits something is worse than none.
     """
-    kinds = plan.nominal.chain.kinds
-    if len(kinds) != JOINTS or "prismatic" in kinds or plan.tour.blocked:
+    if not has_program(plan) or plan.tour.blocked:
         return {}
     stops = stops_of(plan)
     return {

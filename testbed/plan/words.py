@@ -6,7 +6,7 @@ import numpy as np
 
 from calib.uncertainty.statement.conditions import departure
 from testbed.laboratory.tracker.stations import place_word
-from testbed.plan.cautions import tests_contact, uncounted, untested
+from testbed.plan.cautions import has_program, tests_contact, uncounted, untested
 from testbed.plan.promises import (
     OVER,
     efficiency_word,
@@ -224,8 +224,9 @@ def next_step(plan: Plan) -> str:
         else " Hold out some poses (held_out): without them nothing shows whether the prediction "
         "holds."
     )
+    moves = "run the program" if has_program(plan) else "go through the rows of plan.csv"
     return (
-        "Compare signs and zeros of the joints with the controller, run the program once at low "
+        f"Compare signs and zeros of the joints with the controller, {moves} once at low "
         f"speed, then measure the poses of plan.csv in order.{check}"
     )
 

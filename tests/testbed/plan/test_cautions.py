@@ -18,26 +18,30 @@ from testbed.studies import load_scenario
 from tests.planned import quick_plan
 from tests.testbed.robots.described_cases import ARMS
 
+PLACE = {False: [0.0, 0.0, 0.0], True: [-2e3, 0.0, 0.0]}
 BALL = '<collision><geometry><sphere radius="0.05"/></geometry></collision></link>'
 
 
-@pytest.mark.parametrize("shape", ["</link>", BALL], ids=["none", "no mesh"])
-def test_an_arm_without_meshes_is_not_called_free_of_collisions(tmp_path, shape):
+@pytest.mark.parametrize(
+    ("shape", "sight"), [("</link>", False), (BALL, True)], ids=["none", "no mesh"]
+)
+def test_an_arm_without_meshes_is_not_called_free_of_collisions(tmp_path, shape, sight):
     """Balls, boxes and cylinders of a URDF are not read: nothing of such an arm hits anything."""
     (tmp_path / "arm.urdf").write_text(ARMS["scara"].replace("</link>", shape))
     small = {
         "robot": str(tmp_path / "arm.urdf"), "plan.poses": 8, "plan.held_out": 0,
         "plan.goal.poses": 5, "pool.size": 30, "identification.estimators": ["whitened"],
-        # where the arm stands: nothing could be free
-        "cell.obstacle": [{"kind": "box", "size_mm": [3e3] * 3, "position_mm": [0.0, 0.0, 0.0]}],
-        "pool.line_of_sight": False,
+        # where the arm stands: nothing could be free; or where it hides no target
+        "cell.obstacle": [{"kind": "box", "size_mm": [3e3] * 3, "position_mm": PLACE[sight]}],
+        "pool.line_of_sight": sight,
     }  # fmt: skip
     made, robot = plan(changed(load_scenario("quick"), small)), load_robot(tmp_path / "arm.urdf")
     assert made.shapeless == robot.shapeless == tuple(range(1, 5))
     assert "what it would hit is not tested" in " ".join(robot.notes)
     assert mark(made).startswith("! Every pose keeps to the joint limits; but whether the robot ")
     said = f"{mark(made)} {terminal_text(made)}"
-    for false in ("is free", "clearance", "mm or more from floor"):
+    # an arm of four joints has no program to run
+    for false in ("is free", "line of sight", "clearance", "mm or more from floor", "the program"):
         assert false not in said
     assert "whether the robot hits anything or hides the target was not tested" in said
     numbers = plan_numbers(made, robot)
