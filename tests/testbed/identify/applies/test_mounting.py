@@ -8,6 +8,7 @@ import numpy as np
 from calib.geometry.frames import exp_so3
 from calib.identification.ladders import ladders_of
 from calib.identification.levels import with_errors
+from testbed.identify.applies.mounting import LOUD
 from testbed.identify.calibrate import Options, calibrate
 from testbed.identify.words import reasons
 from tests.calibrated import robot, session_of, table_of, true_model
@@ -52,4 +53,38 @@ def test_larger_noise_of_an_upright_arm_is_no_hint_of_a_wall():
     loud = session_of(table_of(true_model(), pool_r(60), noise=2.0), model="choose")
     found = calibrate(robot(), loud, Options(seed=1))
     assert found.refuted  # by the noise that is stated
+    assert said(found) == []
+
+
+def sagging(turn, noise=1.0):
+    """Eighty poses of an arm whose joints give way, gravity turned in its base [deg]."""
+    rng, plain, arm = np.random.default_rng(3), true_model(), robot()
+    stands = np.eye(4)
+    stands[:3, :3] = exp_so3(np.radians(turn))
+    chain = replace(arm.model.chain, T_world_base=stands)
+    bends = ladders_of(arm.model, chain, limits=arm.limits)[0].levels[1]
+    true = with_errors(plain, bends.errors)
+    step = np.zeros(true.n_numbers)
+    size = 2.0 * np.asarray(bends.sd) * rng.uniform(0.3, 1.3, len(bends.names))
+    step[[true.names.index(name) for name in bends.names]] = size
+    return session_of(table_of(true.moved(step), pool_r(80), noise=noise), model="choose")
+
+
+def taken(found):
+    return [o for o in found.choice.offered if o.ladder == "gravity" and o.outcome == "taken"]
+
+
+def test_springs_that_follow_much_of_a_wrong_way_do_not_silence_the_hint():
+    found = calibrate(robot(), sagging([0.0, 90.0, 0.0]), Options(seed=1))
+    assert taken(found)
+    (text,) = said(found)
+    assert "explains less of the readings than it would on a wall" in text
+    assert text.endswith("= [0, 90, 0] or [0, -90, 0])")
+
+
+def test_an_upright_arm_that_sags_under_larger_noise_than_stated_is_no_hint_of_a_wall():
+    found = calibrate(robot(), sagging([0.0, 0.0, 0.0], noise=3.0), Options(seed=1))
+    assert taken(found)
+    assert found.refuted
+    assert found.fit.noise_factor > LOUD
     assert said(found) == []
