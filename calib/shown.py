@@ -158,6 +158,18 @@ def mean_of(values: np.ndarray[Any, np.dtype[np.float64]]) -> float:
     return float(values.mean()) if values.size else 0.0
 
 
+def in_um(length: float) -> str:
+    """A length [m] for a sentence, in um: whole ones, and two digits where these would hide it.
+
+    Examples
+    --------
+    >>> in_um(26.4e-6), in_um(3.14e-6), in_um(45e-9), in_um(0.0)
+    ('26', '3.1', '0.045', '0')
+    """
+    size = 1e6 * length
+    return f"{size:.0f}" if size == 0 or size >= 9.95 else f"{size:.2g}"
+
+
 def decimals(uncertainty: float) -> int:
     """Places behind the point that leave an uncertainty two digits; six where there is none.
 

@@ -10,6 +10,7 @@ from calib.arrays import check, require_probability
 from calib.errors import refuse
 from calib.held_out_counts import fewest_poses
 from calib.kinds import checked_kinds
+from calib.shown import in_um
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,7 +44,7 @@ class Conformal:
         low, high = self.content_range()
         return (
             f"a further reading of the same target, at a pose drawn like the {self.n_poses} held "
-            f"out, lies within {1e6 * self.radius:.0f} um with {100 * self.probability:g} % "
+            f"out, lies within {in_um(self.radius)} um with {100 * self.probability:g} % "
             f"probability, whatever the errors are made of; for this one set {100 * low:.0f} to "
             f"{100 * high:.0f} %. The noise of that reading is in it, and what all readings share "
             "is not"

@@ -10,7 +10,7 @@ from calib.arrays import Array, frozen, require_probability
 from calib.errors import refuse
 from calib.held_out_counts import FEWEST
 from calib.kinds import checked_kinds
-from calib.shown import Shown
+from calib.shown import Shown, in_um
 from calib.uncertainty.held_out import HeldOut
 
 
@@ -45,16 +45,16 @@ class Discrepancy(Shown):
     @property
     def sentence(self) -> str:
         """The result in words."""
-        size = 1e6 * float(np.sqrt(np.trace(self.covariance)))
+        size = float(np.sqrt(np.trace(self.covariance)))
         if size == 0:
             return (
                 f"{self.n_poses} held-out poses show no error beyond what parameters and "
                 "measurements explain"
             )
         return (
-            f"{self.n_poses} held-out poses show {size:.0f} um (3-D, one standard deviation) that "
-            "the model does not explain; the interval with this discrepancy is approximate: it "
-            "treats a systematic error as if it were drawn anew at each pose"
+            f"{self.n_poses} held-out poses show {in_um(size)} um (3-D, one standard deviation) "
+            "that the model does not explain; the interval with this discrepancy is approximate: "
+            "it treats a systematic error as if it were drawn anew at each pose"
         )
 
 

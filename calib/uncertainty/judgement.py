@@ -16,7 +16,7 @@ from calib.identification.outliers.tails import LongTails, long_tails
 from calib.kinds import checked_kinds
 from calib.measurement.observations import Measurements
 from calib.measurement.remembered import remembering
-from calib.shown import ResultTable, Shown
+from calib.shown import ResultTable, Shown, in_um
 from calib.uncertainty.bootstrap import REPLICATES, Bootstrap, bootstrap
 from calib.uncertainty.circumstances import Circumstances as Circumstances
 from calib.uncertainty.circumstances import measured_noise
@@ -71,7 +71,7 @@ class Judgement(Shown):
 
     def __repr__(self) -> str:
         count = 0 if self.held_out is None else len(self.held_out)
-        radius = "none" if self.point is None else f"{1e6 * self.point.radius_mean:.0f} um"
+        radius = "none" if self.point is None else f"{in_um(self.point.radius_mean)} um"
         return (
             f"Judgement(believe={self.trust.believe!r}, held-out poses: {count}, radius: {radius})"
         )
@@ -86,10 +86,10 @@ class Judgement(Shown):
         """All that was stated, as text of one line for each statement."""
         lines = []
         if self.held_out is not None:
-            size = 1e6 * self.held_out.distance
+            size = self.held_out.distance
             lines.append(
-                f"held-out poses: {len(size)}, mean error {size.mean():.0f} um, largest "
-                f"{size.max():.0f} um, p = {self.held_out.p_value:.2g}"
+                f"held-out poses: {len(size)}, mean error {in_um(size.mean())} um, largest "
+                f"{in_um(size.max())} um, p = {self.held_out.p_value:.2g}"
             )
         parts = (self.discrepancy, self.conformal, self.bootstrap)
         names = ("discrepancy", "conformal radius", "bootstrap")

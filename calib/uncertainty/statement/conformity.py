@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 
 from calib.arrays import LATER, Array, Bool, Labels, check, frozen, require_probability
 from calib.errors import refuse
-from calib.shown import ResultTable, Shown
+from calib.shown import ResultTable, Shown, in_um
 from calib.uncertainty.statement.distance import distance_radius, probability_within
 
 Rule = Literal["guarded", "simple"]
@@ -68,7 +68,7 @@ class Conformity(Shown):
     def sentence(self) -> str:
         """The decisions in words; which rule, and how large the risk of a pass is."""
         counted = ", ".join(f"{count} {word}" for word, count in self.counts.items())
-        limit, radius = f"tolerance {1e6 * self.tolerance:.0f} um", self.radius
+        limit, radius = f"tolerance {in_um(self.tolerance)} um", self.radius
         risk, band = self.largest_risk, f"R{100 * self.probability:g}"
         largest = "" if risk is None else f", largest risk of a pass {100 * risk:.2g} %"
         rule = f"guard band {band}" if self.rule == "guarded" else SIMPLE
@@ -77,7 +77,7 @@ class Conformity(Shown):
             widest = float((self.guard if radius is None else radius).max())
             said = (
                 f"; at {small} of {len(self.guard)} points no pass is possible: the tolerance is "
-                f"smaller than the uncertainty, {band} up to {1e6 * widest:.0f} um"
+                f"smaller than the uncertainty, {band} up to {in_um(widest)} um"
             )
         return f"{counted} ({limit}, {rule}{largest}{said})"
 

@@ -12,7 +12,7 @@ from calib.identification.fit_statistics import RED
 from calib.identification.identify import Identification
 from calib.measurement.observations import Measurements
 from calib.measurement.prediction import predict, predicted_positions
-from calib.shown import Shown
+from calib.shown import Shown, in_um
 from calib.uncertainty.statement.belief import Belief
 from calib.uncertainty.statement.motion_fit import asked, chi_square, explained
 from calib.uncertainty.statement.rigid import (
@@ -238,4 +238,4 @@ def after_the_motion(
 
 def _length(metres: float) -> str:
     """In um below a millimetre, else in mm."""
-    return f"{1e6 * metres:.0f} um" if metres < 1e-3 else f"{1e3 * metres:.4g} mm"
+    return f"{in_um(metres)} um" if metres < 1e-3 else f"{1e3 * metres:.4g} mm"

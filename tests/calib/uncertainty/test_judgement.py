@@ -5,10 +5,14 @@ import dataclasses
 import numpy as np
 import pytest
 
+from calib.calibration import calibrate
 from calib.errors import InputError
+from calib.geometry.chain import Chain
+from calib.geometry.model import RobotModel
 from calib.geometry.parameters import parameters_of
 from calib.identification.identify import Status, identify
 from calib.measurement.observations import joined
+from calib.measurement.tables import points
 from calib.uncertainty.bootstrap import bootstrap
 from calib.uncertainty.conformal import conformal
 from calib.uncertainty.discrepancy import discrepancy
@@ -194,3 +198,19 @@ def test_words_are_short_in_a_shell_and_whole_in_a_summary():
     assert lines[-1] == made.trust.sentence
     nothing = judge(fit, test.rows(np.zeros(40, dtype=bool)), train=train)
     assert repr(nothing).startswith("Judgement(believe='region', held-out poses: 0, radius: ")
+
+
+def test_a_stage_of_nanometers_is_not_said_to_be_right_to_nothing():
+    """Whole micrometers would be zero of them: "lies within 0 um with 95 % probability"."""
+    rng = np.random.default_rng(2)
+    nominal = RobotModel(Chain([[0, 3e-3, 1e-3, -1.5, 0], [0, 0, 5e-3, 0, 0], [0, 0, 4e-3, 0, 0]]))
+    arm = nominal.moved(rng.normal(scale=1e-6, size=nominal.n_numbers))
+    q = rng.uniform(-1.5, 1.5, (60, 3))
+    seen = arm.poses(q)[:, :3, 3] + rng.normal(scale=20e-9, size=(60, 3))
+    train, test = points(q, seen, sd=20e-9).split(held_out=20)
+    judged = calibrate(nominal, train).judge(test)
+    size = 1e6 * judged.held_out.distance
+    assert f"mean error {size.mean():.2g} um, largest {size.max():.2g} um" in judged.summary()
+    assert f"lies within {1e6 * judged.conformal.radius:.2g} um with 95 %" in judged.summary()
+    assert f"radius: {1e6 * judged.point.radius_mean:.2g} um" in repr(judged)
+    assert " 0 um" not in judged.summary() + repr(judged)
