@@ -30,7 +30,7 @@ class RandomFigures(Shown):
     criterion: str
     """Criterion they are judged by."""
     values: Array
-    """(k,) its figure, of each set."""
+    """(k,) its figure, of each set; zero or infinite where that leaves a number undetermined."""
     best: Selection
     """The best set."""
 

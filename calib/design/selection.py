@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from calib.arrays import LATER, Array, Index, frozen
+from calib.design.blocks import has_full_rank
 from calib.design.certificate import Certificate, certificate_of, no_proof
 from calib.design.problem import NO_POSES, Problem
 from calib.information.criteria.base import Criterion
@@ -66,12 +67,15 @@ class Selection(Shown):
 
 
 def figure_of_rows(rows: Array, n_poses: int, criterion: Criterion) -> float:
-    """Figure of stacked rows (n, p); an index from their singular values."""
+    """Figure of stacked rows (n, p); an index from their singular values.
+
+    The worst there is, zero or infinite, where they leave a number undetermined: what the last
+    singular value has then is rounding.
+    """
+    if not has_full_rank(rows):
+        return 0.0 if criterion.larger_is_better else float("inf")
     if criterion.index is not None:
-        singular = np.zeros(rows.shape[1])
-        values = singular_values(rows)
-        singular[: len(values)] = values
-        return float(index_of_singular(singular, n_poses, criterion.index))
+        return float(index_of_singular(singular_values(rows), n_poses, criterion.index))
     return criterion.figure(rows.T @ rows, n_poses)
 
 

@@ -52,7 +52,8 @@ def random_sets_study(scenario: Scenario, setting: Setting, needed: Records) -> 
             stream(scenario.seed, "random_sets", settings.name),
             sets=scenario.studies.random_sets,
         )
-        trial = needed.get(settings.name, Trial)
+        trial, known = needed.get(settings.name, Trial), np.isfinite(drawn.values)
+        known &= drawn.values > 0  # the worst there is: a number is undetermined
         sets.append(
             RandomSets(
                 trial=settings.name,
@@ -61,7 +62,8 @@ def random_sets_study(scenario: Scenario, setting: Setting, needed: Records) -> 
                 larger_is_better=criterion.larger_is_better,
                 n_poses=settings.poses,
                 chosen_value=trial.selection.value,
-                values=drawn.values,
+                values=drawn.values[known],
+                undetermined=int((~known).sum()),
             )
         )
     return RandomSetsStudy(tuple(sets))

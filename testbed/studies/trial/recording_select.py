@@ -47,8 +47,8 @@ def select_chapter(shown: ShownTrial, sets: RandomSets | None) -> Chapter:
     factor, axis = unit_factor(unit, criterion)
     figures = factor * figures
     curves = [Series(criterion, figures, style.BLUE, "the set")]
-    if sets is not None:
-        name = f"best of {len(sets.values)} random sets"
+    if sets is not None and sets.best is not None:
+        name = f"best of {sets.drawn} random sets"
         curves.append(level("random", count, factor * sets.best, style.MUTED_COLOR, name))
     says = (f"{criterion} {significant(figure, 5)}{' µm' * (unit == 'm')}" for figure in figures)
     return Chapter(

@@ -78,7 +78,7 @@ def design_section(campaign: Campaign) -> Section:
     if campaign.random_sets and not campaign.scenario.studies.paper_budget:
         blocks.append(
             Figure(
-                f"{len(campaign.random_sets[0].values)} random sets of the same size (histogram) "
+                f"{campaign.random_sets[0].drawn} random sets of the same size (histogram) "
                 "and the designed one (line)"
                 f"{plots.only(campaign.random_sets, plots.MOST_VIEWS)}.",
                 plots.random_sets(campaign.random_sets),
@@ -94,14 +94,22 @@ def design_section(campaign: Campaign) -> Section:
 
 def beaten(one: RandomSets) -> str:
     """How many random sets a designed set beats in its own figure."""
-    all_of_them = "all" if one.beaten == len(one.values) else str(one.beaten) + " of"
+    all_of_them = "all" if one.beaten == one.drawn else str(one.beaten) + " of"
     own, mean, best = figures(one)
     side = "above" if one.larger_is_better else "below"
+    if not len(one.values):
+        return (
+            f"{one.trial} ({counted(one.n_poses, 'pose')}) determines all numbers, as none of "
+            f"{one.drawn} random sets does: {one.criterion} = {own}."
+        )
+    theirs = f"theirs: mean {mean}, best {best}"
+    if one.undetermined:
+        theirs += f", but for {one.undetermined} that leave a number undetermined"
     return (
-        f"{one.trial} ({counted(one.n_poses, 'pose')}) beats {all_of_them} {len(one.values)} "
+        f"{one.trial} ({counted(one.n_poses, 'pose')}) beats {all_of_them} {one.drawn} "
         f"random sets in its own {'index' if one.unit == '1' else 'uncertainty'}, {one.criterion} "
-        f"= {own}; theirs: mean {mean}, best {best}. It is {significant(ahead(one), 2)} "
-        f"standard deviations {side} their mean."
+        f"= {own}; {theirs}. It is {significant(ahead(one), 2)} standard deviations {side} "
+        "their mean."
     )
 
 
@@ -112,7 +120,7 @@ def beaten_table(sets: Sequence[RandomSets]) -> Table:
             one.trial,
             one.criterion,
             *figures(one),
-            f"{one.beaten} of {len(one.values)}",
+            f"{one.beaten} of {one.drawn}",
             significant(ahead(one), 2),
         )
         for one in sets
@@ -131,7 +139,8 @@ def beaten_table(sets: Sequence[RandomSets]) -> Table:
 
 def figures(one: RandomSets) -> tuple[str, ...]:
     """Figure of the set, and the mean and the best of the random ones."""
-    return tuple(figure(one.unit, v) for v in (one.chosen_value, one.mean, one.best))
+    values = (one.chosen_value, one.mean, one.best)
+    return tuple("-" if v is None else figure(one.unit, v) for v in values)
 
 
 def figure(unit: str, value: float) -> str:
@@ -141,10 +150,11 @@ def figure(unit: str, value: float) -> str:
 
 def ahead(one: RandomSets) -> float:
     """How many standard deviations a set is better than the mean of random sets."""
-    spread = float(one.values.std(ddof=1))
     # a set as large as the pool has no rivals: all values are equal
+    if one.mean is None or np.ptp(one.values) == 0:
+        return 0.0
     sign = 1.0 if one.larger_is_better else -1.0
-    return sign * (one.chosen_value - one.mean) / spread if spread > 0 else 0.0
+    return sign * (one.chosen_value - one.mean) / float(one.values.std(ddof=1))
 
 
 def settling(study: PoseCountStudy) -> str:

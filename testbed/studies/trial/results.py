@@ -44,7 +44,7 @@ def published(campaign: Campaign) -> list[Quantity]:
             Quantity("random_mean", sets.mean),
             Quantity("random_best", sets.best),
             Quantity("beaten", sets.beaten),
-            Quantity("of", len(sets.values)),
+            Quantity("of", sets.drawn),
         ]
         found += below(f"random_sets/{sets.trial}", figures)
     return found

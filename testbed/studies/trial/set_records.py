@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import Annotated
 
-from calib.arrays import Array, Index
+from calib.arrays import LATER, Array, Index
 from calib.shown import Shown
 
 
@@ -37,22 +37,31 @@ class RandomSets(Shown):
     n_poses: int
     chosen_value: float
     values: Annotated[Array, "k"]
-    """(k,) figure of each random set."""
+    """(k,) figure of each random set that determines all numbers."""
+    undetermined: Annotated[int, LATER] = 0
+    """Further random sets, which do not: no figure of theirs means anything."""
+
+    @property
+    def drawn(self) -> int:
+        """All random sets."""
+        return len(self.values) + self.undetermined
 
     @property
     def beaten(self) -> int:
         """Random sets that are worse."""
         sign = 1.0 if self.larger_is_better else -1.0
-        return int((sign * self.values < sign * self.chosen_value).sum())
+        return int((sign * self.values < sign * self.chosen_value).sum()) + self.undetermined
 
     @property
-    def mean(self) -> float:
-        """Mean figure of the random sets."""
-        return float(self.values.mean())
+    def mean(self) -> float | None:
+        """Mean figure of the random sets that determine all numbers; None where none does."""
+        return float(self.values.mean()) if len(self.values) else None
 
     @property
-    def best(self) -> float:
-        """Figure of the best random set."""
+    def best(self) -> float | None:
+        """Figure of the best random set; None where none determines all numbers."""
+        if not len(self.values):
+            return None
         return float(self.values.max() if self.larger_is_better else self.values.min())
 
 

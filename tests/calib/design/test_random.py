@@ -98,3 +98,15 @@ def test_only_allowed_poses_are_drawn_and_not_those_already_measured():
     )
     assert set(best.indices) <= set(range(2, 60, 2))
     assert (np.diff(best.trace) <= 0).all()  # an uncertainty: smaller is better
+
+
+@pytest.mark.parametrize("criterion", ["O1", "O2", "O3", "O4", "O5", "D", "E", "A"])
+def test_a_set_that_leaves_a_number_undetermined_has_the_worst_figure(criterion: str):
+    """Two of six: what their last singular value has is rounding, which O1 would take for size."""
+    problem = Problem.of_blocks(turned_pool(), 2, criterion)
+    drawn = random_sets(problem, np.random.default_rng(0), sets=20)
+    worst = 0.0 if problem.criterion.larger_is_better else np.inf
+    assert (drawn.values == worst).all()
+    three = random_sets(Problem.of_blocks(turned_pool(), 3, criterion), np.random.default_rng(0))
+    assert (three.values != worst).all()
+    assert np.isfinite(three.values).all()

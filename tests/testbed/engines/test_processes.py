@@ -16,11 +16,13 @@ from tests.testbed.engines.toy import ToyKit, expected, gone, play, toys
 ROOT = Path(__file__).parents[3]
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
 LEADER = """
+import signal
 import sys
 from pathlib import Path
 from testbed.engines.processes import Processes
 from tests.testbed.engines.toy import ToyKit, play, toys
 if __name__ == "__main__":
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background jobs ignore it
     engine = Processes(2, play)
     try:
         for piece, data in engine.play(ToyKit(Path(sys.argv[1])), toys(6)):

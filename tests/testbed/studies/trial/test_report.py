@@ -11,6 +11,7 @@ from testbed.report.page import SIMULATED, Table, rejections, render
 from testbed.run.derive import page_of
 from testbed.studies.trial import report_accuracy, report_design, report_parameters, verdict
 from testbed.studies.trial.report_accuracy import CLEARLY, too_narrow, truth_table
+from testbed.studies.trial.set_records import RandomSets
 from testbed.studies.wen2022 import report_paper
 from testbed.studies.wen2022.records import paper_budget_of
 from tests.campaign import with_records, without
@@ -261,6 +262,20 @@ def test_every_candidate_is_accounted_for():
 def test_a_set_as_large_as_the_pool_is_compared_without_dividing_by_zero():
     one = replace(paper_campaign().random_sets[0], values=np.full(30, 2.0), chosen_value=2.0)
     assert "beats 0 of 30" in report_design.beaten(one)
+
+
+def test_random_sets_that_leave_a_number_undetermined_are_beaten_and_have_no_figure():
+    some = RandomSets("d", "O1", "1", True, 16, 3.0, np.array([1.0, 2.0]), 4)
+    assert (some.drawn, some.beaten, some.mean, some.best) == (6, 6, 1.5, 2.0)
+    said = report_design.beaten(some)
+    assert "beats all 6 random sets" in said
+    assert "mean 1.500, best 2.000, but for 4 that leave a number undetermined" in said
+    none = RandomSets("d", "O1", "1", True, 16, 3.0, np.zeros(0), 6)
+    assert (none.mean, none.best, report_design.ahead(none)) == (None, None, 0.0)
+    assert "as none of 6 random sets does" in report_design.beaten(none)
+    (row,) = report_design.beaten_table([none]).rows
+    assert row[2:5] == ("3.000", "-", "-")
+    assert row[5] == "6 of 6"
 
 
 def test_a_rule_that_never_stops_is_said_in_words():
