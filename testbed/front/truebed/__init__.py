@@ -5,6 +5,7 @@ radians; what is written to disk is what the command of the same name writes.
 """
 
 from collections.abc import Mapping
+from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -70,7 +71,7 @@ def robot(name_or_path: str | Path) -> "Robot":
     """A robot: one that ships (``staubli_tx60``), or a robot.toml, URDF or MJCF file."""
     from testbed.robots.catalog import load_robot
 
-    return load_robot(name_or_path)
+    return load_robot(_text("name_or_path", name_or_path))
 
 
 def scene(
@@ -91,8 +92,13 @@ def scene(
     >>> scene("quick", {"seed": 2})
     Scenario('quick', seed 2, staubli_tx60, 2 trials)
     """
+    from calib.errors import refuse
     from testbed.scenario.read import changed
 
+    if not isinstance(changes, Mapping | None):
+        allowed, message = "keys and values", f"changes is of the type {type(changes).__name__}"
+        fix = 'give a dictionary: {"seed": 2}'
+        raise refuse("changes", changes, allowed, code="A3", message=message, fix=fix)
     return changed(_scenario(name_or_path), changes) if changes else _scenario(name_or_path)
 
 
@@ -236,7 +242,7 @@ def save(result: object, path: str | Path) -> None:
     """
     from truebed.saved import keep
 
-    keep(result, Path(path))
+    keep(result, Path(_text("path", path)))
 
 
 def write_robot(
@@ -285,7 +291,7 @@ def load(folder: str | Path) -> Any:
     """
     from truebed.opened import opened
 
-    return opened(Path(folder))
+    return opened(Path(_text("folder", folder)))
 
 
 def _scenario(scenario: "str | Path | Scenario") -> "Scenario":
@@ -293,4 +299,16 @@ def _scenario(scenario: "str | Path | Scenario") -> "Scenario":
     from testbed.scenario.scenario import Scenario
     from testbed.studies import load_scenario
 
-    return scenario if isinstance(scenario, Scenario) else load_scenario(scenario)
+    if isinstance(scenario, Scenario):
+        return scenario
+    return load_scenario(_text("scenario", scenario))
+
+
+def _text(name: str, value: str | Path) -> str | Path:
+    """A name or a path, after refusing what is none."""
+    from calib.errors import refuse
+
+    if not isinstance(value, str | PathLike):
+        message = f"{name} is of the type {type(value).__name__}"
+        raise refuse(name, value, "a name or a path", code="A3", message=message)
+    return value

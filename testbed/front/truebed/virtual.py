@@ -109,8 +109,9 @@ class VirtualLaboratory:
 
         Parameters
         ----------
-        poses : (m,) array_like of int, or (m, n) array_like
-            Places among the candidates, or joints of your own [rad, m]; visited in this order.
+        poses : (m,) array_like of int, (N,) array_like of bool, or (m, n) array_like
+            Places among the candidates or a mask of them, or joints of your own [rad, m]; visited
+            in this order.
         name : str
             Names the noise: the same name at the same poses reads the same, at others it draws
             other noise.
@@ -124,6 +125,13 @@ class VirtualLaboratory:
             A place that is none, or joints that the robot cannot take or the tracker not see.
         """
         given = np.asarray(poses)
+        if given.dtype == np.bool_ and given.shape == (len(self.poses),):
+            given = np.flatnonzero(given)
+        if given.ndim == 0:
+            message = f"poses is of the type {type(poses).__name__}"
+            fix = "give its indices" if hasattr(poses, "indices") else "give a list"
+            allowed = "places (m,) among the candidates, or joints (m, n)"
+            raise refuse("poses", poses, allowed, code="A3", message=message, fix=fix)
         if not given.size:
             raise refuse("poses", "empty", "one pose or more", code="A3")
         visit, lab = _visit(repeat), self.inside

@@ -229,3 +229,29 @@ def test_a_scenario_that_cannot_be_played_is_refused_by_its_name():
         truebed.laboratory("quick", SMALL | {"robot": "universal_ur10"})
     assert 'scenario "quick"' in str(caught.value)
     assert "wen2022" in str(caught.value)
+
+
+def test_places_are_taken_as_a_mask_too_and_what_are_none_is_said_so(lab):
+    mask = np.isin(np.arange(len(lab.poses)), [2, 4])
+    assert np.array_equal(lab.measure(mask, "a").q, lab.poses[[2, 4]])
+    problem = calib.design.Problem.of_blocks(lab.blocks(), 29, "D")
+    chosen = calib.design.random_set(problem, lab.rng("set"))
+    with pytest.raises(InputError, match=r"type Selection; .*; give its indices"):
+        lab.measure(chosen, "a")
+    with pytest.raises(InputError, match="poses is of the type int; places"):
+        lab.measure(3, "a")
+
+
+@pytest.mark.parametrize(
+    ("wrong", "message"),
+    [
+        (lambda: truebed.robot(None), "name_or_path is of the type NoneType; a name or a path"),
+        (lambda: truebed.scene("quick", ["seed"]), "changes is of the type list; .*give a dict"),
+        (lambda: truebed.scene(3), "scenario is of the type int; a name or a path"),
+        (lambda: truebed.save("a.npz", {}), "path is of the type dict; a name or a path"),
+        (lambda: truebed.load(None), "folder is of the type NoneType"),
+    ],
+)
+def test_what_is_no_name_and_no_path_is_said_so(wrong, message):
+    with pytest.raises(InputError, match=message):
+        wrong()
