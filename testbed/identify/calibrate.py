@@ -36,6 +36,7 @@ from testbed.identify.order import order_words, require_order
 from testbed.identify.outliers import Looking, bad_words, first_look, model_words, second_look
 from testbed.identify.proof import (
     guard_warnings,
+    of_the_lead,
     proof_of,
     repeatability,
     standing_warnings,
@@ -204,7 +205,7 @@ def _calibrated(
     if own is not None:
         result, rows = own.weighed(result, used), used | own.rows
     shared = shared_of(session, result, measurements.rows(rows), judged)
-    target = stated_target(measurements, result)
+    target = stated_target(of_the_lead(session, measurements), result)
     judged_by = partial(
         proof_of,
         result,

@@ -182,6 +182,14 @@ def one_after_another(session: Session) -> bool:
     return 2 * (len(pose) - len(at_stops)) > again
 
 
+def of_the_lead(session: Session, measurements: Measurements) -> Measurements:
+    """Rows of the session whose base and tool are handed out; all of them where there is one.
+
+    A target that was seen from another base alone may lie anywhere as far as this one knows.
+    """
+    return measurements if session.visit is None else measurements.rows(session.visit == 0)
+
+
 def stated_target(measurements: Measurements, result: Identification) -> ToolTarget:
     """The point of the tool that is stated, of a fit of the measurements.
 
