@@ -1,5 +1,6 @@
 """`plan`: poses for a real robot, with order, readings and what will come out, or a refusal."""
 
+from functools import partial
 from itertools import combinations
 
 import numpy as np
@@ -12,6 +13,8 @@ from calib.uncertainty.statement.conditions import Conditions
 from testbed.laboratory.bench import PROBED_POSES, Bench, open_bench
 from testbed.laboratory.goal import Goal, goal_of
 from testbed.laboratory.joint_lists import read_conditions, read_joints
+from testbed.laboratory.pool import PosePool
+from testbed.laboratory.route.moves import led_to
 from testbed.laboratory.tracker.predicted import shared_rows
 from testbed.laboratory.tracker.stations import (
     StationComparison,
@@ -33,9 +36,10 @@ from testbed.plan.design import (
     u_while_measuring,
 )
 from testbed.plan.foresight import foresight
+from testbed.plan.reached import Made, elsewhere, reached
 from testbed.plan.records import Plan
 from testbed.plan.task import DesignTask
-from testbed.plan.tour import held_out, readings_of, start_of, tour_of
+from testbed.plan.tour import held_out, mover_of, readings_of, start_of, tour_of
 from testbed.progress import Progress
 from testbed.robots.robot import NO_MASS
 from testbed.scenario.checks import check_robot
@@ -92,21 +96,31 @@ def _plan(scenario: Scenario, tell: Progress, where: str) -> Plan:
     # the same pool that `truebed run` draws
     draw = stream(scenario.seed, "pool")
     pool = bench.candidates().draw(draw, exclude=measured if len(measured) else None)
-    apart = held_out(bench, goal, np.vstack([pool.q, measured]))
     tell(STEPS[2], 2, len(STEPS))
     shown = np.vstack([pool.q[:PROBED_POSES], measured])
     parameters, reduction = bench.reduction(shown)
     bench.check_seen(shown, goal.q, goal.point)
     goals = _goals(bench, goal, parameters)
-    task = _task(bench, goals, parameters, pool.q, measured)
-    check_enough(task)
-    places, method, curve = designed(task, stream(scenario.seed, "plan", "select"))
-    require_ranges(bench, np.vstack([pool.q[places], apart]), "the plan")
-    tell(STEPS[3], 3, len(STEPS))
-    tour = tour_of(
-        bench, start, pool.q[places], places, apart, pool.q,
-        tell=lambda _: tell(STEPS[3], 3, len(STEPS)),
-    )  # fmt: skip
+
+    beside = partial(led_to, mover_of(bench))
+
+    def made(pool: PosePool, lost: Array) -> Made:
+        """Set and tour from a pool, with held-out poses that are none of those lost (k, n)."""
+        apart = elsewhere(
+            lambda lost: held_out(bench, goal, np.vstack([pool.q, measured, lost])), lost, beside
+        )
+        task = _task(bench, goals, parameters, pool.q, measured)
+        check_enough(task)
+        places, method, curve = designed(task, stream(scenario.seed, "plan", "select"))
+        require_ranges(bench, np.vstack([pool.q[places], apart]), "the plan")
+        tell(STEPS[3], 3, len(STEPS))
+        tour = tour_of(
+            bench, start, pool.q[places], places, apart, pool.q,
+            tell=lambda _: tell(STEPS[3], 3, len(STEPS)),
+        )  # fmt: skip
+        return Made(pool, apart, task, places, method, curve, tour)
+
+    pool, apart, task, places, method, curve, tour = reached(made, pool, beside)
     M = task.information(places)
     ordered = tour.pool_place[tour.pool_place >= 0]
     return Plan(

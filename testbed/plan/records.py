@@ -154,6 +154,8 @@ class Tour(Shown):
     """Rest at each pose [s]."""
     blocked: tuple[int, ...]
     """Places in the tour that no free move was found to."""
+    cut_off: tuple[int, ...]
+    """Places in the tour that no way leads to from the start, by whatever poses."""
     clearance: float
     """Smallest distance of the moving robot to floor and obstacles on all free ways, poses
     included, as far as was looked; negative: they overlap; nan: no part has a shape [m]."""

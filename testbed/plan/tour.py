@@ -10,7 +10,7 @@ from testbed.laboratory.bench import Bench
 from testbed.laboratory.goal import Goal, box_of, of_the_goal
 from testbed.laboratory.joint_lists import check_joints, from_deg
 from testbed.laboratory.pool import is_new, joint_ranges
-from testbed.laboratory.route.moves import RESOLUTION
+from testbed.laboratory.route.moves import RESOLUTION, Mover
 from testbed.laboratory.route.route import Route, measuring_route
 from testbed.plan.records import FAR, Reading, Tour
 from testbed.scenario.planning import BoxGoal
@@ -123,9 +123,17 @@ def tour_of(
         speeds=frozen(bench.robot.speeds * plan.speed_share),
         settle=route.settle,
         blocked=blocked,
+        cut_off=tuple(sorted(at[int(k)] for k in route.cut_off)),
         clearance=_clearance(bench, route, blocked) if solid else np.nan,
         sentence=_sentence(route, blocked, many_turns=many_turns) if solid else route.timing,
     )
+
+
+def mover_of(bench: Bench) -> Mover:
+    """Who tests moves of the robot in its cell."""
+    robot = bench.robot
+    ranges = joint_ranges(robot, bench.scenario.pool)
+    return Mover(bench.simulator, ranges, robot.speeds, robot.controller)
 
 
 def _clearance(bench: Bench, route: Route, blocked: tuple[int, ...]) -> float:

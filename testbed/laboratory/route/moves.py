@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from calib.arrays import Array, Index, frozen
+from calib.arrays import Array, Bool, Index, frozen
 from testbed.laboratory.simulator import Simulator
 from testbed.robots.controller import AS_THE_ARM, BEYOND, Controller
 
@@ -13,6 +13,8 @@ RESOLUTION = 0.010
 """No point of the robot moves farther than this between two tested postures of a move [m]."""
 VIAS = 40
 """Postures tried as a single stop on the way around, the quickest first."""
+NEAR = 8
+"""Postures from which a straight move is tried to another one."""
 NODES = 3000
 """Postures a search tree may grow to before a way around is given up."""
 STRIDE = 0.30
@@ -22,6 +24,18 @@ PATIENCE = 1_000_000
 CHUNK = 64
 Tree = tuple[list[Array], list[int]]
 """Postures of a search, and which of them each one grew from; -1 for the root."""
+
+
+def led_to(mover: "Mover", q: Array, known: Array) -> Bool:
+    """Postures (N,) of q (N, n) that a free straight move leads to from one of `known` (k, n).
+
+    Of each the `NEAR` nearest ones are tried.
+    """
+    found = np.zeros(len(q), dtype=np.bool_)
+    for i, here in enumerate(q):
+        nearest = np.argsort(mover.reach(known - here), kind="stable")[:NEAR]
+        found[i] = any(mover.is_free(known[k], here) for k in nearest)
+    return found
 
 
 def travel_times(q_from: ArrayLike, q_to: ArrayLike, speeds: Array) -> Array:

@@ -43,6 +43,9 @@ class Route:
     """The same of the shortest order found [s]."""
     blocked: tuple[tuple[int, int], ...]
     """Pairs of poses, by position in the given list (-1: start), with no way between them."""
+    cut_off: Index
+    """(c,) positions in the given list of poses that a search found no way to from the start, or
+    from a pose that ways lead to from there."""
 
     @property
     def move_time(self) -> float:
@@ -190,6 +193,7 @@ def measuring_route(
         given_time=given_time,
         best_time=best_time,
         blocked=tuple(lost),
+        cut_off=frozen([k - 1 for k in range(1, len(stops)) if islands.apart(0, k)], np.int64),
     )
 
 
