@@ -91,3 +91,29 @@ def test_processes_end_with_the_one_that_began_them(tmp_path, name):
     leader.wait(30)
     assert len(pids(tmp_path)) == 3
     assert gone(pids(tmp_path))
+
+
+def blocked(kit, piece):
+    """Whether this process is deaf to Ctrl-C."""
+    return str(signal.SIGINT in signal.pthread_sigmask(signal.SIG_BLOCK, ())).encode()
+
+
+def test_ctrl_c_reaches_no_process_not_even_the_first_one(tmp_path):
+    """In a process of its own: the first pool of all starts what tracks shared resources."""
+    script = tmp_path / "first.py"
+    script.write_text(
+        "from pathlib import Path\n"
+        "from testbed.engines.processes import Processes\n"
+        "from tests.testbed.engines.test_processes import blocked\n"
+        "from tests.testbed.engines.toy import ToyKit, toys\n"
+        "if __name__ == '__main__':\n"
+        "    engine = Processes(2, blocked)\n"
+        "    print({data for _, data in engine.play(ToyKit(Path()), toys(6))})\n"
+        "    engine.close()\n"
+        "    print(blocked(None, None))\n"
+    )
+    said = subprocess.run(
+        [sys.executable, str(script)], env={**os.environ, "PYTHONPATH": str(ROOT)},
+        capture_output=True, text=True, timeout=60, check=True,
+    ).stdout  # fmt: skip
+    assert said.split() == ["{b'True'}", "b'False'"]
