@@ -13,8 +13,8 @@ from testbed.identify.calibrate import STEPS, Options, calibrate
 from testbed.identify.calibration import Calibration
 from testbed.identify.handback.deliver import ROBOT, deliver
 from testbed.identify.handback.delivered import Delivered
+from testbed.identify.report.page import sheet_rows
 from testbed.identify.results import arrays, headline, split_csv
-from testbed.identify.words import sheet_rows
 from testbed.jobsheet.report import JOB_SHEET, job_csv
 from testbed.progress import Progress
 from testbed.report.page import render

@@ -14,11 +14,9 @@ from testbed.identify.decisions import decision_words
 from testbed.identify.frames import FRAMES_ALONE
 from testbed.identify.handback.delivered import GEOMETRIC, Delivered
 from testbed.identify.handback.states import hand_back_warnings, tool_words
-from testbed.identify.headline import condition, deg, headline_cells, mm
+from testbed.identify.headline import deg, headline_cells, mm
 from testbed.identify.moved import moved_words
-from testbed.identify.records import FittedModel
 from testbed.identify.visits.report import judges_called, visit_words
-from testbed.jobsheet.report import Row, job_rows
 from testbed.report.page import SIMULATED
 from testbed.units import UM, counted, sentences, significant
 
@@ -233,44 +231,9 @@ def _more_poses() -> str:
     return f"Measure at least {fewest_poses()} poses to hold out, drawn from where it is used."
 
 
-def rank_words(fit: FittedModel) -> str:
-    """How many numbers the data tell apart, and how that was counted."""
-    result = fit.identification
-    reduction = result.reduction
-    free = len(reduction.kept) + len(reduction.dropped)
-    text = (
-        f"{fit.model.capitalize()}: {counted(free, 'number')} free, "
-        f"{len(result.parameters.names) - free} held; rank {reduction.rank} (singular values above "
-        f"{reduction.tolerance:.0e} of the largest count)"
-    )
-    alike = condition(reduction)
-    text += f", condition {alike} of the kept columns. " if alike else ". "
-    if result.prior is not None:
-        text += (
-            f"{counted(len(result.prior.names), 'number')} of links and joints have a weak prior "
-            "and are all estimated, told apart or not. "
-        )
-    if not reduction.dropped:
-        return text + "All free numbers can be told apart."
-    return text + (
-        f"{counted(len(reduction.dropped), 'number')} cannot be told from others and "
-        f"{'is' if len(reduction.dropped) == 1 else 'are'} not fitted"
-        f"{':' if result.prior is None else ' unless the prior holds them.'}"
-    )
-
-
 def held_out_poses(calibration: Calibration) -> int:
     """Number of held-out poses."""
     return calibration.measurements.rows(calibration.split.is_test).n_poses
-
-
-def sheet_rows(calibration: Calibration, delivered: Delivered) -> tuple[Row, ...]:
-    """The job sheet with the robot before it, and the day, the tolerance and the decision after."""
-    asked, day = calibration.decision, calibration.set_up.date
-    limit = "" if asked is None else f"{asked.tolerance * UM:.6g} um, {asked.rule}"
-    stated = job_rows(calibration.set_up.job, (("measured on", day), ("tolerance", limit)))
-    decided = "; ".join(text.rstrip(".") for text in decision_words(calibration, delivered))
-    return (*stated, ("decision", decided)) if decided else stated
 
 
 def terminal_text(calibration: Calibration, delivered: Delivered) -> str:

@@ -1,6 +1,5 @@
 """`plan`: poses for a real robot, with order, readings and what will come out, or a refusal."""
 
-from functools import partial
 from itertools import combinations
 
 import numpy as np
@@ -14,7 +13,6 @@ from testbed.laboratory.bench import PROBED_POSES, Bench, open_bench
 from testbed.laboratory.goal import Goal, goal_of
 from testbed.laboratory.joint_lists import read_conditions, read_joints
 from testbed.laboratory.pool import PosePool
-from testbed.laboratory.route.moves import led_to
 from testbed.laboratory.tracker.predicted import shared_rows
 from testbed.laboratory.tracker.stations import (
     StationComparison,
@@ -101,8 +99,7 @@ def _plan(scenario: Scenario, tell: Progress, where: str) -> Plan:
     parameters, reduction = bench.reduction(shown)
     bench.check_seen(shown, goal.q, goal.point)
     goals = _goals(bench, goal, parameters)
-
-    beside = partial(led_to, mover_of(bench))
+    beside = mover_of(bench).leads_to
 
     def made(pool: PosePool, lost: Array) -> Made:
         """Set and tour from a pool, with held-out poses that are none of those lost (k, n)."""

@@ -5,9 +5,10 @@ radians; what is written to disk is what the command of the same name writes.
 """
 
 from collections.abc import Mapping
-from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+from truebed.given import scenario_of, text_of
 
 if TYPE_CHECKING:
     from calib.calibration import CalibratedRobot
@@ -71,7 +72,7 @@ def robot(name_or_path: str | Path) -> "Robot":
     """A robot: one that ships (``staubli_tx60``), or a robot.toml, URDF or MJCF file."""
     from testbed.robots.catalog import load_robot
 
-    return load_robot(_text("name_or_path", name_or_path))
+    return load_robot(text_of("name_or_path", name_or_path))
 
 
 def scene(
@@ -99,7 +100,7 @@ def scene(
         allowed, message = "keys and values", f"changes is of the type {type(changes).__name__}"
         fix = 'give a dictionary: {"seed": 2}'
         raise refuse("changes", changes, allowed, code="A3", message=message, fix=fix)
-    return changed(_scenario(name_or_path), changes) if changes else _scenario(name_or_path)
+    return changed(scenario_of(name_or_path), changes) if changes else scenario_of(name_or_path)
 
 
 def run(scenario: "str | Path | Scenario", out: str | Path | None = None) -> "Campaign":
@@ -124,7 +125,7 @@ def run(scenario: "str | Path | Scenario", out: str | Path | None = None) -> "Ca
     """
     from testbed.run.play import play_run
 
-    return play_run(_scenario(scenario), out).campaign
+    return play_run(scenario_of(scenario), out).campaign
 
 
 def laboratory(
@@ -167,7 +168,7 @@ def plan(scenario: "str | Path | Scenario", out: str | Path | None = None) -> "P
     from testbed.plan.folder import play_plan
     from testbed.plan.plan import plan
 
-    scene = _scenario(scenario)
+    scene = scenario_of(scenario)
     return plan(scene) if out is None else play_plan(scene, Path(out))
 
 
@@ -242,7 +243,7 @@ def save(result: object, path: str | Path) -> None:
     """
     from truebed.saved import keep
 
-    keep(result, Path(_text("path", path)))
+    keep(result, Path(text_of("path", path)))
 
 
 def write_robot(
@@ -291,24 +292,4 @@ def load(folder: str | Path) -> Any:
     """
     from truebed.opened import opened
 
-    return opened(Path(_text("folder", folder)))
-
-
-def _scenario(scenario: "str | Path | Scenario") -> "Scenario":
-    """The scenario, read where a name or a file is given."""
-    from testbed.scenario.scenario import Scenario
-    from testbed.studies import load_scenario
-
-    if isinstance(scenario, Scenario):
-        return scenario
-    return load_scenario(_text("scenario", scenario))
-
-
-def _text(name: str, value: str | Path) -> str | Path:
-    """A name or a path, after refusing what is none."""
-    from calib.errors import refuse
-
-    if not isinstance(value, str | PathLike):
-        message = f"{name} is of the type {type(value).__name__}"
-        raise refuse(name, value, "a name or a path", code="A3", message=message)
-    return value
+    return opened(Path(text_of("folder", folder)))

@@ -8,7 +8,8 @@ from testbed.identify.conditions import conditions_words
 from testbed.identify.decisions import decided_at, decision_section, decision_words
 from testbed.identify.handback.delivered import Delivered
 from testbed.identify.handback.report import hand_back_section
-from testbed.identify.headline import headline_cells
+from testbed.identify.headline import condition, headline_cells
+from testbed.identify.records import FittedModel
 from testbed.identify.report.belief import belief_section
 from testbed.identify.report.errors import (
     accuracy_section,
@@ -19,13 +20,13 @@ from testbed.identify.report.errors import (
 from testbed.identify.report.parameters import parameter_section
 from testbed.identify.shared import shared_section
 from testbed.identify.visits.report import visit_section
-from testbed.identify.words import mark, next_step, notice, rank_words, reasons, sheet_rows, verdict
-from testbed.jobsheet.report import job_section
+from testbed.identify.words import mark, next_step, notice, reasons, verdict
+from testbed.jobsheet.report import Row, job_rows, job_section
 from testbed.report.apart import left_nominal
 from testbed.report.glossary import glossary_section
 from testbed.report.page import Block, Page, Points, Section, Table, Text, record_section
 from testbed.store.layout import RECORDING
-from testbed.units import counted, listed, sentences, typeset
+from testbed.units import UM, counted, listed, sentences, typeset
 
 KINDS = {"pose": "position and orientation", "point": "position", "distance": "a distance"}
 """What a reading of each kind measures."""
@@ -164,3 +165,38 @@ def identifiable_section(calibration: Calibration) -> Section:
         blocks.append(Text(rank_words(fit)))
         blocks += [Points(texts)] if texts else []
     return Section("identifiable", "What can be identified", tuple(blocks))
+
+
+def rank_words(fit: FittedModel) -> str:
+    """How many numbers the data tell apart, and how that was counted."""
+    result = fit.identification
+    reduction = result.reduction
+    free = len(reduction.kept) + len(reduction.dropped)
+    text = (
+        f"{fit.model.capitalize()}: {counted(free, 'number')} free, "
+        f"{len(result.parameters.names) - free} held; rank {reduction.rank} (singular values above "
+        f"{reduction.tolerance:.0e} of the largest count)"
+    )
+    alike = condition(reduction)
+    text += f", condition {alike} of the kept columns. " if alike else ". "
+    if result.prior is not None:
+        text += (
+            f"{counted(len(result.prior.names), 'number')} of links and joints have a weak prior "
+            "and are all estimated, told apart or not. "
+        )
+    if not reduction.dropped:
+        return text + "All free numbers can be told apart."
+    return text + (
+        f"{counted(len(reduction.dropped), 'number')} cannot be told from others and "
+        f"{'is' if len(reduction.dropped) == 1 else 'are'} not fitted"
+        f"{':' if result.prior is None else ' unless the prior holds them.'}"
+    )
+
+
+def sheet_rows(calibration: Calibration, delivered: Delivered) -> tuple[Row, ...]:
+    """The job sheet with the robot before it, and the day, the tolerance and the decision after."""
+    asked, day = calibration.decision, calibration.set_up.date
+    limit = "" if asked is None else f"{asked.tolerance * UM:.6g} um, {asked.rule}"
+    stated = job_rows(calibration.set_up.job, (("measured on", day), ("tolerance", limit)))
+    decided = "; ".join(text.rstrip(".") for text in decision_words(calibration, delivered))
+    return (*stated, ("decision", decided)) if decided else stated

@@ -26,18 +26,6 @@ Tree = tuple[list[Array], list[int]]
 """Postures of a search, and which of them each one grew from; -1 for the root."""
 
 
-def led_to(mover: "Mover", q: Array, known: Array) -> Bool:
-    """Postures (N,) of q (N, n) that a free straight move leads to from one of `known` (k, n).
-
-    Of each the `NEAR` nearest ones are tried.
-    """
-    found = np.zeros(len(q), dtype=np.bool_)
-    for i, here in enumerate(q):
-        nearest = np.argsort(mover.reach(known - here), kind="stable")[:NEAR]
-        found[i] = any(mover.is_free(known[k], here) for k in nearest)
-    return found
-
-
 def travel_times(q_from: ArrayLike, q_to: ArrayLike, speeds: Array) -> Array:
     """Time (...) of joint moves at constant speed, the slowest joint deciding [s].
 
@@ -157,6 +145,17 @@ class Mover:
             self.in_vain += self.tested - before
             return Way(frozen(vias[:0]), np.inf)
         return self._way(start, end, self._shortened(start, found, end))
+
+    def leads_to(self, q: Array, known: Array) -> Bool:
+        """Postures (N,) of q (N, n) that a free straight move leads to from one of `known` (k, n).
+
+        Of each the `NEAR` nearest ones are tried.
+        """
+        found = np.zeros(len(q), dtype=np.bool_)
+        for i, here in enumerate(q):
+            nearest = np.argsort(self.reach(known - here), kind="stable")[:NEAR]
+            found[i] = any(self.is_free(known[k], here) for k in nearest)
+        return found
 
     def _way(self, start: Array, end: Array, via: Array) -> Way:
         """A way with its time."""

@@ -11,8 +11,8 @@ from testbed.files.read import read_session
 from testbed.files.session_toml import SESSION_FILE, SessionFile
 from testbed.gates.mistakes import validated
 from testbed.gates.toml import toml_document
+from testbed.identify.report.page import sheet_rows
 from testbed.identify.results import headline
-from testbed.identify.words import sheet_rows
 from testbed.jobsheet.report import job_csv, job_section
 from testbed.jobsheet.sheet import Instrument, JobSheet
 from testbed.proposal.text import MAY
