@@ -1,4 +1,4 @@
-"""A calibration in one call: frames, reduction, fit, its tests, and judging by other poses."""
+"""Calibration in one call: frames, reduction, fit and tests; judged by other poses."""
 
 from collections.abc import Callable, Collection, Iterable
 from dataclasses import dataclass, replace
@@ -21,20 +21,21 @@ from calib.shown import ResultTable, Shown
 from calib.uncertainty.judgement import Circumstances, Judgement, judge
 
 TURNED = 0.05
-"""Turn of a frame [rad] up to which the axes of a belief about it are as good as its own."""
+"""Largest rotation of a frame [rad] at which a prior in its old axes still holds."""
 UNLIKE = 0.1
-"""Part of an arm's reach by which nominal links may miss: real arms miss a hundredth at most."""
+"""Largest error of nominal links, as a part of the reach; real arms miss by a hundredth at most."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CalibratedRobot(Shown):
-    """A robot after its calibration: what was identified, from where, and from what."""
+    """A calibrated robot: its identification, the start of the fit, and the measurements."""
 
     identification: Identification
+    """Identified model with covariance and tests."""
     start: Start
     """The nominal links with the frames found from the measurements."""
     measured: Measurements
-    """What it was identified from."""
+    """Table that it was identified from."""
 
     def __repr__(self) -> str:
         return f"CalibratedRobot({self.identification!r}, from {len(self.measured)} rows)"
@@ -52,7 +53,7 @@ class CalibratedRobot(Shown):
         return self.identification.model
 
     def summary(self) -> str:
-        """Frames, numbers with their U, tests of the fit, what cannot be told apart, as text."""
+        """Text with frames, numbers and their U, tests of the fit, and what is not identifiable."""
         misfit = f"nominal links miss by {1e3 * self.start.position_rms:.3f} mm rms"
         frames = [note for note in self.start.notes if note not in self.identification.notes]
         own = own_words(self.start.model, self.identification.parameters)
@@ -74,9 +75,9 @@ class CalibratedRobot(Shown):
         test : Measurements
             Held-out poses or points, drawn from where the robot will be used.
         circumstances : Circumstances, optional
-            What else is known of the campaign.
+            Further facts about the campaign.
         rng : numpy.random.Generator, optional
-            Of virtual calibrations; none are played without it.
+            Generator for virtual calibrations; without it none are played.
         """
         return judge(
             self.identification, test, train=self.measured, circumstances=circumstances, rng=rng
@@ -95,11 +96,11 @@ def calibrate(
     loss: Loss = "squared",
     report: Callable[[int, float], None] | None = None,
 ) -> CalibratedRobot:
-    """Calibrate a robot from measurements; nothing but its links need be known.
+    """Calibrate a robot from measurements; only its nominal links need to be known.
 
-    Base, tool and fixtures are found first, then all free numbers together; of those that the
-    measurements cannot tell apart some stay nominal, and the summary lists which. Joint errors that
-    the robot has already have the weak prior unless another is given: see `own_prior`.
+    Base, tool and fixtures are found first, then all free numbers together. Of numbers that the
+    measurements cannot tell apart some stay nominal; the summary lists them. Joint errors that the
+    model has already get the weak prior unless another is given: see `own_prior`.
 
     Parameters
     ----------
@@ -109,18 +110,19 @@ def calibrate(
         Poses, points or distances; see `calib.poses`, `calib.points`, `calib.distances`.
     free : iterable of str, optional
         Names of the numbers to identify; by default all but known anchors and a held tool. Base,
-        tool and fixtures are found first in any case; where they are left out, they stay there.
+        tool and fixtures are found first in any case; if not free, they keep the values found.
     free_tool : bool
-        Whether the tool is looked for; False holds it where the model has it.
+        Whether the tool is found; False holds it as in the model.
     free_anchors : collection of int
-        Anchors of the fixtures, from 0, whose place in the world is not known.
+        Anchors of the fixtures, from 0, whose position in the world is unknown.
     prior, loss, report
-        As in `calib.identify`; the prior is about the numbers of `model`, not about what was found.
+        As in `calib.identify`; the prior refers to the numbers of `model`, not to the frames found.
 
     Raises
     ------
     InputError
-        Too few measurements; how many are needed is stated.
+        Too few measurements (how many are needed is stated); M32: they are not of such an arm, or
+        in other units.
 
     Examples
     --------
@@ -166,12 +168,12 @@ def calibrate(
 
 
 def _from_start(prior: Prior, model: RobotModel, start: RobotModel) -> Prior:
-    """The same belief, its steps counted from where frames were found instead of from `model`.
+    """The same prior with its steps counted from the frames found instead of from `model`.
 
     Raises
     ------
     InputError
-        A3: it is about a frame that was found turned away: its axes are others.
+        A3: it is of a frame that was found to be rotated, so that its axes are different.
     """
     place = [model.names.index(name) for name in prior.names if name in model.names]
     if len(place) < len(prior.names):
@@ -195,7 +197,7 @@ def _from_start(prior: Prior, model: RobotModel, start: RobotModel) -> Prior:
 
 
 def _require_likeness(model: RobotModel, miss: float) -> None:
-    """Refuse readings that are not those of such an arm, in these units [m]."""
+    """Raise an `InputError` (M32) if nominal links miss the readings by too much [m]."""
     reach = float(np.abs(model.chain.links[:, 1:3]).sum())
     if miss > UNLIKE * reach > 0:
         message = (

@@ -1,20 +1,17 @@
-"""Targets changed so that the real robot does what the nominal one was meant to do.
+"""Compensation of robot errors: targets changed so that the real robot reaches the poses intended.
 
-A program means the poses that the nominal model gives: T = f0(q). The robot, as identified, goes to
-f(q) instead. Two ways out:
+A program intends the poses of the nominal model, T = f0(q); the robot, as identified, goes to f(q).
+There are two ways to correct it:
 
-* **Joint targets.** The controller passes joints on, so it is given other joints: q' with
-  f(q') = f0(q), found by inverting the identified model from q. To first order
-  q' = q - J^-1 (f(q) - f0(q)); the inversion goes on until nothing is left.
-* **Cartesian targets.** The controller turns poses into joints with its nominal model, which stays
-  as it is: given T', it goes to q' with f0(q') = T'. So with f(q') = T the pose to give it is
-  T' = f0(q').
+* **Joint targets.** The controller is given q' with f(q') = f0(q), found by inverting the
+  identified model from q. To first order q' = q - J^-1 (f(q) - f0(q)); the inversion is iterated
+  to convergence.
+* **Cartesian targets.** The controller turns a pose T' into joints q' by its nominal model,
+  f0(q') = T'. To reach T, solve f(q') = T and give the controller T' = f0(q').
 
-An arm of fewer than six joints cannot take the pose of another one, however little they differ: it
-is brought to the position, and as near to the rotation as its joints then allow.
-
-Both models must speak of the same world and the same tool: give `nominal` the base and the tool in
-which the program is meant. What the identified base moved against it is compensated too.
+An arm of fewer than six joints rarely reaches a pose of another arm, however similar: it is brought
+to the position, and as near to the rotation as its joints then allow. Both models must have the
+same world and tool: give `nominal` the base and the tool of the program.
 """
 
 from collections.abc import Mapping, Sequence
@@ -35,10 +32,9 @@ from calib.measurement.accuracy import position_errors, rotation_errors
 from calib.shown import ResultTable, Shown
 
 LARGEST = np.radians(5.0)
-"""A correction that moves a joint farther than this comes from a nearly singular posture [rad, and
-that times 0.3 m]."""
+"""A correction of a joint beyond this counts as nearly singular [rad, or that times 0.3 m]."""
 UNLIMITED = 1e3
-"""Farther than any joint goes for a correction [rad, m]."""
+"""Width of the joint limits around the targets if none are given [rad, m]."""
 
 
 class _Corrected(Shown):
@@ -49,44 +45,44 @@ class _Corrected(Shown):
 
     @property
     def corrected(self) -> Bool:
-        """(m,) whether the target is corrected without reserve."""
+        """(m,) whether the target is corrected without reservation: its status is "reached"."""
         return np.array([one == "reached" for one in self.status], dtype=np.bool_)
 
     @property
     def sentences(self) -> tuple[str, ...]:
-        """What is to be looked at, in words; one sentence per kind of trouble."""
+        """One sentence per kind of trouble, with the targets that need a look."""
         return status_sentences(self.status, "target")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Correction(_Corrected):
-    """Joint targets that make the identified robot go where the nominal one was meant to."""
+    """Joint targets at which the identified robot reaches the poses intended."""
 
     q: Array
-    """(m, n) corrected joint targets inside the limits; where `corrected` is false the nearest
-    posture, which may lie far away: keep the given target there [rad, m]."""
+    """(m, n) corrected joint targets inside the limits [rad, m]; where `corrected` is false the
+    nearest posture found, which may be far away: keep the given target there."""
     step: Array
-    """(m, n) corrected minus given [rad, m]."""
+    """(m, n) corrected minus given targets [rad, m]."""
     position_error: Array
-    """(m,) what is left, by the identified model [m]."""
+    """(m,) position error left, by the identified model [m]."""
     rotation_error: Array
-    """(m,) what is left [rad]; of fewer than six joints more than nothing, though "reached"."""
+    """(m,) rotation error left [rad]; for fewer than six joints not zero even if "reached"."""
     position_before: Array
-    """(m,) how far the identified model is off at the given targets [m]."""
+    """(m,) position error at the given targets, by the identified model [m]."""
     rotation_before: Array
-    """(m,) the same of the angle [rad]."""
+    """(m,) rotation error at the given targets, by the identified model [rad]."""
     status: tuple[InverseStatus, ...]
     """(m,) "reached", or why the target needs a look: "singular" (corrected, but a joint moves far
     for it or the posture is nearly singular), "limits", "out of reach"."""
     condition: Array
-    """(m,) of the joint Jacobian, the larger one before and after the correction."""
+    """(m,) condition number of the joint Jacobian, the larger of before and after correction."""
 
     def __repr__(self) -> str:
         left = f"{1e6 * self.position_error.max(initial=0.0):.3g} um"
         return f"Correction({self.corrected.sum()} of {len(self.q)} targets, largest rest: {left})"
 
     def tables(self) -> dict[str, ResultTable]:
-        """``targets``: corrected joints, what is left and what there was [m, rad]."""
+        """``targets``: corrected joints [rad, m], position error before and left [m], status."""
         joints = {f"q{k + 1}": q for k, q in enumerate(self.q.T)}
         off = {"before_m": self.position_before, "left_m": self.position_error}
         return {"targets": ResultTable({**joints, **off, "status": self.status})}
@@ -97,15 +93,15 @@ class PoseCorrection(_Corrected):
     """Cartesian targets for a controller that keeps its nominal model."""
 
     T: Array
-    """(m, 4, 4) what the controller is to be given [m]."""
+    """(m, 4, 4) poses T_world_tool to give the controller [m]."""
     q: Array
-    """(m, n) the joints it then takes [rad, m]."""
+    """(m, n) joint values that it then takes [rad, m]."""
     q_before: Array
-    """(m, n) the joints it takes for the target as it was [rad, m]."""
+    """(m, n) joint values that it takes for the uncorrected targets [rad, m]."""
     position_error: Array
-    """(m,) how far the identified robot then is from the wanted pose [m]."""
+    """(m,) position error left, by the identified model [m]."""
     rotation_error: Array
-    """(m,) the same of the angle [rad]."""
+    """(m,) rotation error left, by the identified model [rad]."""
     status: tuple[InverseStatus, ...]
     """(m,) as in `Correction`."""
     condition: Array
@@ -128,16 +124,21 @@ def compensate(
     Parameters
     ----------
     nominal : RobotModel
-        What the program was written for.
+        Model that the program was written for.
     identified : RobotModel
-        What the robot is, joint errors included.
+        Model of the real robot, joint errors included.
     q : (m, n) array_like
         Joint targets of the program [rad, m].
     limits : (n, 2) array_like, optional
         Lower and upper joint limits [rad, m]; none by default. No joint is moved by whole turns
         into them.
     at : OperatingConditions, optional
-        Under which the identified robot goes to the targets, one row for each.
+        Operating conditions of the real robot, one row per target.
+
+    Raises
+    ------
+    InputError
+        A3: the models differ in the kinds of their joints, or limits are swapped; A1: wrong shape.
 
     Examples
     --------
@@ -186,23 +187,23 @@ def corrected_poses(
     Parameters
     ----------
     nominal : RobotModel
-        The controller's own model, which turns its targets into joints.
+        Model of the controller, which turns its targets into joint values.
     identified : RobotModel
-        What the robot is, joint errors included.
+        Model of the real robot, joint errors included.
     T : (m, 4, 4) array_like
-        Poses T_world_tool that the program wants [m].
+        Poses T_world_tool that the program intends [m].
     seeds : (m, n) or (m, s, n) array_like
-        Near which joints the controller reaches them: its configuration [rad, m].
+        Joint values near those that the controller takes: its configuration [rad, m].
     limits : (n, 2) array_like
         Lower and upper joint limits [rad, m].
     at : OperatingConditions, optional
-        Under which the identified robot goes to the targets.
+        Operating conditions of the real robot, one row per target.
+
 
     Notes
     -----
-    An arm of seven joints reaches T' in many ways, and only its maker knows which one it takes;
-    the answer holds for the posture nearest to the one it takes for T. Joint targets leave no
-    choice.
+    An arm of seven joints reaches T' in many postures, and only its controller knows which one it
+    takes; the result holds for the one nearest to its posture for T. Joint targets avoid this.
     """
     _same_joints(nominal, identified)
     few = few_joints(nominal)
@@ -229,29 +230,29 @@ def corrected_poses(
 
 
 def few_joints(model: RobotModel, held: int = 0) -> bool:
-    """Whether an arm, less joints that are `held`, has too few to take any pose near its own."""
+    """Whether an arm has fewer than six joints, not counting `held` ones that do not move."""
     return model.chain.n_joints - held < 6
 
 
 def turned_sentences(
     model: RobotModel, status: Sequence[str], left: Array, held: int = 0
 ) -> tuple[str, ...]:
-    """What rotation (m,) [rad] an arm leaves whose joints are few, less those that are `held`."""
+    """Sentence on the rotation `left` (m,) [rad] by an arm of fewer than six joints, `held` out."""
     reached = np.array([one == "reached" for one in status], dtype=np.bool_)
     if not few_joints(model, held) or not reached.any():
         return ()
     n = model.chain.n_joints - held
     most, free = np.degrees(left[reached].max()), "free " * bool(held)
     return (
-        f"an arm of {n} {free}joint{'s' if n > 1 else ''} cannot turn its tool in every way: "
-        "targets are reached with the tool point, and of the rotation up to "
-        f"{most:.2g} deg is left",
+        f"an arm with {n} {free}joint{'s' if n > 1 else ''} cannot orient its tool freely: "
+        f"targets are reached with the tool point, and up to {most:.2g} deg of the rotation "
+        "remains",
     )
 
 
 WORDS: Mapping[str, str] = {
-    "singular": "corrected in a nearly singular posture, where a small turn of the tool takes a "
-    "large move of the joints; look at the corrected joints, or move the target",
+    "singular": "corrected in a nearly singular posture, where a small turn of the tool needs a "
+    "large move of the joints; check the corrected joints, or move the target",
     "limits": "reached only outside the joint limits; the nearest posture inside is given",
     "out of reach": "not reached by the identified robot in a posture near the given one; the "
     "nearest posture is given",
@@ -265,7 +266,7 @@ def status_sentences(
     *,
     names: Sequence[str] = (),
 ) -> tuple[str, ...]:
-    """One sentence for each kind of trouble, with the rows it concerns: `names`, else from 1."""
+    """One sentence for each kind of trouble, with the rows concerned by `names`, else from 1."""
     names = names or [str(k + 1) for k in range(len(status))]
     said = []
     for outcome, meaning in words.items():
@@ -283,7 +284,7 @@ def status_sentences(
 def _statuses(
     model: RobotModel, found: Inverse, step: Array, condition: Array
 ) -> tuple[InverseStatus, ...]:
-    """Status of each correction: near singular postures even a reached target is named."""
+    """Status of each correction; reached targets near a singular posture become "singular"."""
     unit = np.where(model.chain.prismatic, CHARACTERISTIC_LENGTH, 1.0)
     far = (np.abs(step) > LARGEST * unit).any(axis=1) | (condition > SINGULAR_CONDITION)
     return tuple(
@@ -292,7 +293,7 @@ def _statuses(
 
 
 def _same_joints(nominal: RobotModel, identified: RobotModel) -> None:
-    """Refuse models of two different arms."""
+    """Raise an `InputError` (A3) if joints of the models differ in kind."""
     if nominal.chain.kinds != identified.chain.kinds:
         kinds = f"{nominal.chain.kinds} and {identified.chain.kinds}"
         message = f"nominal and identified differ in their joints: {kinds}"

@@ -1,7 +1,9 @@
 """The errors this project raises: what is wrong, where, what was allowed and the likely fix."""
 
 import re
-from typing import Any, Self
+from typing import Any, Self, TypeVar
+
+E = TypeVar("E", bound="CalibError")
 
 STEERING = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f\u2028-\u202e\u2066-\u2069\ud800-\udfff]")
 """What steers a terminal, ends a line or turns the direction of writing, and stray surrogates."""
@@ -99,37 +101,36 @@ class CalibError(Exception):
 
     def __reduce__(self) -> tuple[Any, ...]:
         """From one process to another: the message alone would not make it again."""
-        parts = (
-            self.message,
-            self.code,
-            self.where,
-            self.field,
-            self.value,
-            self.allowed,
-            self.fix,
-        )
-        return _again, (type(self), *parts)
+        return _again, (type(self), str(self)), vars(self)
 
     def located(self, where: str) -> Self:
         """The same error with its place in front; itself if it has one."""
         if self.where:
             return self
-        return type(self)(
-            self.message, code=self.code, where=where, field=self.field, value=self.value,
-            allowed=self.allowed, fix=self.fix,
-        )  # fmt: skip
+        found = _again(type(self), "")
+        vars(found).update(vars(self) | {"where": where})
+        found.args = (str(found),)
+        return found
 
 
-def _again(
-    cls: type[CalibError], message: str, code: str, where: str, field: str, value: object,
-    allowed: str, fix: str,
-) -> CalibError:  # fmt: skip
-    """The same error in another process."""
-    return cls(message, code=code, where=where, field=field, value=value, allowed=allowed, fix=fix)
+def _again(cls: type[E], sentence: str) -> E:
+    """An error whose attributes are set afterwards."""
+    return cls.__new__(cls, sentence)
 
 
 class InputError(CalibError):
     """What was handed in cannot be used; nothing was computed (exit code 2)."""
+
+
+class TooFewPosesError(InputError):
+    """A table has too few different poses for what is to be identified from it."""
+
+    def __init__(self, message: str, *, least: int, count: int) -> None:
+        super().__init__(
+            message, code="M27", field="measurements", value=count, fix=f"measure at least {least}"
+        )
+        self.least = least
+        """Different poses of this kind that may do."""
 
 
 class MachineError(CalibError):

@@ -1,4 +1,4 @@
-"""One pose after the other, as fast as compiled code goes: a robot model without its checks."""
+"""Fast forward kinematics of one posture at a time, in compiled code and with few checks."""
 
 from dataclasses import dataclass
 
@@ -13,7 +13,7 @@ from calib.shown import Shown
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SinglePoses(Shown):
-    """A robot model ready for single postures; of many at once `RobotModel.poses` is faster.
+    """A robot model compiled for single postures; for many at once `RobotModel.poses` is faster.
 
     Examples
     --------
@@ -24,11 +24,11 @@ class SinglePoses(Shown):
     """
 
     links: Array
-    """(n, 8), as `calib.kernels.single_pose` takes them."""
+    """(n, 8) theta, d, a, cos and sin of alpha, cos and sin of beta, 1 if prismatic [rad, m]."""
     frames: Array
-    """(2, 16) base and tool."""
+    """(2, 16) T_world_base and T_flange_tool, by rows [m]."""
     terms: Array
-    """(k, n + 3) joint terms."""
+    """(k, n + 3) joint, coefficient, 1 for cosine, and n weights of each joint term."""
 
     def __repr__(self) -> str:
         return f"SinglePoses({len(self.links)} joints)"
@@ -43,7 +43,7 @@ class SinglePoses(Shown):
         Raises
         ------
         InputError
-            If the model has springs, or terms of what a row says beside its joints.
+            A3: the model has springs, or terms that depend on operating conditions.
         """
         import calib.kernels.single_pose  # noqa: F401  # compiled now, not at the first pose
 
@@ -70,9 +70,12 @@ class SinglePoses(Shown):
         )
 
     def pose(self, q: Array) -> Array:
-        """Tool pose T_world_tool (4, 4) [m] at joints q (n,) [rad, m].
+        """Tool pose T_world_tool (4, 4) [m] at joint values q (n,) [rad, m].
 
-        An array of floats is asked for; that they are finite is not looked at.
+        Raises
+        ------
+        InputError
+            A1: q is no float64 array of n values. Whether they are finite is not checked.
         """
         from calib.kernels.single_pose import single_pose
 

@@ -1,6 +1,6 @@
-"""How long must one wait? Arms that move to a pose, stop, swing out and are looked at too soon.
+"""How long must one wait? Arms that move to a pose, stop, vibrate, and are measured too soon.
 
-Run it: python scenes/dwell.py, which prints a table and draws dwell.svg.
+Run it: python scenes/dwell.py. It prints a table and draws dwell.svg.
 """
 
 from pathlib import Path
@@ -15,15 +15,16 @@ from testbed.studies import load_scenario
 from testbed.studies.trial.bending.plots import dying_away
 
 DWELLS_S, AT_REST_S = (0.0, 0.1, 0.3, 0.5, 1.0), 8.0
-ARMS = {  # at an arm's usual speed, and as slowly as in Wen et al. 2022
+ARMS = {  # the usual speed of an arm, and the slow one of Wen et al. 2022
     "fast": {"speed_deg_s": 120.0, "approach_deg": 20.0},
     "at 62.5 mm/s": {"speed_mm_s": 62.5, "approach_deg": 5.0},
 }
-KINDS = ((0.05, 1.0), (0.02, 0.3), (0.02, 0.0))  # damping of critical, friction of 1 % of rated
+# damping as a share of the critical one, friction in multiples of 1 % of the rated torque
+KINDS = ((0.05, 1.0), (0.02, 0.3), (0.02, 0.0))
 
 
 def of_kind(truth: TruthSettings, share: float, rng: np.random.Generator) -> TruthSettings:
-    """One arm of a kind: stiffness and friction of every joint 30 % more or less."""
+    """One arm of a kind: stiffness and friction of every joint vary by up to 30 %."""
     keys = {"drive_nm_per_mrad": 1.0, "bearing_nm_per_mrad": 1.0, "friction_nm": share}
     size = {key: factor * rng.uniform(0.7, 1.3, 6) for key, factor in keys.items()}
     update = {key: tuple(each * getattr(truth, key)) for key, each in size.items()}
@@ -33,7 +34,8 @@ def of_kind(truth: TruthSettings, share: float, rng: np.random.Generator) -> Tru
 def waited(how: str, damping: float, friction: float, *, robots: int, poses: int) -> np.ndarray:
     """Distance (robots, dwells + 1, poses) [um] of the tool from where it will come to rest.
 
-    Last, from where it rests when it comes from the other side: no wait takes that away.
+    The last entry is the distance from where it rests if it comes from the other side, which no
+    wait removes.
     """
     robot = load_robot("staubli_tx60")
     changes = {"truth": {"preset": "moving", "damping": damping, **ARMS[how]}}
@@ -53,7 +55,7 @@ def waited(how: str, damping: float, friction: float, *, robots: int, poses: int
 
 
 def table(*, robots: int = 5, poses: int = 12) -> list[tuple[str, float, float, np.ndarray]]:
-    """Per kind of arm: how it comes, damping, friction, and what `waited` found."""
+    """Per kind of arm: how it arrives, damping, friction, and the distances of `waited`."""
     kinds = [(how, *kind) for how in ARMS for kind in KINDS]
     return [(*kind, waited(*kind, robots=robots, poses=poses)) for kind in kinds]
 

@@ -1,4 +1,4 @@
-"""What does one more held-out pose buy? A radius for "95 %" from errors alone, without a model.
+"""What does one more held-out pose buy? A 95 % radius taken from errors alone, without a model.
 
 Run it: python scenes/lesson_held_out.py [--seed 1] [--picture held_out.png]
 """
@@ -14,9 +14,10 @@ COUNTS, POSES, USED = (10, 18, 19, 20, 39, 59), 29, 1000
 
 
 def radii(seeds: range, draws: int = 200) -> dict[int, np.ndarray | None]:
-    """Per number of held-out poses (seeds, draws, 2): the radius [um], and the share it holds.
+    """Per number of held-out poses (seeds, draws, 2): the radius [um], and the share inside it.
 
-    The share is of a thousand other poses, against the truth; None where no radius can be stated.
+    The share is that of the true errors at the other poses of a thousand; None if no radius can be
+    stated.
     """
     found: dict[int, list[np.ndarray] | None] = {count: [] for count in COUNTS}
     for lab in laboratories(seeds, "soft", test__poses=USED):
@@ -38,7 +39,7 @@ def radii(seeds: range, draws: int = 200) -> dict[int, np.ndarray | None]:
 
 
 def answer(found: dict[int, np.ndarray | None]) -> str:
-    """The answer, from what was found."""
+    """The answer, from these numbers."""
     stated = {count: rows for count, rows in found.items() if rows is not None}
     first, last = min(stated), max(stated)
     none = max((count for count in found if count < first), default=0)

@@ -1,4 +1,4 @@
-"""What does a wrong model do to an interval? True points inside "95 %" regions, out of 50.
+"""What does a wrong model do to an interval? Of 50 true points, those in 95 % regions.
 
 Run it: python scenes/lesson_model.py [--seed 1] [--picture model.png]
 """
@@ -13,15 +13,15 @@ from truebed.lesson import asked, calibrated, guess, laboratories, spread, tell
 
 COUNTS, HELD_OUT = (29, 61, 120), 20
 SAG_MDEG, UM_PER_MDEG = (0, 1, 2, 5), 11
-"""How far joint 2 gives way under the upper arm, and what 1 mdeg of it, and what comes with it in
-joints 2 and 3, move the tool by on average."""
+"""How far joint 2 sags under the upper arm, and how far the tool moves on average per mdeg of it,
+with the other sag in joints 2 and 3 that comes with it."""
 
 
 def held(seeds: range) -> dict[int, np.ndarray]:
-    """How many (seeds, counts + 1) of 50 true points lie inside what is stated, per sag.
+    """How many (seeds, counts + 1) of 50 true points lie inside the stated region, per sag.
 
-    By the parameters alone for each number of poses; last, inside the region that is believed
-    after the first number of poses and 20 held-out ones.
+    Regions of the parameters alone, for each number of poses; in the last column the believed
+    region after the first number of poses and 20 held-out ones.
     """
     found: dict[int, list[list[float]]] = {sag: [] for sag in SAG_MDEG}
     for sag, rows in found.items():
@@ -42,7 +42,7 @@ def held(seeds: range) -> dict[int, np.ndarray]:
 
 
 def answer(found: dict[int, np.ndarray]) -> str:
-    """The answer, from what was found."""
+    """The answer, from these numbers."""
     mean = {sag: rows.mean(axis=0) for sag, rows in found.items()}
     right, wrong, last = mean[SAG_MDEG[0]], mean[SAG_MDEG[2]], len(COUNTS) - 1
     grows = "fewer" if wrong[last] < wrong[0] else "no fewer"

@@ -1,4 +1,4 @@
-"""Why not all O1? Sets of 29 poses by O1, by the tool's uncertainty (V) and at random.
+"""Why not all O1? Sets of 29 poses chosen by O1, by the uncertainty of the tool (V), and at random.
 
 Run it: python scenes/lesson_o1.py [--seed 1] [--picture o1.png]
 """
@@ -34,7 +34,7 @@ def log_error(arm: VirtualLaboratory, places: Index, name: str) -> float:
 
 
 def against_random(seeds: range, robots: int = 4) -> dict[tuple[str, str], np.ndarray]:
-    """Error of a set against random ones [%], per kind and set: a mean over robots per seed."""
+    """Error of a set against random sets [%], per kind and set: a mean over robots per seed."""
     found: dict[tuple[str, str], list[float]] = {}
     for kind in KINDS:
         for lab in laboratories(seeds, kind):
@@ -52,7 +52,7 @@ def against_random(seeds: range, robots: int = 4) -> dict[tuple[str, str], np.nd
 
 
 def answer(found: dict[tuple[str, str], np.ndarray]) -> str:
-    """The answer, from what was found."""
+    """The answer, from these numbers."""
     mean = {key: values.mean() for key, values in found.items()}
     return (
         f"On rigid robots O1 changes the error by {mean['rigid', 'O1']:+.0f} % and V by "

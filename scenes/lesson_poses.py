@@ -1,4 +1,4 @@
-"""Why 61 poses? What more poses buy on a robot that is rigid, and on one that sags.
+"""Why 61 poses? What more poses gain on a rigid robot, and on one that sags.
 
 Run it: python scenes/lesson_poses.py [--seed 1] [--picture poses.png]
 """
@@ -35,13 +35,13 @@ def settled(seeds: range, sets: int = 50) -> list[float]:
 
 
 def gain(um: np.ndarray, fewer: int, more: int) -> np.ndarray:
-    """Part (seeds,) of the error that more poses take away."""
+    """Share (seeds,) of the error that more poses remove."""
     before, after = (um[:, COUNTS.index(count)] for count in (fewer, more))
     return 1 - after / before
 
 
 def answer(found: dict[str, np.ndarray]) -> str:
-    """The answer, from what was found."""
+    """The answer, from these numbers."""
     rigid, soft = (100 * gain(um, 29, WANTED) for um in found.values())
     noise = 100 * (1 - (29 / WANTED) ** 0.5)
     verdict = "less than" if soft.mean() < rigid.mean() else "no less than"

@@ -1,4 +1,4 @@
-"""Where to put the tracker? The same robot and poses, seen from near, from far and from the side.
+"""Where to put the tracker? The same robot and poses, measured from near, far and the side.
 
 Run it: python scenes/lesson_tracker.py [--seed 1] [--picture tracker.png]
 """
@@ -32,7 +32,7 @@ def errors(seeds: range) -> dict[str, np.ndarray]:
 
 
 def answer(found: dict[str, np.ndarray]) -> str:
-    """The answer, from what was found."""
+    """The answer, from these numbers."""
     (first, near), *_, (last, far) = found.items()
     best = min(found, key=lambda name: found[name][1].mean())
     noise, error = far.mean(axis=1) / near.mean(axis=1)

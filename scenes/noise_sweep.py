@@ -11,7 +11,7 @@ NOISE_UM = (5.0, 10.0, 17.5, 35.0)
 
 
 def sweep(replications: int = 60) -> list[tuple[float, float, float, float]]:
-    """Per noise [um]: mean held-out error [mm], stated u [mm], share of the truth held."""
+    """Per noise [um]: mean held-out error [mm], stated u [mm], share of true points inside."""
     quick = load_scenario("quick")
     rows = []
     for noise_um in NOISE_UM:

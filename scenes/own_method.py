@@ -1,7 +1,7 @@
-"""A selection method of one's own against the shipped ones, on equal terms.
+"""A selection method of your own, compared with the shipped ones on equal terms.
 
-The idea tried here: poses as far from each other in joint space as possible. Same robots, same
-noise, same estimator; only the poses differ.
+The idea that is tried: poses as far from each other in joint space as possible. Robots, level of
+noise and estimator are the same for all methods; only the poses differ.
 
 Run it: python scenes/own_method.py
 """
@@ -16,7 +16,7 @@ POSES = 29
 
 
 def farthest(q: Array, m: int, rng: np.random.Generator) -> Index:
-    """Places (m,) of joint vectors, each the farthest from those already taken."""
+    """Places (m,) of joint vectors, each the farthest from those taken before."""
     chosen = [int(rng.integers(len(q)))]
     distance = np.linalg.norm(q - q[chosen[0]], axis=1)
     while len(chosen) < m:

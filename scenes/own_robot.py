@@ -1,4 +1,4 @@
-"""A robot of one's own: three turning joints and a sliding one, written down and calibrated.
+"""A robot of your own: three revolute joints and a prismatic one, described and calibrated.
 
 Run it: python scenes/own_robot.py
 """

@@ -73,6 +73,7 @@ def shown(size: float, unit: str) -> float:
 COORDINATE = Bound("a coordinate or distance", 1e5)
 """Halls have frames of their own, and a file in mm may be taken for one in m."""
 LINK = Bound("a length of a robot", 1e3)
+SHAPE = Bound("a size of a shape", LINK.most, 1e-9)
 TOOL = Bound("a tool point", 2.0)
 """Seen from the flange."""
 CELL = Bound("a length in a cell", 50.0, 1e-9)

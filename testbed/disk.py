@@ -194,7 +194,7 @@ def write_error(path: Path, error: OSError) -> MachineError:
         code="F3",
         where=str(path.parent),
         field=path.name,
-        fix=f"{'free some space' if full else 'mend that'}, then give the command again; "
+        fix=f"{'free some space' if full else 'correct that'}, then give the command again; "
         "a run goes on with --resume",
     )
 

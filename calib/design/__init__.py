@@ -1,6 +1,6 @@
-"""Which poses to measure: a problem, the methods that solve it, and what is proven of a set.
+"""Optimal design of pose sets: the problem, methods that solve it, and proven bounds.
 
-Some functions bear the name of their module: `calib.design.exchange` is the function.
+Where a function and its module share a name, `calib.design.exchange` is the function.
 """
 
 from collections.abc import Callable

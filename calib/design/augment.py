@@ -1,4 +1,4 @@
-"""What to measure next, beside poses already measured: a ranking of the pool."""
+"""Design augmentation: which pose to measure next, beside those already measured."""
 
 from dataclasses import dataclass
 
@@ -11,21 +11,21 @@ from calib.errors import refuse
 from calib.shown import ResultTable, Shown
 
 SHOWN = 10
-"""Poses in a ranking by default."""
+"""Number of poses in a ranking by default."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Ranking(Shown):
-    """The best next poses, best first; each alone, not together."""
+    """The best next poses, best first, each judged as the only one added."""
 
     indices: Index
-    """(k,) places in the pool."""
+    """(k,) indices in the pool."""
     gain: Array
-    """(k,) what each adds to the value of the criterion."""
+    """(k,) change of the value of the criterion by each pose."""
     figure: Array
     """(k,) figure with that pose added."""
     before: float
-    """Figure without it."""
+    """Figure without any."""
 
     def __repr__(self) -> str:
         best = f"pose {self.indices[0]} takes {self.before:.4g} to {self.figure[0]:.4g}"
@@ -45,9 +45,14 @@ def best_next(problem: Problem, *, shown: int = SHOWN) -> Ranking:
     Parameters
     ----------
     problem : Problem
-        With the poses already measured in `given` or `prior`; its number of poses plays no part.
+        Its `given` or `prior` holds the poses already measured; its number of poses plays no part.
     shown : int
-        Poses to list at most.
+        Largest number of poses to list.
+
+    Raises
+    ------
+    InputError
+        M28: the poses already measured leave a direction undetermined.
     """
     require_problem(problem)
     shown = require_count("shown", shown)

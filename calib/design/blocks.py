@@ -1,4 +1,4 @@
-"""Blocks (N, r, p) of candidate poses, their rank, and what they leave unobservable, in words."""
+"""Blocks (N, r, p): whitened, scaled Jacobians of N candidate poses; their rank, in words too."""
 
 from collections.abc import Iterable, Sequence
 
@@ -16,15 +16,16 @@ from calib.measurement.residual import point_blocks, whitened_blocks
 from calib.measurement.tables import covariances_of_sd
 
 PAPER_LENGTH = 1e-3
-"""The paper counts lengths in mm: its indices depend on that."""
+"""Unit of length of Wen et al. [m]: millimeters, on which their indices depend."""
 HUGE = 1e60
-"""Largest number in a block, and one over the smallest largest one of a column."""
+"""Largest number allowed in a block; the largest of each column must be at least its inverse."""
 NEARLY_SINGULAR = 1e-7
-"""Unit columns with a singular value below this part of the largest leave M = A'A singular."""
+"""M = A'A counts as singular if A, with columns of unit length, has a singular value below this
+part of the largest."""
 
 
 def scaled_blocks(blocks: ArrayLike, parameters: Parameters) -> Array:
-    """Blocks (N, r, p) of the free numbers, per scaled unit, from whitened ones (N, r, P)."""
+    """Blocks (N, r, p) of the free numbers, per scaled unit, from whitened Jacobians (N, r, P)."""
     (blocks,) = check(f"N r {len(parameters.names)}", blocks=blocks)
     return frozen(blocks[:, :, parameters.free] * parameters.free_scale)
 
@@ -46,14 +47,19 @@ def identifiable_blocks(
     q : (N, n) array_like
         Joint values [rad, m].
     noise : array_like
-        Of a measured pose the standard deviations of position and rotation (2,), of the six axes
-        (6,) [m, rad], or covariances, one (6, 6) or (N, 6, 6); or, where only the tool origin is
-        measured, one standard deviation or three [m], or covariances, one (3, 3) or (N, 3, 3).
+        For measured poses: standard deviations of position and rotation (2,), or of the six axes
+        (6,) [m, rad], or covariances (6, 6) or (N, 6, 6). If only the tool origin is measured: one
+        standard deviation or three [m], or covariances (3, 3) or (N, 3, 3).
     free : iterable of str, optional
         Names of the numbers to identify; by default all of the model.
     goals : (g, n) array_like, optional
-        Joint values at which the tool must be right [rad, m]: refused where numbers that no pose
-        shows, and which are therefore held, move it there.
+        Joint values at which the tool must be right [rad, m].
+
+    Raises
+    ------
+    InputError
+        A1: no poses or no free numbers; M28: numbers that no pose of the pool shows move the tool
+        at the goals.
     """
     require_kind("model", model, RobotModel, "a calib.RobotModel")
     (q,) = check(f"N {model.chain.n_joints}", q=q)
@@ -76,7 +82,7 @@ def identifiable_blocks(
 
 
 def _require_shown(A: Array, goals: Goals, parameters: Parameters) -> None:
-    """Refuse a goal that moves with something that rows A (N, f) never show."""
+    """Raise an `InputError` (M28) if directions that rows A (N, f) do not show move the goal."""
     if names := hidden_numbers(A, goals, parameters.free_names):
         message = (
             f"{', '.join(names)} can change together so that the tool point at the goal moves, and "
@@ -87,9 +93,9 @@ def _require_shown(A: Array, goals: Goals, parameters: Parameters) -> None:
 
 
 def paper_blocks(model: RobotModel, parameters: Parameters, q: ArrayLike) -> Array:
-    """Blocks (N, 6, p) equivalent to the paper's twelve rows, in mm and rad, at joints q (N, n).
+    """Blocks (N, 6, p) equivalent to the twelve rows of Wen et al. [mm, rad], at joints q (N, n).
 
-    dr weighted by sqrt(2) carries exactly the information of the nine direction cosines.
+    Rotations weighted by sqrt(2) carry exactly the information of the nine direction cosines.
 
     References
     ----------
@@ -102,7 +108,7 @@ def paper_blocks(model: RobotModel, parameters: Parameters, q: ArrayLike) -> Arr
 
 
 def most_of_one(blocks: Array) -> int:
-    """Largest rank of one pose of the pool (N, r, p); at least one."""
+    """Largest rank of the block of a single pose in the pool (N, r, p); at least one."""
     full, most = min(blocks.shape[1:]), 1
     for block in blocks:
         # nearly always the first pose has all its rows
@@ -113,18 +119,18 @@ def most_of_one(blocks: Array) -> int:
 
 
 def unitless_rank(A: Array) -> int:
-    """Rank of rows (N, p), whatever the units of their columns."""
+    """Rank of rows (N, p) whose columns are first scaled to unit length."""
     size = np.linalg.norm(A, axis=0)
     return count(singular_values(A / np.where(size > 0, size, 1.0)), NEARLY_SINGULAR)
 
 
 def has_full_rank(A: Array) -> bool:
-    """Whether rows (N, p) determine all p numbers, whatever the units of the columns."""
+    """Whether rows (N, p) determine all p numbers, whatever the units of their columns."""
     return unitless_rank(A) == int(A.shape[1])
 
 
 def unobservable_in_words(A: Array, names: Sequence[str] = ()) -> str:
-    """What rows (N, p) leave undetermined, one clause per group of numbers."""
+    """Say which numbers rows (N, p) leave undetermined, in one clause per group of them."""
     p = A.shape[1]
     names = names or [f"number {k}" for k in range(p)]
     size = np.linalg.norm(A, axis=0)
@@ -164,7 +170,13 @@ def information(blocks: Array) -> Array:
 
 
 def prior_rows(prior: ArrayLike | None, p: int) -> Array:
-    """Rows (k, p) whose information is the prior precision."""
+    """Rows R (k, p) with R'R equal to the prior precision (p, p).
+
+    Raises
+    ------
+    InputError
+        M34: `prior` is not symmetric positive semidefinite; A3: it is too large.
+    """
     if prior is None:
         return np.zeros((0, p))
     (precision,) = check(f"{p} {p}", prior=prior)

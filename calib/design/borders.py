@@ -1,4 +1,4 @@
-"""What every method of design asks of its caller before anything is computed."""
+"""Checks of arguments that the methods of design have in common."""
 
 from collections.abc import Iterable
 
@@ -10,25 +10,25 @@ from calib.errors import refuse
 
 
 def require_problem(problem: object) -> None:
-    """Refuse what is no problem."""
+    """Raise an `InputError` unless `problem` is a `Problem`."""
     made = "make one with Problem.of_blocks or Problem.of_poses"
     require_kind("problem", problem, Problem, "a calib.design.Problem", made)
 
 
 def require_rng(rng: object) -> None:
-    """Refuse what is no generator: a seed, a module."""
+    """Raise an `InputError` unless `rng` is a generator; a seed or a module is not."""
     seeded = "write numpy.random.default_rng(seed)"
     require_kind("rng", rng, np.random.Generator, "a numpy.random.Generator", seeded)
 
 
 def require_search(problem: object, rng: object) -> None:
-    """Refuse what cannot be searched."""
+    """Raise an `InputError` unless there are a `Problem` and a generator."""
     require_problem(problem)
     require_rng(rng)
 
 
 def require_counts(counts: object) -> Index:
-    """Numbers of poses (k,) as they were given, after refusing what holds none."""
+    """Checked numbers of poses (k,), in the order given."""
     if isinstance(counts, str) or not isinstance(counts, Iterable):
         kind = type(counts).__name__
         message = f"counts is of the type {kind}"

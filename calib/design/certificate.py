@@ -1,4 +1,4 @@
-"""How close a pose set is to the best possible: bounds by relaxation, and certificates."""
+"""Certificates: how close a pose set is to the best possible one, proven by relaxation."""
 
 from dataclasses import dataclass
 from math import ceil, floor
@@ -17,14 +17,14 @@ from calib.information.criteria.whitened import relative_rounding
 from calib.shown import Shown
 
 CERTAIN = 1e-9
-"""Part below which a difference is none."""
+"""Relative difference below which two figures count as equal."""
 KNOWN = 1e-3
-"""Largest part of its smallest eigenvalue that rounding may be where that is what is certified."""
+"""Largest relative rounding error of the smallest eigenvalue at which that is certified."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Certificate(Shown):
-    """What no set of the same size from the same pool can exceed, and where this one stands."""
+    """A proven bound on all sets of the same size from the same pool, and this set against it."""
 
     value: float
     """Value of the criterion, larger is better: D log det M; A, V, G minus variance; E lambda_min.
@@ -32,15 +32,15 @@ class Certificate(Shown):
     bound: float
     """No set of this size has a larger value."""
     efficiency: float
-    """Certain part of the best possible: of det^(1/p) for D, else of the figure; 0 to 1."""
+    """Proven lower bound, 0 to 1, on det^(1/p) for D, else on the figure, relative to the best."""
     figure: float
     """Figure of the set: O1, u of the tool point [m], O3, ..."""
     figure_bound: float
-    """Figure that no set can better."""
+    """No set of this size has a better figure."""
     iterations: int
-    """Steps of the relaxation."""
+    """Number of steps of the relaxation."""
     sentence: str
-    """The same in words."""
+    """The certificate in words."""
 
     def __repr__(self) -> str:
         return f"Certificate({self.sentence})"
@@ -58,11 +58,11 @@ def certify(
     Parameters
     ----------
     problem : Problem
-        What was to be chosen.
+        The problem that the set is a solution of.
     indices : (m,) array_like of int
-        The set, without the poses given.
+        The set, as indices in the pool, without the poses given.
     iterations, tolerance
-        Of the relaxation; the bound holds after any number of steps.
+        As in `relaxation`; the bound holds after any number of steps.
 
     References
     ----------
@@ -80,27 +80,27 @@ def certificate_of(
     iterations: int = ITERATIONS,
     tolerance: float = TOLERANCE,
 ) -> Certificate | None:
-    """Certificate of a set (m,); None where no bound is known or M is singular."""
+    """Certificate of a set (m,); None if no bound is known or M is singular."""
     criterion = problem.criterion
     M = problem.information(chosen)
     value = float(criterion.value(M))
     if not isinstance(criterion, Certifiable) or not np.isfinite(value):
         return None
     if problem.is_singular(chosen) or (isinstance(criterion, Spectral) and _rounded(M)):
-        return None  # what its smallest eigenvalue has is rounding
+        return None  # its smallest eigenvalue is rounding
     relaxed = relaxation(problem, iterations=iterations, tolerance=tolerance)
     return certificate_of_bound(problem, criterion, value, relaxed.bound, len(relaxed.trace))
 
 
 def _rounded(M: Array) -> bool:
-    """Whether the smallest eigenvalue of M (p, p) is not known well, in the units as they are."""
+    """Whether rounding hides the smallest eigenvalue of M (p, p), in the units as they are."""
     return relative_rounding(M, any_units=False) > KNOWN
 
 
 def certificate_of_bound(
     problem: Problem, criterion: Certifiable, value: float, bound: float, iterations: int = 0
 ) -> Certificate:
-    """A certificate from a value and a proven bound."""
+    """Certificate from the value of a set and a proven bound."""
     p, n = problem.p, problem.n_poses
     # a set that reaches the bound may lie above it by the rounding of both
     bound = max(bound, value)
@@ -112,7 +112,7 @@ def certificate_of_bound(
 
 
 def no_proof(criterion: str | Criterion) -> str:
-    """Why a set of a criterion without certificate has none."""
+    """Sentence on why a set chosen by this criterion has no certificate."""
     name = criterion if isinstance(criterion, str) else criterion.name
     if name in ("O2", "O4", "O5"):
         return f"no certificate: no bound on the best possible {name} is known"
@@ -125,7 +125,7 @@ def _sentence(
     problem: Problem, criterion: Certifiable, efficiency: float, figure: float, limit: float
 ) -> str:
     """The certificate in words."""
-    # rounded down: the sentence must be as true as the number, but for what is no difference
+    # rounded down, so that the sentence is true; up to CERTAIN counts as equal
     change = _more(1 / efficiency if criterion.larger_is_better else 2 - efficiency)
     part = f"{floor(min(efficiency + CERTAIN, 1.0) * 1000) / 1000:.3f}"
     of = f"no {problem.m} of the {int(problem.open.sum())} poses"

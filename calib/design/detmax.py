@@ -12,7 +12,7 @@ from calib.design.selection import Selection, selection_of
 from calib.errors import refuse
 
 SWAPS = (2, 1)
-"""The paper's b and c; in a set or pool too small for them, as many as there are."""
+"""Constants b and c of Wen et al.; fewer where set or pool are too small for them."""
 
 
 def detmax(
@@ -25,22 +25,28 @@ def detmax(
     d: int = 80,
     start: ArrayLike | None = None,
 ) -> Selection:
-    """Pose set that maximizes a criterion, by the paper's exchange.
+    """Pose set by DETMAX: local searches from randomly perturbed sets.
 
-    Each local search adds the pose, of all those outside, that lifts the value most, and drops the
-    one that lowers it least. After it, b poses of the current set are swapped for random ones (c,
-    once a searches in a row brought nothing); after d such searches the best set is returned.
+    Each local search adds the outside pose that raises the value most and drops the one that lowers
+    it least, until nothing improves. Then b poses of the current set are swapped for random ones,
+    or c once a searches in a row brought no improvement; after d such searches the best set is
+    returned.
 
     Parameters
     ----------
     problem : Problem
-        What to choose.
+        Pool, number of poses and criterion.
     rng : numpy.random.Generator
         Draws the first set and the swaps.
     a, b, c, d : int
-        The paper's constants; b and c at most the poses of the set, and of the pool beside it.
+        Constants of Wen et al.; b and c at most the size of the set, and of the rest of the pool.
     start : (m,) array of int, optional
         First set, instead of a random one; the result is never worse.
+
+    Raises
+    ------
+    InputError
+        A3: a constant or `start` is not possible; M28: no set determines all numbers.
 
     References
     ----------

@@ -1,4 +1,4 @@
-"""Exchange of poses from many starts; Fedorov's step takes the best of all pairs."""
+"""Exchange algorithms for pose sets: add and drop from several starts, and Fedorov's best pair."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -21,44 +21,51 @@ from calib.information.criteria.linear import Linear
 from calib.information.criteria.total import Total
 
 RESTARTS = 6
-"""Local searches by default, from the greedy set, for A and V the best for D, the others random;
-with inputs that all readings share the best for the noise alone instead of that for D."""
+"""Number of local searches by default; their starts are those of `exchange`."""
 RESTARTS_OF_D = 2
-"""Local searches of that search for D."""
+"""Number of local searches for the D-optimal set that A and V start from."""
 PAIRS_OF_G = 5000
-"""Exchanges of two poses that G tries at most: each needs every goal pose."""
+"""Largest number of exchanges of two poses for which G tries them: each needs every goal pose."""
 
 
 class Best(NamedTuple):
     """The best of several local searches."""
 
     chosen: Index
+    """(m,) indices in the pool, ascending."""
     value: float
+    """Value of the criterion."""
     trace: list[float]
+    """Best figure after each search."""
     evaluated: int
+    """Number of sets evaluated exactly."""
     way: list[Index]
-    """As `Selection` has it."""
+    """Sets on the way, as in `Selection`."""
 
 
 def exchange(problem: Problem, rng: np.random.Generator, *, restarts: int = RESTARTS) -> Selection:
     """Pose set that no exchange improves, the best from several starts.
 
-    The first start is the greedy set, so that the result is never worse than that. The second, for
-    A and V, is the best set found for D: variances have more local optima than the determinant.
-    Where V or G counts what all readings share, it is the best set found for the noise alone, so
-    that no search for the noise does better.
-    From each, the best pose is added and the worst dropped until nothing changes; the best of the
-    ends goes on by best pairs until no exchange of two poses helps. G begins with the best set for
-    the mean instead of the greedy one, and tries pairs in small pools only.
+    The first start is the greedy set, so that the result is never worse. The second, for A and V,
+    is the best set found for D: variances have more local optima than the determinant. Where V or G
+    counts error sources common to all readings, it is the best set found for the noise alone. All
+    further starts are random. From each, the best pose is added and the worst dropped until nothing
+    changes; the best of the results is improved until no exchange of two poses helps. G starts from
+    the best set for the mean instead of the greedy one, and tries pairs in small pools only.
 
     Parameters
     ----------
     problem : Problem
-        What to choose.
+        Pool, number of poses and criterion.
     rng : numpy.random.Generator
-        Draws the other starts.
+        Draws the random starts.
     restarts : int
-        Local searches, each from another start.
+        Number of local searches.
+
+    Raises
+    ------
+    InputError
+        M28: no set was found that determines all numbers.
 
     References
     ----------
@@ -80,10 +87,10 @@ def best_exchange(
     first: Sequence[int] | None = None,
     pairs: bool = False,
 ) -> Best:
-    """The search of a checked problem, from `first` (else the greedy set) and random sets."""
+    """The search of `exchange` for a checked problem, from `first` instead of the greedy set."""
     criterion = problem.criterion
     if isinstance(criterion, G):
-        # the worst goal pose changes from set to set: the best mean is where to begin
+        # the worst goal pose changes from set to set: begin with the best mean
         mean = best_exchange(replace(problem, criterion=criterion.mean()), rng, restarts=restarts)
         first = mean.chosen.tolist()
     chosen, value, trace, evaluated = np.zeros(0, np.int64), -np.inf, list[float](), 0
@@ -114,7 +121,7 @@ def best_exchange(
 
 
 def _of_noise(problem: Problem, criterion: Total) -> Problem:
-    """The same without the inputs that all readings share, which the last columns are of."""
+    """The problem without the last columns, those of inputs common to all readings."""
     p = criterion.rows.shape[2]
     return replace(
         problem,
@@ -135,16 +142,21 @@ def _first(problem: Problem, rng: np.random.Generator, first: Sequence[int] | No
 def fedorov(
     problem: Problem, rng: np.random.Generator, *, start: ArrayLike | None = None
 ) -> Selection:
-    """Pose set from one start, until no exchange of one pose improves it.
+    """Pose set by Fedorov's exchange: take the best swap of two poses until none improves the set.
 
     Parameters
     ----------
     problem : Problem
-        What to choose.
+        Pool, number of poses and criterion.
     rng : numpy.random.Generator
         Draws the first set.
     start : (m,) array of int, optional
         First set, instead of a random one; the result is never worse.
+
+    Raises
+    ------
+    InputError
+        A3: `start` is no set of the pool; M28: no set determines all numbers.
 
     References
     ----------

@@ -1,4 +1,4 @@
-"""Local searches: exchange poses of a set one at a time until nothing improves; shaking a set."""
+"""Local searches: exchange poses of a set one at a time until nothing improves; perturb a set."""
 
 from collections.abc import Callable
 from typing import NamedTuple
@@ -11,24 +11,27 @@ from calib.design.random import nonsingular_set
 from calib.information.criteria.lazy import best_swap
 
 SHAKES = 100
-"""Shakes tried before a nonsingular set is drawn anew."""
+"""Random perturbations tried before a nonsingular set is drawn anew."""
 
 
 class LocalOptimum(NamedTuple):
-    """End of one local search."""
+    """Result of one local search."""
 
     chosen: Index
+    """(m,) indices in the pool, ascending."""
     value: float
+    """Value of the criterion."""
     evaluated: int
+    """Number of sets evaluated exactly."""
     way: list[Index]
     """The first set, and the one after each exchange."""
 
 
 def add_and_drop(problem: Problem, chosen: Index) -> LocalOptimum:
-    """Add the best and drop the worst until they are the same pose or the value stops rising.
+    """Add the best pose and drop the worst until they are the same or the value stops rising.
 
-    The set stays in ascending order and its information is summed afresh each round, so that a
-    value belongs to a set and not to the way to it.
+    The set stays in ascending order and its information is summed afresh each round, so that its
+    value does not depend on the way to it.
 
     References
     ----------
@@ -49,7 +52,7 @@ def add_and_drop(problem: Problem, chosen: Index) -> LocalOptimum:
 
 
 def best_pairs(problem: Problem, chosen: Index) -> LocalOptimum:
-    """Take the best of all exchanges of one pose for another until the value stops rising.
+    """Make the best of all exchanges of one pose for another until the value stops rising.
 
     References
     ----------
@@ -90,7 +93,7 @@ def _climb(
 
 
 def shake(problem: Problem, chosen: Index, swaps: int, rng: np.random.Generator) -> Index:
-    """Exchange `swaps` poses of a set, or all it can, for others; the result is nonsingular."""
+    """Replace `swaps` poses of a set, or all it can, by random others; M stays nonsingular."""
     outside = np.flatnonzero(problem.addable(chosen))
     swaps = min(swaps, len(chosen), len(outside))
     for _ in range(SHAKES):

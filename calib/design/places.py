@@ -1,4 +1,4 @@
-"""Places in a pool as callers give them: which are measured already, which may be chosen."""
+"""Checks of indices in a pool: poses measured already, and poses that may be chosen."""
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -10,7 +10,7 @@ NO_POSES = frozen(np.zeros(0), np.int64)
 
 
 def array_of(values: ArrayLike) -> AnyArray:
-    """An array of whatever it is; of objects where its rows differ in length."""
+    """Values as an array; one of objects if rows differ in length."""
     try:
         return np.asarray(values)
     except ValueError:
@@ -18,7 +18,13 @@ def array_of(values: ArrayLike) -> AnyArray:
 
 
 def places_of(given: ArrayLike, n: int) -> Index:
-    """Places (k,) in a pool of n, after refusing what is none or comes twice."""
+    """Checked indices (k,) in a pool of n.
+
+    Raises
+    ------
+    InputError
+        A3: they are no indices of the pool; M31: one comes twice.
+    """
     places = array_of(given)
     places = places if places.size else NO_POSES
     whole = places.ndim == 1 and np.issubdtype(places.dtype, np.integer)
@@ -40,7 +46,7 @@ def places_of(given: ArrayLike, n: int) -> Index:
 
 
 def mask_of(allowed: ArrayLike | None, n: int) -> Bool:
-    """Mask (n,) of poses that may be chosen."""
+    """Checked mask (n,) of poses that may be chosen; all if `allowed` is None."""
     may = np.ones(n, dtype=bool) if allowed is None else array_of(allowed).copy()
     if may.shape != (n,) or may.dtype != np.bool_:
         message, wanted = f"allowed has shape {may.shape} of {may.dtype}", f"each of {n} poses"

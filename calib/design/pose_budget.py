@@ -1,4 +1,4 @@
-"""How many poses a target needs: what designed sets reach, and what no set can."""
+"""How many poses a target needs: what designed sets reach, and what is proven out of reach."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -19,14 +19,14 @@ from calib.information.criteria.base import Certifiable
 from calib.shown import ResultTable, Shown
 
 RESTARTS = 3
-"""Local searches of the exchange at each number of poses."""
+"""Number of local searches at each number of poses."""
 STEP = 1.25
 """Ratio of neighboring numbers of poses on the curve."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PoseBudget(Shown):
-    """Uncertainty against the number of poses: reached by a designed set, and possible at all."""
+    """Uncertainty against the number of poses: of designed sets, and its proven lower bound."""
 
     criterion: str
     """``"V"`` or ``"G"``, or another criterion whose figure falls with more poses."""
@@ -35,21 +35,21 @@ class PoseBudget(Shown):
     counts: Index
     """(k,) numbers of poses, ascending."""
     reached: Array
-    """(k,) figure of the designed set of each size; inf where none was found that tells all numbers
-    apart [m]."""
+    """(k,) figure of the designed set of each size [m]; inf if none was found that determines all
+    numbers."""
     possible: Array
-    """(k,) figure that no set of that size can better [m]."""
+    """(k,) lower bound on the figure of any set of that size [m]."""
     sets: tuple[Index, ...]
-    """(k,) that designed set (m,) itself; empty where there is none."""
+    """(k,) designed sets (m,); empty where there is none."""
     smallest: int | None
     """Fewest poses with which a designed set reaches the target; None if none does."""
     proven: int | None
-    """No set of fewer poses reaches the target; None if not even the bound does, 0 if what is known
-    before reaches it without any."""
+    """No set of fewer poses reaches the target; 0 if it is reached without any, None if the bound
+    excludes every number looked at."""
     chosen: Index
-    """(m,) the designed set of `smallest` poses, or of the largest number looked at."""
+    """(m,) designed set of `smallest` poses, or of the largest number looked at."""
     sentence: str
-    """The same in words."""
+    """The result in words."""
 
     def __repr__(self) -> str:
         return f"PoseBudget({self.criterion}: {self.sentence})"
@@ -79,7 +79,7 @@ class _Curve:
         self.points: dict[int, _Point] = {}
 
     def at(self, m: int) -> _Point:
-        """What m poses reach."""
+        """Designed set and bound for m poses."""
         if m not in self.points:
             problem = self.problem.resize(m)
             relaxed = relaxation(problem, packed=self.packed)
@@ -88,7 +88,7 @@ class _Curve:
             except InputError as error:
                 if error.code != UNTOLD:
                     raise
-                # as many equations as numbers or more, and still each set leaves something unseen
+                # there are equations enough, and still each set leaves a direction undetermined
                 self.points[m] = _Point(NO_POSES, np.inf, relaxed.figure)
             else:
                 limit = certificate_of_bound(problem, self.criterion, best.value, relaxed.bound)
@@ -123,17 +123,23 @@ def pose_budget(
     Parameters
     ----------
     problem : Problem
-        By V or G of the goal (A will do too); its number of poses is the largest looked at.
+        With criterion V or G (or A); its number of poses is the largest looked at.
     target : float
-        Standard uncertainty of the tool point asked for, mean (V) or worst (G) [m]; U / 2 for an
-        expanded uncertainty U with k = 2.
+        Standard uncertainty of the tool point asked for, RMS (V) or largest (G) over the goal [m];
+        U / 2 for an expanded uncertainty U with k = 2.
     rng : numpy.random.Generator
         Draws the starts of each design.
     counts : sequence of int, optional
-        Numbers of poses to show, and to look among; by default from the fewest on, each a quarter
-        more than the last, a little past the target.
+        Numbers of poses to look at; by default from the fewest possible, each a quarter more than
+        the last, to the first beyond the target.
     restarts : int
-        Local searches at each number.
+        Number of local searches at each number of poses.
+
+    Raises
+    ------
+    InputError
+        A4: the criterion is not V, G or A; A3: `target` is not above zero; M27: `counts` holds
+        numbers of poses that the pool does not allow.
     """
     require_search(problem, rng)
     criterion, restarts = problem.criterion, require_count("restarts", restarts)
@@ -168,10 +174,10 @@ def pose_budget(
     # bisect between the last two numbers, and below for the bound
     smallest = curve.fewest(lambda point: point.reached, target, min(low, high), high)
     if smallest is None:
-        # inputs that all readings share may make a larger set worse than a smaller one
+        # with inputs common to all readings a larger set may be worse than a smaller one
         smallest = next((m for m in shown if curve.at(m).reached <= target), None)
     if smallest is not None:
-        # designed sets are not always better the larger they are: any set made on the way will do
+        # a larger designed set is not always better: take the smallest of all that were made
         smallest = min(m for m, point in curve.points.items() if point.reached <= target)
     last = high if smallest is None else smallest
     proven = curve.fewest(lambda point: point.possible, target, least, last)

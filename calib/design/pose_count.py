@@ -1,4 +1,4 @@
-"""How many poses are enough: indices of random sets against their size, and where they settle."""
+"""How many poses are enough: observability indices of random sets against their size."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -22,9 +22,9 @@ from calib.information.observability import (
 from calib.shown import ResultTable, Shown
 
 WINDOW = 10
-"""Values on either side of a pose number that are compared."""
+"""Number of values on either side of a number of poses whose means are compared."""
 SETTLED = 0.005
-"""The index has settled when the two means differ by less than this part."""
+"""The index is stable if the two means differ by less than this part."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -32,9 +32,9 @@ class PoseCount(Shown):
     """Mean index of random sets against the number of poses."""
 
     criterion: IndexName
-    """Index."""
+    """Observability index."""
     form: Form
-    """Its form; O3 to O5 settle only per pose."""
+    """Form of the index; O3 to O5 become stable only per pose."""
     counts: Index
     """(k,) numbers of poses."""
     mean: Array
@@ -61,10 +61,10 @@ def pose_count(
     sets: int = 50,
     form: Form = "per_pose",
 ) -> tuple[PoseCount, ...]:
-    """For each index O1 to O5 the number of poses from which it no longer improves.
+    """For each index O1 to O5, its mean over random sets and the number of poses that suffices.
 
-    Each random set grows by one random pose at a time, so every size has `sets` random sets. They
-    are sets of the poses that may be chosen; with `repeats` a pose may come more than once.
+    Each random set grows by one random pose at a time, so that every size has `sets` random sets of
+    the poses that may be chosen; with `repeats` a pose may come more than once.
 
     Parameters
     ----------
@@ -76,9 +76,15 @@ def pose_count(
         Ascending numbers of poses; by default from the fewest that can reach full rank to the
         problem's own.
     sets : int
-        Random sets per number.
+        Number of random sets of each size.
     form : Form
         Form of the indices.
+
+    Raises
+    ------
+    InputError
+        A3: `counts` does not ascend; A4: there is no such `form`; M27: a number of poses is not
+        possible.
 
     References
     ----------
@@ -104,13 +110,14 @@ def pose_count(
 def stable_count(
     counts: ArrayLike, mean: ArrayLike, *, window: int = WINDOW, tolerance: float = SETTLED
 ) -> int | None:
-    """First count whose next `window` means, itself included, average like the previous `window`.
+    """First number of poses at which the index is stable; None if there is none.
 
-    None if that never happens.
+    The mean of the `window` values from it on differs from that of the `window` values before it by
+    less than the part `tolerance`.
 
     References
     ----------
-    Wen et al. 2022, section 3.1, made definite: |mean after - mean before| < 0.5 % of the latter.
+    Wen et al. 2022, section 3.1, made definite: |mean after - mean before| < 0.5 % of mean before.
     """
     sizes, values = np.asarray(counts), require_numbers("mean", mean)
     window = require_count("window", window)
@@ -126,7 +133,7 @@ def stable_count(
 
 
 def _sizes(problem: Problem, counts: Iterable[int] | None) -> Index:
-    """Numbers of poses (k,), after refusing those that cannot be."""
+    """Checked numbers of poses (k,), ascending."""
     if counts is None:
         return np.arange(problem.fewest, problem.m + 1)
     sizes = require_counts(counts)
@@ -140,7 +147,7 @@ def _sizes(problem: Problem, counts: Iterable[int] | None) -> Index:
 def _growing(
     problem: Problem, sizes: Index, sets: int, rng: np.random.Generator
 ) -> Iterable[Array]:
-    """Per random order of the open poses, the information (k, p, p) of its first sizes[k]."""
+    """For each random order of the poses, the information (k, p, p) of its first sizes[k] poses."""
     places = np.flatnonzero(problem.open)
     for _ in range(sets):
         if problem.repeats:
@@ -152,7 +159,7 @@ def _growing(
 
 
 def _curve(values: Array, sizes: Index, criterion: IndexName, form: Form) -> PoseCount:
-    """Curve of index values (sets, k)."""
+    """Mean, spread and stable number of index values (sets, k)."""
     mean = values.mean(0)
     # a single set has no spread
     sd = values.std(0, ddof=1) if len(values) > 1 else np.zeros(len(sizes))

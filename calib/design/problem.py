@@ -1,4 +1,4 @@
-"""A design problem, checked: the pool, how many poses, for what, and what is known before."""
+"""A checked design problem: pool, number of poses, criterion, and the information known before."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
@@ -32,30 +32,33 @@ LARGER_POOL = "enlarge the pool or choose fewer poses"
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Problem(Shown):
-    """Choose m poses of a pool, beside those already measured, so that a criterion is best.
+    """Choose m poses of a pool, beside those already measured, that optimize a criterion.
 
     Made by `of_blocks` or `of_poses`, which check it; all methods of design trust it.
     """
 
     pool: Pool
+    """Blocks of the candidate poses."""
     m: int
+    """Number of poses to choose."""
     criterion: Criterion
+    """What is optimized."""
     before: Array
     """(b, p) rows that carry the prior precision and the poses already measured."""
     base: Array
-    """(p, p) their information."""
+    """(p, p) information of these rows."""
     open: Bool
     """(N,) poses that may be chosen."""
     repeats: bool
     """Whether a pose may be chosen more than once."""
     given: Index
-    """Poses of the pool already measured; not counted in m."""
+    """(k,) indices of poses already measured; not counted in m."""
     prior: bool
     """Whether there is a prior precision."""
     fewest: int
     """Fewest poses that can determine all numbers."""
     names: tuple[str, ...] = ()
-    """(p,) of the numbers, for messages; or none."""
+    """(p,) names of the numbers, for messages; may be empty."""
 
     def __repr__(self) -> str:
         pool = f"{self.m} of {int(self.open.sum())} poses"
@@ -81,14 +84,14 @@ class Problem(Shown):
         blocks : (N, r, p) array_like
             Whitened, scaled rows of each candidate pose.
         poses : int
-            Poses to choose.
+            Number of poses to choose.
         criterion : str or Criterion
-            Name, or a criterion made once (V and G need their goals).
+            Name, or a criterion; V and G, which need goals, as a criterion only.
         prior : (p, p) array_like, optional
-            Precision of the scaled numbers before any measurement; for poses outside the pool
-            that are already measured, their B'B.
+            Precision of the scaled numbers before any measurement, plus B'B of poses outside the
+            pool that are already measured.
         given : (k,) array_like of int
-            Poses of the pool already measured: counted in M, not in `poses`, not chosen again
+            Poses of the pool already measured: counted in M, not in `poses`, and not chosen again
             unless `repeats`.
         allowed : (N,) array_like of bool, optional
             Poses that may be chosen.
@@ -96,6 +99,12 @@ class Problem(Shown):
             Whether a pose may be chosen more than once.
         names : sequence of p str
             Names of the numbers, for the messages.
+
+        Raises
+        ------
+        InputError
+            A1, A3: a shape or value is wrong; M27: so many poses cannot be chosen, or cannot
+            determine p numbers; M28: not even all poses determine them; M29: no goals.
         """
         criterion = criterion_named(criterion)
         require_kind("repeats", repeats, bool, "True or False")
@@ -171,7 +180,7 @@ class Problem(Shown):
         allowed: ArrayLike | None = None,
         repeats: bool = False,
     ) -> "Problem":
-        """A problem from joint values; what the pool cannot determine is held fixed.
+        """A problem from joint values; numbers that the pool cannot determine are held fixed.
 
         Parameters
         ----------
@@ -182,10 +191,10 @@ class Problem(Shown):
         poses, given, allowed, repeats
             As in `of_blocks`.
         criterion : str or Criterion
-            Name, or a criterion made once.
+            Name, or a criterion.
         goals : (g, n) array_like, optional
-            Joint values at which the tool must be right, for V and G [rad, m]; the pool must show
-            whatever moves it there.
+            Joint values at which the tool must be right, for V and G [rad, m]; the pool must
+            determine all that moves the tool there.
         noise : array_like
             As in `calib.design.blocks.identifiable_blocks`.
         free : iterable of str, optional
@@ -210,36 +219,36 @@ class Problem(Shown):
 
     @property
     def p(self) -> int:
-        """Numbers to determine."""
+        """Number p of parameters to determine."""
         return int(self.blocks.shape[2])
 
     @property
     def n_poses(self) -> int:
-        """Poses measured in the end."""
+        """Total number of poses: chosen and given."""
         return self.m + len(self.given)
 
     def information(self, chosen: ArrayLike) -> Array:
-        """M (p, p) of a set, summed afresh, with all that is known before."""
+        """Information M (p, p) of a set (m,), summed afresh, with that known before."""
         return self.base + information(self.blocks[np.asarray(chosen, dtype=np.int64)])
 
     def rows(self, chosen: ArrayLike) -> Array:
-        """Rows behind that M: no update, no squaring."""
+        """Rows (n, p) whose products are that M, for work that must not square them."""
         A = self.blocks[np.asarray(chosen, dtype=np.int64)].reshape(-1, self.p)
         return np.concatenate([self.before, A])
 
     def is_singular(self, chosen: ArrayLike) -> bool:
-        """Whether a set, with all that is known before, leaves a direction undetermined."""
+        """Whether a set, with the information known before, leaves a direction undetermined."""
         return not has_full_rank(self.rows(chosen))
 
     def addable(self, chosen: ArrayLike) -> Bool:
-        """Poses (N,) that may join a set."""
+        """Mask (N,) of poses that may be added to a set."""
         free = self.open.copy()
         if not self.repeats:
             free[np.asarray(chosen, dtype=np.int64)] = False
         return free
 
     def require_set(self, chosen: ArrayLike, field: str) -> Index:
-        """Places (m,) of a set that the caller names, after refusing what is none."""
+        """Checked indices (m,) of a set; an `InputError` (A3) unless it is one of this problem."""
         places = array_of(chosen)
         sound = places.shape == (self.m,) and np.issubdtype(places.dtype, np.integer)
         if sound:
@@ -259,7 +268,7 @@ class Problem(Shown):
         return np.asarray(places, dtype=np.int64)
 
     def resize(self, poses: int) -> "Problem":
-        """The same problem for another number of poses, after refusing one that cannot be."""
+        """The same problem for another number of poses; an `InputError` (M27) if not possible."""
         free, n, p = int(self.open.sum()), len(self.pool), self.p
         if not is_whole(poses) or poses < 1:
             raise poses_wanted(poses, "a whole number, at least 1", "" if free else LARGER_POOL)
@@ -279,6 +288,6 @@ class Problem(Shown):
 
 
 def poses_wanted(poses: int, allowed: str, fix: str) -> InputError:
-    """The error for a number of poses that cannot be."""
+    """The error (M27) for a number of poses that is not possible."""
     message = f"{poses} poses wanted"
     return refuse("m", poses, allowed, code="M27", message=message, fix=fix)

@@ -1,4 +1,4 @@
-"""Random pose sets: one, or many with their figures for comparison."""
+"""Random pose sets: one, or many with their figures, to compare designs with."""
 
 from dataclasses import dataclass, replace
 
@@ -18,7 +18,7 @@ from calib.shown import Shown
 DRAWS = 1000
 """Random sets drawn before giving up on a nonsingular one."""
 UNTOLD = "M28"
-"""Code of the error that no set of so many poses tells all numbers apart."""
+"""Code of the error that no set of m poses determines all numbers."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -26,11 +26,11 @@ class RandomFigures(Shown):
     """Many random pose sets of one size, and the best of them."""
 
     indices: Index
-    """(k, m) places in the pool, each row ascending."""
+    """(k, m) indices in the pool, each row ascending."""
     criterion: str
-    """Criterion they are judged by."""
+    """Name of the criterion that judges them."""
     values: Array
-    """(k,) its figure, of each set; zero or infinite where that leaves a number undetermined."""
+    """(k,) figure of each set; zero or infinite where it leaves a number undetermined."""
     best: Selection
     """The best set."""
 
@@ -41,7 +41,7 @@ class RandomFigures(Shown):
 
 
 def random_selection(n_pool: int, m: int, rng: np.random.Generator) -> Index:
-    """Places (m,) of a random set drawn from a pool without repeats, ascending."""
+    """Indices (m,) of a random set drawn from a pool without repeats, ascending."""
     require_rng(rng)
     if not 1 <= require_count("m", m, 0, code="M27") <= require_count("n_pool", n_pool):
         raise poses_wanted(m, f"1 to {n_pool}, the poses of the pool", LARGER_POOL)
@@ -49,7 +49,7 @@ def random_selection(n_pool: int, m: int, rng: np.random.Generator) -> Index:
 
 
 def random_set(problem: Problem, rng: np.random.Generator) -> Selection:
-    """One random set, however poor."""
+    """One random set, even if it leaves numbers undetermined."""
     require_search(problem, rng)
     return selection_of(problem, draw_set(problem, rng), "random", (), 0)
 
@@ -80,7 +80,13 @@ def draw_set(problem: Problem, rng: np.random.Generator) -> Index:
 
 
 def nonsingular_set(problem: Problem, rng: np.random.Generator) -> Index:
-    """Random set (m,) that determines all numbers; the one grown by volume where none is drawn."""
+    """Random set (m,) that determines all numbers, or the greedy set for D if none is drawn.
+
+    Raises
+    ------
+    InputError
+        M28: neither determines all numbers.
+    """
     for _ in range(DRAWS):
         chosen = draw_set(problem, rng)
         if not problem.is_singular(chosen):

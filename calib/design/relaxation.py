@@ -1,4 +1,4 @@
-"""Continuous relaxation: weights on the pool instead of a set, and the bounds that they prove."""
+"""Continuous relaxation: weights on the pool instead of a set, and the bounds they prove."""
 
 from dataclasses import dataclass
 from numbers import Real
@@ -14,38 +14,40 @@ from calib.information.criteria.whitened import grams
 from calib.shown import Shown
 
 ITERATIONS = 400
-"""Most steps at each order of sharpness."""
+"""Largest number of steps at each order of sharpness."""
 PATIENCE = 20
+"""Number of steps after which progress is looked at."""
 TOLERANCE = 1e-4
-"""Stop when the bound is reached but for this part of the figure, or falls by less than a fifth of
-it in `PATIENCE` steps."""
+"""Stop if the figure is within this part of its bound, or if the bound improved by less than a
+fifth of this in `PATIENCE` steps."""
 LEAST = 1e-9
-"""Least weight, of the mean: a goal may need few of the numbers, M(w) must still see them all."""
+"""Least weight, relative to the mean, so that M(w) determines all numbers even if a goal needs few.
+"""
 PACKED_AT_ONCE = 2000
 """Blocks whose products are formed at once."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Weights(Shown):
-    """Weights on a pool that stand for m poses, and what no set of m poses can exceed."""
+    """Weights on a pool in place of m poses, and an upper bound on the value of any m poses."""
 
     w: Array
     """(N,) weights, none negative, summing to m; none above one unless poses may repeat."""
     M: Array
-    """(p, p) information of those weights, with all that is known before."""
+    """(p, p) information of those weights, with that known before."""
     bound: float
-    """No set of m poses has a larger value of the criterion; with room for rounding."""
+    """No set of m poses has a larger value of the criterion; widened by rounding."""
     figure: float
-    """The figure that belongs to `bound`."""
+    """Figure that corresponds to `bound`."""
     trace: Array
-    """(t,) least bound known after each step."""
+    """(t,) smallest bound after each step."""
 
     def __repr__(self) -> str:
         return f"Weights({len(self.w)} poses, {len(self.trace)} steps, limit {self.figure:.4g})"
 
 
 class Grams:
-    """B_j'B_j of many blocks, packed, so that sums over the pool are products with one matrix."""
+    """Upper triangles of B_j'B_j of many blocks, so that sums over the pool are matrix products."""
 
     def __init__(self, blocks: Array) -> None:
         p = blocks.shape[2]
@@ -75,34 +77,39 @@ def relaxation(
     iterations: int = ITERATIONS,
     tolerance: float = TOLERANCE,
 ) -> Weights:
-    """Best weights on the pool, and a bound on every set of m poses.
+    """Optimal weights on the pool, and a bound on the value of every set of m poses.
 
-    With M(w) = M0 + sum w_j G_j, G_j = B_j'B_j and any w >= 0, d_j = tr(S G_j) and
-    top = tr(S M0) + the m largest d_j, no set without repeats exceeds
+    Let M(w) = M0 + sum w_j G_j with G_j = B_j'B_j and any w >= 0, d_j = tr(S G_j), and
+    top = tr(S M0) + the sum of the m largest d_j. No set without repeats exceeds
 
     - D: log det M(w) + p log(top / p), with S = M(w)^-1;
     - A, V: -phi^2 / top, with S = M^-1 C M^-1 and phi = tr(C M^-1);
     - G: the same, with any weighted mean C of the goal poses;
     - E: top, with any S = Z of trace one.
 
-    With repeats the m largest become m times the largest. The weights follow w_j d_j^e, e = 1 for
-    D and 1/2 for A and V, rescaled to sum m, and the least bound is kept. O2, O4, O5 are refused.
+    With repeats the m largest become m times the largest. Each step multiplies w_j by d_j^e, e = 1
+    for D and 1/2 for A and V, and rescales the weights to sum m; the smallest bound is kept.
 
     Parameters
     ----------
     problem : Problem
-        What to choose.
+        Pool, number of poses and criterion.
     packed : Grams, optional
         Products of the poses that may be chosen, if already at hand: they do not depend on m.
     iterations : int
-        Most steps (per order of sharpness, for E and G); the bound holds after any number.
+        Largest number of steps (per order of sharpness, for E and G); the bound holds after any.
     tolerance : float
-        Part of the figure by which bound and weights may differ at the end, times the criterion's
-        own factor.
+        Relative difference of the figures of bound and weights at which to stop, times the `slack`
+        of the criterion.
+
+    Raises
+    ------
+    InputError
+        A4: the criterion is O2, O4 or O5, which have no relaxation; A3: `tolerance` is negative.
 
     References
     ----------
-    Silvey, Titterington and Torsney 1978 (the step); Joshi and Boyd 2009 (bounds from duals).
+    Silvey, Titterington and Torsney 1978 (multiplicative step); Joshi and Boyd 2009 (dual bounds).
     """
     require_problem(problem)
     criterion, iterations = problem.criterion, require_count("iterations", iterations)
@@ -157,7 +164,7 @@ def relaxation(
 
 
 def _top(d: Array, m: int, repeats: bool) -> float:
-    """Largest sum of m of the values d (N,), each once unless they may repeat."""
+    """Largest sum of m of the values d (N,), each taken once unless they may repeat."""
     if repeats:
         return m * float(d.max())
     return float(np.partition(d, len(d) - m)[len(d) - m :].sum())

@@ -22,32 +22,32 @@ class Selection(Shown):
     """A pose set chosen from a pool."""
 
     indices: Annotated[Index, "m"]
-    """(m,) places in the pool, none twice unless asked for."""
+    """(m,) indices in the pool, none twice unless repeats are allowed."""
     criterion: str
-    """Criterion that was made best, by the name it was asked for."""
+    """Name of the criterion that was optimized, as it was asked for."""
     value: float
-    """Its figure, with the poses given: O1 to O5 from the singular values of the stacked rows, D as
-    O1 and E as O3; of V and G u of the tool point [m]; of A the root of the sum of variances, in
-    scaled units. That of the certificate is another one: `Certificate.figure` is this."""
+    """Figure of the criterion, with the poses given: O1 to O5 from the singular values of the
+    stacked rows (D as O1, E as O3); u of the tool point for V and G [m]; for A the root of the sum
+    of variances, in scaled units. This is `Certificate.figure`, not `Certificate.value`."""
     trace: Annotated[Array, "t"]
-    """(t,) best figure known after each local search, draw or step."""
+    """(t,) best figure after each local search, draw or step."""
     method: str
     """Name of the algorithm, such as ``"greedy"``, ``"detmax"`` or ``"exchange"``."""
     searches: int
-    """Local searches, draws or steps taken."""
+    """Number of local searches, draws or steps."""
     evaluations: int
-    """Candidate sets evaluated exactly; bounds disposed of the others."""
+    """Number of candidate sets evaluated exactly; bounds excluded the others."""
     certificate: Certificate | None = None
-    """What is proven about it; None where nothing is (see `proof`)."""
+    """Proven bound; None where there is none (see `proof`)."""
     given: Annotated[Index, "k"] = field(default_factory=lambda: NO_POSES)
-    """(k,) places of poses already measured, counted in the value."""
+    """(k,) indices of poses already measured, counted in the value."""
     prior: bool = False
     """Whether a prior precision is counted in the value."""
     way: Annotated[Index, "w", "m", LATER] | None = None
-    """(w, m) sets on the way to it: the first one, those after each exchange of the first search,
-    and the better ones that later searches ended in; None where nothing was exchanged."""
+    """(w, m) sets on the way: the first one, those after each exchange of the first search, and the
+    better results of later searches; None where nothing was exchanged."""
     way_figures: Annotated[Array, "w", LATER] | None = None
-    """(w,) their figures."""
+    """(w,) figures of these sets."""
 
     def __repr__(self) -> str:
         figure = f"{self.criterion} = {self.value:.4g}"
@@ -62,15 +62,15 @@ class Selection(Shown):
 
     @property
     def proof(self) -> str:
-        """How close this is to the best possible set, or why nothing is known, in one sentence."""
+        """How close this is to the best possible set, or why that is not known, in one sentence."""
         return no_proof(self.criterion) if self.certificate is None else self.certificate.sentence
 
 
 def figure_of_rows(rows: Array, n_poses: int, criterion: Criterion) -> float:
-    """Figure of stacked rows (n, p); an index from their singular values.
+    """Figure of stacked rows (n, p); for an index, from their singular values.
 
-    The worst there is, zero or infinite, where they leave a number undetermined: what the last
-    singular value has then is rounding.
+    Zero or infinite, the worst there is, if they leave a direction undetermined: the smallest
+    singular value is then rounding.
     """
     if not has_full_rank(rows):
         return 0.0 if criterion.larger_is_better else float("inf")

@@ -1,4 +1,4 @@
-"""Where the bodies of a serial arm stand, stiff or bent: frames and bend axes in one pass."""
+"""Body frames of a serial arm, rigid or elastically bent, and the axes of its bends."""
 
 from typing import NamedTuple
 
@@ -9,39 +9,40 @@ from calib.geometry.chain import Chain, grown_lengths, link_rotation_parts
 from calib.geometry.frames import transform
 
 X, Y, Z = range(3)
-"""Places of the three axes of a bend; z is the axis of the joint itself."""
+"""Index of each axis of a bend; z is the axis of the joint itself."""
 
 
 class Bodies(NamedTuple):
-    """Frames just after each joint, in the world; the flange is the last one."""
+    """Frames just after each joint, in the world; the last one is the flange."""
 
     rotation: Array
     """(m, n + 1, 3, 3) body axes as columns."""
     origin: Array
-    """(m, n + 1, 3) on the axis of the joint, carried along by a slide [m]."""
+    """(m, n + 1, 3) a point on the joint axis, which a prismatic joint carries along [m]."""
     axes: Array
-    """(m, n, 3, 3) axes x, y, z that a joint bends about, each as the turns before it left it."""
+    """(m, n, 3, 3) unit axes x, y, z of the bends of each joint, one a row, in the world; each as
+    the rotations before it have turned it."""
 
 
 def bodies(
     chain: Chain, q: Array, bends: Array | None = None, growth: Array | None = None
 ) -> Bodies:
-    """Body frames of a chain whose joints give way at checked joints q (m, n) [rad, m].
+    """Body frames of a chain with elastically bent joints.
 
-    Joint i turns by Rz(q + theta + b_z), then its bearing gives way by Rx(b_x) Ry(b_y), and the
-    link follows, Tz(d) Tx(a) Rx(alpha) Ry(beta); a slide moves by q + b_z along z instead. Without
-    bends the flange is that of `chain.forward` to the bit.
+    Joint i turns by Rz(q + theta + b_z), its bearing bends by Rx(b_x) Ry(b_y), and the link
+    follows: Tz(d) Tx(a) Rx(alpha) Ry(beta). A prismatic joint turns by theta and moves by q + b_z
+    along z. Without bends the flange is that of `chain.forward` to the bit.
 
     Parameters
     ----------
     chain : Chain
         Geometry; the tool plays no part.
     q : (m, n) array
-        Joint values [rad, m].
+        Checked joint values [rad, m].
     bends : (m, n, 3) array, optional
-        About x, y and z of every joint; z of a slide is along it [rad, m].
+        Bends b about x, y and z of every joint [rad]; along z of a prismatic one [m].
     growth : (m,) array, optional
-        Part by which the lengths of the links have grown.
+        Relative thermal expansion of the link lengths at each pose.
     """
     m, n = q.shape
     bent = np.zeros((m, n, 3)) if bends is None else bends
@@ -77,6 +78,6 @@ def bodies(
 
 
 def bent_forward(chain: Chain, q: Array, bends: Array, growth: Array | None = None) -> Array:
-    """Tool poses T_world_tool (m, 4, 4) of an arm whose joints give way, as in `bodies`."""
+    """Tool poses T_world_tool (m, 4, 4) of an arm with bent joints; arguments as in `bodies`."""
     at = bodies(chain, q, bends, growth)
     return transform(at.rotation[:, -1], at.origin[:, -1]) @ chain.T_flange_tool

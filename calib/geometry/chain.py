@@ -30,11 +30,11 @@ FRAME_AXES = ("x", "y", "z", "rx", "ry", "rz")
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Chain(Shown):
-    """Modified Denavit-Hartenberg chain with Hayati's beta, base and tool: 12 + 5 n numbers.
+    """Denavit-Hartenberg chain with Hayati's beta, a base and a tool: 12 + 5 n numbers.
 
     T_world_tool = T_world_base A_1 ... A_n T_flange_tool with
     A_i = Rz(q_i + theta_i) Tz(d_i) Tx(a_i) Rx(alpha_i) Ry(beta_i); a prismatic joint adds q_i to
-    d_i instead.
+    d_i instead. With beta = 0 these are standard (distal) DH parameters, not those of Craig.
 
     References
     ----------
@@ -46,7 +46,7 @@ class Chain(Shown):
     kinds: tuple[JointKind, ...] = ()
     """(n,) joint kinds; empty means all revolute."""
     T_world_base: Array = field(default_factory=lambda: np.eye(4))
-    """(4, 4) base in the world, the frame measurements are reported in [m]."""
+    """(4, 4) base in the world, the frame that measurements are reported in [m]."""
     T_flange_tool: Array = field(default_factory=lambda: np.eye(4))
     """(4, 4) tool in the flange [m]."""
 
@@ -113,8 +113,8 @@ class Chain(Shown):
     def moved(self, step: ArrayLike) -> "Chain":
         """Chain after a step (12 + 5 n,) in the order of `chain_names` [m, rad].
 
-        Links add; base and tool are multiplied on the right by [Exp(r), t; 0, 1], so they move in
-        their own axes about their own origin.
+        The link numbers are added; base and tool are multiplied on the right by [Exp(r), t; 0, 1],
+        so that each moves in its own axes about its own origin.
         """
         (step,) = check(f"{self.n_numbers}", step=step)
         ends = np.stack([self.T_world_base, self.T_flange_tool])
@@ -148,10 +148,10 @@ def chain_names(n_joints: int) -> tuple[str, ...]:
 def link_rotation_parts(
     chain: Chain, q: Array, growth: Array | None = None
 ) -> Sequence[tuple[Array, Array, Array, Array, Array, Array, Array, Array]]:
-    """Cosines, sines and slides per link: c, s (turn), d, a, ca, sa (alpha), cb, sb (beta).
+    """Factors of A_i for each link: cos and sin of the joint angle, d, a, cos, sin of alpha, beta.
 
-    The first three are rows (m,), as is a where lengths grow: those of pose k are 1 + `growth`
-    (m,)[k] times as long.
+    The first three have one entry per pose (m,), and so has a where `growth` (m,) is given, which
+    makes d and a of pose k 1 + growth[k] times as long. The joint value is included.
     """
     d, a = grown_lengths(chain, growth)
     turn = q * (1 - chain.prismatic) + chain.links[:, 0]
@@ -162,7 +162,7 @@ def link_rotation_parts(
 
 
 def grown_lengths(chain: Chain, growth: Array | None) -> tuple[Array, Array]:
-    """Lengths d and a of all links, (n,) or, where they grow by parts (m,), (m, n) [m]."""
+    """Link lengths d and a [m]: (n,) each, or (m, n), times 1 + `growth` (m,), if that is given."""
     d, a = chain.links[:, 1], chain.links[:, 2]
     if growth is None:
         return d, a
@@ -170,7 +170,13 @@ def grown_lengths(chain: Chain, growth: Array | None) -> tuple[Array, Array]:
 
 
 def joint_vectors(chain: Chain, q: ArrayLike) -> Array:
-    """Joint vectors (m, n) [rad, m] checked against the chain: the border of all kinematics."""
+    """Joint values (m, n) [rad, m] checked against the chain: every kinematic function starts here.
+
+    Raises
+    ------
+    InputError
+        A1: `q` is no table of n columns; A2: an entry is not finite.
+    """
     try:
         (q,) = check("m n", q=q)
     except InputError as error:
@@ -185,16 +191,16 @@ def joint_vectors(chain: Chain, q: ArrayLike) -> Array:
 
 
 def on_base(chain: Chain, m: int) -> Iterator[Array]:
-    """Axes x, y, z and origin (3, m) in the world before the first link, the same m times."""
+    """Axes x, y, z and origin of the base in the world, each repeated for m poses (3, m)."""
     return (np.repeat(chain.T_world_base[:3, k, None], m, 1) for k in range(4))
 
 
 def after_links(
     chain: Chain, q: Array, growth: Array | None = None
 ) -> Iterator[tuple[Array, Array, Array, Array]]:
-    """Axes x, y, z and origins (3, m) in the world before the first link and after each one.
+    """Axes x, y, z and origins (3, m) in the world: of the base, then of the frame after each link.
 
-    At checked joints q (m, n); see `forward`.
+    Joint values q (m, n) are checked already; the last frame is the flange.
     """
     x, y, z, p = on_base(chain, len(q))
     yield x, y, z, p
@@ -209,7 +215,7 @@ def after_links(
 def forward(chain: Chain, q: ArrayLike, growth: Array | None = None) -> Array:
     """Tool poses T_world_tool (m, 4, 4) at joint vectors q (m, n) [rad, m].
 
-    Where an arm is warm, `growth` (m,) is the part by which its lengths d and a have grown.
+    `growth` (m,) is the relative thermal expansion of the lengths d and a at each pose.
 
     References
     ----------
@@ -225,7 +231,7 @@ def forward(chain: Chain, q: ArrayLike, growth: Array | None = None) -> Array:
 
 
 def forward_of(chain: Chain, q: Array, growth: Array | None = None) -> Array:
-    """The same at checked joints."""
+    """Tool poses as `forward` gives them, at joint values that are checked already."""
     T = np.empty((len(q), 4, 4))
     for start in range(0, len(q), BATCH):
         some = slice(start, start + BATCH)
@@ -235,7 +241,17 @@ def forward_of(chain: Chain, q: Array, growth: Array | None = None) -> Array:
 
 
 def held(x: Array, y: Array, z: Array, p: Array, tool: Array, out: Array) -> None:
-    """Fill `out` (m, 4, 4) with the poses of a tool held by frames of axes and origins (3, m)."""
+    """Fill `out` with the poses of a tool on flanges of given axes and origins.
+
+    Parameters
+    ----------
+    x, y, z, p : (3, m) array
+        Axes and origin of the flange in the world [m].
+    tool : (4, 4) array
+        T_flange_tool [m].
+    out : (m, 4, 4) array
+        Receives T_world_tool [m].
+    """
     flange = np.zeros(out.shape)
     for k, column in enumerate((x, y, z, p)):
         flange[:, :3, k] = column.T

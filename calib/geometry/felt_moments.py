@@ -1,4 +1,4 @@
-"""Which moments of an arm gravity tells apart, and what the others act like."""
+"""Base parameters of an arm under gravity: the moments of links that its torques tell apart."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -10,12 +10,12 @@ from calib.geometry.chain import Chain
 from calib.geometry.gravity import AXES, DOWN, MOMENTS, Axis, axis_places, gravity_regressor
 
 ALIKE = 1e-6
-"""A moment is kept when more than this part of what it does is not done by those kept before."""
+"""A moment is kept if more than this part of its column lies outside those of the kept moments."""
 
 
 @dataclass(frozen=True, slots=True)
 class FeltMoments:
-    """Which moments of the links torques can tell apart, and what the others act like."""
+    """The moments of links that gravity torques tell apart, and what the others act like."""
 
     kept: tuple[str, ...]
     """Names from the tip to the base: ``m6``, ``hx6`` ..."""
@@ -35,10 +35,10 @@ def felt_moments(
     axes: Sequence[Axis] = AXES,
     gravity: ArrayLike = DOWN,
 ) -> FeltMoments:
-    """Tell which moments of the links the torques over a pool of poses can tell apart.
+    """Choose moments of the links that gravity torques over a pool of poses tell apart.
 
-    From the tip to the base, mass first, a moment is kept if what it does is not done already by
-    those that were kept before it.
+    The columns of the regressor are offered from the tip to the base, mass first; a moment is kept
+    if its column is linearly independent of those kept before it.
 
     Parameters
     ----------
@@ -47,7 +47,7 @@ def felt_moments(
     q : (m, n) array_like
         The pool of joint values [rad, m].
     axes : sequence of {"x", "y", "z"}
-        Axes of every joint whose torques count; ``("z",)`` are the joint torques alone.
+        Axes of every joint whose torques count; ``("z",)`` for the joint torques alone.
     gravity : (3,) array_like
         In the frame of the base [m/s^2].
 

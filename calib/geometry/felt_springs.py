@@ -1,4 +1,4 @@
-"""Where gravity loads a joint over its limits: the springs that it can tell of."""
+"""Joint springs that are observable under gravity: their load varies over the joint limits."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -18,15 +18,19 @@ from calib.geometry.gravity import (
 from calib.geometry.springs import SprungJoints, across
 
 POSTURES = 500
-"""Drawn within the joint limits to see how large a torque gets."""
+"""Postures drawn within the joint limits to find how large each torque gets."""
 ANYWHERE = (np.pi, 1.0)
-"""Limits of joints that nobody states: of turning ones, and of sliding ones [rad, m]."""
+"""Limits assumed where none are stated: plus or minus this, revolute [rad] and prismatic [m]."""
 FELT = 1e-6
-"""A spring is worth naming where its largest load is more than this part of the largest of all."""
+"""A spring is observable if its load, and its change over poses, exceed this part of the largest
+load of all."""
 
 
 def postures(chain: Chain, limits: ArrayLike | None = None) -> Array:
-    """Joint values (m, n) all over the limits (n, 2), or anywhere where nobody states them."""
+    """Joint values (m, n) [rad, m] drawn evenly within the limits (n, 2), the same every time.
+
+    Without limits, those of `ANYWHERE`.
+    """
     if limits is None:
         most = np.where(chain.prismatic > 0, ANYWHERE[1], ANYWHERE[0])
         limits = np.column_stack([-most, most])
@@ -44,25 +48,37 @@ def felt_springs(
     passes: int = 1,
     tilt: float = 0.0,
 ) -> tuple[SprungJoints, tuple[str, ...]]:
-    """Springs wherever gravity loads a joint, and a sentence for every axis where it never does.
+    """Springs of all axes that gravity loads by different amounts, and a sentence for each other.
 
     Parameters
     ----------
     weight : Weight
-        What loads them.
+        What loads the springs.
     q : (m, n) array_like
-        Postures all over the joint limits: the largest load among them is the one at which a number
-        is the bend [rad, m]. Measured postures alone may hardly load a joint, and its compliance
-        would then be anything elsewhere.
+        Postures all over the joint limits [rad, m]. The largest load of a spring among them becomes
+        its reference load: measured postures alone may hardly load a joint, and leave its
+        compliance undetermined elsewhere.
     axes : sequence of {"x", "y", "z"}
         Which axes of every joint.
     free_moments : bool
-        Whether the moments of all links that can be felt are numbers too.
+        Whether the moments of links that load some spring are numbers too.
     passes : int
         As in `SprungJoints`.
     tilt : float
-        How far the base may be mounted off what is stated, in any direction [rad]. Above zero the
-        tilts are numbers too, and springs that only a tilted arm loads are there.
+        Largest error of the stated mounting, in any direction [rad]. Above zero the tilts are
+        numbers too, and axes that gravity loads only when the arm is tilted have springs as well.
+
+    Returns
+    -------
+    SprungJoints
+        The springs that can be observed.
+    tuple of str
+        One sentence for each axis without a spring: never loaded, or always alike.
+
+    Raises
+    ------
+    InputError
+        A3: `tilt` is negative, or `axes` names another axis.
     """
     if not tilt >= 0:
         raise refuse("tilt", tilt, "0 rad or more", code="A3", message=f"tilt is {tilt:g}")

@@ -1,4 +1,4 @@
-"""What stands beside the robot and may be unknown: reflectors, anchors, stations, tools."""
+"""Fixtures beside the robot whose places may be unknown: reflectors, anchors, stations, tools."""
 
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
@@ -25,14 +25,14 @@ POINT_AXES = FRAME_AXES[:3]
 class Fixtures(Shown):
     """Reflectors on the tool, points fixed in the world, further stations and further tools.
 
-    The first station is the world frame and has no numbers: `stations` holds the second, the third
-    and so on. The first tool is that of the chain: `tools` holds those that were mounted in its
-    place. All of them are numbers of the model like any other, named ``reflector1.x``,
-    ``anchor1.x``, ``station2.x`` ... ``station2.rz``, ``tool2.x`` ... ``tool2.rz``.
+    The first station is the world frame and has no numbers: `stations` begins with the second. The
+    first tool is that of the chain: `tools` begins with the second, mounted in its place. Their
+    coordinates are numbers of the model like any other, named ``reflector1.x``, ``anchor1.x``,
+    ``station2.x`` ... ``station2.rz``, ``tool2.x`` ... ``tool2.rz``.
 
     Examples
     --------
-    Distances from two anchors, to a reflector whose place on the tool is found:
+    Distances from two anchors to a reflector whose place on the tool is identified as well:
 
     >>> import calib
     >>> beside = calib.Fixtures(reflectors=[[0.05, 0, 0.1]], anchors=[[2, 0, 0], [0, 2, 1]])
@@ -78,7 +78,7 @@ class Fixtures(Shown):
 
     @property
     def counts(self) -> tuple[int, int, int, int]:
-        """Reflectors, anchors, further stations and further tools."""
+        """Numbers k, s, t, u of reflectors, anchors, further stations and further tools."""
         return len(self.reflectors), len(self.anchors), len(self.stations), len(self.tools)
 
     @property
@@ -94,23 +94,23 @@ class Fixtures(Shown):
 
     @property
     def is_length(self) -> tuple[bool, ...]:
-        """Whether a number is a length [m]; all others are angles [rad]."""
+        """(3 k + 3 s + 6 t + 6 u,) whether a number is a length [m]; else an angle [rad]."""
         k, s, t, u = self.counts
         return (True,) * (3 * (k + s)) + (True, True, True, False, False, False) * (t + u)
 
     @property
     def n_numbers(self) -> int:
-        """3 k + 3 s + 6 t + 6 u."""
+        """Number of coordinates, 3 k + 3 s + 6 t + 6 u."""
         return self.first_tool + 6 * len(self.tools)
 
     @property
     def first_station(self) -> int:
-        """Place of the first number of the further stations among those of the fixtures."""
+        """Index of the first number of the stations among those of the fixtures."""
         return 3 * (len(self.reflectors) + len(self.anchors))
 
     @property
     def first_tool(self) -> int:
-        """Place of the first number of the further tools among those of the fixtures."""
+        """Index of the first number of the tools among those of the fixtures."""
         return self.first_station + 6 * len(self.stations)
 
     @property
@@ -119,7 +119,10 @@ class Fixtures(Shown):
         return np.concatenate([np.eye(4)[None], self.stations])
 
     def moved(self, step: ArrayLike) -> "Fixtures":
-        """Fixtures after a step [m, rad]: points add, frames move in their own axes."""
+        """Fixtures after a step [m, rad] in the order of `names`.
+
+        Points are shifted; frames are multiplied on the right by [Exp(r), t; 0, 1].
+        """
         (step,) = check(f"{self.n_numbers}", step=step)
         if not len(step):
             return self

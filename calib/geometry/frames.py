@@ -9,11 +9,12 @@ from calib.arrays import Array
 from calib.errors import refuse
 
 ROUNDED, EXACT = 5e-3, 1e-9
-"""How far rotations of a file may be from right angles, and how far rounding alone leaves them."""
+"""Largest entry of |R'R - I| that a rotation read from a file may have, and that float64 rounding
+alone explains."""
 
 
 def skew(v: Array) -> Array:
-    """Matrix [v]x (..., 3, 3) with [v]x w = v x w."""
+    """Cross-product matrix [v]x (..., 3, 3) of v (..., 3): [v]x w = v x w."""
     out = np.zeros((*v.shape, 3), dtype=v.dtype)
     x, y, z = v[..., 0], v[..., 1], v[..., 2]
     out[..., 0, 1], out[..., 0, 2] = -z, y
@@ -62,7 +63,9 @@ def log_so3(R: Array) -> Array:
 
 
 def right_jacobian_inverse(e: Array) -> Array:
-    """Jr^-1(e) (..., 3, 3): Log(Exp(e) Exp(w)) = e + Jr^-1(e) w + O(w^2).
+    """Inverse right Jacobian Jr^-1 (..., 3, 3) of SO(3) at rotation vectors e (..., 3) [rad].
+
+    It is defined by Log(Exp(e) Exp(w)) = e + Jr^-1(e) w + O(w^2).
 
     References
     ----------
@@ -105,38 +108,41 @@ def transform_step(T: Array) -> Array:
 
 
 def rot_x(angle: float) -> Array:
-    """Turn about x by `angle` [rad], (4, 4)."""
+    """Transform (4, 4) of a rotation about x by `angle` [rad]."""
     c, s = np.cos(angle), np.sin(angle)
     return np.array([[1, 0, 0, 0], [0, c, -s, 0], [0, s, c, 0], [0, 0, 0, 1]], dtype=np.float64)
 
 
 def rot_y(angle: float) -> Array:
-    """Turn about y by `angle` [rad], (4, 4)."""
+    """Transform (4, 4) of a rotation about y by `angle` [rad]."""
     c, s = np.cos(angle), np.sin(angle)
     return np.array([[c, 0, s, 0], [0, 1, 0, 0], [-s, 0, c, 0], [0, 0, 0, 1]], dtype=np.float64)
 
 
 def rot_z(angle: float) -> Array:
-    """Turn about z by `angle` [rad], (4, 4)."""
+    """Transform (4, 4) of a rotation about z by `angle` [rad]."""
     c, s = np.cos(angle), np.sin(angle)
     return np.array([[c, -s, 0, 0], [s, c, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]], dtype=np.float64)
 
 
 def slide(x: float, y: float, z: float) -> Array:
-    """Translation (4, 4) [m]."""
+    """Transform (4, 4) of a translation by x, y, z [m]."""
     T = np.eye(4)
     T[:3, 3] = x, y, z
     return T
 
 
 def nearest_rigid(T: Array) -> Array:
-    """The rigid transforms (..., 4, 4) nearest to T: rounding removed, so it never accumulates."""
+    """Rigid transforms (..., 4, 4) nearest to almost rigid ones, so that rounding never piles up.
+
+    The rotation is U V' of the singular value decomposition U S V'.
+    """
     U, _, Vt = np.linalg.svd(T[..., :3, :3])
     return transform(U @ Vt, T[..., :3, 3])
 
 
 def is_rigid(T: Array, tolerance: float = 1e-9) -> bool:
-    """Whether the rotation part (4, 4) is orthonormal with determinant +1 within `tolerance`."""
+    """Whether T (4, 4) is a rigid transform: R'R = I within `tolerance`, det R > 0, last row."""
     R = T[:3, :3]
     with np.errstate(over="ignore", invalid="ignore"):  # numbers beyond sense are no rotation
         off = float(np.abs(R.T @ R - np.eye(3)).max())
@@ -144,7 +150,7 @@ def is_rigid(T: Array, tolerance: float = 1e-9) -> bool:
 
 
 def require_rigid(T: Array, field: str, name: str = "", value: object = None) -> None:
-    """Refuse a matrix (4, 4) that is not a rigid transform; `name` is what the message calls it."""
+    """Raise an `InputError` (A3) if T (4, 4) is not rigid; the message calls it `name`."""
     if not is_rigid(T):
         raise refuse(
             field,
@@ -156,7 +162,13 @@ def require_rigid(T: Array, field: str, name: str = "", value: object = None) ->
 
 
 def rigid(T: Array) -> Array:
-    """Transforms (m, 4, 4) without the rounding of a file; refuses what is no transform."""
+    """Transforms T (m, 4, 4) with the rounding of a file's decimals removed.
+
+    Raises
+    ------
+    InputError
+        A3: a matrix is no rigid transform within `ROUNDED`; the first such row is named.
+    """
     R = T[:, :3, :3]
     skewed = np.abs(np.swapaxes(R, 1, 2) @ R - np.eye(3)).max(axis=(1, 2))
     for wrong, why in (

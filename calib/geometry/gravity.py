@@ -1,8 +1,8 @@
-"""Torques of gravity about three axes of every joint of any serial arm, linear in its masses.
+"""Gravity torques about three axes of every joint of a serial arm, linear in its mass parameters.
 
-A body counts by its mass and its first moments, mass times center of mass, in its own frame; the
-last body is the payload, in the flange frame. Gravity is given in the frame of the base: how the
-arm is mounted turns it, the frame of a tracker does not.
+The mass parameters of a body, here its moments, are its mass and its first moments (mass times
+center of mass) in its own frame; the last body is the payload, in the flange frame. Gravity is
+given in the frame of the base, so that it depends on the mounting and not on the tracker's frame.
 """
 
 from collections.abc import Sequence
@@ -19,41 +19,43 @@ from calib.geometry.chain import BATCH, Chain, joint_vectors
 
 Axis = Literal["x", "y", "z"]
 AXES: tuple[Axis, ...] = ("x", "y", "z")
-"""Axes of a body, about which a joint turns (z) and bends."""
+"""Axes of a body; its joint turns about z, and bends about all three."""
 DOWN = (0.0, 0.0, -9.81)
 """Gravity in the frame of the base of an arm that stands upright [m/s^2]."""
 MOMENTS = ("m", "hx", "hy", "hz")
 """Order of the four numbers of a body: mass [kg] and first moments [kg m]."""
 GUESSED = 10.0
-"""Mass of a link whose mass nobody states, per meter of reach that is left beyond its joint [kg/m];
-only shape matters: a common factor of all masses is one of all compliances."""
+"""Assumed mass of a link of unknown mass, per meter of reach beyond its joint [kg/m]. Only ratios
+matter: a factor common to all masses is absorbed by the compliances."""
 LEAST = 0.05
-"""What a link without length counts for in that reach [m]."""
+"""What every link adds to that reach beside its own length [m]."""
 
 
 def gravity_regressor(
     chain: Chain, q: ArrayLike, *, gravity: ArrayLike = DOWN, bends: Array | None = None
 ) -> Array:
-    """Regressor G (m, n, 3, n + 1, 4) of the torques of gravity: tau = G pi.
+    """Regressor G (m, n, 3, n + 1, 4) of the torques that gravity exerts: tau = G pi.
 
-    Body j pulls at every joint i before it. About the axis a of joint i, x, y or z of its body,
-    tau = a . [m_j (o_j - o_i) + R_j h_j] x g; along the axis z of a slide, the force m_j a . g.
+    Body j loads every joint i <= j. About the unit axis a (x, y or z) of joint i,
+    tau = a . ([m_j (o_j - o_i) + R_j h_j] x g); along the axis z of a prismatic joint gravity
+    exerts the force m_j a . g instead.
 
     Parameters
     ----------
     chain : Chain
-        Geometry of the arm; where its base stands and what tool it carries play no part.
+        Geometry of the arm; the pose of its base and its tool play no part.
     q : (m, n) array_like
         Joint values [rad, m].
     gravity : (3,) array_like
-        In the frame of the base [m/s^2].
+        Acceleration of gravity in the frame of the base [m/s^2].
     bends : (m, n, 3) array, optional
-        How far the arm has given way already, as in `bodies` [rad, m].
+        Bends of the arm at which the torques are taken, as in `bodies` [rad, m].
 
     Returns
     -------
     (m, n, 3, n + 1, 4) array
-        Torque [N m] or force [N] per mass [1/kg] and first moment [1/(kg m)] of each body.
+        By pose, joint, axis, body and moment: torque [N m], or force of a prismatic joint [N], per
+        kg of mass and per kg m of first moment.
 
     Examples
     --------
@@ -87,11 +89,11 @@ def gravity_regressor(
 
 
 def torque_slopes(chain: Chain, q: Array, pi: Array, *, gravity: Array, bends: Array) -> Array:
-    """How torques change with bends (m, 3 n, 3 n): those of joint and axis, by joint and axis.
+    """Derivative (m, 3 n, 3 n) of the gravity torques by the bends, both ordered joint by axis.
 
-    Minus the second derivative of the potential energy, hence symmetric: of two turns the one
-    nearer to the tip carries all beyond it along, and that pulls at the other. A joint value
-    changes torques as the bend of its joint about z does.
+    It is minus the Hessian of the potential energy, hence symmetric: of two axes, the one nearer
+    to the tip displaces all bodies beyond it, which changes their torque about the other. The
+    column of a bend about z is also the derivative by the joint value.
 
     Parameters
     ----------
@@ -100,11 +102,11 @@ def torque_slopes(chain: Chain, q: Array, pi: Array, *, gravity: Array, bends: A
     q : (m, n) array
         Checked joint values [rad, m].
     pi : (n + 1, 4) or (m, n + 1, 4) array
-        Moments of links and payload, of all poses or of each [kg, kg m].
+        Moments of links and payload, the same for all poses or one set for each [kg, kg m].
     gravity : (3,) array
         In the frame of the base [m/s^2].
     bends : (m, n, 3) array
-        How far the arm has given way [rad, m].
+        Bends at which the derivative is taken [rad, m].
     """
     m, n = q.shape
     at, down = bodies(chain, q, bends), chain.T_world_base[:3, :3] @ gravity
@@ -126,14 +128,14 @@ def torque_slopes(chain: Chain, q: Array, pi: Array, *, gravity: Array, bends: A
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Weight:
-    """What gravity pulls at: an arm with the moments of its bodies, and which way is down."""
+    """The gravity load of an arm: its geometry, its moments, its payload and gravity itself."""
 
     chain: Chain
-    """Geometry that the torques are computed for, as a rule the nominal one."""
+    """Geometry that the torques are computed with, as a rule the nominal one."""
     moments: Annotated[Array, "n", 4]
     """(n, 4) mass and first moments of the links in their body frames [kg, kg m]."""
     payload: Annotated[Array, 4] = (0.0, 0.0, 0.0, 0.0)  # type: ignore[assignment]  # an array in __post_init__
-    """(4,) of what hangs on the flange, in its frame [kg, kg m]."""
+    """(4,) mass and first moments of the payload in the flange frame [kg, kg m]."""
     gravity: Annotated[Array, 3] = DOWN  # type: ignore[assignment]  # likewise
     """(3,) in the frame of the base [m/s^2]."""
 
@@ -155,16 +157,16 @@ class Weight:
     def torques(
         self, q: ArrayLike, *, payload: ArrayLike | None = None, bends: Array | None = None
     ) -> Array:
-        """Torques (m, n, 3) about x, y, z of every joint; along the axis of a slide [N m, N].
+        """Gravity torques (m, n, 3) about x, y, z of every joint [N m]; force along a slide [N].
 
         Parameters
         ----------
         q : (m, n) array_like
             Joint values [rad, m].
         payload : (m, 4) array_like, optional
-            Instead of the payload of the arm, one for each pose [kg, kg m].
+            Payload of each pose, in place of that of the arm [kg, kg m].
         bends : (m, n, 3) array, optional
-            How far the arm has given way already [rad, m].
+            Bends of the arm at which the torques are taken [rad, m].
         """
         G = gravity_regressor(self.chain, q, gravity=self.gravity, bends=bends)
         load = np.broadcast_to(self.payload, (len(G), 4))
@@ -175,16 +177,16 @@ class Weight:
 
 
 def moments_of(masses: ArrayLike, centers: ArrayLike) -> Array:
-    """Mass and first moments (k, 4) [kg, kg m] of masses (k,) [kg] with centers (k, 3) [m]."""
+    """Mass and first moments (k, 4) [kg, kg m] from masses (k,) [kg] and centers (k, 3) [m]."""
     masses, centers = check("k, k 3", masses=masses, centers=centers)
     return np.column_stack([masses, masses[:, None] * centers])
 
 
 def guessed_moments(chain: Chain) -> Array:
-    """Moments (n, 4) [kg, kg m] of an arm whose masses nobody states.
+    """Assumed moments (n, 4) [kg, kg m] of the links of an arm whose masses are unknown.
 
-    A link weighs by the reach that is left beyond its joint, and its center lies halfway to the
-    next joint: compliances and moments found from measurements make up for the rest.
+    The mass of a link is in proportion to the reach beyond its joint, and its center lies halfway
+    to the next joint; compliances and moments identified from measurements make up for the rest.
     """
     d, a = chain.links[:, 1], chain.links[:, 2]
     left = np.cumsum((np.hypot(d, a) + LEAST)[::-1])[::-1]
@@ -197,18 +199,18 @@ def weight_of(
     moments: Array | None = None,
     payload: Array | None = None,
 ) -> Weight:
-    """What gravity pulls at in a world whose z is up.
+    """Gravity load of an arm, from how its base stands in a world whose z axis points up.
 
     Parameters
     ----------
     chain : Chain
         Geometry of the arm.
     stands : Chain, optional
-        The arm as it is mounted, where the world of `chain` is another one.
+        Chain whose base is given in that upright world, if the world of `chain` is another one.
     moments : (n, 4) array, optional
-        Of its links; guessed where nobody states them [kg, kg m].
+        Moments of the links [kg, kg m]; those of `guessed_moments` if left out.
     payload : (4,) array, optional
-        What hangs on the flange, in its frame; nothing by default [kg, kg m].
+        Moments of the payload in the flange frame [kg, kg m]; none by default.
     """
     base = (chain if stands is None else stands).T_world_base
     own = guessed_moments(chain) if moments is None else moments
@@ -217,7 +219,7 @@ def weight_of(
 
 
 def axis_places(axes: Sequence[str]) -> list[int]:
-    """Places 0, 1, 2 of axes x, y, z."""
+    """Indices 0, 1, 2 of the axes named x, y, z, ascending; other names raise an `InputError`."""
     for axis in axes:
         if axis not in AXES:
             message = f'axes names "{axis}"'

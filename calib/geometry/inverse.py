@@ -1,8 +1,8 @@
-"""Joint values that bring the tool to wanted poses: damped Newton on many targets at once.
+"""Inverse kinematics: joint values that bring the tool to given poses, by damped Newton iteration.
 
-The whole model is inverted, joint errors included. Steps are the shortest ones (pseudo-inverse),
-and where an arm has more than six joints the answer is pulled back to its seed: of all postures
-nearby that reach the pose it is the one that moves the joints least.
+The whole model is inverted, joint errors included. Steps are the shortest ones (pseudo-inverse).
+For arms of more than six joints the solution is then moved along its null space to the posture
+nearest to its seed.
 """
 
 from dataclasses import dataclass, field
@@ -44,17 +44,17 @@ class Inverse(Shown):
     q: Array
     """(m, n) joint values inside the limits, whatever the outcome [rad, m]."""
     position_error: Array
-    """(m,) distance of the tool from its target [m]."""
+    """(m,) distance of the tool origin from its target [m]."""
     rotation_error: Array
-    """(m,) angle between the tool and its target [rad]."""
+    """(m,) angle of the rotation from the tool to its target [rad]."""
     status: tuple[InverseStatus, ...]
     """(m,) "reached"; "singular": reached, but the joints there are hardly determined by the pose;
     "limits": only reached outside the joint limits; "out of reach": not reached from any seed."""
     condition: Array
-    """(m,) largest over smallest singular value of the joint Jacobian there, in metres per metre:
-    angles of tool and joints count with the characteristic length, 0.3 m."""
+    """(m,) condition number of the joint Jacobian there, with angles of tool and joints times the
+    characteristic length of 0.3 m."""
     reached: Bool = field(init=False)
-    """(m,) whether the tool is where it should be, singular or not."""
+    """(m,) whether the tool reaches its target, at a singular posture or not."""
 
     def __post_init__(self) -> None:
         near = [one in ("reached", "singular") for one in self.status]
@@ -88,25 +88,30 @@ def inverse_kinematics(
     T : (m, 4, 4) array_like
         Wanted tool poses T_world_tool [m].
     seeds : (m, n) or (m, s, n) array_like
-        Where each search begins: one seed per target, or several of which the first one counts
-        most: of all postures that reach a target the one nearest to its first seed is given
-        [rad, m]. `spread` gives seeds where nothing is known. A joint that turns may be seeded
-        beyond its limits: with `whole_turns` it is then compared without them.
+        Joint values at which each search begins, one or several per target [rad, m]. Of all
+        postures that reach a target, the one nearest to its first seed is returned. `spread` gives
+        seeds where nothing is known. A revolute joint may be seeded beyond its limits; with
+        `whole_turns` distances to such a seed ignore whole turns.
     limits : (n, 2) array_like
         Lower and upper joint limits [rad, m].
     whole_turns : bool
         Whether a joint may begin a whole turn away from its seed, or end one away from where its
         search ended, to be inside its limits.
     position_first : bool
-        Whether a pose is reached with its position alone, the angle as small as it then comes.
+        Whether reaching the position is enough; the angle is then made as small as it can be.
     at : OperatingConditions, optional
-        Under which the robot goes to the targets, one row for each of them.
+        Operating conditions, one row per target.
+
+    Raises
+    ------
+    InputError
+        A1: shapes do not match; A3: T is not rigid, or a lower limit is above its upper one.
 
     Notes
     -----
-    Arms of fewer than six joints reach a pose only where it happens to be one of theirs; they end
-    in the nearest one, and the errors say how near. With `position_first` it is enough that they
-    bring the tool point there.
+    Arms of fewer than six joints reach only some poses. For the others they end at the nearest
+    pose, with its distance in the errors and a status that says so; with `position_first` they
+    only have to bring the tool origin to the target.
 
     Examples
     --------
@@ -164,7 +169,7 @@ def inverse_kinematics(
 
 
 def spread(limits: ArrayLike, count: int) -> Array:
-    """Postures (count, n) that fill the joint limits evenly, the same ones every time.
+    """Joint values (count, n) [rad, m] that fill the limits (n, 2) evenly, the same every time.
 
     References
     ----------
@@ -179,7 +184,7 @@ def spread(limits: ArrayLike, count: int) -> Array:
 
 
 def _best(task: PoseSearch, q: Array, near: Bool, beyond: Bool, targets: int) -> Inverse:
-    """The best of the searches of each target, with its outcome."""
+    """Best of the searches for each target, with its outcome."""
     starts = len(q) // targets if targets else 1
     e, J = task.error(q)
     place, turn = task.missed(e)

@@ -1,9 +1,9 @@
-"""The search behind `inverse_kinematics`: damped Newton on many postures, inside limits or without.
+"""The search behind `inverse_kinematics`: damped Newton from many postures, with or without limits.
 
-The error of a posture is e = [p_T - p (m); L Log(R_T R') (m)] with L the characteristic length; its
-exact derivative is -[Jp; L Jr^-1(e_r) Jw] (1 + d dq/dq), so steps converge quadratically to
-rounding, and a search for a target out of reach ends at the nearest pose instead of anywhere.
-Where the position comes first, angles count so little beside it that they take nothing from it.
+The error of a posture is e = [p_T - p (m); L Log(R_T R') (m)] with the characteristic length L. Its
+exact derivative by the joints is -[Jp; L Jr^-1(e_r) Jw] (1 + d dq/dq), so steps converge
+quadratically, and the search for a target out of reach ends at the nearest pose. Where the position
+comes first, L is so small that angles take nothing from it.
 """
 
 from dataclasses import dataclass
@@ -20,26 +20,26 @@ from calib.geometry.operating import AS_USUAL, OperatingConditions
 from calib.geometry.parameters import CHARACTERISTIC_LENGTH as L
 
 ARRIVED = 1e-9
-"""A tool this near its target has reached it [m, and rad]."""
+"""Distance [m] and angle [rad] within which a tool has reached its target."""
 LAST = 1e-4
-"""How much angles count where the position comes first, in units of L: its square times what a
-pose leaves of them (0.1 rad, a lever of 1 m) stays below `ARRIVED`."""
+"""Factor on L where the position comes first: its square times the angle that remains (0.1 rad at
+a lever of 1 m) stays below `ARRIVED`."""
 DONE = 1e-15
-"""No start is improved below this error [m]."""
+"""Error at which a search ends, having nothing left to improve [m]."""
 STILL = 1e-7
-"""A search whose squared error falls by a smaller share in one step has ended."""
+"""A search ends when the linear model predicts that a step lowers e'e by less than this part."""
 ITERATIONS = 150
 ENDED = 1e-13
-"""Longest step of a posture that is no longer pulled, in scaled joints."""
+"""Step below which the pull toward the seed has ended, in scaled joints."""
 LONGEST = 0.5
-"""Longest step of any joint in one iteration [rad or m]: keeps far starts from jumping about."""
+"""Longest step of any joint in one iteration [rad, or that times 0.3 m]: far starts do not jump."""
 NUDGES = (0.1, -0.1)
-"""How far aside failed searches begin once more [rad, and that times 0.3 m]."""
+"""Offset from its seed at which a failed search begins again [rad, or that times 0.3 m]."""
 EQUALS = 1e-6
-"""What whole turns count where nothing else tells two postures apart."""
+"""Weight of whole turns in a distance, which only decides between postures otherwise equal."""
 DAMPING = (1e-9, 1e-6, 1e3)
-"""Squared, of lengths per scaled joint: below the first none is needed, the second is the first
-try after a step that failed, above the third no step helps."""
+"""Levenberg damping [m^2 per scaled joint squared]: below the first it is set to zero, the second
+is the least after a step that failed, and above the third the search ends."""
 
 
 def joint_jacobian(
@@ -47,7 +47,7 @@ def joint_jacobian(
 ) -> tuple[Array, Array]:
     """Poses (m, 4, 4) and their exact derivative by the commanded joints (m, 6, n).
 
-    Rows are [dp (m); dr (rad)] in world axes; joint errors that follow the joints are in it.
+    Rows are [dp (m); dr (rad)] in world axes; joint errors that depend on the joints are included.
     """
     errors = model.joint_errors
     growth = errors.growth(at)
@@ -65,7 +65,7 @@ def joint_jacobian(
 
 
 def _error_slopes(errors: JointErrors, q: Array) -> Array:
-    """Derivative (m, n, n) of what the terms displace, by the joints."""
+    """Derivative (m, n, n) of the joint offsets dq by the joint values q, of all wave terms."""
     weights = np.array([term.weights for term in errors.terms], dtype=np.float64)
     weights = weights.reshape(-1, q.shape[1])
     cosine = np.array([term.wave == "cos" for term in errors.terms], dtype=np.bool_)
@@ -80,7 +80,7 @@ def _error_slopes(errors: JointErrors, q: Array) -> Array:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PoseSearch:
-    """Targets, one per search, and what all share."""
+    """Targets T (s, 4, 4) and seeds (s, n), one per search, with what all searches share."""
 
     model: RobotModel
     T: Array
@@ -89,7 +89,7 @@ class PoseSearch:
     at: OperatingConditions = AS_USUAL
     whole_turns: bool = True
     position_first: bool = False
-    """Whether a target is reached with its position, and angles as near as they then come."""
+    """Whether reaching the position is enough, the angle then being as small as it can be."""
 
     def rows(self, which: Index) -> "PoseSearch":
         """Some of the searches."""
@@ -98,16 +98,16 @@ class PoseSearch:
 
     @property
     def lever(self) -> float:
-        """What a radian counts in an error [m]."""
+        """Length that multiplies angles in an error [m]."""
         return LAST * L if self.position_first else L
 
     @property
     def unit(self) -> Array:
-        """(n,) joint step that counts as one scaled unit: 1 m, or 1/L rad."""
+        """(n,) joint step that is one scaled unit: 1 m, or 1/L rad."""
         return np.where(self.model.chain.prismatic, 1.0, 1 / L)
 
     def error(self, q: Array) -> tuple[Array, Array]:
-        """Scaled errors (s, 6) [m] and derivative (s, 6, n) of what removes them, scaled joints."""
+        """Scaled errors (s, 6) [m], and minus their derivative (s, 6, n) by the scaled joints."""
         here, J = joint_jacobian(self.model, q, self.at)
         turn = log_so3(self.T[:, :3, :3] @ np.swapaxes(here[:, :3, :3], 1, 2))
         lever = self.lever
@@ -125,14 +125,14 @@ class PoseSearch:
         return np.asarray(near, dtype=np.bool_)
 
     def conditions(self, J: Array) -> Array:
-        """Largest over smallest singular value (s,) of derivatives (s, 6, n); a radian counts L."""
+        """Condition number (s,) of derivatives (s, 6, n) of `error`, rescaled to angles times L."""
         scale = np.repeat([1.0, L / self.lever], 3)[:, None]
         s = np.linalg.svd(J * scale, compute_uv=False)
         return np.asarray(s[:, 0] / np.maximum(s[:, -1], 1e-16 * s[:, 0]))
 
 
 def search(task: PoseSearch, q: Array, *, bounded: bool) -> tuple[Array, Bool]:
-    """Damped Newton from postures q (s, n); where each ends, and whether at its target."""
+    """Damped Newton from postures q (s, n): where each search ends, and whether at its target."""
     q = q.copy()
     lower, upper = task.limits.T if bounded else (np.full(q.shape[1], s * np.inf) for s in (-1, 1))
     e, J = task.error(q)
@@ -169,7 +169,7 @@ def search(task: PoseSearch, q: Array, *, bounded: bool) -> tuple[Array, Bool]:
 def _step(J: Array, e: Array, q: Array, damping: Array, bounds: tuple[Array, Array]) -> Array:
     """Shortest damped step (s, n) in scaled joints that removes the errors (s, 6).
 
-    Joints that stand at a limit and would leave it are held, and the others asked again.
+    Joints at a limit that the step would cross are held, and the step is taken with the others.
     """
     lower, upper = bounds
     held = np.zeros(q.shape, dtype=bool)
@@ -195,7 +195,7 @@ def _damped_step(J: Array, e: Array, damping: Array) -> Array:
 
 
 def retry(task: PoseSearch, q: Array, near: Bool, nudge: float) -> tuple[Array, Bool]:
-    """Where searches that failed end from seeds that are moved aside: out of a singular posture."""
+    """Search again from seeds shifted by `nudge` where a search failed, as at a singular seed."""
     lost = np.flatnonzero(~near)
     if not len(lost):
         return q, near
@@ -208,7 +208,7 @@ def retry(task: PoseSearch, q: Array, near: Bool, nudge: float) -> tuple[Array, 
 
 
 def pull_to_seeds(task: PoseSearch, q: Array, near: Bool) -> tuple[Array, Bool]:
-    """Postures that reach their targets, moved along their free directions toward the seeds."""
+    """Move postures that reach their targets toward their seeds, in the null space of the task."""
     rows = np.flatnonzero(near)
     if not len(rows):
         return q, near
@@ -234,14 +234,14 @@ def pull_to_seeds(task: PoseSearch, q: Array, near: Bool) -> tuple[Array, Bool]:
 
 
 def inside(q: Array, limits: Array) -> Bool:
-    """Whether postures (s, n) keep the limits."""
+    """Whether postures (s, n) are inside the limits (n, 2)."""
     return np.asarray(((q >= limits[:, 0]) & (q <= limits[:, 1])).all(axis=1), dtype=np.bool_)
 
 
 def distance(task: PoseSearch, q: Array, seeds: Array) -> Array:
-    """How far postures (s, n) lie from their seeds, in scaled joints.
+    """Distance (s,) of postures (s, n) from their seeds, in scaled joints.
 
-    Whole turns of a seed beyond its limits decide between equals alone.
+    For a seed beyond its limits whole turns count by `EQUALS` alone.
     """
     turned = np.linalg.norm((q - seeds) / task.unit, axis=1)
     near = np.linalg.norm((q - unwound(task, q, seeds)) / task.unit, axis=1)
@@ -249,7 +249,7 @@ def distance(task: PoseSearch, q: Array, seeds: Array) -> Array:
 
 
 def unwound(task: PoseSearch, q: Array, seeds: Array) -> Array:
-    """Seeds (s, n), those beyond limits moved by the whole turns that bring them nearest to q."""
+    """Seeds (s, n); joints seeded beyond limits are moved by whole turns nearest to q (s, n)."""
     lower, upper = task.limits.T
     may = task.whole_turns * (task.model.chain.prismatic == 0)
     beyond = may * ((seeds < lower) | (seeds > upper))
@@ -257,7 +257,7 @@ def unwound(task: PoseSearch, q: Array, seeds: Array) -> Array:
 
 
 def whole_turns_into_limits(task: PoseSearch, q: Array) -> Array:
-    """The same postures with each turning joint moved by whole turns into its range, if it can."""
+    """Postures (s, n) with revolute joints moved by whole turns into their limits if possible."""
     lower, upper = task.limits.T
     turns = 2 * np.pi * (1 - task.model.chain.prismatic)
     safe = np.where(turns > 0, turns, 1.0)
@@ -266,20 +266,20 @@ def whole_turns_into_limits(task: PoseSearch, q: Array) -> Array:
 
 
 def into_limits(task: PoseSearch, q: Array) -> Array:
-    """Seeds inside the limits: by whole turns if they may, then to the limit that is nearest."""
+    """Seeds (s, n) moved inside the limits: by whole turns if allowed, then to the nearest one."""
     lower, upper = task.limits.T
     if not task.whole_turns:
         return np.asarray(np.clip(q, lower, upper))
     turned = whole_turns_into_limits(task, q)
     lost = ((turned < lower) | (turned > upper)) & (task.model.chain.prismatic == 0)
-    # whole turns have no say in which limit that is
+    # the nearest limit is found regardless of whole turns
     over, under = (q - upper) % (2 * np.pi), (lower - q) % (2 * np.pi)
     nearest = np.where(over < under, upper, lower)
     return np.asarray(np.where(lost, nearest, np.clip(turned, lower, upper)))
 
 
 def turned_back(task: PoseSearch, q: Array) -> Bool:
-    """Whether postures (s, n) have a joint more than half a turn from a seed beyond its limits."""
+    """Whether postures (s, n) have a joint over half a turn from its seed beyond the limits."""
     lower, upper = task.limits.T
     outside = (task.seeds < lower) | (task.seeds > upper)
     far = (np.abs(q - task.seeds) > np.pi) & (task.model.chain.prismatic == 0)
@@ -287,6 +287,6 @@ def turned_back(task: PoseSearch, q: Array) -> Bool:
 
 
 def joint_condition(model: RobotModel, q: Array, at: OperatingConditions = AS_USUAL) -> Array:
-    """Condition (m,) of the joint Jacobian in metres per metre; angles count with 0.3 m."""
+    """Condition number (m,) of the joint Jacobian; angles of tool and joints count times 0.3 m."""
     task = PoseSearch(model, model.poses(q, at), q, np.zeros((q.shape[1], 2)), at)
     return task.conditions(task.error(q)[1])

@@ -1,7 +1,7 @@
 """Poses and the whole identification Jacobian in one batched pass along the chain.
 
-Every geometric number is a unit screw: a slide along an axis, or a turn about an axis through a
-point. The pass visits all axes in turn; a turn moves the tool origin by axis x (p_tool - point).
+Every geometric number is a unit screw: a translation along an axis, or a rotation about an axis
+through a point, which moves the tool origin by axis x (p_tool - point).
 """
 
 from functools import cache
@@ -26,11 +26,11 @@ SWEPT = 400
 
 
 def pose_and_jacobian(chain: Chain, q: Array, growth: Array | None = None) -> tuple[Array, Array]:
-    """Tool poses (m, 4, 4) and identification Jacobian (m, 6, 12 + 5 n) at checked joints (m, n).
+    """Tool poses (m, 4, 4) and identification Jacobian (m, 6, 12 + 5 n) at joint values q (m, n).
 
     Rows are [dp (m); dr (rad)]: displacement of the tool origin and rotation vector, both in world
-    axes. Columns follow `chain_names`; base and tool columns are steps in their own axes. Where
-    lengths have grown by parts (m,), those of d and a are along the axes of the links as they are.
+    axes. Columns follow `chain_names`; base and tool columns are steps in their own axes. Under
+    thermal `growth` (m,) the columns of d and a are per meter of the grown lengths.
 
     References
     ----------
@@ -53,10 +53,10 @@ def _part(growth: Array | None, part: slice) -> Array | None:
 def bent_pose_and_jacobian(
     chain: Chain, q: Array, bends: Array, growth: Array | None = None
 ) -> tuple[Array, Array]:
-    """Tool poses (m, 4, 4) and Jacobian (m, 6, 12 + 8 n) of an arm whose joints give way.
+    """Tool poses (m, 4, 4) and Jacobian (m, 6, 12 + 8 n) of an arm whose joints are deflected.
 
-    The numbers of the chain come first, as in `pose_and_jacobian`, then the bends joint by joint
-    about x, y and z; a bend turns about its axis as the turns before it have left it.
+    Columns: the numbers of the chain as in `pose_and_jacobian`, then the bends of each joint about
+    x, y and z, each about its axis as the rotations before it have turned it.
 
     Parameters
     ----------
@@ -80,7 +80,7 @@ def bent_pose_and_jacobian(
 def _fill_bent_batch(
     chain: Chain, q: Array, bends: Array, growth: Array | None, T_out: Array, J_out: Array
 ) -> None:
-    """Fill poses and Jacobian of one batch of a bent arm: all screws stand in its body frames."""
+    """Fill poses and Jacobian of one batch of a bent arm, from the screws in its body frames."""
     m, n = q.shape
     at = bodies(chain, q, bends, growth)
     turned, start = at.rotation[:, :n], at.origin[:, :n]
@@ -127,16 +127,17 @@ def _fill_batch(
 
 
 def _fill_columns(chain: Chain, screws: Array, T_out: Array, J_out: Array) -> None:
-    """Add the screws of base and tool to those of links and bends, and make columns of them all.
+    """Add the screws of base and tool to those of links and bends, and fill in the Jacobian.
 
     Parameters
     ----------
     chain : Chain
         Geometry.
     screws : (6, P, m) array
-        A point on each axis, of slides any, and its direction; used up.
+        Point on each axis [m] (any point for a translation), then its unit direction, in the world;
+        overwritten.
     T_out, J_out : (m, 4, 4) and (m, 6, P) array
-        Poses of the tool, and what is filled in.
+        Tool poses, and the Jacobian that is filled in.
     """
     axes, points = screws[3:], screws[:3]
     k, base = 6 + 5 * chain.n_joints, chain.T_world_base[:3, :, None]
@@ -156,7 +157,7 @@ def _fill_columns(chain: Chain, screws: Array, T_out: Array, J_out: Array) -> No
 
 @cache
 def _slides_and_turns(kinds: tuple[JointKind, ...], numbers: int) -> tuple[Index, Index]:
-    """Which of the numbers of a chain, and of its bends if these are among them, slide or turn."""
+    """Indices of translations and of rotations among the numbers of a chain (and its bends)."""
     k = 6 + 5 * len(kinds)
     slide = np.zeros(numbers, dtype=bool)
     slide[0:3] = slide[7:k:5] = slide[8:k:5] = slide[k : k + 3] = True
@@ -171,9 +172,9 @@ def joint_columns(chain: Chain) -> list[int]:
 
 
 def matrix_rows(T: Array, J: Array) -> Array:
-    """The paper's twelve rows (m, 12, P): dn, do, da (1) and dp (m), from six-row `J` (m, 6, P).
+    """Twelve-row Jacobian H (m, 12, P) of Wen et al.: dn, do, da (1) and dp (m), from J (m, 6, P).
 
-    Exact identity: H'H = 2 Jw'Jw + Jp'Jp, so twelve rows hold six freedoms.
+    Exactly H'H = 2 Jw'Jw + Jp'Jp: the twelve rows carry the information of six.
 
     References
     ----------
@@ -189,7 +190,10 @@ def matrix_rows(T: Array, J: Array) -> Array:
 
 
 def reflector_rows(T: Array, J: Array, offset: Array) -> tuple[Array, Array]:
-    """Positions (m, 3) and rows (m, 3, P) of reflectors at tool coordinates `offset` (m, 3) [m]."""
+    """World positions (m, 3) [m] and Jacobian (m, 3, P) of tool points `offset` (m, 3) [m].
+
+    `T` (m, 4, 4) and `J` (m, 6, P) are the poses and the Jacobian of the tool.
+    """
     arm = (T[:, :3, :3] @ offset[:, :, None])[..., 0]
     rows = J[:, :3] + np.cross(J[:, 3:], arm[:, :, None], axisa=1, axisb=1, axisc=1)
     return T[:, :3, 3] + arm, rows

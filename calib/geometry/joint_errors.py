@@ -1,9 +1,9 @@
-"""Joint errors outside the geometry: gravity sag and gear harmonics, and springs under load.
+"""Joint errors beyond the geometry: gravity sag, gear harmonics, backlash, and springs under load.
 
-dq(q) = sum_k c_k b_k(q), each b_k a sine or cosine of a combination of joint values, or what a row
-says beside its joints, and each acting on one joint. An amplitude with a phase is two terms:
-A sin(q + phi) = (A cos phi) sin q + (A sin phi) cos q. Springs bend a joint about any axis. One
-term moves no joint: the lengths of a warm arm.
+dq(q) = sum_k c_k b_k(q), where each b_k displaces one joint and is a sine or cosine of a
+combination of joint values, or depends on the operating conditions of the row. An amplitude with a
+phase is two terms: A sin(q + phi) = (A cos phi) sin q + (A sin phi) cos q. Springs bend a joint
+about any axis. One kind of term displaces no joint: thermal expansion of the lengths.
 """
 
 from collections.abc import Sequence
@@ -24,33 +24,34 @@ from calib.kinds import of_kind
 _WAVES: tuple[Literal["sin", "cos"], ...] = ("sin", "cos")
 Wave = Literal["sin", "cos", "approach", "torque", "lengths"]
 NO_JOINT = -1
-"""`joint` of a term that moves none."""
+"""`joint` of a term that displaces none."""
 
 
 @dataclass(frozen=True, slots=True)
 class JointTerm:
-    """One basis function and the joint it turns.
+    """One basis function b and the joint that it displaces.
 
-    A wave b(q) = sin or cos(weights . q), or a linear form of what a row says beside its joints:
-    weights . directions of approach, or weights . reported torques - reference. Of the term
-    "lengths" it is the temperature - reference, and the coefficient is the expansion [1/K] of d and
-    a of all links. What a row does not say counts as the reference, and as no direction.
+    b is a wave, sin(weights . q) or cos(weights . q), or is linear in the operating conditions of
+    a row: weights . approach, or weights . torque - reference. For "lengths" b is temperature -
+    reference, and its coefficient is the thermal expansion [1/K] of d and a of all links. A row
+    that does not state the condition has b = 0.
     """
 
     name: str
     """Public name, e.g. ``gravity2.sin2`` or ``harmonic3.cos1``."""
     joint: int
-    """Joint that is displaced, 0-based; -1 of lengths."""
+    """Joint that is displaced, 0-based; -1 for lengths."""
     wave: Wave
+    """Kind of basis function."""
     weights: tuple[float, ...]
-    """(n,) factor of each joint value inside the wave, or of each direction or torque; zero of
+    """(n,) factor of each joint value inside the wave, or of each direction or torque; zero for
     lengths."""
     reference: Annotated[float, LATER] = 0.0
-    """Torque or temperature at which the term is zero: their mean where it was identified [N m,
-    degC]."""
+    """Torque [N m] or temperature [degC] at which the term is zero: the mean of the rows that it
+    was identified from."""
     share: Annotated[float, LATER] = 1.0
-    """How large its coefficient is believed to be, in units of what is usual of its kind; of a
-    torque for each N m [1/(N m)]."""
+    """Prior sd of its coefficient, in units of the usual one of its kind (`information.sizes`); for
+    a torque in 1/(N m)."""
 
     def __post_init__(self) -> None:
         if not isinstance(self.wave, str) or self.wave not in get_args(Wave):
@@ -63,16 +64,16 @@ class JointTerm:
 
     @property
     def order(self) -> float:
-        """Waves a turn of a term of one joint."""
+        """Periods per revolution of a wave of one joint: its largest absolute weight."""
         return max(abs(weight) for weight in self.weights)
 
     @property
     def is_wave(self) -> bool:
-        """Whether it depends on the joints alone."""
+        """Whether b depends on the joint values alone."""
         return self.wave in _WAVES
 
     def of_rows(self, at: OperatingConditions, m: int) -> Array:
-        """Values (m,) of a term that is no wave."""
+        """Values b (m,) of a term that is no wave, under the conditions of m rows."""
         if self.wave == "lengths":
             return np.zeros(m) if at.temperature is None else at.temperature - self.reference
         said = at.approach if self.wave == "approach" else at.torque
@@ -83,14 +84,15 @@ class JointTerm:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class JointErrors:
-    """A sum of joint terms with their coefficients; empty for a purely geometric robot."""
+    """A sum of joint terms with their coefficients, and springs; empty for a geometric robot."""
 
     terms: tuple[JointTerm, ...] = ()
+    """(k,) basis functions."""
     coefficients: Array = ()  # type: ignore[assignment]  # becomes an array in __post_init__
     """(k + s,) one coefficient per term, then the numbers of the springs; all zero if left out
-    [rad or m; kg or kg m for moments]."""
+    [rad or m per unit of b, 1/K for lengths; rad, m, kg, kg m for springs]."""
     springs: Annotated[SprungJoints | None, LATER] = None
-    """What gives way under load, if anything."""
+    """Springs that gravity bends; None for rigid joints."""
 
     def __post_init__(self) -> None:
         if type(self.terms) is not tuple or not all(type(term) is JointTerm for term in self.terms):
@@ -107,7 +109,7 @@ class JointErrors:
         object.__setattr__(self, "coefficients", coefficients)
 
     def require_chain(self, chain: Chain) -> None:
-        """Refuse errors of another arm than `chain`."""
+        """Raise an `InputError` (A1, A3) unless terms and springs belong to an arm like `chain`."""
         n = chain.n_joints
         for term in self.terms:
             own = (NO_JOINT,) if term.wave == "lengths" else range(n)
@@ -126,24 +128,24 @@ class JointErrors:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """(k + s,) names of the terms and of the springs' numbers."""
+        """(k + s,) names of the terms, then of the numbers of the springs."""
         sprung = () if self.springs is None else self.springs.names
         return (*(term.name for term in self.terms), *sprung)
 
     @property
     def joints(self) -> list[int]:
-        """(k,) displaced joint of each term, 0-based; -1 where it moves none."""
+        """(k,) joint that each term displaces, 0-based; -1 where it displaces none."""
         return [term.joint for term in self.terms]
 
     @property
     def of_lengths(self) -> list[int]:
-        """Places of the terms that are lengths."""
+        """Indices of the terms for thermal expansion of the lengths."""
         return [k for k, term in enumerate(self.terms) if term.joint == NO_JOINT]
 
     def basis(self, q: Array, at: OperatingConditions = AS_USUAL) -> Array:
-        """Values b_k (m, k) of poses at joints q (m, n) under some conditions.
+        """Basis functions b_k (m, k) at joint values q (m, n) under the conditions of the rows.
 
-        Dimensionless; of torques in N m, of lengths in K.
+        Dimensionless; in N m for torques, in K for lengths.
         """
         if not self.terms:
             return np.zeros((len(q), 0))
@@ -157,13 +159,13 @@ class JointErrors:
         return basis
 
     def follow(self, at: OperatingConditions) -> bool:
-        """Whether anything but the joints moves them under some conditions."""
+        """Whether the errors depend on any of the conditions that are stated."""
         of_rows = {"lengths": "temperature"}
         asked = {of_rows.get(term.wave, term.wave) for term in self.terms if not term.is_wave}
         return bool({*asked, *(("payload",) if self.springs else ())} & {*at.stated})
 
     def growth(self, at: OperatingConditions) -> Array | None:
-        """Part (m,) by which lengths have grown; None where none do, or nothing says how warm."""
+        """Relative thermal expansion (m,) of the lengths; None without a term or temperatures."""
         if at.temperature is None or not self.of_lengths:
             return None
         m = len(at.temperature)
@@ -171,7 +173,13 @@ class JointErrors:
         return np.asarray(sum(grown))
 
     def offsets(self, q: Array, at: OperatingConditions = AS_USUAL) -> Array:
-        """Joint offsets dq (m, n) [rad or m] at joint values q (m, n), where nothing gives way."""
+        """Joint offsets dq (m, n) [rad or m] at joint values q (m, n), of joints without springs.
+
+        Raises
+        ------
+        InputError
+            A3: there are springs, which no joint offset describes.
+        """
         if self.springs is not None:
             raise refuse(
                 "springs", code="A3",
@@ -182,7 +190,7 @@ class JointErrors:
         return self.of_terms(q, at)
 
     def bends(self, q: Array, at: OperatingConditions = AS_USUAL) -> Array:
-        """Bends (m, n, 3) about x, y, z of every joint [rad or m] at joint values q (m, n)."""
+        """Bends (m, n, 3) about x, y, z of every joint [rad or m]; the terms are part of z."""
         out = np.zeros((*q.shape, 3))
         if self.springs is not None:
             out = self.springs.bends(q, self.of_springs, at.moments)
@@ -190,7 +198,7 @@ class JointErrors:
         return out
 
     def joined(self, other: "JointErrors") -> "JointErrors":
-        """Both of them as one; springs stand after all terms, and only one of them may have any."""
+        """Sum of these and other joint errors; an `InputError` (A3) if both have springs."""
         if self.springs is not None and other.springs is not None:
             raise refuse(
                 "springs", code="A3", message="both joint errors have springs",
@@ -206,15 +214,15 @@ class JointErrors:
 
     @property
     def of_springs(self) -> Array:
-        """(s,) the coefficients that belong to the springs."""
+        """(s,) coefficients that are numbers of the springs."""
         return self.coefficients[len(self.terms) :]
 
     def of_terms(self, q: Array, at: OperatingConditions = AS_USUAL) -> Array:
-        """What the terms displace of each joint (m, n) [rad or m]."""
+        """Joint offsets dq (m, n) [rad or m] by the terms alone."""
         return self.moved_by(self.basis(q, at), q.shape[1])
 
     def moved_by(self, basis: Array, n_joints: int) -> Array:
-        """The same by the values (m, k) of the terms."""
+        """Joint offsets dq (m, n) [rad or m] by the terms, from their values (m, k) of `basis`."""
         each = (basis * self.coefficients[: len(self.terms)]).T
         dq, joints = np.zeros((len(basis), n_joints)), np.array(self.joints, dtype=np.int64)
         for joint in sorted({*self.joints} - {NO_JOINT}):
@@ -224,12 +232,12 @@ class JointErrors:
 
 @cache
 def gravity_terms(n_joints: int, quarters: tuple[int, int] = (0, 0)) -> tuple[JointTerm, ...]:
-    """Sag of a vertical-plane arm: dq2 = g1 sin q2 + g2 sin(q2+q3), dq3 = g3 sin(q2+q3).
+    """Gravity sag of an elbow arm: dq2 = g1 sin q2 + g2 sin(q2+q3), dq3 = g3 sin(q2+q3).
 
-    Closed form for an arm whose joints 2 and 3 have parallel horizontal axes and whose zero pose is
-    the candle; positive coefficients droop away from it. Where the zero pose is another one,
-    `quarters` is how many quarter turns from upright the upper arm and the forearm lie there, and
-    cosines stand for the sines of odd ones: the UR10, level at zero, has (1, 1).
+    Closed form for an arm whose joints 2 and 3 have parallel horizontal axes and whose zero pose
+    points straight up; positive coefficients droop away from it. For another zero pose, `quarters`
+    counts the quarter turns from upright of upper arm and forearm there, and an odd count turns
+    sines into cosines: the UR10, horizontal at zero, has (1, 1).
     """
     if n_joints < 3:
         message = f"the closed gravity form needs three joints; the chain has {n_joints}"
@@ -246,7 +254,7 @@ def gravity_terms(n_joints: int, quarters: tuple[int, int] = (0, 0)) -> tuple[Jo
 
 @cache
 def harmonic_terms(n_joints: int, orders: tuple[int, ...] = (1, 2)) -> tuple[JointTerm, ...]:
-    """Sine and cosine of each order per joint: what an eccentric gear or encoder leaves."""
+    """Sine and cosine terms of each order per joint, as eccentric gears and encoders cause them."""
     return tuple(
         JointTerm(
             f"harmonic{i + 1}.{wave}{order}",

@@ -1,8 +1,8 @@
 """Many robots of one kind as arrays: robots on the first axis, poses on the last and contiguous.
 
-What is worked out on the way has its components before both, so that one operation runs over all.
-Same joints, joint terms and springs, numbers of their own; no fixtures, and springs load the stiff
-arm alone. What one robot does with `RobotModel` all of them do here in one pass, to rounding.
+Intermediate arrays have their components before both axes, so that one operation runs over all. The
+robots share joints, joint terms and springs, and differ in their numbers; there are no fixtures,
+and loads of springs are those of the rigid arm. Results equal those of `RobotModel` to rounding.
 """
 
 from collections.abc import Sequence
@@ -19,31 +19,33 @@ from calib.geometry.model import RobotModel
 from calib.shown import Shown
 
 Link: TypeAlias = tuple[Array, ...]
-"""As in `chain.link_rotation_parts`: c, s, d, a, ca, sa, cb, sb, each (R or 1, m or 1)."""
+"""Factors c, s, d, a, ca, sa, cb, sb of a link as in `chain.link_rotation_parts`, each
+(R or 1, m or 1)."""
 
 
 class JointValues(NamedTuple):
-    """What joint errors of one kind are at commanded joints, whatever their numbers."""
+    """Basis functions of joint errors at commanded joint values, whatever the coefficients."""
 
     terms: Array
-    """(k, R or 1, m) values of the joint terms."""
+    """(k, R or 1, m) basis functions b_k of the joint terms."""
     springs: ManySprings | None
-    """What may load the springs, if there are any."""
+    """Coefficients of the loads of springs, if there are any."""
 
     def some(self, which: slice | Index) -> "JointValues":
-        """Of some robots."""
+        """The same for some of the robots."""
         terms = self.terms if self.terms.shape[1] == 1 else self.terms[:, which]
         return JointValues(terms, self.springs and self.springs.some(which))
 
 
 class ManyStands(NamedTuple):
-    """How R robots stand at m poses."""
+    """Configurations of R robots at m poses."""
 
     links: list[Link]
-    """From the base on; of robots on springs two of each, see `ManyModels.bent`."""
+    """From the base on; two per joint for robots on springs, see `ManyModels.bent`."""
     values: JointValues
+    """Basis functions of the joint errors."""
     loads: ManyLoads | None
-    """What bends them."""
+    """Loads of the springs; None without springs."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -51,7 +53,7 @@ class ManyModels(Shown):
     """R robots of one kind."""
 
     like: RobotModel
-    """Their joints, joint terms and springs; also where `steps` count from."""
+    """Model with the shared joints, joint terms and springs; `steps` are counted from it."""
     links: Array
     """(R, n, 5) as in `Chain.links` [rad, m]."""
     base: Array
@@ -69,7 +71,7 @@ class ManyModels(Shown):
 
     @classmethod
     def of(cls, model: RobotModel, count: int, like: RobotModel | None = None) -> "ManyModels":
-        """The same model many times; steps count from `like`, from itself if left out."""
+        """`count` copies of a model; `steps` are counted from `like`, by default the model."""
         chain = model.chain
         parts = (
             chain.links,
@@ -84,7 +86,7 @@ class ManyModels(Shown):
 
     @classmethod
     def each(cls, like: RobotModel, models: Sequence[RobotModel]) -> "ManyModels":
-        """Models of the joints and joint terms of one, from which steps count."""
+        """Several models as arrays; `like` has their joints and terms, and `steps` start there."""
         chains = [model.chain for model in models]
         return cls(
             like,
@@ -104,7 +106,10 @@ class ManyModels(Shown):
         )
 
     def widened(self, wide: RobotModel) -> "ManyModels":
-        """The same robots with more joint errors, as `wide` has them beside those of one."""
+        """The same robots with the joint errors of `wide`, which include those of `like`.
+
+        The coefficients that are new have the values in `wide`.
+        """
         coefficients = np.repeat(wide.joint_errors.coefficients[None], len(self), axis=0)
         held = np.isin(wide.joint_errors.names, self.like.joint_errors.names)
         coefficients[:, held] = self.coefficients
@@ -143,7 +148,7 @@ class ManyModels(Shown):
         )
 
     def steps(self) -> Array:
-        """Steps (R, P) that lead here from `like`, as in `RobotModel.step_to` [m, rad]."""
+        """Steps (R, P) from `like` to each robot, as in `RobotModel.step_to` [m, rad]."""
         chain = self.like.chain
         return np.concatenate(
             [
@@ -156,7 +161,7 @@ class ManyModels(Shown):
         )
 
     def values(self, q: Array) -> JointValues:
-        """What the joint errors are at commanded joints q (R or 1, m, n) [rad, m]."""
+        """Basis functions of the joint errors at commanded joints q (R or 1, m, n) [rad, m]."""
         errors = self.like.joint_errors
         flat = errors.basis(q.reshape(-1, q.shape[2])).reshape(*q.shape[:2], -1)
         terms = np.ascontiguousarray(np.moveaxis(flat, 2, 0))
@@ -164,9 +169,9 @@ class ManyModels(Shown):
         return JointValues(terms, springs)
 
     def reached(self, q: Array, values: JointValues | None = None) -> Array:
-        """Joints (n, R or 1, m) where commands q (R or 1, m, n) end by their terms [rad, m].
+        """Joint values q + dq(q) (n, R or 1, m) reached at commands q (R or 1, m, n) [rad, m].
 
-        `values` if already at hand.
+        `values` are those of q, if already at hand.
         """
         commanded, joints = np.moveaxis(q, 2, 0), self.like.joint_errors.joints
         if not joints:
@@ -179,7 +184,7 @@ class ManyModels(Shown):
         return out
 
     def stands(self, q: Array, values: JointValues | None = None) -> ManyStands:
-        """How they stand at commanded joints q (R or 1, m, n) [rad, m]; `values` if at hand."""
+        """Configurations at commanded joints q (R or 1, m, n) [rad, m]; `values` if at hand."""
         values = self.values(q) if values is None else values
         joints = self.reached(q, values)
         if values.springs is None:
@@ -189,7 +194,7 @@ class ManyModels(Shown):
         return ManyStands(self.bent(joints, bends), values, loads)
 
     def stiff(self, joints: Array) -> list[Link]:
-        """Their links at joints reached (n, R or 1, m) [rad, m]."""
+        """Links of rigid arms at joint values reached (n, R or 1, m) [rad, m]."""
         turn, slide = self._moves(joints)
         d = self.links[:, :, 1].T[:, :, None]
         shift = np.broadcast_to(d if slide is None else slide + d, turn.shape)
@@ -197,10 +202,10 @@ class ManyModels(Shown):
         return [(c, s, along, *self._link(i)) for c, s, along, i in each]
 
     def bent(self, joints: Array, bends: Array) -> list[Link]:
-        """The same where joints give way by bends (n, 3, R or 1, m or 1) [rad, m], as in `bodies`.
+        """Links of arms with bends (n, 3, R or 1, m or 1) [rad, m], as in `bodies`.
 
-        Two links of each: one that turns or slides, whose alpha and beta are the bends about x and
-        y, and one that only reaches further.
+        Two per joint: one of the joint, whose alpha and beta are the bends about x and y, and one
+        of the link itself.
         """
         turn, slide = self._moves(joints + bends[:, Z])
         one, none = np.ones((1, 1)), np.zeros((1, 1))
@@ -212,7 +217,7 @@ class ManyModels(Shown):
         return found
 
     def _moves(self, joints: Array) -> tuple[Array, Array | None]:
-        """Turns and slides (n, R, m) of joints reached [rad, m]; None where no joint slides."""
+        """Angles and slides (n, R, m) of joints reached [rad, m]; None if no joint is prismatic."""
         slides, theta = self.like.chain.prismatic[:, None, None], self.links[:, :, 0].T[:, :, None]
         if not slides.any():
             return joints + theta, None
@@ -224,11 +229,11 @@ class ManyModels(Shown):
         return a, np.cos(alpha), np.sin(alpha), np.cos(beta), np.sin(beta)
 
     def frames(self, links: Sequence[Link]) -> tuple[Array, Array]:
-        """Tool axes (3, 3, R, m), x, y and z in turn, and origins (3, R, m) by their links [m].
+        """Tool axes x, y, z (3, 3, R, m), the axis first, and origins (3, R, m) in the world [m].
 
         References
         ----------
-        As `chain.forward`; Wen et al. 2022, eq. (1).
+        Wen et al. 2022, eq. (1), as in `chain.forward`.
         """
         x, y, z, p = (self.base[:, :, k].T[:, :, None] for k in range(4))
         for c, s, d, a, ca, sa, cb, sb in links:
@@ -245,7 +250,7 @@ class ManyModels(Shown):
         return poses_of(*self.frames(self.stands(q).links))
 
     def poses_at(self, joints: Array) -> Array:
-        """The same of stiff arms at joints reached (n, R or 1, m), from `reached` [rad, m]."""
+        """Tool poses (R, m, 4, 4) [m] of rigid arms at joint values of `reached` [rad, m]."""
         return poses_of(*self.frames(self.stiff(joints)))
 
 
@@ -255,7 +260,7 @@ def poses_of(axes: Array, origin: Array) -> Array:
 
 
 def _stepped(frame: Array, step: Array) -> Array:
-    """Frames (R, 3, 4) multiplied on the right by steps (R, 6)."""
+    """Frames (R, 3, 4) multiplied on the right by the transforms of steps (R, 6) [m, rad]."""
     moves = np.asarray(step.any(axis=1))
     if not moves.any():
         return frame
@@ -275,5 +280,5 @@ def _step_to(T: Array, frame: Array) -> Array:
 
 
 def _squared(frame: Array) -> Array:
-    """A frame (3, 4) with its last row (4, 4)."""
+    """Homogeneous transform (4, 4) of a frame (3, 4)."""
     return np.vstack([frame, [0.0, 0.0, 0.0, 1.0]])

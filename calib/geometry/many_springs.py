@@ -1,7 +1,7 @@
-"""Springs of many robots of one kind as arrays: what loads them, and how far they give way.
+"""Joint springs of many robots of one kind as arrays: their loads and their bends.
 
-Loads of the stiff arm are linear in the moments of its links and in gravity. What they are at some
-joints hangs on no number, and is made once.
+The loads of the rigid arm are linear in the moments of its links and in gravity. Their coefficients
+at given joint values depend on no number of the model, and are computed once.
 """
 
 from dataclasses import dataclass, replace
@@ -20,28 +20,29 @@ class ManyLoads(NamedTuple):
     give: Array
     """(R, p) bends at a share of one [rad, m]."""
     load: Array
-    """(R, p, m)"""
+    """(R, p, m) load of each spring."""
     by_weight: Array
-    """(R or 1, w, p, m) slopes by each free moment, then by each tilt [1/kg, 1/(kg m), 1/rad]."""
+    """(R or 1, w, p, m) its derivative by each free moment, then each tilt [1/kg, 1/(kg m), 1/rad].
+    """
     by_both: Array
-    """(R, f, t, p, m) how those by moments change with tilts; t is 0 where there are none."""
+    """(R, f, t, p, m) mixed derivative by moments and tilts; t is 0 where there are none."""
 
     @property
     def bends(self) -> Array:
-        """(R, p, m) of the springs [rad, m]."""
+        """(R, p, m) bend of each spring [rad, m]."""
         return np.asarray(self.give[:, :, None] * self.load)
 
     def slopes(self, number: int) -> Array:
-        """Slopes of bends by one number: (1, R, m) of its own spring, (p, R, m) by a weight."""
+        """Derivative of bends by one number: (1, R, m) by that of a spring, else (p, R, m)."""
         p = self.give.shape[1]
         if number < p:
             return self.load[None, :, number]
         return np.swapaxes(self.give[:, :, None] * self.by_weight[:, number - p], 0, 1)
 
     def curvature(self, pull: Array) -> Array:
-        """Second derivatives (R, s, s) by the numbers of the springs of what pulls (R, p, m) bend.
+        """Hessian (R, s, s), by the numbers, of the sum of bends weighted by `pull` (R, p, m).
 
-        Of products of two numbers, all that there is but for how tilts turn gravity beyond a slope.
+        Exact but for the second derivative of gravity by the tilts, which is left out.
         """
         p, f = self.give.shape[1], self.by_both.shape[1]
         out = np.zeros((len(self.give), p + self.by_weight.shape[1], p + self.by_weight.shape[1]))
@@ -54,17 +55,17 @@ class ManyLoads(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ManySprings(Shown):
-    """What may load springs of one kind at some joints."""
+    """Coefficients of the loads of springs of one kind, at given joint values."""
 
     springs: SprungJoints
-    """Loaded by the stiff arm: one pass."""
+    """With one pass: the loads are those of the rigid arm."""
     shares: Array
-    """(R or 1, g, 1 + f, p, m) of the loads by the stated moments, then by each free one; under
-    gravity as stated, or where tilts turn it under one of 1 m/s^2 along each axis of the base."""
+    """(R or 1, g, 1 + f, p, m) loads by the stated moments, then per unit of each free one: under
+    gravity as stated (g = 1), or, with tilts, per 1 m/s^2 along each axis of the base (g = 3)."""
 
     @classmethod
     def of(cls, springs: SprungJoints, q: Array) -> "ManySprings":
-        """At joints q (R or 1, m, n) [rad, m]."""
+        """Coefficients at joint values q (R or 1, m, n) [rad, m]."""
         flat, weight = q.reshape(-1, q.shape[2]), springs.weight
         along = np.eye(3) if springs.tilts else [weight.gravity]
         each = (replace(springs, weight=replace(weight, gravity=axis)) for axis in along)
@@ -74,11 +75,11 @@ class ManySprings(Shown):
         return cls(springs, np.ascontiguousarray(by_robot.transpose(0, 1, 4, 3, 2)))
 
     def some(self, which: slice | Index) -> "ManySprings":
-        """Of some robots."""
+        """The coefficients of some of the robots."""
         return self if len(self.shares) == 1 else replace(self, shares=self.shares[which])
 
     def loads(self, numbers: Array) -> ManyLoads:
-        """Under numbers (R, s) of each robot."""
+        """Loads for the numbers (R, s) of each robot."""
         p, f = len(self.springs.load), int(self.springs.free.sum())
         moments = np.hstack([np.ones((len(numbers), 1)), numbers[:, p : p + f]])
         if not self.springs.tilts:
@@ -93,16 +94,16 @@ class ManySprings(Shown):
         return ManyLoads(numbers[:, :p], load, np.concatenate(by_weight, 1), by_both)
 
     def spread(self, bends: Array) -> Array:
-        """Bends (n, 3, R, m) of all joints from those (R, p, m) of the springs [rad, m]."""
+        """Bends (n, 3, R, m) of all joints from the bends (R, p, m) of the springs [rad, m]."""
         out = np.zeros((self.springs.weight.chain.n_joints, 3, len(bends), bends.shape[2]))
         out[self.springs.joint, self.springs.axis] = bends.swapaxes(0, 1)
         return out
 
 
 def _sum(weights: Array, parts: Array) -> Array:
-    """Sums (R, ...) of parts (R or 1, k, ...), weighed by (R, k).
+    """Weighted sums (R, ...) of parts (R or 1, k, ...), with weights (R, k).
 
-    Each robot by itself: a product of matrices would let its bits depend on how many there are.
+    One product per robot: with one for all, rounding would depend on how many robots there are.
     """
     flat = parts.reshape(*parts.shape[:2], -1)
     return np.asarray((weights[:, None] @ flat).reshape(len(weights), *parts.shape[2:]))

@@ -20,32 +20,32 @@ CONDITIONS = "OperatingConditions of the rows"
 
 
 class ColumnsApart(NamedTuple):
-    """Poses of a model and its columns before terms are multiplied out."""
+    """Poses and Jacobian columns of a model before those of joint terms are multiplied out."""
 
     T: Array
-    """(m, 4, 4)"""
+    """(m, 4, 4) tool poses T_world_tool [m]."""
     chain: Array
-    """(m, 6, 12 + 5 n) of the chain."""
+    """(m, 6, 12 + 5 n) columns of the chain."""
     springs: Array
-    """(m, 6, s) of the springs' numbers."""
+    """(m, 6, s) columns of the numbers of the springs."""
     turns: Array
-    """(m, 6, n) of each joint's own move: times its value, that of a term."""
+    """(m, 6, n) column of each joint value; times b_k it is that of term k."""
     along: Array
-    """(m, 6) of lengths that grow; zero where no term is of lengths."""
+    """(m, 6) column of a relative growth of all lengths; zero where no term is of lengths."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RobotModel(Shown):
-    """Geometry and joint errors, T(q) = forward(chain, q + dq(q)), and what stands beside them.
+    """Geometry and joint errors of a robot, T(q) = forward(chain, q + dq(q)), and its fixtures.
 
-    Springs among the joint errors bend the joints about three axes: T(q) = bent_forward(chain, q,
-    b(q)).
+    With springs among the joint errors, joints bend by b(q) about three axes:
+    T(q) = bent_forward(chain, q, b(q)).
     """
 
     chain: Chain
     joint_errors: JointErrors = NO_ERRORS
     fixtures: Fixtures = NO_FIXTURES
-    """Reflectors, anchors and stations: they move no pose, but what is measured of it."""
+    """Reflectors, anchors, stations and tools: they affect what is measured, not the pose."""
 
     def __post_init__(self) -> None:
         require_kind("chain", self.chain, Chain, "a calib.Chain of the links")
@@ -85,11 +85,14 @@ class RobotModel(Shown):
 
     @property
     def first_fixture(self) -> int:
-        """Place of the first number of the fixtures in the full parameter vector."""
+        """Index of the first number of the fixtures in the full parameter vector."""
         return self.chain.n_numbers + len(self.joint_errors.coefficients)
 
     def moved(self, step: ArrayLike) -> "RobotModel":
-        """Model after a step (P,) [m, rad]: chain as in `Chain.moved`, coefficients add."""
+        """Model after a step (P,) in the order of `names` [m, rad].
+
+        Chain and fixtures move as their own `moved` says; coefficients are added.
+        """
         (step,) = check(f"{self.n_numbers}", step=step)
         k, end = self.chain.n_numbers, self.first_fixture
         errors = self.joint_errors
@@ -98,7 +101,7 @@ class RobotModel(Shown):
         return RobotModel(self.chain.moved(step[:k]), errors, self.fixtures.moved(step[end:]))
 
     def step_to(self, other: "RobotModel") -> Array:
-        """Step (P,) [m, rad] to `other`, of the same joint terms and fixtures; see `moved`."""
+        """Step (P,) [m, rad] to a model of the same terms and fixtures; the inverse of `moved`."""
         require_kind("other", other, RobotModel, "a calib.RobotModel")
         (here, there) = check(
             "k, k",
@@ -117,7 +120,12 @@ class RobotModel(Shown):
         q : (m, n) array_like
             Commanded joint values [rad, m].
         at : OperatingConditions, optional
-            What the poses say beside their joints, one row for each.
+            Operating conditions, one row per pose.
+
+        Raises
+        ------
+        InputError
+            A1: `q` is no table of n columns, or `at` is for other poses.
         """
         q, errors = joint_vectors(self.chain, q), self.joint_errors
         require_kind("at", at, OperatingConditions, CONDITIONS)
@@ -133,13 +141,13 @@ class RobotModel(Shown):
     ) -> tuple[Array, Array]:
         """Poses (m, 4, 4) [m] and Jacobian (m, 6, P), rows [dp (m); dr (rad)] in world axes.
 
-        Arguments as in `poses`; columns by the numbers of `names`, each per meter or radian of a
-        step as `moved` takes it.
+        Arguments as in `poses`. The columns are derivatives by the numbers of `names`, as `moved`
+        takes their step.
 
-        A joint term's column is its joint's own column times the basis value: exact, because the
-        offset is linear in the coefficient; that of lengths is the same of all lengths. A number
-        of the springs has the columns of the bends times their slopes. The columns of the fixtures
-        are zero: no tool moves with them.
+        The column of a joint term is the column of its joint value times b_k, exact because the
+        offset is linear in the coefficient; a term of lengths has the summed columns of all
+        lengths. A number of the springs has the columns of the bends times their derivative by it.
+        The columns of the fixtures are zero: no pose depends on them.
         """
         q, errors = joint_vectors(self.chain, q), self.joint_errors
         require_kind("at", at, OperatingConditions, CONDITIONS)
@@ -162,7 +170,7 @@ class RobotModel(Shown):
         return apart.T, J
 
     def columns_apart(self, q: Array, at: OperatingConditions, basis: Array) -> "ColumnsApart":
-        """Poses and columns of which those of terms are made, with their values `basis` (m, k)."""
+        """Poses and columns from which those of terms are made; `basis` (m, k) are their values."""
         errors, growth = self.joint_errors, self.joint_errors.growth(at)
         moved = errors.moved_by(basis, self.chain.n_joints)
         if errors.springs:
@@ -183,7 +191,7 @@ class RobotModel(Shown):
     ) -> tuple[Array, Array, Array]:
         """Poses and Jacobian as in `poses_and_jacobian`, and the columns of all bends (m, 6, 3 n).
 
-        Of each joint about x, y and z in turn, as it stands where the arm has given way.
+        The bends are those of each joint about x, y and z, at the bent posture.
         """
         q, errors = joint_vectors(self.chain, q), self.joint_errors
         T, J = self.poses_and_jacobian(q, at)
@@ -194,20 +202,20 @@ class RobotModel(Shown):
     def term_columns(
         self, errors: JointErrors, J: Array, turns: Array, q: Array, at: OperatingConditions
     ) -> Array:
-        """Columns (m, 6, k) of the terms of some joint errors, of which this model may have none.
+        """Columns (m, 6, k) of joint terms that this model need not have.
 
         Parameters
         ----------
         errors : JointErrors
-            Springs among them play no part.
+            Joint terms; springs among them play no part.
         J : (m, 6, P) array
-            Jacobian of an arm that is as long as its nominal one.
+            Jacobian of the model, without thermal growth.
         turns : (m, 6, n) array
-            Column of each joint's own move.
+            Column of each joint value.
         q : (m, n) array
             Joint values [rad, m].
         at : OperatingConditions
-            Of the rows.
+            Operating conditions, one row per pose.
         """
         basis = errors.basis(q, at)
         columns = turns[:, :, errors.joints] * basis[:, None, :]
@@ -216,7 +224,7 @@ class RobotModel(Shown):
         return columns
 
     def _along(self, J: Array) -> Array:
-        """What growing lengths move (m, 6), by the columns (m, 6, P) of an arm as it was made."""
+        """Column (m, 6) of a relative growth of all d and a, from their columns in J (m, 6, P)."""
         d = 7 + 5 * np.arange(self.chain.n_joints)
         return np.asarray(
             J[:, :, d] @ self.chain.links[:, 1] + J[:, :, d + 1] @ self.chain.links[:, 2]
@@ -224,7 +232,7 @@ class RobotModel(Shown):
 
 
 def grow_columns(J: Array, growth: Array | None) -> None:
-    """Lengthen the columns (m, 6, P) of d and a where lengths have grown by parts (m,)."""
+    """Scale the columns of d and a of J (m, 6, P) by 1 + growth (m,), in place."""
     if growth is not None:
         for k in (1, 2):
             J[:, :, 6 + k : -6 : 5] *= (1 + growth)[:, None, None]

@@ -1,4 +1,4 @@
-"""What poses say beside their joints: payload, approach, torques and temperature."""
+"""Operating conditions of poses: payload, direction of approach, drive torques and temperature."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -12,7 +12,7 @@ from calib.errors import refuse
 from calib.shown import Shown
 
 STILL = 1e-4
-"""A joint that moves less than this between two poses stays where it is [rad, m]."""
+"""A joint that moves less than this between two poses counts as not moving [rad, m]."""
 _SHAPES = {
     "payload": "m", "center": "m 3", "approach": "m n", "torque": "m n", "temperature": "m"
 }  # fmt: skip
@@ -20,10 +20,10 @@ _SHAPES = {
 
 @dataclass(frozen=True, slots=True, eq=False)
 class OperatingConditions(Shown):
-    """What m poses say beside their joints; None where they say nothing.
+    """Operating conditions of m poses beside their joint values; None where not stated.
 
-    What a model needs and nobody states is as it was on average where the model was identified,
-    with directions of approach unknown.
+    A condition that a model needs and that is not stated takes its mean over the rows the model
+    was identified from; directions of approach count as unknown.
 
     Examples
     --------
@@ -39,13 +39,13 @@ class OperatingConditions(Shown):
     payload: Annotated[Array, "m"] | None = None
     """(m,) mass at the flange beyond the arm's own [kg]."""
     center: Annotated[Array, "m", 3] | None = None
-    """(m, 3) its center of mass in the flange frame; the flange itself if left out [m]."""
+    """(m, 3) its center of mass in the flange frame [m]; the flange origin if left out."""
     approach: Annotated[Array, "m", "n"] | None = None
-    """(m, n) direction of each joint's last move: 1, -1, or 0 where nobody knows it."""
+    """(m, n) direction of each joint's last move: 1, -1, or 0 if unknown."""
     torque: Annotated[Array, "m", "n"] | None = None
     """(m, n) torque that each drive reports [N m, or N; or A, where it reports its current]."""
     temperature: Annotated[Array, "m"] | None = None
-    """(m,) of the arm [degC]."""
+    """(m,) temperature of the arm [degC]."""
 
     def __post_init__(self) -> None:
         there = {name: getattr(self, name) for name in self.stated}
@@ -67,7 +67,7 @@ class OperatingConditions(Shown):
 
     @property
     def stated(self) -> tuple[str, ...]:
-        """Names of what is stated."""
+        """Names of the conditions that are stated."""
         return tuple(name for name in _SHAPES if getattr(self, name) is not None)
 
     @property
@@ -80,23 +80,23 @@ class OperatingConditions(Shown):
 
     @property
     def usual_payload(self) -> Array | None:
-        """(4,) mean of these moments; None where no payload is stated [kg, kg m]."""
+        """(4,) mean of `moments` over the poses; None if no payload is stated [kg, kg m]."""
         return None if self.moments is None else np.asarray(self.moments.mean(axis=0))
 
     def rows(self, which: Sequence[int] | Bool | Index) -> "OperatingConditions":
-        """The same of some poses (a mask or indices)."""
+        """Conditions of some of the poses (a mask or indices)."""
         if not self.stated:
             return self
         return OperatingConditions(**{name: getattr(self, name)[which] for name in self.stated})
 
     def alike(self, other: "OperatingConditions") -> bool:
-        """Whether both say the same of the same poses."""
+        """Whether both state the same conditions with equal values."""
         return self.stated == other.stated and all(
             np.array_equal(getattr(self, name), getattr(other, name)) for name in self.stated
         )
 
     def require_rows(self, m: int, n: int) -> None:
-        """Refuse conditions of other than m poses, or of arms of other than n joints."""
+        """Raise an `InputError` (A1) unless all that is stated is for m poses and n joints."""
         for name in self.stated:
             shape = getattr(self, name).shape
             if shape[0] != m:
@@ -108,16 +108,16 @@ class OperatingConditions(Shown):
 
 
 AS_USUAL = OperatingConditions()
-"""Poses that say nothing."""
+"""No condition stated."""
 
 
 def joined_conditions(
     parts: Sequence[OperatingConditions], counts: Sequence[int]
 ) -> OperatingConditions:
-    """The conditions of several tables of so many rows each, one after the other.
+    """Conditions of several tables stacked; `counts` are their numbers of rows.
 
-    Where one says nothing of what another one states, it has the mean of what is stated, and
-    unknown directions. A payload without a center hangs at the flange, whatever others state.
+    A table that does not state what another one does gets the mean of what is stated, and unknown
+    directions. A payload without a center lies at the flange origin, whatever others state.
     """
     found = {}
     for name in _SHAPES:
@@ -141,16 +141,16 @@ def joined_conditions(
 
 
 def approaches(q: ArrayLike, order: ArrayLike | None = None) -> Array:
-    """Directions (m, n) of the last move of every joint, where poses follow each other.
+    """Direction (m, n) of the last move of every joint in a sequence of poses: 1, -1 or 0.
 
-    A joint that stays keeps the side it came from; until it moves, nobody knows it.
+    A joint that stays keeps its last direction; 0 until it first moves.
 
     Parameters
     ----------
     q : (m, n) array_like
         Commanded joint values [rad, m].
     order : (m,) array_like, optional
-        What sorts the poses by time; by default they stand in their order.
+        Sort key, such as the time of each pose; by default poses are in the order of the rows.
     """
     (q,) = check("m n", q=q)
     if order is not None and np.shape(order) != (len(q),):

@@ -15,7 +15,7 @@ from calib.kinds import checked_kinds, of_kind
 from calib.shown import Shown
 
 CHARACTERISTIC_LENGTH = 0.3
-"""L [m]: one radian counts like L metres in scaled columns and rows; about half a TX60's reach."""
+"""L [m]: one radian counts as L meters in scaled columns and rows; about half a TX60's reach."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -25,11 +25,11 @@ class Parameters(Shown):
     names: Annotated[tuple[str, ...], "P"]
     """(P,) as in `RobotModel.names`."""
     is_length: Annotated[Bool, "P"]
-    """(P,) length [m] or else angle [rad]."""
+    """(P,) whether a number is a length [m]; else it counts as an angle [rad]."""
     free: Annotated[Bool, "P"]
-    """(P,) identified; the others stay where the model has them."""
+    """(P,) whether a number is identified; the others keep the value that the model has."""
     scale: Annotated[Array, "P"]
-    """(P,) step that counts as one scaled unit [m or rad]: 1 m, and 1/L rad for angles."""
+    """(P,) step of each number that counts as one scaled unit: 1 m, or 1/L rad for angles."""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "names", of_kind("names", self.names, Sequence[str]))
@@ -57,7 +57,7 @@ class Parameters(Shown):
 
     @property
     def free_index(self) -> np.ndarray[tuple[int], np.dtype[np.int64]]:
-        """(f,) positions of the free numbers in the full vector."""
+        """(f,) indices of the free numbers in the full vector."""
         return np.flatnonzero(self.free)
 
     @property
@@ -67,7 +67,7 @@ class Parameters(Shown):
 
     @checked_kinds
     def freeing(self, names: Iterable[str]) -> "Parameters":
-        """Same table with exactly `names` free."""
+        """Same table with exactly `names` free; an unknown name is an `InputError` (A4)."""
         if isinstance(names, str) or not isinstance(names, Iterable):
             message = f"free is of the type {type(names).__name__}"
             raise refuse("free", names, "a list of names", code="A3", message=message)
@@ -92,7 +92,7 @@ class Parameters(Shown):
 
 
 def shown_in(name: str, is_length: bool) -> tuple[str, float]:
-    """Unit in which people read a number, and how many of it are one of SI."""
+    """Unit in which people read a number, and its value in that unit per SI unit."""
     if name == "lengths":
         return "1e-6/K", 1e6
     if name.startswith("moment"):
@@ -110,11 +110,17 @@ def parameters_of(
     Parameters
     ----------
     model : RobotModel
-        Whose numbers are listed.
+        Model whose numbers are listed.
     free : iterable of str, optional
-        Names to free.
+        Names of the numbers to identify.
     length : float
         Characteristic length L [m].
+
+    Raises
+    ------
+    InputError
+        A3: `length` is not above zero, or two numbers have one name; A4: a name in `free` is
+        unknown.
     """
     if not length > 0:
         raise refuse("length", length, "above 0 m", code="A3")

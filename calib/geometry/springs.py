@@ -1,4 +1,4 @@
-"""Springs behind every joint: how far an arm gives way to its own weight, and what that tells."""
+"""Joint springs: how far gravity bends an arm, and the derivatives by compliances and moments."""
 
 from dataclasses import dataclass
 from typing import Annotated, NamedTuple
@@ -19,27 +19,28 @@ from calib.geometry.gravity import (
 from calib.shown import Shown
 
 UNSAID = 2.0
-"""Payload that may hang on the flange though nobody says so [kg]."""
+"""Payload that may hang on the flange without being stated [kg]."""
 
 
 class _Loaded(NamedTuple):
     """The numbers of springs, taken apart."""
 
     give: Array
-    """(p,) bends at the loads of the springs [rad, m]."""
+    """(p,) bend of each spring at its reference load [rad, m]."""
     moments: Array
     """(n + 1, 4) of links and payload, or (m, n + 1, 4) where each pose has its own [kg, kg m]."""
     gravity: Array
     """(3,) in the frame of the base [m/s^2]."""
     by_tilt: Array
-    """(2, 3) its slopes by the two tilts, if these are numbers, else (0, 3)."""
+    """(2, 3) derivative of `gravity` by the two tilts if these are numbers, else (0, 3)
+    [m/s^2/rad]."""
 
     def rows(self, part: slice) -> "_Loaded":
-        """The same for some poses."""
+        """The same for a slice of the poses."""
         return self if self.moments.ndim == 2 else self._replace(moments=self.moments[part])
 
     def load(self, shares: Array) -> Array:
-        """Loads (m, p) of the springs by what each moment adds (m, p, 4 n + 4)."""
+        """Loads (m, p) of the springs, in units of `SprungJoints.load`, from `shares`."""
         if self.moments.ndim == 2:
             return np.asarray(shares @ self.moments.ravel())
         return np.asarray((shares @ self.moments.reshape(len(self.moments), -1, 1))[..., 0])
@@ -47,13 +48,13 @@ class _Loaded(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SprungJoints(Shown):
-    """Springs at some axes of some joints, loaded by gravity; what they are and do.
+    """Linear springs about chosen axes of chosen joints, loaded by gravity.
 
-    A spring bends its joint by its number times its load's share of `load`. So a number is the bend
-    at that load, an angle or a length, and number / load is the compliance. Moments of the links
-    may be free as well: they load all springs alike, and only their products with the compliances
-    are told by measurements. So may the mounting: two turns of gravity about axes across it, x and
-    y of the base where the arm stands upright.
+    Each spring has one number, its bend at the reference load `load` [rad, or m along a slide]: at
+    a torque tau the bend is number * tau / load, so that number / load is the compliance. Moments
+    of the links may be numbers too; measurements tell only their products with the compliances. So
+    may the mounting: two rotations of gravity about axes perpendicular to it, x and y of the base
+    of an upright arm.
     """
 
     weight: Weight
@@ -61,20 +62,19 @@ class SprungJoints(Shown):
     joint: Annotated[Index, "p"]
     """(p,) joint of each spring, 0-based."""
     axis: Annotated[Index, "p"]
-    """(p,) its axis: 0, 1, 2 for x, y, z of `bodies`."""
+    """(p,) axis of each spring: 0, 1, 2 for x, y, z of `bodies`."""
     load: Annotated[Array, "p"]
-    """(p,) at which the bend of a spring is its number [N m, or N along a slide]."""
+    """(p,) reference load: there the bend of a spring is its number [N m, or N along a slide]."""
     free: Annotated[Bool, "n", 4]
-    """(n, 4) moments that are numbers too: what is added to those of `weight` [kg, kg m]."""
+    """(n, 4) which moments are numbers: the number is added to that of `weight` [kg, kg m]."""
     passes: int = 1
-    """1: loads of the stiff arm; each further pass weighs the arm as the last one has bent it."""
+    """1: loads of the rigid arm; each further pass takes the loads of the arm as bent so far."""
     tilts: bool = False
-    """Whether two turns of gravity are numbers too, from the direction that `weight` states."""
+    """Whether two tilts of gravity from the direction in `weight` are numbers too [rad]."""
     bearings: Annotated[float, LATER] = 1.0
-    """How large bends about x and y are believed to be, in units of what is usual."""
+    """Prior sd of bends about x and y, in units of the usual one (`information.sizes`)."""
     unsaid: Annotated[float, LATER] = UNSAID
-    """Payload that may hang on the flange though nobody says so; free moments make up for it [kg].
-    """
+    """Unstated payload that the prior of the free moments allows for [kg]."""
 
     def __post_init__(self) -> None:
         n = self.weight.chain.n_joints
@@ -117,18 +117,18 @@ class SprungJoints(Shown):
 
     @property
     def is_length(self) -> tuple[bool, ...]:
-        """Whether a number is a length [m]; all others are angles [rad], or moments [kg, kg m]."""
+        """(s,) whether a number is a length [m]; else an angle [rad] or a moment [kg, kg m]."""
         along = (self.weight.chain.prismatic[self.joint] > 0) & (self.axis == 2)
         return (*along.tolist(), *(False,) * (int(self.free.sum()) + 2 * self.tilts))
 
     @property
     def places(self) -> Index:
-        """(p,) place of each spring among the 3 n bends."""
+        """(p,) index of each spring among the 3 n bends, joint by joint."""
         return 3 * self.joint + self.axis
 
     @property
     def kind(self) -> tuple[object, ...]:
-        """Alike of springs that the same numbers bend alike."""
+        """Key that is equal for springs which the same numbers bend alike."""
         weight = self.weight
         parts = (
             *(weight.chain.links, weight.chain.prismatic, weight.moments, weight.payload),
@@ -137,9 +137,10 @@ class SprungJoints(Shown):
         return self.passes, self.tilts, *(part.tobytes() for part in parts)
 
     def bends(self, q: Array, numbers: Array, payload: Array | None = None) -> Array:
-        """Bends (m, n, 3) of the arm at rest at checked joints q (m, n) [rad, m].
+        """Static bends (m, n, 3) [rad, m] of the arm at checked joint values q (m, n) [rad, m].
 
-        Each pose may have a payload of its own (m, 4) instead of that of `weight` [kg, kg m].
+        `numbers` (s,) are those of `names`; `payload` (m, 4) gives each pose one of its own in
+        place of that of `weight` [kg, kg m].
         """
         whole = self._loaded(numbers, payload)
         bends = np.zeros((*q.shape, 3))
@@ -154,10 +155,9 @@ class SprungJoints(Shown):
     def bends_and_slopes(
         self, q: Array, numbers: Array, payload: Array | None = None
     ) -> tuple[Array, Array]:
-        """Bends (m, n, 3), and the slopes (m, p, s) of the springs' by all numbers.
+        """Bends (m, n, 3), and the derivative (m, p, s) of the p springs' bends by all s numbers.
 
-        Exact for any number of passes: what a number bends in one pass changes the loads of the
-        next.
+        Exact for any number of passes: the bends of one pass change the loads of the next.
         """
         at = self._loaded(numbers, payload)
         p, f = len(at.give), int(self.free.sum())
@@ -188,9 +188,10 @@ class SprungJoints(Shown):
         return np.asarray(loads * (numbers[:, :p] / self.load)[:, None])
 
     def torques(self, q: Array, payload: Array | None = None) -> tuple[Array, Array]:
-        """What loads the springs of the stiff arm: torques (m, p), and per free moment (m, p, f).
+        """Torques (m, p) of the stated moments on the rigid arm's springs, and per free moment.
 
-        The torques are those of the stated moments [N m, or N along a slide].
+        The torques are in N m, or N along a slide; the second array (m, p, f) is their derivative
+        by each free moment [per kg, per kg m].
         """
         at = self._loaded(np.zeros(len(self.names)), payload)
         G = gravity_regressor(self.weight.chain, q, gravity=self.weight.gravity)
@@ -198,7 +199,7 @@ class SprungJoints(Shown):
         return at.load(own), own[:, :, np.flatnonzero(self.free)]
 
     def slopes_by_joint(self, q: Array, numbers: Array, payload: Array | None = None) -> Array:
-        """Slopes (m, p, n) of the springs' bends by the joint values."""
+        """Derivative (m, p, n) of the springs' bends by the joint values."""
         at, bends = self._loaded(numbers, payload), np.zeros((*q.shape, 3))
         slopes = np.zeros((len(q), len(at.give), q.shape[1]))
         for _ in range(self.passes):
@@ -209,11 +210,11 @@ class SprungJoints(Shown):
         return slopes
 
     def gravity(self, numbers: Array) -> Array:
-        """Gravity (3,) in the frame of the base, as the numbers tilt it [m/s^2]."""
+        """Gravity (3,) in the frame of the base after the tilts among the numbers [m/s^2]."""
         return self._loaded(numbers).gravity
 
     def _loaded(self, numbers: Array, payload: Array | None = None) -> "_Loaded":
-        """What the numbers say, taken apart."""
+        """Bends, moments and gravity that the numbers (s,) stand for."""
         p, f = len(self.load), int(self.free.sum())
         moments = np.vstack([self.weight.moments, self.weight.payload])
         moments[:-1][self.free] += numbers[p : p + f]
@@ -226,13 +227,16 @@ class SprungJoints(Shown):
         return _Loaded(numbers[:p], moments, gravity, by_tilt)
 
     def shares(self, q: Array, gravity: Array, bends: Array | None) -> Array:
-        """What each moment adds to the shares (m, p, 4 n + 4) of the springs' loads."""
+        """Load (m, p, 4 n + 4) of each spring per unit moment, in units of `load` [1/kg, 1/(kg m)].
+
+        Gravity is (3,) in the frame of the base [m/s^2], `bends` (m, n, 3) as in `bodies`.
+        """
         G = gravity_regressor(self.weight.chain, q, gravity=gravity, bends=bends)
         own = G.reshape(*G.shape[:3], -1)[:, self.joint, self.axis]
         return np.asarray(own / self.load[:, None])
 
     def _stiffness(self, q: Array, at: "_Loaded", bends: Array) -> Array:
-        """Slopes (m, p, 3 n) of the springs' shares by all bends."""
+        """Derivative (m, p, 3 n) of the springs' loads, in units of `load`, by all bends."""
         K = torque_slopes(self.weight.chain, q, at.moments, gravity=at.gravity, bends=bends)
         return np.asarray(K[:, self.places] / self.load[:, None])
 
@@ -244,7 +248,7 @@ class SprungJoints(Shown):
 
 
 def tilted(gravity: Array, tilts: Array) -> tuple[Array, Array]:
-    """Gravity (..., 3) after tilts (..., 2), and its slopes (..., 2, 3) by them [m/s^2, 1/rad]."""
+    """Gravity (..., 3) [m/s^2] after tilts (..., 2) [rad], and its derivative (..., 2, 3)."""
     u, v = across(gravity)
     first, second = exp_so3(tilts[..., :1] * u), exp_so3(tilts[..., 1:] * v)
     turned = first @ second @ gravity
@@ -253,7 +257,7 @@ def tilted(gravity: Array, tilts: Array) -> tuple[Array, Array]:
 
 
 def across(gravity: Array) -> Array:
-    """Two axes (2, 3) across gravity, x and y of the base where it points along minus z."""
+    """Two unit axes (2, 3) perpendicular to gravity; x and y of the base if it points along -z."""
     down = gravity / np.linalg.norm(gravity) if gravity.any() else np.array([0.0, 0.0, -1.0])
     one = np.eye(3)[np.abs(down).argmin()]
     one = one - down * (down @ one)

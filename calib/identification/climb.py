@@ -1,8 +1,7 @@
-"""The climb: which joint errors the measurements ask for, level by level of all ladders.
+"""The climb: stepwise choice of joint errors by evidence, level by level of all ladders.
 
-All models are compared about one geometric fit, where small steps are linear: one normal matrix of
-the richest model holds those of all others. Waves act on a joint each, so the whole climb costs
-less than one fit of the model that it finds.
+All models are linearized about one geometric fit, so that the normal matrix of the richest model
+contains those of all others. The whole climb then costs less than one fit of the model it chooses.
 """
 
 from collections.abc import Sequence
@@ -43,43 +42,43 @@ def climb(
     prior: Prior,
     loss: Loss = "squared",
 ) -> Climb:
-    """Climb by evidence, confirmed on poses left out of the training in turn.
+    """Choose joint errors stepwise by evidence, confirmed by cross-validation over the training.
 
-    Each round tries every other level of every ladder that can be reached and takes the one with
-    the most evidence, until none gains odds of 20 to 1; within such odds one without reported
-    torques. A level at which the poses left out are missed by more than chance allows is not taken;
-    where the levels taken end with larger misses than geometry alone, by more than half of that,
-    only those are kept with which they are smallest.
+    Each round tries every other level that can be reached on any ladder and takes the one with the
+    most evidence, until none gains odds of 20 to 1; within such odds it prefers a level without
+    reported torques. A level is refused if it raises the mean error at poses left out by a standard
+    error or more. If the levels taken end with larger errors there than geometry alone, by more
+    than half a standard error, the climb goes back to where the errors were smallest.
 
     Parameters
     ----------
     nominal : RobotModel
-        What the prior speaks of.
+        Model that the prior refers to.
     near : RobotModel
-        The same after a fit of its geometry.
+        The same model after a fit of its geometry.
     measurements : Measurements
-        What may be looked at: training rows alone.
+        Training rows.
     parameters : Parameters
-        Of `nominal`.
+        Parameter table of `nominal`.
     ladders : sequence of Ladder
-        What is offered; see `ladders.ladders_of`.
+        Levels on offer; see `ladders.ladders_of`.
     part : (m,) array of int or None
-        Part that each row belongs to; each part is left out once. Rows of one pose are in one. None
-        where nothing can be confirmed: then no level is taken.
+        Part of each row; each part is left out once, and rows of one pose are in one part. None if
+        there are too few poses to leave any out: then no level is taken.
     prior : Prior
-        Of all free numbers, the same in every model.
+        Prior of all free numbers, the same in every model.
     loss : {"squared", "huber", "cauchy"}
         As in `identify`; the weights are those of the richest model.
 
     Raises
     ------
     InputError
-        If a free number has no prior.
+        A3: a free number has no prior.
 
     References
     ----------
-    MacKay 1992: evidence by Laplace's method, at one noise scale for all models: scales of their
-    own would hide small terms.
+    MacKay 1992: evidence by Laplace's method. The noise scale is the same for all models, since a
+    scale for each would hide small terms.
     """
     believed = set(prior.names)
     bare = [name for name in parameters.free_names if name not in believed]
@@ -145,7 +144,7 @@ def climb(
 
 
 def _calmed(plain: NormalEquations, levels: tuple[Level, ...], loss: Loss) -> NormalEquations:
-    """The rows weighed by how the richest model fits them, at the noise of the typical one."""
+    """Equations with robust weights by the residuals of the richest model, scaled by the median."""
     typical = np.sqrt(chdtri(plain.equations, 0.5) / plain.equations)
     system, scale = replace(plain, scale=1.0), np.inf
     for _ in range(MOST_TURNS):
@@ -159,7 +158,7 @@ def _calmed(plain: NormalEquations, levels: tuple[Level, ...], loss: Loss) -> No
 
 @lru_cache(maxsize=128)
 def _asked(levels: tuple[Level, ...]) -> tuple[JointErrors, Array, Array]:
-    """The joint errors of some levels, their prior sd and what they are believed to be."""
+    """Joint errors of some levels, with prior sd and prior mean of their coefficients."""
     errors = joined(levels)
     believed = {
         name: both

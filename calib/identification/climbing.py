@@ -1,7 +1,7 @@
-"""How a climb decides: which level of which ladder is next, and whether poses left out confirm it.
+"""Decisions of a climb: which level of which ladder is next, and whether poses left out confirm it.
 
-What a model has of evidence and misses is asked of whoever runs the climb, for one robot or for
-many at once.
+The evidence of models and their errors at poses left out are asked of the caller, which works them
+out for one robot or for many at once.
 """
 
 from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
@@ -17,9 +17,10 @@ from calib.identification.levels import Ladder, Level, foreseen
 from calib.shown import ResultTable, Shown
 
 ASKED = float(np.log(20))
-"""Log evidence from which the data ask for another level: odds of 20 to 1."""
+"""Gain of log evidence from which another level is asked for: odds of 20 to 1."""
 TOGETHER = 0.5
-"""Standard errors by which all levels together may miss more of what was left out than geometry."""
+"""Standard errors by which all levels together may exceed the error of geometry at poses left out.
+"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,17 +32,17 @@ class ClimbStep:
     gain: float
     """Log evidence against the model before it."""
     before: FloatOrNan
-    """Mean miss at training poses left out in turn, by the model before it; nan where poses are too
-    few to leave any out [m]."""
+    """Mean error at training poses left out in turn, of the model before it [m]; nan if there are
+    too few poses to leave any out."""
     after: FloatOrNan
-    """The same with the level [m]."""
+    """Mean error at these poses with the level [m]."""
     taken: bool
     """Whether the poses left out confirm it: not worse by more than one standard error."""
 
 
 @dataclass(frozen=True, slots=True)
 class Offer:
-    """A level of a ladder, or why a ladder has none, and what became of it."""
+    """A level of a ladder, or the reason for a missing one, with its outcome."""
 
     ladder: str
     level: str
@@ -53,31 +54,32 @@ class Offer:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Climb(Shown):
-    """Where a climb ended, and how it went."""
+    """Result of a climb."""
 
     levels: tuple[Level, ...]
-    """Those reached, one of each ladder."""
+    """Levels reached, one of each ladder."""
     steps: tuple[ClimbStep, ...]
+    """Levels that the evidence asked for, in order."""
     offers: Callable[[], tuple[Offer, ...]]
-    """What became of all that was offered, worked out when it is asked for."""
+    """Function that works out the outcome of every level on offer."""
     best: tuple[str, float] | None
-    """Of the levels with which a climb can begin the one of most evidence, and how much that is
-    against geometry alone; None where there is none."""
+    """Name and gain of log evidence, against geometry alone, of the best level to begin with; None
+    if there is none."""
     gain: float
     """Log evidence of the levels reached against geometry alone."""
     noise_factor: float
-    """Noise that the richest model leaves, and what visits of one pose share beside it in the model
-    reached, in units of the stated noise, one or more."""
+    """Noise that the richest model leaves, with the misfit that visits of one pose share in the
+    model reached, in units of the stated noise; one or more."""
     poses: int
-    """So many were asked."""
+    """Number of poses looked at."""
     before: float
-    """Mean miss at these poses, left out in turn, by geometry alone [m]."""
+    """Mean error at these poses, left out in turn, of geometry alone [m]."""
     after: float
-    """The same by the model reached [m]."""
+    """Mean error at these poses, left out in turn, of the model reached [m]."""
     near: RobotModel
-    """The model reached as the linear system has it: close to its fit."""
+    """The model reached, by the linearized equations: close to its fit."""
     richest: Callable[[], RobotModel]
-    """The same of the last level of every ladder, worked out when it is asked for."""
+    """Function that works out the same of the last level of every ladder."""
 
     def __repr__(self) -> str:
         return f"Climb({', '.join(level.name for level in self.taken) or 'geometry alone'})"
@@ -105,32 +107,33 @@ class Climb(Shown):
 
 
 class Question(NamedTuple):
-    """What a climb asks: evidence of some models, or what one misses of the poses left out."""
+    """What a climb asks its caller: evidence of models, or errors of one at poses left out."""
 
     models: tuple[tuple[Level, ...], ...]
-    """Levels of each, one of each ladder."""
+    """Levels of each model, one of each ladder."""
     left_out: bool
-    """Of the one model: the answer is its mean miss at each pose. Else one evidence of each."""
+    """If true, the answer is the mean error of the one model at each pose [m], else the log
+    evidence of each model."""
 
 
 class Course(NamedTuple):
-    """How a climb went."""
+    """Decisions of a climb."""
 
     levels: tuple[Level, ...]
-    """Those reached, one of each ladder."""
+    """Levels reached, one of each ladder."""
     steps: tuple[ClimbStep, ...]
+    """Levels that the evidence asked for, in order."""
     alone: Mapping[Level, float]
-    """Log evidence against geometry alone of levels without any other: of those with which a climb
-    can begin."""
+    """Log evidence against geometry alone of each level that a climb can begin with, by itself."""
     gain: float
     """Log evidence of the levels reached against geometry alone."""
     lowest: Array
-    """Mean miss at each pose left out, by geometry alone [m]."""
+    """Mean error at each pose left out, of geometry alone [m]."""
     before: Array
-    """The same by the model reached [m]."""
+    """Mean error at each pose left out, of the model reached [m]."""
     margin: float
-    """By how much evidence may be wrong, or misses in units of their standard error, before another
-    way had been gone."""
+    """Smallest change of a log evidence, or of an error in units of its standard error, that would
+    have changed a decision."""
 
 
 Answer: TypeAlias = Sequence[float] | Array
@@ -138,7 +141,7 @@ Climbing: TypeAlias = Generator[Question, Answer, Course]
 
 
 def climbing(ladders: Sequence[Ladder]) -> Climbing:
-    """Climb over the levels of ladders, as `climb` says, by what answers to questions tell."""
+    """Decide as `climb` says: a generator of questions, which is sent answers."""
     bottom = here = tuple(ladder.levels[0] for ladder in ladders)
     asked: dict[tuple[Level, ...], float] = {}
 
@@ -212,7 +215,7 @@ def climbing(ladders: Sequence[Ladder]) -> Climbing:
 
 
 def run(course: Climbing, answer: Callable[[Question], Answer]) -> Course:
-    """Climb to the end, all questions answered by one."""
+    """Run a climb to its end with a function that answers its questions."""
     question = next(course)
     while True:
         try:
@@ -230,7 +233,7 @@ def climb_of(
     near: RobotModel,
     richest: Callable[[], RobotModel],
 ) -> Climb:
-    """What a course led to; `gain` says of levels that were not asked what they gain alone."""
+    """Climb from its course; `gain` gives the evidence of levels that no question asked for."""
     alone = dict(course.alone)
 
     def of(level: Level) -> float:
@@ -253,7 +256,7 @@ def climb_of(
 def _offers(
     ladder: Ladder, reached: Level, course: Course, gain: Callable[[Level], float]
 ) -> Iterator[Offer]:
-    """What became of each level of a ladder."""
+    """Outcome of each level of a ladder."""
     tried = {step.level: step.taken for step in course.steps if step.ladder == ladder.name}
     confirmed = not np.isnan(course.lowest).any()
     for level in ladder.levels[1:]:

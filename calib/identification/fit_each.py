@@ -1,7 +1,7 @@
-"""The same fit to many tables, each of poses of its own: what `identify` finds, many times faster.
+"""One model fitted to many tables, each with its own poses: the estimates of `identify`, faster.
 
-Only the estimates: no reduction, covariance or tests. Tables of full poses go through `many`; a fit
-that gets no certificate there, and all others, go one by one.
+Only estimates: no reduction, covariance or tests. Tables of full poses are fitted together by
+`many`; fits that get no certificate there, and all other tables, are fitted one by one.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -29,7 +29,7 @@ FEW_STEPS = 12
 System = tuple[Array, Array]
 """Residual (n,) and derivative (n, f) of one table at one model."""
 End = tuple[RobotModel, float, Status]
-"""Where a fit ended, its certificate, and how."""
+"""Model at which a fit ended, its certificate and its status."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -37,14 +37,14 @@ class Fits(Shown):
     """K fits of one set of numbers, each to a table of its own."""
 
     models: tuple[RobotModel, ...]
-    """(K,) where each fit ended."""
+    """(K,) model at which each fit ended."""
     steps: Array
-    """(K, f) the same as a step from the nominal robot [m, rad]."""
+    """(K, f) step of the free numbers from the nominal robot to it [m, rad]."""
     certificate: Array
     """(K,) relative offset there, or before the last step, see `tangent.Tangent.certificate`; 1
     where nothing was fitted."""
     status: tuple[Status, ...]
-    """(K,) how each ended: only those that converged are estimates."""
+    """(K,) status of each fit: only those that converged are estimates."""
 
     def __repr__(self) -> str:
         return f"Fits({len(self.status)} fits, {int(self.converged.sum())} converged)"
@@ -64,9 +64,9 @@ def fit_each(
 ) -> Fits:
     """Fit the free numbers to each table, starting from the nominal robot.
 
-    Gauss-Newton steps by normal equations with unit columns, until 1e-10 standard deviations are
-    left; alone, an orthogonal factorization certifies the end. A fit that does not get there so
-    goes the way of `identify`.
+    Gauss-Newton steps by normal equations with unit columns, until the next step is below 1e-10
+    standard deviations. One by one, an orthogonal factorization certifies the end. A fit that does
+    not converge like this is solved as in `identify`.
 
     Parameters
     ----------
@@ -75,7 +75,7 @@ def fit_each(
     tables : sequence of Measurements, or ManyTables
         What was measured, each with its own poses.
     parameters : Parameters
-        Free numbers: none is left out where a table cannot tell them apart; that fit is DEFICIENT.
+        Free numbers. None is dropped: if a table cannot tell them apart, its fit is DEFICIENT.
     mode : {"whitened", "paper"}
         Estimator, as in `identify`; no prior, and least squares only.
 
@@ -109,7 +109,7 @@ def fit_each(
 def _groups(
     tables: Sequence[Measurements] | ManyTables,
 ) -> Iterator[tuple[Sequence[int], ManyTables]]:
-    """Tables of one length together, with their places; those of other rows are left out."""
+    """Tables of equal length together, with their indices; only tables of full poses."""
     if isinstance(tables, ManyTables):
         yield range(len(tables)), tables
         return
@@ -157,10 +157,10 @@ def _gauss_newton(
     x: RobotModel,
     system: System,
 ) -> End | None:
-    """The answer with its certificate; None where plain steps do not lead to one.
+    """Solution with its certificate; None if plain Gauss-Newton steps do not converge.
 
-    Normal equations square the condition, which slows the last steps and bends no answer: the
-    gradient that has to vanish is exact.
+    Normal equations square the condition number, which slows the last steps but does not bias the
+    solution: the gradient that has to vanish is exact.
     """
     (r, A), before = system, np.inf
     n, f = A.shape

@@ -24,9 +24,9 @@ from calib.measurement.residual import Stack
 RED = 1e-3
 """A p-value below this shows that the model or the stated noise is wrong."""
 LEAST_SAID = 1e-4
-"""A p-value that is written out; of a smaller one only that it is small."""
+"""Smallest p-value that is written out; smaller ones are only said to be small."""
 MOST_OUTLIERS = 0.2
-"""Part of the observations above which misfits are the model's fault, not theirs."""
+"""Share of suspect observations above which the model or the stated noise is blamed instead."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -42,7 +42,7 @@ class SolvedFit:
     belief: PriorRows | None
     loss: Loss
     mirrored: tuple[str, ...] = ()
-    """Numbers on whose other side another answer fits as well."""
+    """Numbers with a mirrored second solution, beyond a saddle, that fits as well."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -75,7 +75,7 @@ def with_statistics(
         statistics = _squared_statistics(fit, measurements, whitening)
     else:
         statistics = _robust_statistics(fit, measurements, rows(fit.solution.x))
-    # judged where the fit began: from beside it readings do tell these numbers
+    # the reduction was judged at the start, a saddle: beside it these numbers are observable
     untold = tuple(f"{name} " for name in fit.mirrored)
     told = (one for one in fit.reduction.sentences if not untold or not one.startswith(untold))
     notes = (*told, *statistics.notes)
@@ -116,7 +116,7 @@ def with_statistics(
 
 
 def _paper_statistics(fit: SolvedFit, m: int) -> _Statistics:
-    """What a fit of unweighted rows claims for itself."""
+    """Covariance that a fit of unweighted rows claims, s^2 inv(A'A), with a note on its fault."""
     n, f = fit.solution.jacobian.shape
     factor = fit.solution.factor
     variance = float(fit.solution.residual @ fit.solution.residual) / (n - f)
@@ -166,12 +166,12 @@ def _squared_statistics(
 def squared_notes(
     total: float, dof: float, p_value: float, misfit: LackOfFit | None
 ) -> tuple[str, ...]:
-    """What the tests of a least-squares fit of known noise have to say."""
+    """Sentences on the tests of a least-squares fit with known noise."""
     return (*_chi_square_notes(total, dof, p_value), *_repeat_notes(misfit, p_value))
 
 
 def _robust_statistics(fit: SolvedFit, measurements: Measurements, stack: Stack) -> _Statistics:
-    """Sandwich covariance, and the tests of what is left when gross errors are named."""
+    """Sandwich covariance, and tests of the observations that are not suspected as outliers."""
     r, A, n = stack.r, stack.A[:, fit.kept.free_index], len(stack.r)
     prior = fit.solution.jacobian[n:]
     size = sizes(r, stack.row_of)
@@ -217,7 +217,7 @@ def _log_evidence(fit: SolvedFit, factor: Array, n: int) -> float:
 def _chi_square_notes(
     total: float, dof: float, p_value: float, *, smaller: bool = True
 ) -> tuple[str, ...]:
-    """What a chi-square out of its range means."""
+    """Sentence on a chi-square outside its range."""
     if p_value < RED:
         return (
             f"chi-square is {total / dof:.2f} per degree of freedom (p {chance(p_value)}): the "
@@ -233,14 +233,14 @@ def _chi_square_notes(
 
 
 def _repeat_notes(misfit: LackOfFit | None, p_value: float) -> tuple[str, ...]:
-    """What repeats show about model and noise."""
+    """Sentence on what repeats show of model and noise."""
     if misfit is None or (misfit.p_value >= RED and p_value >= RED):
         return ()
-    ratio = f"against the scatter of repeats the misfit has F = {misfit.ratio:.2f}"
+    ratio = f"compared with the scatter of repeats, the misfit has F = {misfit.ratio:.2f}"
     if misfit.p_value < RED:
         return (
-            f"{ratio} (p {chance(misfit.p_value)}): the model misses more than the measurements "
-            "scatter; free more numbers or use the extended model",
+            f"{ratio} (p {chance(misfit.p_value)}): the errors of the model exceed the scatter of "
+            "the measurements; free more numbers or use the extended model",
         )
     return (
         f"{ratio} (p = {misfit.p_value:.3f}): repeats scatter as much as the residuals; the model "
@@ -249,7 +249,7 @@ def _repeat_notes(misfit: LackOfFit | None, p_value: float) -> tuple[str, ...]:
 
 
 def _outlier_notes(judged: Outliers, measurements: Measurements, many: bool) -> tuple[str, ...]:
-    """The observations that do not fit, or that they are too many to be outliers."""
+    """Sentences on observations that do not fit, or on their being too many to be outliers."""
     if many:
         count = int(judged.suspect.sum())
         return (
@@ -260,5 +260,5 @@ def _outlier_notes(judged: Outliers, measurements: Measurements, many: bool) -> 
 
 
 def chance(p: float) -> str:
-    """A p-value; how far a tiny one is below any level depends on tails that nobody knows."""
+    """A p-value in words; the exact size of a tiny one depends on unknown tails of the noise."""
     return f"= {p:.2g}" if p >= LEAST_SAID else "< 0.001"

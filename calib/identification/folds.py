@@ -1,4 +1,4 @@
-"""Which training poses are asked for a model, and which of them are left out together in turn."""
+"""Folds of cross-validation: which training poses choose a model, and which are left out."""
 
 import numpy as np
 
@@ -6,17 +6,17 @@ from calib.arrays import Index
 from calib.measurement.observations import Measurements
 
 FOLDS = 4
-"""Parts of the training poses that are left out in turn to confirm a level."""
+"""Number of parts of the training poses, each left out in turn to confirm a level."""
 FEWEST_TO_CONFIRM = 5
-"""Poses in each part."""
+"""Fewest poses per part."""
 MANY = 400
-"""Of more poses this many are asked which model they want."""
+"""Largest number of poses that a model is chosen by; of more, as many are drawn."""
 
 
 def some_poses(
     measurements: Measurements, rng: np.random.Generator, most: int = MANY
 ) -> Measurements:
-    """The rows of at most so many poses, drawn at random."""
+    """Rows of at most `most` poses, drawn at random."""
     pose = measurements.together
     poses = np.unique(pose)
     if len(poses) <= most:

@@ -19,10 +19,10 @@ from calib.identification.levels import NOTHING, Ladder, Level
 from calib.information.sizes import usual_sizes
 
 SMALL_BEARING = 0.25
-"""Part of the usual bends across a joint's axis at a level of small bearings."""
+"""Factor on the usual prior sd of bends across a joint's axis, at a level of small bearings."""
 LYING = np.pi / 2
-"""Tilt at which springs are looked for that only a tilted arm loads, and how large their loads get:
-a compliance is no larger because a small tilt hardly loads it [rad]."""
+"""Tilt at which reference loads of springs are taken that only a tilted arm loads [rad]. A small
+tilt hardly loads them, which makes their compliance no larger."""
 
 
 def gravity_ladder(
@@ -34,12 +34,12 @@ def gravity_ladder(
     payload: Array | None = None,
     sag: float,
 ) -> Ladder:
-    """Levels of what gravity bends, of any serial arm.
+    """Ladder of gravity deflections, for any serial arm.
 
-    Sag in closed form where that holds, compliances of the joints times torques, the same with
-    bearings, and springs: compliances with moments of the links that are free as well, all together
-    about one arm. Then all of these again, small bearings apart, for an arm that may be mounted a
-    little off what is stated. Parameters as in `ladders.ladders_of`.
+    Its levels are sag in closed form where that holds; compliances of the joints; these with
+    compliances of the bearings; and each of the last two with the moments of the links free as
+    well. Then all of these but sag in closed form and small bearings once more, for an arm whose
+    mounting may differ a little from that stated. Parameters as in `ladders.ladders_of`.
     """
     chain, known = nominal.chain, nominal.joint_errors
     if known.springs is not None or any(name.startswith("gravity") for name in known.names):
@@ -99,7 +99,7 @@ def gravity_ladder(
 
 
 def _leaning(upright: SprungJoints, wide: SprungJoints, axes: Sequence[int]) -> SprungJoints:
-    """The upright arm's springs about some axes with those of `wide`, which only a tilt loads."""
+    """Springs of `wide` about some axes, with the reference loads of `upright` where known."""
     kept = np.isin(wide.axis, axes)
     known = dict(zip(upright.places.tolist(), upright.load.tolist(), strict=True))
     places = zip(wide.places[kept].tolist(), wide.load[kept].tolist(), strict=True)

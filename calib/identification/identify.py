@@ -25,14 +25,15 @@ from calib.measurement.observations import Measurements
 from calib.measurement.residual import Stack, linearize, paper_stack, table_whiteners
 from calib.measurement.term_rows import TermRows
 
-MOST_STEPS = 100
+MOST_STEPS, MOST_HELD = 100, 200
+"""Steps of a fit, and of one whose numbers a prior holds: that one has an end."""
 UNMOVED = 1e-12
 """Rounding of a step between two models [m, rad]."""
 MOST_SADDLES = 5
-"""Saddles of numbers that only a prior tells, from which a fit goes on."""
+"""Most saddles, in numbers that only a prior determines, that a fit leaves and goes on from."""
 NEARBY = 1e-2
-"""Relative offset at which a fit ends that the next loss starts from: a hundredth of what noise
-moves each number by."""
+"""Relative offset at which a fit that only starts the next loss may end: a hundredth of the effect
+of noise."""
 
 
 @checked_kinds
@@ -47,23 +48,23 @@ def identify(
     report: Callable[[int, float], None] | None = None,
     start: RobotModel | None = None,
 ) -> Identification:
-    """Find the free numbers of a model that fit a table best, starting from the nominal model.
+    """Estimate the free numbers of a model by least squares, starting from the nominal model.
 
-    The answer is looked for nearby: where base, tool or fixtures are not known to a few millimeters
-    and degrees, `start.start_frames` comes first.
+    The solution is searched nearby: if base, tool or fixtures are not known to a few millimeters
+    and degrees, find them with `start.start_frames` first.
 
     *whitened* (default): six rows per pose, three per point and one per distance, whitened by their
     covariance. Free numbers that the table cannot tell apart are reduced to those it can; the
-    others stay nominal. The covariance is inv(A'A), not rescaled by the residuals: the noise is
-    known.
+    others stay nominal. The covariance is inv(A'A) and not rescaled by the residuals, because the
+    noise is known.
 
-    *paper*: twelve unweighted rows per pose in 1 and mm, exactly the free numbers, and the
-    covariance that such a fit claims for itself.
+    *paper*: the twelve unweighted rows per pose of Wen et al. in 1 and mm, exactly the free
+    numbers, and the covariance that such a fit claims.
 
     Parameters
     ----------
     nominal : RobotModel
-        Start, and the value of every number that is not free; its fixtures are numbers like others.
+        Start of the search, and the values of all numbers that are not free, fixtures included.
     measurements : Measurements
         What was measured.
     parameters : Parameters
@@ -71,22 +72,23 @@ def identify(
     mode : {"whitened", "paper"}
         Estimator.
     prior : Prior, optional
-        What is known beforehand of some free numbers, or of all: these are all estimated, also
-        where the table cannot tell them apart (maximum a posteriori). Only for *whitened*.
+        Prior of some or all free numbers. These are all estimated (maximum a posteriori), even
+        where the table cannot tell them apart. Only for *whitened*.
     loss : {"squared", "huber", "cauchy"}
-        How an observation counts that lies far off. Robust losses start near the least-squares
-        answer (Cauchy's, which has several minima, near Huber's). Only for *whitened*.
+        Loss of an observation's residual. Robust losses start near the least-squares solution
+        (Cauchy's, which has several minima, near Huber's). Only for *whitened*.
     report : callable, optional
-        Told the step count and the sum of squares after each step; a robust loss counts anew.
+        Called with the step count and the sum of squares after each step; a robust loss starts the
+        count again.
     start : RobotModel, optional
-        Where the search begins, if something nearer is known than the nominal model. Numbers that
-        are not free, or cannot be told apart, are those of `nominal` all the same.
+        Start of the search, if better than the nominal model. Numbers that are not free, or cannot
+        be told apart, keep their values of `nominal`.
 
     Raises
     ------
     InputError
-        Nothing is free, too few poses (how many are needed is stated), a prior on numbers that are
-        not free, or in paper mode free numbers that the table cannot tell apart.
+        Nothing is free; too few poses (how many are needed is stated); a prior of numbers that are
+        not free; or, in paper mode, free numbers that the table cannot tell apart.
 
     References
     ----------
@@ -130,7 +132,7 @@ def identify(
 
 
 def _held_as(nominal: RobotModel, start: RobotModel, kept: Parameters) -> RobotModel:
-    """Where the search begins: at `start`, but for numbers that stay as `nominal` has them."""
+    """The model `start` with the numbers that are not estimated as in `nominal`."""
     step = nominal.step_to(start)
     if np.abs(step[~kept.free]).max(initial=0.0) < UNMOVED:
         return start
@@ -145,7 +147,7 @@ def _estimable(
     reduction: Reduction,
     first: Stack,
 ) -> Parameters:
-    """The table with those numbers free that the data or the prior determine."""
+    """Parameter table with those numbers free that the data or the prior determine."""
     believed = () if prior is None else prior.names
     bare = parameters.freeing(set(parameters.free_names).difference(believed))
     if not bare.n_free:
@@ -158,7 +160,7 @@ def _estimable(
             fix = "free numbers that move what is measured, or measure poses"
             raise refuse("free", parameters.free_names, code="M30", message=message, fix=fix)
         return parameters.freeing(reduction.kept)
-    # whatever the prior is, it can only make up for directions of its own numbers
+    # a prior can only make up for directions of its own numbers
     by_data = reduce(first.A[:, bare.free_index] * bare.free_scale, bare, model=nominal).kept
     return parameters.freeing((*believed, *by_data))
 
@@ -174,7 +176,7 @@ def _prior_sd(prior: Prior | None, parameters: Parameters) -> Array | None:
 def row_source(
     measurements: Measurements, mode: Mode, whitening: Array | None
 ) -> Callable[[RobotModel], Stack]:
-    """Function model -> Stack of the mode; what does not depend on the model is done once."""
+    """Function from a model to its `Stack` in a mode; what all models share is computed once."""
     if mode == "paper":
         return lambda model: paper_stack(model, measurements)
     return lambda model: linearize(model, measurements, whitening=whitening)
@@ -192,9 +194,9 @@ def _solve(
     report: Callable[[int, float], None] | None,
     many: TermRows | None,
 ) -> tuple[Solution[RobotModel], tuple[str, ...]]:
-    """Least squares over the kept numbers; the system at the nominal model is already at hand.
+    """Least squares over the kept numbers, and the names of those with a mirrored second solution.
 
-    And the numbers on whose other side another answer fits as well.
+    `first` is the linear system at the nominal model.
     """
     columns, every = kept.free_index, kept.free.all()
 
@@ -211,12 +213,13 @@ def _solve(
         return model.moved(kept.expand(step))
 
     def ended(near: RobotModel) -> Solution[RobotModel]:
-        return solve(evaluate, near, move=move, most=MOST_STEPS, until=until, report=report)
+        most = MOST_STEPS if belief is None else MOST_HELD
+        return solve(evaluate, near, move=move, most=most, until=until, report=report)
 
     found, mirrored = ended(start), tuple[str, ...]()
     if belief is None:
         return found, mirrored
-    # a wave is linear in its number: where no reading has a slope by it, none ever has
+    # a wave is linear in its coefficient: a derivative that is zero here is zero everywhere
     waves = nominal.chain.n_numbers + np.arange(len(nominal.joint_errors.terms))
     bent = ~np.isin(belief.index, waves)
     some = np.searchsorted(columns, belief.index[bent])
@@ -239,7 +242,7 @@ def _solve(
 
 
 def require_match(nominal: RobotModel, parameters: Parameters) -> None:
-    """Refuse a parameter table of another model, or one without a free number."""
+    """Raise an `InputError` (A4) for a parameter table of another model or without free numbers."""
     if parameters.names != nominal.names:
         sizes = f"{len(parameters.names)} numbers, the model has {nominal.n_numbers}"
         raise refuse(
@@ -255,7 +258,7 @@ def require_match(nominal: RobotModel, parameters: Parameters) -> None:
 
 
 def _require_whitened(mode: Mode, prior: Prior | None, loss: Loss) -> None:
-    """Refuse an unknown mode or loss, and paper mode with what needs to know the noise."""
+    """Raise an `InputError` (A3) for an unknown mode or loss, or paper mode with prior or loss."""
     if mode not in ("whitened", "paper"):
         raise refuse("mode", mode, "whitened or paper", code="A3", message=f'mode is "{mode}"')
     if loss not in LOSSES:

@@ -1,4 +1,4 @@
-"""The extended model: geometry with gravity and harmonics of every joint that has them."""
+"""The extended model: geometry with gravity terms and with harmonics of every revolute joint."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -20,21 +20,21 @@ UPRIGHT = np.radians(1.0)
 
 
 def extended_model(nominal: RobotModel, mounted: Chain | None = None) -> RobotModel:
-    """The model with what gravity does and harmonics added, all zero: same poses as before.
+    """The model with gravity terms and harmonics added, all of them zero.
 
-    Three gravity terms where their closed form holds, 27 in all on a six-axis arm; of other arms a
-    spring in each joint that gravity turns, loaded by guessed masses. And sin q, cos q, sin 2q,
-    cos 2q for every revolute joint. What `nominal` has already is kept.
+    Gravity has three terms where the closed form holds, which makes 27 in all for a six-axis arm;
+    for other arms it has a spring in each joint that gravity loads, with assumed masses. Harmonics
+    are sin q, cos q, sin 2q and cos 2q of every revolute joint. Terms of `nominal` are kept.
 
-    One wave of q2 stands twice, as sag and as harmonic: identify under a prior, and read their sum.
+    One wave of q2 is both sag and harmonic: identify with a prior, and read the sum of the two.
 
     Parameters
     ----------
     nominal : RobotModel
-        What the terms are added to.
+        Model that the terms are added to.
     mounted : Chain, optional
-        The arm as it stands, with world z up, where `nominal` is not in such a world: a tracker's
-        own frame need not be level, nor its target on the axis of the forearm.
+        The arm in a world whose z axis points up, if the world of `nominal` is another one: the
+        frame of a tracker need not be level, nor its target on the axis of the forearm.
 
     Examples
     --------
@@ -60,12 +60,12 @@ def extended_model(nominal: RobotModel, mounted: Chain | None = None) -> RobotMo
 def extended_parameters(
     nominal: RobotModel, extended: RobotModel, parameters: Parameters
 ) -> Parameters:
-    """Parameter table of the extended model: what is free in `parameters`, and all added terms.
+    """Parameter table of the extended model: free as in `parameters`, and so are all added terms.
 
     Raises
     ------
     InputError
-        If the extended model has no term that the nominal one lacks.
+        A3: the extended model has no term that the nominal one lacks.
     """
     added = len(extended.names) - len(nominal.names)
     if not added:
@@ -92,7 +92,7 @@ def extended_parameters(
 def with_joint_terms(
     nominal: RobotModel, parameters: Parameters, mounted: Chain | None = None
 ) -> tuple[RobotModel, Parameters, Parameters]:
-    """The extended model, its parameter table, and the table with the added terms alone free."""
+    """Extended model, its parameter table, and a table with only the added terms free."""
     wide = extended_model(nominal, mounted)
     table = extended_parameters(nominal, wide, parameters)
     # by name: the added terms stand before the fixtures
@@ -105,12 +105,12 @@ def gravity_is_closed(chain: Chain) -> bool:
 
 
 def gravity_quarters(chain: Chain) -> tuple[int, int] | None:
-    """Quarter turns from upright, about axis 2, at which upper arm and forearm lie at joint zero.
+    """Quarter turns from upright, about axis 2, of upper arm and forearm at zero joint values.
 
-    None where waves of q2 and q2 + q3 are not the torques of gravity on joints 2 and 3. They are
-    where axis 1 is upright, world z up, or slides, axes 2 and 3 are level and parallel, and both
-    parts of the arm stand upright or lie level at zero. The forearm ends where axis 4 begins if
-    that is parallel too, else at the tool.
+    None unless the gravity torques of joints 2 and 3 are waves of q2 and q2 + q3: axis 1 has to be
+    vertical (world z up) or prismatic, axes 2 and 3 horizontal and parallel, and both parts of the
+    arm vertical or horizontal at zero. The forearm ends at axis 4 if that is parallel too, else at
+    the tool.
 
     Examples
     --------
@@ -144,7 +144,7 @@ def gravity_quarters(chain: Chain) -> tuple[int, int] | None:
 
 
 def shared_waves(result: Identification) -> tuple[str, ...]:
-    """One sentence for each wave that stands in the model more than once: only its sum is known."""
+    """One sentence for each wave that several terms of the model share: only their sum is known."""
     errors, names = result.model.joint_errors, result.names
     alike: dict[tuple[object, ...], list[JointTerm]] = {}
     for term in errors.terms:
@@ -173,11 +173,11 @@ def against_gravity(
     Parameters
     ----------
     errors : JointErrors
-        Identified.
+        Identified joint errors.
     names : sequence of str
-        The f numbers that were estimated.
+        Names of the f numbers that were estimated.
     covariance : (f, f) array
-        Of these.
+        Covariance of these.
     """
     springs = errors.springs
     if springs is None:

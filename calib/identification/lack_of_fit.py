@@ -1,4 +1,4 @@
-"""Does the model miss more than the measurements scatter? Repeats give the answer."""
+"""Lack-of-fit test: the misfit of a model against the scatter of repeated measurements."""
 
 from dataclasses import dataclass
 
@@ -12,26 +12,26 @@ from calib.measurement.observations import Measurements
 
 @dataclass(frozen=True, slots=True)
 class LackOfFit:
-    """Variance ratio of what the model misses to what repeats scatter."""
+    """F test of the variance of the misfit against that of repeats."""
 
     ratio: float
     """F: near 1 if the model is right, whatever the size of the noise."""
     p_value: float
     """Chance of a larger ratio if the model is right."""
     dof_model: float
-    """Degrees of freedom of what is left of the means over repeats."""
+    """Degrees of freedom of the misfit of means over repeats."""
     dof_error: int
-    """Degrees of freedom of the scatter among repeats."""
+    """Degrees of freedom of the pure error, the scatter among repeats."""
 
 
 def lack_of_fit(
     r: Array, measurements: Measurements, whitening: Array, learned: float
 ) -> LackOfFit | None:
-    """Compare what is left of a fit with what repeats of one pose scatter among themselves.
+    """Test the residual of a fit against the scatter of repeats of one pose.
 
-    Repeats are rows of one kind, reflector and station at the same commanded joints, under one
-    payload: what the model misses between loads is no scatter. If the robot
-    did not leave and approach the pose anew, they share its joint error and scatter too little.
+    Repeats are rows of one kind, reflector and station at the same commanded joints and with the
+    same payload. If the robot did not leave and approach the pose anew between them, they share its
+    joint error and scatter too little.
 
     Parameters
     ----------
@@ -42,7 +42,7 @@ def lack_of_fit(
     whitening : (m, 6, 6) array
         `table_whiteners(measurements)`.
     learned : float
-        Numbers estimated from the data: n minus the degrees of freedom of chi-square.
+        Effective number of parameters learned from the data: N minus the dof of chi-square.
 
     Returns
     -------
@@ -51,7 +51,7 @@ def lack_of_fit(
 
     References
     ----------
-    F = [(SS - SS_pe) / (rows of distinct poses - p)] / [SS_pe / dof_pe]; Draper & Smith 1998, 2.1.
+    Draper & Smith 1998, 2.1: F = [(SS - SS_pe) / (rows of distinct poses - p)] / [SS_pe / dof_pe].
     """
     if count_distinct(measurements.q) == len(measurements):
         return None

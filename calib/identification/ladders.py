@@ -1,7 +1,7 @@
-"""Ladders of joint errors: for each cause the levels that a model may climb, from few to many.
+"""Ladders of joint errors: nested levels for each cause, from few terms to many.
 
-A level is a set of joint errors with what is believed of their sizes beforehand. The levels of one
-ladder replace each other, those of several ladders add up; the first level of each is empty.
+A level is a set of joint errors with their prior. The levels of one ladder replace each other,
+those of several ladders add up; the first level of each is empty.
 """
 
 from collections.abc import Iterable
@@ -20,11 +20,11 @@ from calib.information.sizes import FIRST, SAG, SECOND, usual_sizes
 from calib.kinds import checked_kinds
 
 SMALL = 0.25
-"""Part of the usual sizes of one and two waves a turn at a level of small waves."""
+"""Factor on the usual prior sd of waves of orders 1 and 2, at a level of small waves."""
 FEW = 2.0
-"""How many times larger three and four waves a turn are believed to be where no more are there."""
+"""Factor on the prior sd of waves of orders 3 and 4, where they are the highest."""
 MAP_ORDERS = 32
-"""How many waves a turn a joint map knows."""
+"""Highest order of the waves of a joint map."""
 
 
 @checked_kinds
@@ -43,20 +43,21 @@ def ladders_of(
     Parameters
     ----------
     nominal : RobotModel
-        What terms are added to.
+        Model that terms are added to.
     mounted : Chain, optional
-        The arm as it stands, with world z up; see `joint_models.extended_model`.
+        The arm in a world whose z axis points up; see `joint_models.extended_model`.
     moments : (n, 4) array, optional
-        Masses and first moments of the links in their body frames [kg, kg m]; guessed where nobody
-        states them.
+        Masses and first moments of the links in their body frames [kg, kg m]; assumed if left out.
     limits : (n, 2) array_like, optional
-        Of the joints [rad, m]: how large torques get within them tells how large a compliance may
-        be. The measured poses may hardly load a joint.
+        Joint limits [rad, m]. The largest torques within them set the scale of the compliances; the
+        measured poses alone may hardly load a joint.
     payload : (4,) array, optional
-        Mean of the moments of what hung on the flange, where rows state it [kg, kg m]; else
-        something may hang there though nobody says so.
-    waves, sag : float, optional
-        Prior sd of one and two waves a turn, and of sag at the largest torque [rad].
+        Mean moments of the payloads, where rows state them [kg, kg m]; if left out, the prior
+        allows for an unstated payload.
+    waves : pair of float, optional
+        Prior sd of waves of orders 1 and 2 [rad].
+    sag : float, optional
+        Prior sd of the deflection at the largest torque [rad].
     """
     bends = gravity_ladder(
         nominal, mounted, moments=moments, limits=limits, payload=payload, sag=sag
@@ -65,7 +66,7 @@ def ladders_of(
 
 
 def _waves(nominal: RobotModel, sizes: tuple[float, float]) -> Ladder:
-    """Waves of each turning joint: small ones, usual ones, and whole maps."""
+    """Ladder of waves of each revolute joint: small ones, usual ones, and whole maps."""
     chain = nominal.chain
     if not (chain.prismatic == 0).any():
         return Ladder("waves", (NOTHING,), ("waves: no joint of this robot turns",))
@@ -102,6 +103,6 @@ def _waves(nominal: RobotModel, sizes: tuple[float, float]) -> Ladder:
 
 
 def _new(nominal: RobotModel, terms: tuple[JointTerm, ...]) -> tuple[JointTerm, ...]:
-    """Those that the model does not have yet."""
+    """Terms that the model does not have yet."""
     known = set(nominal.joint_errors.names)
     return tuple(term for term in terms if term.name not in known)

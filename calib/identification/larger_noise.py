@@ -1,4 +1,4 @@
-"""Noise larger than stated: how much larger the residuals show it, and fits that allow for it."""
+"""Noise larger than stated: its size from the residuals, and fits that allow for it."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -17,7 +17,7 @@ from calib.measurement.observations import Measurements
 from calib.measurement.residual import linearize
 
 HONEST = 1.5
-"""Typical residual, in stated noises, up to which the stated noise is taken at its word."""
+"""Typical residual, in units of the stated noise, up to which the stated noise is accepted."""
 
 
 def noise_factor(model: RobotModel, measurements: Measurements) -> float:
@@ -29,7 +29,7 @@ def noise_factor(model: RobotModel, measurements: Measurements) -> float:
 
 
 def with_noise(measurements: Measurements, factor: float) -> Measurements:
-    """The table with the noise that there is: `factor` times the stated one, if that is larger."""
+    """The table with `factor` times the stated noise, if the factor exceeds `HONEST`."""
     if factor <= HONEST:
         return measurements
     return replace(measurements, covariance=measurements.covariance * factor**2)
@@ -46,14 +46,10 @@ def under_noise(
     report: Callable[[int, float], None] | None = None,
     start: RobotModel | None = None,
 ) -> Identification:
-    """Identify where there is `factor` times the stated noise, under a prior as it is believed.
+    """Identify from data with `factor` times the stated noise, under a prior of unchanged width.
 
-    The fit weighs the prior against that noise; its covariance, of the stated noise, leaves to the
-    prior the width that it has.
-
-    References
-    ----------
-    inv(H)(A'A + factor^4 Lambda0)inv(H), H = A'A + factor^2 Lambda0.
+    The fit weighs the prior against the larger noise. Its covariance is that of the stated noise
+    and of the prior as given: inv(H) (A'A + factor^4 Lambda0) inv(H), H = A'A + factor^2 Lambda0.
     """
     tighter = prior.weighed(factor**2)
     found = identify(
@@ -63,7 +59,7 @@ def under_noise(
 
 
 def as_believed(found: Identification, factor: float) -> Identification:
-    """A fit under a prior `factor` times too tight, with a covariance by the prior as it is."""
+    """A fit under a prior whose sd is `factor` times too small, with its covariance corrected."""
     tighter = found.prior
     if tighter is None or factor == 1.0:
         return found

@@ -1,6 +1,6 @@
-"""Nonlinear least squares with exact derivatives: trust-region steps, and a certificate of the end.
+"""Nonlinear least squares with exact derivatives: trust-region steps and a certified solution.
 
-Knows nothing of robots. The unknown may live on a manifold: the caller moves it.
+It is independent of robots. The unknown may be on a manifold: the caller moves it.
 """
 
 from collections.abc import Callable
@@ -17,21 +17,21 @@ from calib.identification.tangent import NEGLIGIBLE, System, Tangent, normal_pla
 X = TypeVar("X")
 
 MOST_REFUSALS = 30
-"""Refused steps in a row, each a quarter of the one before, after which none will help."""
+"""Largest number of refused steps in a row, each a quarter of the one before."""
 LEVEL = 1e-10
-"""Part by which a sum of squares may rise by rounding alone: metres in double precision, divided by
-a noise of micrometres, leave 1e-10 in each whitened residual."""
+"""Relative increase of a sum of squares that rounding may cause: meters in double precision divided
+by a noise of micrometers leave 1e-10 in each whitened residual."""
 
 
 SLOW = 0.3
-"""An undamped step that leaves more than this part of the way is part of a slow approach."""
+"""Ratio of successive offsets above which a step counts as slow convergence."""
 SLOWEST = 0.9
-"""Part of the way that a step may leave where the sum of squares cannot tell any more."""
+"""Largest such ratio of a step that is taken where the sum of squares is flat to rounding."""
 SLOW_OFFSET = 1e-5
-"""Certificate of a slow approach that ends where no step helps: a valley in which the sum of
-squares is level to rounding. A hundredth of what Bates & Watts 1988 ask of any fit."""
+"""Certificate that is enough after slow convergence, in a valley where the sum of squares is flat
+to rounding. A hundredth of what Bates & Watts 1988 ask of any fit."""
 DEPTH = 5
-"""So many steps of a slow approach are remembered."""
+"""Number of steps of slow convergence that are remembered."""
 
 
 class Status(Enum):
@@ -53,27 +53,28 @@ class Status(Enum):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Solution(Generic[X]):
-    """Where a fit ended and why it may be believed."""
+    """Result of a least-squares fit, with its certificate."""
 
     x: X
-    """The answer."""
+    """The estimate."""
     residual: Array
-    """(n,) measured minus predicted there."""
+    """(n,) measured minus predicted at x."""
     jacobian: Array
-    """(n, p) derivative of the prediction there."""
+    """(n, p) derivative of the prediction at x."""
     end: Tangent
-    """The tangent plane there, its columns scaled by their own norms."""
+    """Tangent plane at x, its columns scaled by their own norms."""
     certificate: float
     """Relative offset, or |Q1'r| for an exact fit; see `Tangent.certificate`."""
     status: Status
+    """How the fit ended."""
     iterations: int
-    """Steps taken."""
+    """Number of steps taken."""
     trace: Array
     """(iterations + 1,) sum of squares at the start and after each step."""
 
     @property
     def factor(self) -> Array:
-        """K (p, p) with K K' = inv(A'A) there."""
+        """K (p, p) with K K' = inv(A'A) at x."""
         return self.end.factor
 
     def __repr__(self) -> str:
@@ -93,10 +94,10 @@ def solve(
 ) -> Solution[X]:
     """Minimize the sum of squares |r(x)|^2 from `start`.
 
-    Each step is the best one inside a trust region, the columns of A scaled: a Levenberg-Marquardt
-    step far away, a plain Gauss-Newton step near the answer, until what is left is 1e-10 standard
-    deviations. Steps come from normal equations where these are well conditioned; the end is
-    judged by orthogonal factors of A.
+    Each step is the best one inside a trust region in scaled columns of A: a Levenberg-Marquardt
+    step far away, a plain Gauss-Newton step near the solution, until the remaining step is 1e-10
+    standard deviations. Steps come from normal equations where these are well conditioned; the
+    solution is judged by an orthogonal factorization of A.
 
     Parameters
     ----------
@@ -109,20 +110,24 @@ def solve(
     move : callable
         (x, step (p,)) -> the point after the step.
     reach : (p,) array, optional
-        Typical size of each unknown: the first step goes no further. Without it the first step is a
-        plain Gauss-Newton step, right where the start is good.
+        Typical size of each unknown, which sets the first trust radius. Without it the first step
+        is a plain Gauss-Newton step, for good starts.
     most : int
         Largest number of steps.
     until : float
-        Relative offset at which to stop; a larger one where another fit begins at the answer.
+        Relative offset at which to stop; larger if another fit starts from the solution.
     report : callable, optional
-        Told the step count and the sum of squares after each step.
+        Called with the step count and the sum of squares after each step.
 
     Returns
     -------
     Solution
-        `status` is CONVERGED only with the certificate, whatever else happened; after a slow
-        approach with one of 1e-5.
+        Its `status` is CONVERGED only with a certificate, of 1e-5 after slow convergence.
+
+    Raises
+    ------
+    InputError
+        A2: the start cannot be evaluated; M27: fewer rows than unknowns.
 
     References
     ----------
@@ -157,8 +162,10 @@ def solve(
             if here.within(until):
                 break
         step, length, predicted = here.step(radius)
-        plain, free = step, here.damping(radius) == 0.0
-        if free:
+        plain, before = step, radius
+        # beyond the radius only what a prior holds may go
+        steady = here.damping(radius) == 0.0 or here.system.believed is not None
+        if steady:
             step = memory.mixed(plain, here.scale)
         candidate = move(x, step)
         there = _system(evaluate, candidate, here.scale)
@@ -175,7 +182,7 @@ def solve(
             radius = 0.25 * length
         if there is not None and taken:
             slow = there.offset > SLOW * here.offset
-            memory.add(step, plain, free and slow)
+            memory.add(step, plain, steady and slow and radius == before)
             x, here, refused = candidate, there, 0
             trace.append(here.cost)
             if report is not None:
@@ -199,10 +206,11 @@ def solve(
 
 
 class Memory:
-    """The last undamped steps of a slow approach, and where they led.
+    """Anderson acceleration: extrapolation from the last steps of slow convergence.
 
-    Where products of numbers bend the model as much as the residual is large, each undamped step
-    leaves a fixed part of the way. What the last ones had in common tells the rest of it.
+    Where curvature of the model is large against its residual, undamped steps converge linearly;
+    so do those damped by one trust radius, where a prior holds the numbers. The last steps within
+    one radius together predict the limit.
 
     References
     ----------
@@ -213,18 +221,18 @@ class Memory:
         self.steps: list[tuple[Array, Array]] = []
 
     def forget(self) -> None:
-        """Begin anew."""
+        """Discard all steps."""
         self.steps.clear()
 
     def add(self, taken: Array, plain: Array, slow: bool) -> None:
-        """Note a step taken, the undamped one there, and whether it left much of the way."""
+        """Store a step taken and the plain one there if convergence is slow; else discard all."""
         if not slow:
             self.forget()
         else:
             self.steps = [*self.steps[1 - DEPTH :], (taken, plain)]
 
     def mixed(self, plain: Array, scale: Array) -> Array:
-        """The step (p,) to take from here, where the undamped one is `plain`."""
+        """Accelerated step (p,), where the plain one within the radius is `plain`."""
         if not self.steps:
             return plain
         taken = np.array([one for one, _ in self.steps]).T
@@ -238,21 +246,21 @@ class Memory:
 def _system(
     evaluate: Callable[[X], tuple[Array, Array] | System], x: X, least: Array | float = 0.0
 ) -> Tangent | None:
-    """Tangent plane at x; None where the model cannot be computed.
+    """Tangent plane at x; None if the model is not finite there.
 
-    The scale of a column never falls below `least`, the scale before: a column that fades on the
-    way must not let its unknown run away.
+    The scale of a column never falls below `least`, its scale before, so that an unknown whose
+    column vanishes on the way does not diverge.
     """
-    # a trial step may be far too long: overflow there is an answer, not a mishap
+    # a trial step may be far too long: overflow only refuses it
     with np.errstate(all="ignore"):
         return normal_plane(System(*evaluate(x)), least)
 
 
 def _nearer(here: Tangent, there: Tangent) -> bool:
-    """Whether a step halved the offset and left the sum of squares level.
+    """Whether a step halved the offset without raising the sum of squares beyond rounding.
 
-    Near the answer the sum of squares is flat to rounding; the offset is the finer judge. Where it
-    is the only one, a slow approach counts as well.
+    Near the solution the sum of squares is flat to rounding and the offset is the finer measure.
+    Where only the offset is left, slow convergence is enough.
     """
     level = there.exact or there.cost <= here.cost * (1 + LEVEL)
     flat = here.offset**2 <= LEVEL * here.cost

@@ -1,4 +1,4 @@
-"""What the levels of ladders are: joint errors that a model may have, and how large they may be."""
+"""Levels and ladders: joint errors that a model may have, with the prior of their numbers."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
@@ -17,20 +17,20 @@ from calib.shown import Shown
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Level(Shown):
-    """Joint errors that a model may have, and what is believed of their sizes."""
+    """Joint errors that a model may have, with the prior of their numbers."""
 
     name: str
+    """Name within its ladder."""
     errors: JointErrors = NO_ERRORS
-    """All of them zero."""
+    """The joint errors, with coefficients of zero."""
     sd: Array = ()  # type: ignore[assignment]  # becomes an array in __post_init__
     """(k,) prior standard deviation of each of its numbers [rad, m; kg, kg m; 1/K]."""
     usual: bool = False
-    """Whether this is the level at which a model is shown that nobody asked for."""
+    """Whether the extended model is shown with this level if the climb takes none."""
     mean: Array = ()  # type: ignore[assignment]  # likewise
-    """(k,) what its numbers are believed to be; zero if left out."""
+    """(k,) prior mean of its numbers; zero if left out."""
     after: str = ""
-    """Level from which alone a climb comes here: this one refines it, and must be asked for beside
-    it."""
+    """The only level from which a climb reaches this one, which refines it; empty for any."""
 
     def __post_init__(self) -> None:
         check_fields(self)
@@ -54,13 +54,14 @@ NOTHING = Level("none")
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Ladder(Shown):
-    """The levels of one cause."""
+    """Levels of joint errors of one cause, of which a model has one."""
 
     name: str
+    """The cause."""
     levels: tuple[Level, ...]
-    """The first one is empty."""
+    """Levels from few terms to many; the first one is empty."""
     why_not: tuple[str, ...] = ()
-    """What is not offered, and why: ``joint 1 z: gravity never turns it``."""
+    """Terms that are not offered, and why: ``joint 1 z: gravity never turns it``."""
 
     def __repr__(self) -> str:
         return f"Ladder({self.name}: {', '.join(level.name for level in self.levels)})"
@@ -72,12 +73,12 @@ def joined(levels: Iterable[Level]) -> JointErrors:
 
 
 def distinct_terms(errors: Iterable[JointErrors]) -> tuple[JointTerm, ...]:
-    """The terms of some joint errors, each name once.
+    """Terms of several joint errors, each name once.
 
     Raises
     ------
     InputError
-        A4: a name stands for two of them, which would be taken for one.
+        A4: two different terms have one name.
     """
     found: dict[str, JointTerm] = {}
     for term in (term for each in errors for term in each.terms):
@@ -89,17 +90,17 @@ def distinct_terms(errors: Iterable[JointErrors]) -> tuple[JointTerm, ...]:
 
 
 def foreseen(levels: Iterable[Level]) -> bool:
-    """Whether levels need no reported torques: nobody knows these of a pose not yet reached."""
+    """Whether levels need no reported torques, which are unknown before a pose is reached."""
     return all(term.wave != "torque" for level in levels for term in level.errors.terms)
 
 
 def with_errors(nominal: RobotModel, added: JointErrors) -> RobotModel:
-    """The model with joint errors added that are zero: same poses as before."""
+    """The model with further joint errors added, as a rule zero ones that leave its poses as is."""
     return replace(nominal, joint_errors=nominal.joint_errors.joined(added))
 
 
 def prior_of(levels: Iterable[Level]) -> Prior:
-    """What is believed of the numbers of some levels, which are independent."""
+    """Prior of the numbers of some levels, which are independent."""
     levels = tuple(levels)
     mean, sd = (np.concatenate([getattr(level, key) for level in levels]) for key in ("mean", "sd"))
     names = tuple(name for level in levels for name in level.names)

@@ -1,7 +1,7 @@
-"""Geometry alone, or joint errors as well: which of them the measurements ask for, and both fits.
+"""Model choice: geometry alone, or joint errors as well, with the fits of both.
 
-The one choice of a model, wherever one is chosen: by evidence, confirmed on training poses left out
-in turn. Held-out poses have no say in it: they would no longer be a test.
+The choice is by evidence, confirmed by cross-validation over the training poses. Held-out poses are
+never used for it, or they would no longer be a test.
 """
 
 from collections.abc import Callable, Sequence
@@ -38,11 +38,12 @@ class ModelChoice(Shown):
     identifications: tuple[Identification, Identification]
     """Geometric, and extended by the levels reached, or by the usual ones where none is."""
     starts: tuple[RobotModel, RobotModel]
-    """Where their fits began."""
+    """Models from which their fits started."""
     climb: Climb
+    """How the levels were chosen."""
     log_evidence: float
-    """Natural logarithm of the odds that the measurements give the levels reached; where none is,
-    the best of those with which a climb can begin."""
+    """Log evidence against geometry alone of the levels reached; if none is, of the best level that
+    a climb can begin with."""
     sentence: str
     """What was chosen and why."""
 
@@ -55,7 +56,7 @@ class ModelChoice(Shown):
 
     @property
     def identification(self) -> Identification:
-        """The one chosen."""
+        """The identification of the model chosen."""
         return self.identifications[self.chosen == "extended"]
 
 
@@ -75,44 +76,45 @@ def choose(
     rng: np.random.Generator | None = None,
     geometric: Identification | None = None,
 ) -> ModelChoice:
-    """Choose a model by evidence, and identify it from all measurements beside the geometry.
+    """Choose a model by evidence, and identify both it and the geometry from all measurements.
 
-    The evidence rewards a better fit and charges for freedom: terms that the measurements do not
-    ask for cost it about ln(prior sd / posterior sd) each. It is fooled by what no model explains:
-    poses left out in turn confirm it, or not.
+    The evidence rewards a better fit and penalizes freedom: an unneeded term costs about
+    ln(prior sd / posterior sd). Errors that no model explains can mislead it, so cross-validation
+    has to confirm it.
 
     Parameters
     ----------
     nominal : RobotModel
         Start of all fits.
     measurements : Measurements
-        What is identified from.
+        Training rows, from which the models are identified.
     parameters : Parameters, optional
         Which numbers of `nominal` are free; all by default.
     prior : Prior, optional
-        Of all free numbers, the same in every model; `weak_prior(parameters)` by default.
+        Prior of all free numbers, the same in every model; `weak_prior(parameters)` by default.
     own_prior : Prior, optional
-        Of the geometry in the extended fit itself, if not `prior`: without numbers of which nothing
-        but their start is known.
+        Prior of the geometry in the extended fit itself, if not `prior`: without those numbers of
+        which nothing but their start is known.
     ladders : sequence of Ladder, optional
-        What is offered; `ladders_of(nominal, mounted)` and what the rows say by default.
+        Levels on offer; by default `ladders_of(nominal, mounted)` and those of the conditions that
+        the rows state.
     loss : {"squared", "huber", "cauchy"}
         As in `identify`; a robust one keeps gross errors from calling for more terms.
     report : callable, optional
         As in `identify`, of all fits one after the other.
     mounted : Chain, optional
-        The arm as it stands, where the world of `nominal` need not be level; see `extended_model`.
+        The arm in an upright world, if that of `nominal` is another one; see `extended_model`.
     known : RowTerms, optional
-        What is known of the rows for terms that follow them.
+        Facts that terms of operating conditions need.
     rng : Generator, optional
-        Draws the poses left out together, and which of very many are asked; seed 0 by default.
+        Draws the folds, and a sample of very many poses; seed 0 by default.
     geometric : Identification, optional
         The fit of the geometry under `prior`, if already at hand.
 
     Raises
     ------
     InputError
-        If a free number has no prior.
+        A3: a free number has no prior.
     """
     parameters = parameters_of(nominal) if parameters is None else parameters
     prior = weak_prior(parameters, nominal) if prior is None else prior
@@ -153,7 +155,7 @@ def choice_of(
     extended: tuple[RobotModel, Identification],
     found: Climb,
 ) -> ModelChoice:
-    """The choice after a climb, with the fit of the geometry and what `extended_by` made."""
+    """The choice after a climb, with the fit of the geometry and the result of `extended_by`."""
     return ModelChoice(
         chosen="extended" if found.taken else "geometric",
         identifications=(geometric, extended[1]),
@@ -176,19 +178,19 @@ def extended_by(
     report: Callable[[int, float], None] | None = None,
     start: RobotModel | None = None,
 ) -> tuple[RobotModel, Identification]:
-    """The model with some levels of joint errors, before its fit and after.
+    """The model with some levels of joint errors added, and its identification.
 
-    Where the noise is larger than stated the prior is weighed against the noise that there is: else
-    it would be overruled by what is no information.
+    If the noise is larger than stated, the prior is weighed against the actual noise; otherwise
+    noise would overrule it.
 
     Parameters
     ----------
     nominal, measurements, parameters, prior, loss, report
         As in `choose`.
     levels : sequence of Level
-        What is added.
+        Levels to add.
     factor : float
-        How many times the stated noise there is.
+        Actual noise in units of the stated one.
     start : RobotModel, optional
         As in `identify`, with the same levels.
     """
@@ -207,7 +209,7 @@ def sentence_of(found: Climb, nominal: RobotModel) -> str:
     known = bool(nominal.joint_errors.terms) or nominal.joint_errors.springs is not None
     if found.taken:
         names = " and ".join(level.name for level in found.taken)
-        text = f"extended by {names}: the measurements ask for it (log evidence {found.gain:+.1f})"
+        text = f"extended by {names}: the measurements support it (log evidence {found.gain:+.1f})"
         if found.confirmed:
             text += f", and {_misses(found, found.before, found.after)} with it"
         return text
@@ -219,7 +221,7 @@ def sentence_of(found: Climb, nominal: RobotModel) -> str:
             else f"but fewer than {FOLDS * FEWEST_TO_CONFIRM} poses cannot confirm any"
         )
         return (
-            f"geometric: the measurements ask for {step.level} (log evidence {step.gain:+.1f}), "
+            f"geometric: the measurements support {step.level} (log evidence {step.gain:+.1f}), "
             f"{why}"
         )
     if found.best is None:
@@ -227,14 +229,14 @@ def sentence_of(found: Climb, nominal: RobotModel) -> str:
         return f"geometric: no joint of this robot has {held}"
     more = " beyond the robot's own" if known else ""
     return (
-        f"geometric: the measurements do not ask for joint errors{more} (log evidence "
+        f"geometric: the measurements do not support joint errors{more} (log evidence "
         f"{found.best[1]:+.1f} at best, for {found.best[0]})"
     )
 
 
 def _misses(found: Climb, before: float, after: float) -> str:
     return (
-        f"at {found.poses} training poses, left out in turn, the mean miss goes from "
+        f"at {found.poses} training poses, left out in turn, the mean error changes from "
         f"{1e3 * before:.4f} mm to {1e3 * after:.4f} mm"
     )
 
@@ -248,11 +250,10 @@ def identify_extended(
     mounted: Chain | None = None,
     links: Prior | None = None,
 ) -> Identification:
-    """Identify geometry as the data show it, and usual joint terms under the weak prior.
+    """Identify the geometry without a prior, with the usual joint terms under the weak prior.
 
-    Where the data show too little of it, the geometry has a prior of its own, `links`. Where the
-    residuals stay larger than the stated noise, the prior is weighed against the noise that they
-    have: else it would be overruled by what is no information.
+    `links` is a prior of the geometry for data that show too little of it. If the residuals are
+    larger than the stated noise, the priors are weighed against the noise that they show.
     """
     wide, table, added = with_joint_terms(nominal, parameters, mounted)
     terms = weak_prior(added, wide)

@@ -1,9 +1,8 @@
-"""Normal equations about one fit: every model whose numbers are some of theirs in one solve.
+"""Normal equations about one fit, from which any model with a subset of their numbers is solved.
 
-Where steps are small the prediction is linear in the bends of the joints. Bends of terms are linear
-in their numbers; those of springs are products of compliances and moments, so that what gravity
-does has a column for each product. Least squares of any model then needs no more than its part of
-A'A and A'r, of whatever number of rows.
+For small steps the prediction is linear in the bends of the joints. Bends by terms are linear in
+their numbers; those by springs are products of compliances and moments, and each product has a
+column. Least squares of a model then needs only its part of A'A and A'r, however many the rows.
 """
 
 from collections.abc import Iterable
@@ -29,20 +28,20 @@ from calib.measurement.residual import table_whiteners
 from calib.shown import Shown
 
 SETTLED = 1e-4
-"""Part by which the noise scale changes once it is found."""
+"""Relative change below which the iteration for the noise scale has converged."""
 MOST_TURNS = 50
-"""Turns in which it is looked for."""
+"""Largest number of its iterations."""
 LEAST_FREE = 0.2
-"""Part of the rows that counts as degrees of freedom however many numbers are learned."""
+"""Least degrees of freedom, as a part of the rows, however many numbers are learned."""
 
 
 class Solved(NamedTuple):
-    """A model's part of the normal equations, solved."""
+    """Solution of a model's part of the normal equations."""
 
     step: Array
-    """(k,) from the fit about which they stand: geometry, terms, springs [m, rad; kg, kg m]."""
+    """(k,) step from the fit they are about: geometry, terms, springs [m, rad; kg, kg m]."""
     applied: Array
-    """What the step makes of each column of the equations."""
+    """(c,) coefficient of each column of the equations, products of springs multiplied out."""
     evidence: float
     """Log evidence by Laplace's method, up to a constant that all models share."""
     left: float
@@ -50,7 +49,7 @@ class Solved(NamedTuple):
 
 
 class _Inside(NamedTuple):
-    """By what a model's part of the normal equations was solved."""
+    """Factors by which a model's part of the normal equations was solved."""
 
     factor: Array
     """(k, k) in its lower half, of the matrix of the linear numbers with unit diagonal."""
@@ -67,29 +66,29 @@ class NormalEquations(Shown):
     """Rows and normal equations of the widest model: geometry under a prior, and joint errors."""
 
     A: Array
-    """(m, 6, c) whitened rows: the free numbers of the geometry, the terms, the products."""
+    """(m, 6, c) whitened rows by the free numbers of the geometry, the terms, the products."""
     r: Array
     """(m, 6) whitened residual."""
     moved: Array
-    """(m, 3, c) change of position, or of the distance in the first row."""
+    """(m, 3, c) derivative of position, or of the distance in the first row, not whitened."""
     missed: Array
-    """(m, 3) residual of them [m]."""
+    """(m, 3) residual of position or distance [m]."""
     equations: Array
-    """(m,) rows that each observation has, times its weight."""
+    """(m,) number of rows of each observation, times its weight."""
     normal: Array
     """(c, c) A'A of all rows."""
     pull: Array
-    """(c,) A'r of those that are not left out."""
+    """(c,) A'r of the rows that are not left out."""
     square: float
-    """r'r of the same."""
+    """r'r of the rows that are not left out."""
     names: tuple[str, ...]
-    """(f + k,) of the columns of geometry and terms."""
+    """(f + k,) names of the columns of geometry and terms."""
     products: Products
-    """Columns of the springs behind them."""
+    """Columns of the springs, after those."""
     precision: Array
-    """(f, f) prior of the geometry."""
+    """(f, f) prior precision of the geometry."""
     offset: Array
-    """(f,) step to the fit from what is believed [m, rad]."""
+    """(f,) step from the prior mean to the fit [m, rad]."""
     less: Array
     """(n, c) whitened rows that are left out."""
     scale: float = 1.0
@@ -108,10 +107,8 @@ class NormalEquations(Shown):
     ) -> Solved:
         """Maximum a posteriori of the model with some joint errors, of prior sd and mean (k,).
 
-        The mean of springs is zero, and that of all where it is left out.
-
-        Geometry and terms are solved for whatever the springs do; what the springs do is then found
-        by a few steps in their own numbers alone.
+        The prior mean of springs is zero; without `mean`, that of all. Geometry and terms are
+        eliminated linearly, and the numbers of the springs are then found by a few steps.
 
         References
         ----------
@@ -167,7 +164,7 @@ class NormalEquations(Shown):
     def learned(
         self, errors: JointErrors, sd: Array, mean: Array | None = None, scale: float | None = None
     ) -> float:
-        """Numbers that a model as in `solved` learns from the measurements."""
+        """Effective number of parameters that a model as in `solved` learns from the rows."""
         return self._learned(self._solved(errors, sd, mean, scale or self.scale)[1])
 
     def _learned(self, inside: "_Inside") -> float:
@@ -184,7 +181,7 @@ class NormalEquations(Shown):
     def at_noise_of(
         self, errors: JointErrors, sd: Array, mean: Array | None = None
     ) -> "NormalEquations":
-        """The same with the noise scale, one or more, that a model leaves."""
+        """The same equations at the noise scale, one or more, that a model leaves."""
         rows, scale = float(self.equations.sum()), 1.0
         for _ in range(MOST_TURNS):
             found, inside = self._solved(errors, sd, mean, scale)
@@ -200,7 +197,7 @@ class NormalEquations(Shown):
         return np.asarray(np.sqrt((left**2).sum(axis=1) / self.equations))
 
     def misses(self, found: Solved, rows: Bool) -> Array:
-        """What a step leaves of position or distance in some rows (m,) [m]."""
+        """Length of the residual of position or distance after a step, in some rows (m,) [m]."""
         left = self.missed[rows] - self.moved[rows] @ found.applied
         return np.asarray(np.linalg.norm(left, axis=1))
 
@@ -237,22 +234,22 @@ def normal_equations(
     added: Iterable[JointErrors],
     prior: Prior,
 ) -> NormalEquations:
-    """Normal equations about a fit.
+    """Normal equations linearized about a fit of the geometry.
 
     Parameters
     ----------
     nominal : RobotModel
-        Where the fit began: what the prior speaks of.
+        Model that the prior refers to.
     fitted : RobotModel
-        Where it ended.
+        Model about which the equations are linearized.
     measurements : Measurements
-        What is looked at.
+        What was measured.
     parameters : Parameters
-        Of `nominal`: its free numbers are the geometry.
+        Parameter table of `nominal`; its free numbers are the geometry.
     added : iterable of JointErrors
-        Any model with the terms and springs of some of these can be solved for.
+        Joint errors; models with the terms and springs of any of these can be solved for.
     prior : Prior
-        Of all free numbers of the geometry.
+        Prior of all free numbers of the geometry.
     """
     added = tuple(added)
     terms = distinct_terms(added)

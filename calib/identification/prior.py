@@ -1,4 +1,4 @@
-"""What is known of the numbers before measuring, in their own units, and as rows of a fit."""
+"""Priors of the numbers of a model, in their own units, and as rows of a least-squares fit."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -19,12 +19,12 @@ from calib.kinds import checked_kinds, of_kind
 from calib.shown import Shown
 
 AGREE = 1e-6
-"""Part by which `sd` may differ from that of `precision`, where both are given."""
+"""Largest relative difference of `sd` from that of `precision`, where both are given."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Prior(Shown):
-    """Normal belief about some numbers of a model, as the step that leads from the nominal model.
+    """Normal prior of some numbers of a model, as the step from the nominal model.
 
     Give `sd` for independent numbers; for correlated ones use `Prior.of_precision`.
 
@@ -37,11 +37,11 @@ class Prior(Shown):
     """
 
     mean: Array
-    """(k,) believed step from the nominal model [m, rad]."""
+    """(k,) prior mean of the step from the nominal model [m, rad]."""
     sd: Array
-    """(k,) standard deviation of each number [m, rad]."""
+    """(k,) prior standard deviation of each number [m, rad]."""
     names: tuple[str, ...]
-    """(k,) numbers believed in; all of them free in the fit."""
+    """(k,) names of the numbers; all of them must be free in the fit."""
     precision: Array = ()  # type: ignore[assignment]  # becomes an array in __post_init__
     """(k, k) Lambda0, inverse covariance [1/m^2, 1/(m rad), 1/rad^2]; from `sd` unless given."""
 
@@ -93,7 +93,7 @@ class Prior(Shown):
         return cls(require_numbers("mean", mean), _sd_of(precision), tuple(names), precision)
 
     def weighed(self, factor: float) -> "Prior":
-        """The same belief with `factor` times the precision."""
+        """The same prior with `factor` times the precision."""
         return Prior.of_precision(self.mean, self.precision * factor, self.names)
 
     def halved(self, rows: Array) -> Array:
@@ -103,7 +103,7 @@ class Prior(Shown):
         return np.asarray(rows @ _root(self.precision).T)
 
     def joined(self, other: "Prior") -> "Prior":
-        """Both beliefs as one; they must be about different numbers."""
+        """Both priors as one, independent of each other; they must be of different numbers."""
         a, b = len(self.names), len(other.names)
         precision = np.zeros((a + b, a + b))
         precision[:a, :a], precision[a:, a:] = self.precision, other.precision
@@ -121,20 +121,20 @@ class PriorRows:
 
     nominal: RobotModel
     mean: Array
-    """(k,) believed step [m, rad]."""
+    """(k,) prior mean of the step from the nominal model [m, rad]."""
     index: Index
-    """(k,) positions of the numbers in the full vector."""
+    """(k,) indices of the numbers in the full vector."""
     root: Array
     """(k, k) upper triangle U with U'U the precision."""
 
     @property
     def sizes(self) -> Array:
-        """(k,) the diagonal of U: of independent numbers 1 / sd."""
+        """(k,) diagonal of U; for independent numbers it is 1 / sd."""
         return np.diagonal(self.root)
 
     @property
     def independent(self) -> bool:
-        """Whether each number is believed in by itself."""
+        """Whether the numbers are independent, so that U is diagonal."""
         return _diagonal(self.root)
 
     def at(self, model: RobotModel) -> tuple[Array, Array]:
@@ -150,7 +150,7 @@ class PriorRows:
         return self.root @ off, self.root @ rows
 
     def beside(self, model: RobotModel, columns: Index) -> Believed:
-        """The same by some numbers (p,) of the model, all believed ones among them."""
+        """The rows by some numbers (p,) of the model, which include all that have a prior."""
         r, A = self.at(model)
         together = np.zeros(model.n_numbers, dtype=np.bool_)
         for k in frame_places(model):
@@ -163,20 +163,21 @@ class PriorRows:
 
 @checked_kinds
 def weak_prior(parameters: Parameters, model: RobotModel | None = None) -> Prior:
-    """What is believed of the free numbers of any carefully built arm: they are near nominal.
+    """Weak prior of the free numbers of a carefully built arm, with the nominal model as its mean.
 
-    Angles 0.1 deg, lengths 0.6 mm, frames 1 mm and 0.1 deg, some five times the usual: measurements
-    overrule it. Joint errors, which `model` has, by kind: sag 50 mdeg, one wave a turn 20, two 12,
-    more 3; see `sizes.usual_sizes`.
+    The sd are 0.1 deg for angles, 0.6 mm for lengths, 1 mm and 0.1 deg for frames, some five times
+    the usual errors, so that measurements overrule it. Joint errors of `model` have sd by kind: sag
+    50 mdeg, waves of order 1 20 mdeg, of order 2 12 mdeg, higher ones 3 mdeg; see
+    `sizes.usual_sizes`.
     """
     sd = weak_prior_sd(parameters, model)
     return Prior(np.zeros(len(sd)), sd, parameters.free_names)
 
 
 def own_prior(parameters: Parameters, model: RobotModel) -> Prior | None:
-    """The weak prior of the joint errors that a model has; None where none of them is free.
+    """The weak prior of the free joint errors of a model; None if none is free.
 
-    Many of them are never told by measurements: no fit frees them without it.
+    Measurements hardly determine many of them, so that no fit frees them without it.
     """
     own = set(model.names[model.chain.n_numbers : model.first_fixture])
     free = [name for name in parameters.free_names if name in own]
@@ -184,7 +185,7 @@ def own_prior(parameters: Parameters, model: RobotModel) -> Prior | None:
 
 
 def own_words(model: RobotModel, parameters: Parameters) -> str:
-    """What becomes of the joint errors that a model has before its fit; empty where it has none."""
+    """Sentence on which joint errors of a model are free or held in a fit; empty without any."""
     own = model.joint_errors.names
     free = len(set(own) & set(parameters.free_names))
     both = ((free, "free under a prior"), (len(own) - free, "held as they are"))
@@ -198,7 +199,7 @@ def prior_rows(prior: Prior, nominal: RobotModel, parameters: Parameters) -> Pri
     Raises
     ------
     InputError
-        If the prior names a number that the model does not have, or that is not free.
+        A4: the prior names a number that the model does not have, or that is not free.
     """
     free = set(parameters.free_names)
     for name in prior.names:
@@ -217,10 +218,10 @@ def prior_rows(prior: Prior, nominal: RobotModel, parameters: Parameters) -> Pri
 
 
 def step_derivative(step: Array, model: RobotModel) -> Array:
-    """Change of a step (P,) from some model to `model`, by a small step (P,) of `model` (P, P).
+    """Derivative (P, P) of the step (P,) that leads to `model`, by a small further step of it.
 
-    Links, joint terms and points add: identity. A frame [t; r] composes: dt turned by Exp(r), and
-    Jr^-1(r) dr.
+    It is the identity for links, joint terms and points, which are added. For a frame [t; r] it is
+    Exp(r) for the translation and Jr^-1(r) for the rotation.
 
     References
     ----------
@@ -235,13 +236,13 @@ def step_derivative(step: Array, model: RobotModel) -> Array:
 
 
 def frame_places(model: RobotModel) -> tuple[int, ...]:
-    """Where the six numbers of each frame begin: base, tool, stations, further tools."""
+    """Index of the first of the six numbers of each frame: base, tool, stations, further tools."""
     further = range(model.first_fixture + model.fixtures.first_station, model.n_numbers, 6)
     return 0, model.chain.n_numbers - 6, *further
 
 
 def _root(precision: Array) -> Array:
-    """U (k, k) with U'U = precision, unit-free; refuses what is not positive definite."""
+    """Upper U (k, k) with U'U = precision; an `InputError` (A3) if not positive definite."""
     if _diagonal(precision):
         return np.diag(np.sqrt(np.diag(precision)))
     size = np.sqrt(np.abs(np.diag(precision)))
@@ -264,12 +265,12 @@ def _root(precision: Array) -> Array:
 
 
 def _diagonal(M: Array) -> bool:
-    """Whether a matrix (k, k) has a positive diagonal, and nothing beside it."""
+    """Whether a matrix (k, k) is diagonal with a positive diagonal."""
     return bool((np.diagonal(M) > 0).all()) and np.count_nonzero(M) == len(M)
 
 
 def _sd_of(precision: Array) -> Array:
-    """Standard deviations (k,) that a precision (k, k) leaves to each number alone."""
+    """Marginal standard deviations (k,) of a precision (k, k)."""
     root = _root(precision)
     if _diagonal(root):
         return frozen(1 / np.diag(root))

@@ -1,4 +1,4 @@
-"""The result of an identification: model, numbers estimated, covariance, tests, and all as text."""
+"""The result of an identification: model, estimated numbers, covariance and tests, also as text."""
 
 from dataclasses import dataclass, field, replace
 from typing import Annotated, Literal
@@ -19,7 +19,7 @@ from calib.shown import ResultTable, Shown, decimals
 
 Mode = Literal["whitened", "paper"]
 ILL_CONDITIONED = 1e3
-"""Condition of the kept columns above which poses are too much alike."""
+"""Condition number of the kept columns above which the poses are too much alike."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -27,10 +27,10 @@ class Identification(Shown):
     """An identified robot with the numbers that were really estimated and their covariance."""
 
     model: RobotModel
-    """Identified; numbers that were not estimated are those of the nominal model."""
+    """The identified model; numbers that were not estimated have their nominal values."""
     parameters: Parameters
-    """Free are the f numbers that were estimated: the kept ones of `reduction`, and all that have a
-    prior."""
+    """Parameter table in which the f estimated numbers are free: the kept ones of `reduction`, and
+    all that have a prior."""
     reduction: Reduction
     """What the measurements alone can tell apart, judged at the nominal model."""
     step: Annotated[Array, "f"]
@@ -61,23 +61,24 @@ class Identification(Shown):
     """(N,) measured minus predicted at the end: whitened, or the paper's rows in 1 and mm."""
     mode: Mode
     notes: tuple[str, ...]
-    """What a reader must know before believing the numbers."""
+    """Sentences on what limits the result."""
     prior: Prior | None = None
-    """What was believed beforehand, as it was weighed."""
+    """The prior, as it was weighed in the fit."""
     loss: Loss = "squared"
+    """Loss that was minimized."""
     weights: Annotated[Array, "m"] = field(default_factory=lambda: frozen(()))
-    """(m,) how much each observation counts, 0 to 1; ones for the squared loss."""
+    """(m,) weight of each observation, 0 to 1; ones for the squared loss."""
     dof_effective: FloatOrNan = float("nan")
     """n - tr[inv(A'A + Lambda0) A'A]: rows minus numbers learned from the measurements."""
     log_evidence: FloatOrNan = float("nan")
-    """How well model and prior together foretold the measurements, up to a constant of the table:
+    """Log evidence of model and prior by Laplace's method, up to a constant of the table:
     -(loss + x'Lambda0 x)/2 + ln|Lambda0|/2 - ln|A'A + Lambda0|/2. nan unless every number estimated
     has a prior."""
     lack_of_fit: LackOfFit | None = None
     """Misfit against the scatter of repeats; None without repeats or with a robust loss."""
     tightened: float = 1.0
-    """Precision of the prior as it was weighed, over that believed: more where there is more noise
-    than stated."""
+    """Precision of the prior as weighed in the fit, over that given; above one if there is more
+    noise than stated."""
 
     def __repr__(self) -> str:
         if self.mode == "paper":
@@ -106,12 +107,12 @@ class Identification(Shown):
 
     @property
     def least_known(self) -> int:
-        """Which of the f numbers has the largest standard uncertainty for its scale."""
+        """Index (of f) of the number with the largest standard uncertainty for its scale."""
         return int(np.argmax(self.standard_uncertainty / self.parameters.free_scale))
 
     @property
     def shown_in(self) -> tuple[tuple[str, ...], Array]:
-        """(f,) unit in which people read each number, and how many of it are one of SI."""
+        """(f,) unit in which people read each number, and its value in that unit per SI unit."""
         lengths = self.parameters.is_length[self.parameters.free_index].tolist()
         pairs = [shown_in(*one) for one in zip(self.names, lengths, strict=True)]
         return tuple(unit for unit, _ in pairs), np.array([scale for _, scale in pairs])
@@ -121,15 +122,15 @@ class Identification(Shown):
         return {"numbers": numbers(self), "residuals": ResultTable({"residual": self.residual})}
 
     def summary(self) -> str:
-        """Numbers with their U (k = 2), the tests of the fit, and what to know, as text."""
+        """Text with the numbers and their U (k = 2), the tests of the fit, and all notes."""
         return "\n".join([*_table(self), "", *_tests(self), *_remarks(self)])
 
 
 def values_and_uncertainties(result: Identification) -> tuple[Array, Array]:
     """All numbers of the identified model and their standard uncertainties (P,) [m, rad].
 
-    Base, tools and stations stand as position and rotation vector; they are estimated as a step
-    along their own axes, so that the uncertainty is carried over to what is listed.
+    Base, tools and stations are given as position and rotation vector. They are estimated as steps
+    in their own axes, from which the uncertainty is propagated.
     """
     chain, fixtures = result.model.chain, result.model.fixtures
     errors = result.model.joint_errors
@@ -152,7 +153,7 @@ def values_and_uncertainties(result: Identification) -> tuple[Array, Array]:
 
 
 def numbers(result: Identification) -> ResultTable:
-    """What was estimated, as people read it; U (k = 2) is nan of what has none of its own."""
+    """Estimated numbers in readable units; U (k = 2) is nan for springs, which have none alone."""
     values, u = values_and_uncertainties(result)
     springs = result.model.joint_errors.springs
     together = () if springs is None else springs.names

@@ -1,4 +1,4 @@
-"""Losses that gross errors cannot pull: one weight per observation, and the estimate's covariance.
+"""Robust losses (M-estimators): one weight per observation, and the covariance of the estimate.
 
 An observation of rows r_j, whitened, has the size s = |r_j| / sqrt(rows), about 1 if it is sound.
 """
@@ -25,11 +25,9 @@ def sizes(r: Array, row_of: Index) -> Array:
 
 
 def loss_weights(size: Array, loss: Loss) -> Array:
-    """Weight (m,) of each observation in iteratively reweighted least squares, 0 to 1.
+    """Weight (m,), 0 to 1, of each observation in iteratively reweighted least squares.
 
-    References
-    ----------
-    Huber min(1, 1.5 / s); Cauchy 1 / (1 + (s / 2)^2).
+    Huber's is min(1, 1.5 / s), Cauchy's 1 / (1 + (s / 2)^2).
     """
     if loss == "huber":
         return np.asarray(HUBER / np.maximum(size, HUBER))
@@ -39,7 +37,7 @@ def loss_weights(size: Array, loss: Loss) -> Array:
 
 
 def mean_loss(size: Array, loss: Loss) -> Array:
-    """Loss (m,) of each observation per row; s^2 for small s, its derivative by s^2 the weight."""
+    """Loss (m,) of each observation per row; s^2 for small s, derivative by s^2: the weight."""
     if loss == "huber":
         near = np.minimum(size, HUBER)
         return np.asarray(near**2 + 2 * HUBER * (size - near))
@@ -51,9 +49,9 @@ def mean_loss(size: Array, loss: Loss) -> Array:
 def flattened(r: Array, A: Array, row_of: Index, loss: Loss) -> tuple[Array, Array]:
     """Residual (N,) whose sum of squares is the total loss, and its exact derivative (N, f).
 
-    Each observation is shortened in place, r_j sqrt(loss_j) / |r_j|, so a solver for plain least
-    squares minimizes the robust loss and certifies that very minimum: that of reweighted least
-    squares, whose weights would have to be frozen while the solver judges its step.
+    The residual of each observation is scaled to r_j sqrt(loss_j) / |r_j|, so that a solver for
+    plain least squares minimizes the robust loss exactly and certifies its minimum. Reweighted
+    least squares has the same minimum, but would have to freeze its weights during each step.
 
     Parameters
     ----------
@@ -82,7 +80,7 @@ def flattened(r: Array, A: Array, row_of: Index, loss: Loss) -> tuple[Array, Arr
 
 
 def sandwich_factor(A: Array, row_of: Index, weights: Array, scatter: Array, prior: Array) -> Array:
-    """K (f, N + k) with K K' the covariance of an estimate that weighs its observations.
+    """K (f, N + k) with K K' the sandwich covariance of an M-estimate.
 
     Parameters
     ----------
@@ -93,13 +91,13 @@ def sandwich_factor(A: Array, row_of: Index, weights: Array, scatter: Array, pri
     weights : (m,) array
         Weight of each observation in the fit.
     scatter : (m,) array
-        Standard deviation that its whitened rows really have: 1 where the stated noise holds.
+        Actual standard deviation of the whitened rows of each observation; 1 if as stated.
     prior : (k, f) array
-        Whitened rows of the prior; none if empty.
+        Whitened rows of the prior; may be empty.
 
-    References
-    ----------
-    C = inv(H) (J'W S W J + Lambda0) inv(H), H = J'W J + Lambda0, weights as they came out.
+    Notes
+    -----
+    C = inv(H) (J'W S W J + Lambda0) inv(H), H = J'W J + Lambda0, with the final weights W.
     """
     root = covariance_factor(np.concatenate([np.sqrt(weights)[row_of, None] * A, prior]))
     moved = np.concatenate([(weights * scatter)[row_of, None] * A, prior])

@@ -1,6 +1,6 @@
-"""Ladders of what follows the rows: approach, reported torques, gears, and the warmth of the arm.
+"""Ladders of backlash, reported torques, gear waves and thermal expansion, by what rows state.
 
-Each is offered only where rows say what it needs, and says in words why where it is not.
+Each is offered only if the rows state what it needs; if not, it says why in words.
 """
 
 from collections.abc import Mapping
@@ -18,37 +18,37 @@ from calib.information.sizes import GROWTH, usual_sizes
 from calib.measurement.observations import Measurements
 
 EXPANSION = {"steel": 12e-6, "aluminium": 23e-6}
-"""Expansion of what links are made of [1/K]."""
+"""Thermal expansion of materials of links [1/K]."""
 STEADY = 1e-3
-"""A temperature or torque that moves by no more does not change [K, N m]."""
+"""A temperature [K] or torque [N m] whose range is no larger counts as constant."""
 ALIKE = 1e-3
-"""Phases of a wave that differ by no more are the same [rad]."""
+"""Phases of a wave that differ by no more count as equal [rad]."""
 OTHER_UNIT = 50.0
-"""Reported torques so many times those of gravity, or so many times less, are in another unit:
-masses that nobody states are guessed to about a factor of three."""
+"""Reported torques larger or smaller than those of gravity by this factor are in another unit;
+unknown masses are assumed to within a factor of about three."""
 HEAVY = 0.1
-"""Joints are compared where gravity pulls by more than this part of its largest torque."""
+"""Torques are compared at joints whose gravity torque exceeds this part of the largest one."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RowTerms:
-    """What is known of rows for terms that follow them."""
+    """Facts about a robot and its rows that terms of operating conditions need."""
 
     gear: tuple[tuple[float, ...], ...] = ()
-    """(n,) waves a turn that each drive may leave; empty where nobody states any."""
+    """(n,) orders, in waves per revolution, of the waves of each drive; empty if none is stated."""
     expansion: float = EXPANSION["steel"]
-    """Of the links, about which the prior lies [1/K]."""
+    """Thermal expansion of the links, the mean of its prior [1/K]."""
     current: bool = False
     """Whether drives report currents [A] instead of torques."""
     unsaid: Mapping[str, str] = field(default_factory=dict)
-    """Ladder to the reason why its rows are silent, where more is known than that."""
+    """Reason, by name of the ladder, why the rows do not state what it needs."""
     weight: Weight | None = None
-    """What loads the joints, which reported torques are judged by; guessed by default."""
+    """Gravity load of the arm, to judge reported torques by; assumed masses by default."""
 
 
 NOTHING_KNOWN = RowTerms()
 UNUSUAL = Level("none", usual=True)
-"""Nothing, and so in the model that is shown where nobody asked for more."""
+"""The empty level, which is also that of the extended model if the climb takes none."""
 
 
 def row_ladders(
@@ -61,11 +61,11 @@ def row_ladders(
     Parameters
     ----------
     nominal : RobotModel
-        What terms are added to.
+        Model that terms are added to.
     measurements : Measurements
-        What is identified from: its rows say what can be offered.
+        Training rows, whose conditions decide what can be offered.
     known : RowTerms, optional
-        What else is known of them.
+        Further facts that the terms need.
     """
     return (
         _approach(nominal, measurements, known),
@@ -95,7 +95,7 @@ def _ladder(
 
 
 def _approach(nominal: RobotModel, measurements: Measurements, known: RowTerms) -> Ladder:
-    """Half the play of each joint that comes from both sides."""
+    """Ladder of half the backlash of each joint that is approached from both sides."""
     side = measurements.conditions.approach
     if side is None or not side.any():
         unsaid = known.unsaid.get("approach", "the order of the poses is not known")
@@ -107,7 +107,7 @@ def _approach(nominal: RobotModel, measurements: Measurements, known: RowTerms) 
 
 
 def _torque(nominal: RobotModel, measurements: Measurements, known: RowTerms) -> Ladder:
-    """What each joint gives way under the torque that its drive reports."""
+    """Ladder of the compliance of each joint under the torque that its drive reports."""
     load = measurements.conditions.torque
     if load is None:
         why = known.unsaid.get("torque", "the file has no such columns")
@@ -126,7 +126,7 @@ def _torque(nominal: RobotModel, measurements: Measurements, known: RowTerms) ->
 
 
 def _in_other_unit(nominal: RobotModel, measurements: Measurements, weight: Weight | None) -> str:
-    """Whether torques cannot be those of the arm in N m, in words; empty if they can."""
+    """Sentence on why reported torques cannot be in N m; empty if they can."""
     at, load = measurements.conditions, measurements.conditions.torque
     assert load is not None  # asked for only where there are some
     own = weight_of(nominal.chain) if weight is None else weight
@@ -150,7 +150,7 @@ def _in_other_unit(nominal: RobotModel, measurements: Measurements, weight: Weig
 
 
 def _gear(nominal: RobotModel, measurements: Measurements, known: RowTerms) -> Ladder:
-    """A pair of waves at every stated order."""
+    """Ladder of a sine and a cosine at every stated order of a drive."""
     if not any(known.gear):
         return _ladder("gear", nominal, [], ["no ratio or order is stated"])
     terms: list[JointTerm] = []
@@ -171,7 +171,7 @@ def _gear(nominal: RobotModel, measurements: Measurements, known: RowTerms) -> L
 
 
 def gear_terms(n_joints: int, joint: int, order: float) -> tuple[JointTerm, JointTerm]:
-    """Sine and cosine of a wave at any number of waves a turn of one joint."""
+    """Sine and cosine terms of one joint at any order, in waves per revolution."""
     weights = tuple(order * float(k == joint) for k in range(n_joints))
     return (
         JointTerm(f"gear{joint + 1}.sin{order:g}", joint, "sin", weights),
@@ -180,13 +180,13 @@ def gear_terms(n_joints: int, joint: int, order: float) -> tuple[JointTerm, Join
 
 
 def _on_grid(q: Array, order: float) -> bool:
-    """Whether a wave has no more than two phases at joint values (m,): no pair can be told."""
+    """Whether a wave has at most two phases at joint values (m,), too few for sine and cosine."""
     turn = np.exp(1j * order * (q - q[0]))
     return bool((np.abs(turn**2 - 1) < 2 * ALIKE).all())
 
 
 def _lengths(nominal: RobotModel, measurements: Measurements, known: RowTerms) -> Ladder:
-    """All lengths of a warm arm."""
+    """Ladder of the thermal expansion of all lengths."""
     warmth = measurements.conditions.temperature
     if warmth is None:
         unsaid = known.unsaid.get("lengths", "the file gives no temperature")
@@ -212,6 +212,6 @@ def _lengths(nominal: RobotModel, measurements: Measurements, known: RowTerms) -
 def _on_joint(
     nominal: RobotModel, name: str, joint: int | np.integer, wave: Wave, reference: float = 0.0
 ) -> JointTerm:
-    """A term of one joint that follows what rows say of the same joint."""
+    """A term of one joint, linear in the condition of the same joint."""
     weights = tuple(int(k == joint) for k in range(nominal.chain.n_joints))
     return JointTerm(name, int(joint), wave, weights, reference)

@@ -1,8 +1,7 @@
-"""What visits and reflectors of one pose share: a misfit of it, beside the noise of each row.
+"""Misfit that all rows of one pose share, visits and reflectors alike, beside the noise of each.
 
-They average the noise and leave the misfit of a pose what it is. Where each row counted for
-itself, the evidence would be as sure of that misfit as of so many poses, and ask for whatever model
-fits these.
+Their mean averages the noise but not the misfit. If rows counted as independent, the evidence would
+be overconfident and ask for any model that fits the misfit of few poses.
 """
 
 from dataclasses import dataclass, replace
@@ -18,11 +17,11 @@ from calib.measurement.observations import Measurements
 from calib.shown import Shown
 
 LEAST, MOST = 1e-4, 1e6
-"""Variance of a misfit in units of that of the noise, between which it is looked for."""
+"""Limits of the search for the variance of the misfit, in units of that of the noise."""
 FINE = 1e-2
-"""Step of its logarithm at which that ends: hundreds of rows tell it to no better than a tenth."""
+"""Tolerance of its logarithm; hundreds of rows determine that to no better than a tenth."""
 MOST_TURNS = 20
-"""Turns in which noise and misfit are looked for together."""
+"""Largest number of iterations for noise and misfit together."""
 
 Asked = tuple[JointErrors, Array, Array]
 """A model, as `NormalEquations.solved` takes it."""
@@ -59,7 +58,7 @@ class SharedMisfit(Shown):
 
     @classmethod
     def of(cls, bare: NormalEquations, measurements: Measurements) -> "SharedMisfit":
-        """Of the rows of a table, weighed already."""
+        """Equations with shared misfit, for the rows of a table, which are weighted already."""
         rows = measurements.equations
         seen = (rows, measurements.station, measurements.anchor)
         group = first_met(np.column_stack([measurements.together, *seen]))
@@ -81,7 +80,7 @@ class SharedMisfit(Shown):
         return found._replace(evidence=found.evidence - self._spread(v)), v
 
     def _variance(self, asked: Asked) -> float:
-        """The variance of most evidence, in units of that of the noise."""
+        """Variance of the misfit with the largest evidence, in units of that of the noise."""
         if not self.means:
             return 0.0
 

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from calib.errors import refuse
+from calib.errors import TooFewPosesError
 from calib.geometry.inverse import spread
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import Parameters
@@ -19,10 +19,10 @@ def require_equations(
     measurements: Measurements,
     parameters: Parameters,
 ) -> None:
-    """Refuse a table without more independent equations than numbers to identify.
+    """Raise `TooFewPosesError` unless there are more independent equations than unknowns.
 
-    Numbers are counted as the directions that many poses of this kind would tell apart; one
-    equation more than that leaves a residual to judge the fit by.
+    The numbers are counted by the rank that many poses of this kind would have; one equation more
+    than that leaves a residual to judge the fit by.
     """
     if 6 * count_distinct(measurements.q[measurements.is_pose]) > parameters.n_free:
         return
@@ -34,15 +34,14 @@ def require_equations(
         return
     poses = "1 different pose gives" if count == 1 else f"{count} different poses give"
     message = f"{poses} {have} equations for {numbers} parameters"
-    fix = f"measure at least {numbers * count // have + 1}"
-    raise refuse("measurements", count, code="M27", message=message, fix=fix)
+    raise TooFewPosesError(message, least=numbers * count // have + 1, count=count)
 
 
 def independent_equations(measurements: Measurements, parameters: Parameters) -> tuple[int, int]:
-    """Different joint vectors, and the equations they can give: a repeat adds none.
+    """Number of different joint vectors, and of independent equations that their rows can give.
 
-    Distances to one reflector at one joint vector give no more than the three of its place, and all
-    rows there no more than the six of its pose; the rest can only determine fixtures.
+    Repeats add none. Distances to one reflector at one joint vector give at most the three of its
+    position, and all rows there at most the six of its pose; the rest can only determine fixtures.
     """
     first = np.unique(
         np.column_stack([measurements.q, measurements.target_key]), axis=0, return_index=True
@@ -68,7 +67,7 @@ def independent_equations(measurements: Measurements, parameters: Parameters) ->
 
 
 def _generic_rank(nominal: RobotModel, measurements: Measurements, parameters: Parameters) -> int:
-    """Free numbers that many poses of this kind, spread over the joints, would tell apart."""
+    """Rank of the free numbers for many poses of this kind, spread over the joints."""
     m = 2 * parameters.n_free
     q = spread(np.tile([-2.0, 2.0], (nominal.chain.n_joints, 1)), m)
     kinds = np.unique(measurements.target_key, axis=0, return_index=True)[1]

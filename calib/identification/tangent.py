@@ -1,7 +1,7 @@
 """The tangent plane of a least-squares problem at one point: steps, certificate, covariance.
 
-A triangle R with R'R = A'A, columns scaled, tells all of it. It comes cheaply from the normal
-equations where these are well conditioned, else, and at the end of a fit, from A itself.
+All follows from a triangle R with R'R = A'A, columns scaled. It comes cheaply from the normal
+equations where these are well conditioned, and otherwise, as at the end of a fit, from A itself.
 """
 
 from dataclasses import dataclass
@@ -16,11 +16,11 @@ from calib.arrays import Array
 RELATIVE_OFFSET = 1e-6
 """Largest relative offset that counts as converged (Bates & Watts 1988)."""
 EXACT_FIT = 1e-6
-"""Below this norm of r the relative offset compares rounding with rounding: |Q1'r| judges."""
+"""Below this norm of r the relative offset is a ratio of rounding errors, and |Q1'r| is used."""
 EXACT_OFFSET = 1e-9
 """Largest |Q1'r| that counts as converged for an exact fit."""
 NEGLIGIBLE = 1e-10
-"""Relative offset at which to stop: what is left is some 1e-10 standard deviations."""
+"""Relative offset at which to stop: the remaining step is some 1e-10 standard deviations."""
 EPSILON = float(np.finfo(np.float64).eps)
 BLOCK = 64
 """Columns that are eliminated together."""
@@ -32,24 +32,24 @@ SOUND = 1e-9
 
 
 class Believed(NamedTuple):
-    """Rows of a prior: some as they are, and one for each number that is believed in by itself."""
+    """Rows of a prior: full ones, and one for each number whose prior is independent."""
 
     r: Array
     """(t,) residual."""
     A: Array
     """(t, p) derivative."""
     alone: Array
-    """(p,) residual of the row that holds one number alone."""
+    """(p,) residual of the row that has one number alone."""
     slope: Array
-    """(p,) its derivative by that number; zero where there is no such row."""
+    """(p,) derivative of that row by its number; zero where there is no such row."""
 
 
 class Structured(Protocol):
-    """A derivative (n, p) that knows its products without its columns."""
+    """A derivative (n, p) in factored form, which gives its products without its columns."""
 
     @property
     def dense(self) -> Array:
-        """All columns."""
+        """The derivative (n, p) with all its columns."""
 
     def products(self, r: Array) -> tuple[Array, Array]:
         """A'A (p, p) and A'r (p,)."""
@@ -63,7 +63,7 @@ class System(NamedTuple):
     A: Array | Structured
     """(n, p) derivative of the prediction."""
     believed: Believed | None = None
-    """Further rows, of which most hold one number each."""
+    """Rows of a prior, most of which have one number each."""
 
     @property
     def whole(self) -> tuple[Array, Array]:
@@ -120,12 +120,12 @@ class Tangent:
 
     @cached_property
     def sound(self) -> bool:
-        """Whether all columns are plainly told apart."""
+        """Whether the columns are clearly independent, by the condition of R."""
         return _inverse_condition(self.R) > SOUND
 
     @cached_property
     def along(self) -> Array:
-        """(p,) undamped step in scaled numbers, where the columns are told apart."""
+        """(p,) undamped step in scaled numbers, for independent columns."""
         return np.asarray(dtrtrs(self.R, self.inside)[0])
 
     @cached_property
@@ -141,11 +141,11 @@ class Tangent:
 
     @cached_property
     def certificate(self) -> float:
-        """How much of the residual the parameters could still explain, against what they cannot.
+        """Relative offset: the residual inside the tangent plane over that orthogonal to it.
 
-        The relative offset sqrt[(|Q1'r|^2 / p) / (|Q2'r|^2 / (n - p))], Q1 spanning the columns of
-        A; below 1e-6 the fit has converged. Where |r| < 1e-6, or n = p, that ratio is rounding over
-        rounding: it is |Q1'r|, to be below 1e-9.
+        It is sqrt[(|Q1'r|^2 / p) / (|Q2'r|^2 / (n - p))], Q1 spanning the columns of A; below 1e-6
+        the fit has converged. If |r| < 1e-6 or n = p, that would be a ratio of rounding errors: it
+        is |Q1'r| instead, which has to be below 1e-9.
 
         References
         ----------
@@ -160,21 +160,21 @@ class Tangent:
 
     @property
     def certified(self) -> bool:
-        """Whether the certificate is good enough."""
+        """Whether the certificate is below its limit."""
         return self.certificate < (EXACT_OFFSET if self.exact else RELATIVE_OFFSET)
 
     def within(self, offset: float) -> bool:
-        """Whether no more is left than a relative offset: of 1e-10 the next step cannot matter."""
+        """Whether the relative offset is at most `offset`; at 1e-10 further steps do not matter."""
         return not self.exact and self.certificate <= offset
 
     @property
     def at_rounding(self) -> bool:
-        """Whether what a step could gain is lost in the rounding of the sum of squares."""
+        """Whether the gain of a step is below the rounding of the sum of squares."""
         return self.offset < EXACT_OFFSET if self.exact else self.offset**2 <= 1e-15 * self.cost
 
     @property
     def deficient(self) -> bool:
-        """Whether some direction leaves the prediction still, to rounding."""
+        """Whether A is rank deficient, to rounding."""
         if self.sound:
             return False
         singular = self.spectrum[0]
@@ -189,9 +189,9 @@ class Tangent:
         return np.asarray(Vt.T / singular / self.scale[:, None])
 
     def step(self, radius: float) -> tuple[Array, float, float]:
-        """Best step (p,) within a scaled length, that length, and the drop of |r|^2 it predicts.
+        """Best step (p,) within a trust radius, its scaled length, and the predicted drop of |r|^2.
 
-        The undamped step if short enough; else the Levenberg-Marquardt step of just that length.
+        It is the undamped step if short enough, else the Levenberg-Marquardt step of that length.
         """
         damping = self.damping(radius)
         if not damping and self.sound:
@@ -223,7 +223,7 @@ class Tangent:
         return damping
 
     def on_rows(self) -> "Tangent":
-        """The same by orthogonal factors of A, its columns scaled by their own norms."""
+        """Tangent plane by orthogonal factors of A, its columns scaled by their own norms."""
         r, A = self.system.whole
         own = column_norms(A)
         if self.orthogonal and np.array_equal(own, self.scale):

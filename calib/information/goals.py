@@ -18,18 +18,18 @@ from calib.shown import Shown
 
 NAME_GOALS = "name the poses or the box where the tool must be right"
 FELT = 1e-4
-"""Part of a unit step's effect on the goal below which a hidden direction does not matter: 0.1 um
-of a millimeter."""
+"""A hidden direction matters if it moves the goal by more than this part of what unit steps of the
+numbers do: 0.1 um of a millimeter."""
 WORTH_NAMING = 0.05
-"""Part of the largest number of a direction below which another is not named."""
+"""Numbers whose part in a direction is below this share of the largest one are not named."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Goals(Shown):
-    """Goal poses for a design: how each scaled parameter moves the tool point there."""
+    """Goal poses for a design: the Jacobian of the tool point by scaled parameters, and weights."""
 
     rows: Array
-    """(g, 3, p) tool point per scaled parameter [m]."""
+    """(g, 3, p) displacement of the tool point per scaled unit of each parameter [m]."""
     weights: Array
     """(g,) share of each pose, summing to one."""
 
@@ -80,9 +80,15 @@ def goal_matrix(
     parameters : Parameters
         The free numbers and their scale, as in the blocks of the pool.
     weights : (g,) array_like, optional
-        How much each pose matters; equally by default.
+        Weight of each pose; equal by default.
     target : (3,) array_like
         The tool point, in the tool frame [m].
+
+    Raises
+    ------
+    InputError
+        M29: there are no poses, or no free number moves the tool point there; A3: a weight is
+        negative, or all are zero.
 
     References
     ----------
@@ -101,25 +107,26 @@ def goal_matrix(
 
 
 def hidden_numbers(A: Array, goals: Goals, names: Sequence[str]) -> list[str]:
-    """Numbers that together move the tool point at a goal while nothing measured shows it.
+    """Numbers that move the tool point at the goal along a direction that no measurement shows.
 
     Parameters
     ----------
     A : (N, f) array
-        Rows of what is measured, by the scaled free numbers.
+        Whitened Jacobian of what is measured, by the scaled free numbers.
     goals : Goals
-        By the same numbers.
+        Goal poses, by the same numbers.
     names : sequence of f str
-        Of the numbers.
+        Names of the numbers.
 
     Returns
     -------
     list of str
-        Of the direction that moves the goal most, at most four of them; none if there is none.
+        The largest numbers, at most four, of the unobservable direction that moves the goal most;
+        empty if there is none.
     """
     size = np.linalg.norm(A, axis=0)
     size = np.where(size > RANK_TOLERANCE * size.max(), size, size.max())
-    # directions without effect on the rows, per unit of each column
+    # right singular vectors, per unit of each column
     _, singular, Vt = np.linalg.svd(np.linalg.qr(A / size, mode="r"))
     # what a reduction may hold counts as hidden: a joint that rounding alone moves shows nothing
     hidden = Vt[int((singular > KEEP_TOLERANCE * singular[0]).sum()) :].T / size[:, None]

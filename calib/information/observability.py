@@ -1,4 +1,4 @@
-"""Observability indices O1 to O5 of a pose set: as printed by the paper, as meant, and per pose."""
+"""Observability indices O1 to O5 of a pose set: as printed by Wen et al., as meant, per pose."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -30,12 +30,16 @@ class Indices:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Observability(Shown):
-    """The five indices in three forms; they depend on row weights and column units (O1 least)."""
+    """The five indices of a pose set in three forms.
+
+    They depend on the weights of rows and the units of columns; of O1 the ratio between two sets
+    does not depend on the latter.
+    """
 
     n_poses: int
-    """Poses stacked."""
+    """Number of poses stacked."""
     printed: Indices
-    """As printed in the paper; its O5 grows as the set gets worse."""
+    """As printed in Wen et al. 2022; its O5 grows as the set gets worse."""
     correct: Indices
     """Larger is better for all five; O5 is the inverse of the printed sum."""
     per_pose: Indices
@@ -59,22 +63,31 @@ class Observability(Shown):
 def index_of_singular(
     singular: ArrayLike, n_poses: int | Index, criterion: IndexName, form: Form = "correct"
 ) -> Array:
-    """One index (...,) of the scaled identification Jacobian; a vanishing singular value gives 0.
+    """One observability index (...,) of identification Jacobians, from their singular values.
 
-    - O1, size of the information ellipsoid, per pose: (s_1 ... s_p)^(1/p) / sqrt(poses)
-    - O2, its roundness, the inverse condition: s_p / s_1
-    - O3, strength of the weakest direction: s_p
-    - O4, noise amplification: s_p^2 / s_1
-    - O5: 1 / sum of 1 / s_k; the paper prints the sum, and maximizing that picks the worst set
+    - O1, mean radius of the information ellipsoid, per pose: (s_1 ... s_p)^(1/p) / sqrt(poses)
+    - O2, inverse condition number: s_p / s_1
+    - O3, smallest singular value: s_p
+    - O4, noise amplification index: s_p^2 / s_1
+    - O5: 1 / sum of 1 / s_k; Wen et al. print the sum, and maximizing that picks the worst set
+
+    A singular value of zero makes each of them 0 (the printed O5 infinite).
 
     Parameters
     ----------
     singular : (..., p) array_like
         Singular values, largest first.
     n_poses : int or (...,) array
-        Poses stacked in that Jacobian.
-    criterion, form
-        Which index, and how it is written.
+        Number of poses stacked in each Jacobian.
+    criterion : {"O1", "O2", "O3", "O4", "O5"}
+        Which index.
+    form : {"printed", "correct", "per_pose"}
+        As in `Observability`.
+
+    Raises
+    ------
+    InputError
+        A4: `criterion` or `form` does not exist.
 
     References
     ----------
@@ -111,13 +124,18 @@ def indices(singular: ArrayLike, n_poses: int) -> Observability:
     Parameters
     ----------
     singular : (p,) array_like
-        Of the stacked rows, whitened and per scaled unit of each number; largest first.
+        Singular values of the stacked rows, whitened and scaled; largest first.
     n_poses : int
-        Poses stacked in them.
+        Number of poses stacked.
+
+    Raises
+    ------
+    InputError
+        A3: there is none, or they are negative or do not descend.
 
     Examples
     --------
-    Of the first twelve poses of a pool:
+    The indices of the first twelve poses of a pool:
 
     >>> from calib import Chain, RobotModel, design
     >>> arm = RobotModel(Chain([[0, 0.4, 0.1, -1.57, 0], [0, 0, 0.5, 0, 0], [0, 0, 0.4, 0, 0]]))
@@ -144,16 +162,16 @@ def indices(singular: ArrayLike, n_poses: int) -> Observability:
 def index_of(
     M: ArrayLike, n_poses: int | Index, criterion: IndexName, form: Form = "correct"
 ) -> Array:
-    """One index of information matrices M = A'A (..., p, p), for scoring many sets at once.
+    """One observability index (...,) of information matrices M = A'A, to score many sets at once.
 
-    Squaring costs digits: with the paper's rows (condition 3e4) O2 to O5 keep about seven.
+    Squaring costs digits: with the rows of Wen et al. (condition 3e4) O2 to O5 keep about seven.
 
     Parameters
     ----------
     M : (..., p, p) array_like
         Information matrices, trusted to be symmetric and finite.
     n_poses : int or (...,) array
-        Poses in each.
+        Number of poses in each.
     criterion : IndexName
         ``"O1"`` to ``"O5"``.
     form : Form
@@ -173,12 +191,12 @@ def index_of(
 
 
 def singular_of_information(M: Array) -> Array:
-    """Singular values (..., p), largest first, of the Jacobians behind M = A'A (..., p, p)."""
+    """Singular values (..., p) of A, largest first, from M = A'A (..., p, p)."""
     return np.asarray(np.sqrt(np.maximum(np.linalg.eigvalsh(M)[..., ::-1], 0.0)), np.float64)
 
 
 def check_index(criterion: str, form: str = "correct") -> None:
-    """Refuse an index or a form that does not exist."""
+    """Raise an `InputError` (A4) for an index or a form that does not exist."""
     for field, value, allowed in (("criterion", criterion, CRITERIA), ("form", form, FORMS)):
         if value not in allowed:
             message = f'{field} is "{value}"'

@@ -8,23 +8,24 @@ from calib.geometry.model import RobotModel
 
 
 def tool_covariance(model: RobotModel, q: ArrayLike, covariance: ArrayLike) -> Array:
-    """Covariance (m, 6, 6) of the tool pose that the parameter covariance causes at joints q.
+    """Covariance (m, 6, 6) of the tool pose at joints q, propagated from that of the parameters.
 
     Rows and columns are [position (m); rotation vector (rad)] in world axes. Measurement noise and
-    joint repeatability of the later move are not in it.
+    joint repeatability of the later move are not included.
 
     Parameters
     ----------
     model : RobotModel
-        Identified model, where the covariance was taken.
+        Identified model, at which the covariance was taken.
     q : (m, n) array_like
         Commanded joint values [rad, m].
     covariance : (P, P) array_like
-        Of the full parameter vector; zero rows and columns for fixed numbers [m, rad].
+        Covariance of the full parameter vector [m^2, m rad, rad^2]; zero rows and columns for fixed
+        numbers.
 
     References
     ----------
-    Sigma_t = J_t C J_t'; JCGM 102:2011.
+    JCGM 102:2011: Sigma_t = J_t C J_t'.
     """
     (covariance,) = check(f"{model.n_numbers} {model.n_numbers}", covariance=covariance)
     moving = np.flatnonzero(np.diagonal(covariance))
@@ -33,28 +34,27 @@ def tool_covariance(model: RobotModel, q: ArrayLike, covariance: ArrayLike) -> A
 
 
 def propagated(rows: Array, covariance: Array) -> Array:
-    """Covariances R C R' (N, k, k), symmetric to the bit, of what follows rows R (N, k, P).
+    """Covariances R C R' (N, k, k), symmetric to the bit, for rows R (N, k, P) and C (P, P).
 
-    One product of all rows with C (P, P), where a product for each of the N costs several times as
-    much.
+    All rows are multiplied with C at once; one product for each of the N is several times slower.
     """
     sigma = np.tensordot(rows, covariance, 1) @ np.swapaxes(rows, -1, -2)
     return np.asarray((sigma + np.swapaxes(sigma, -1, -2)) / 2)
 
 
 def axis_uncertainty(sigma: Array) -> Array:
-    """u_x, u_y, u_z (m, 3) [m] of tool covariances (m, 6, 6) or (m, 3, 3)."""
+    """Standard uncertainties u_x, u_y, u_z (m, 3) [m] from covariances (m, 6, 6) or (m, 3, 3)."""
     # rounding may leave a hair below zero where nothing uncertain moves the tool
     return np.sqrt(np.maximum(np.diagonal(sigma, axis1=-2, axis2=-1)[..., :3], 0.0))
 
 
 def point_uncertainty(sigma: Array) -> Array:
-    """u_3D = sqrt(u_x^2 + u_y^2 + u_z^2) (m,) [m]: the size of the tool point's scatter."""
+    """RMS length of the tool point's error, u_3D = sqrt(u_x^2 + u_y^2 + u_z^2) (m,) [m]."""
     return np.asarray(np.sqrt(np.square(axis_uncertainty(sigma)).sum(axis=-1)))
 
 
 def distance_uncertainty(sigma: Array, position: Array) -> Array:
-    """Standard uncertainty of |P| (m,) [m]: what the paper states for the tool.
+    """Standard uncertainty (m,) of the tool's distance |P| from the origin, as in Wen et al. [m].
 
     Only the radial part of the scatter changes the distance from the origin: at the zero pose of
     the TX60 about a fifth of the whole.
@@ -64,7 +64,7 @@ def distance_uncertainty(sigma: Array, position: Array) -> Array:
     sigma : (m, 6, 6) or (m, 3, 3) array
         Tool covariances.
     position : (m, 3) array
-        Tool positions P in the frame whose origin the distance is taken from [m].
+        Tool positions P in the frame from whose origin the distance is taken [m].
 
     References
     ----------

@@ -6,9 +6,9 @@ from numpy.typing import ArrayLike
 from calib.arrays import Array, Index, check
 
 RANK_TOLERANCE = 1e-9
-"""A singular value counts above this part of the largest (TX60: the gap is 0.19 to 1e-15)."""
+"""Singular values above this part of the largest count (TX60: the gap is from 0.19 to 1e-15)."""
 PRACTICAL_RATIO = 0.5
-"""A direction is learned when measuring brings its sd below this part of its prior sd."""
+"""A direction is learned if measuring brings its sd below this part of its prior sd."""
 
 
 def singular_values(A: ArrayLike) -> Array:
@@ -20,19 +20,19 @@ def singular_values(A: ArrayLike) -> Array:
 
 
 def triangle(A: Array) -> Array:
-    """Upper triangle (f, f) with the singular values and column angles of a tall A (N, f), or A."""
+    """R (f, f) of A = Q R for a tall A (N, f), with the same singular values; else A itself."""
     return np.asarray(np.linalg.qr(A, mode="r")) if len(A) > A.shape[1] else A
 
 
 def rank(A: ArrayLike, *, tolerance: float = RANK_TOLERANCE) -> int:
-    """Number of directions that the columns of A (N, f) span, by relative singular values."""
+    """Numerical rank of A (N, f): singular values above `tolerance` times the largest."""
     return count(singular_values(A), tolerance)
 
 
 def practical_rank(A: ArrayLike, prior_sd: ArrayLike, *, ratio: float = PRACTICAL_RATIO) -> int:
-    """Directions whose standard deviation after measuring is below `ratio` of the prior one.
+    """Number of directions whose sd after measuring is below `ratio` times the prior sd.
 
-    Tells structure from usefulness: two singular values of 1e-5 raise the rank, yet teach nothing.
+    Unlike the rank it does not count directions that are observable but hardly seen.
 
     Parameters
     ----------
@@ -43,16 +43,17 @@ def practical_rank(A: ArrayLike, prior_sd: ArrayLike, *, ratio: float = PRACTICA
     ratio : float
         Posterior over prior sd below which a direction counts as learned.
 
-    References
-    ----------
-    In prior units the posterior sd along a singular direction is 1 / sqrt(1 + sigma^2).
+    Notes
+    -----
+    In units of the prior sd, that after measuring is 1 / sqrt(1 + s^2) along the singular direction
+    with singular value s.
     """
     A, prior_sd = check("N f, f", A=A, prior_sd=prior_sd)
     return int(learned(A, prior_sd, np.ones(1), ratio)[0])
 
 
 def learned(A: Array, prior_sd: Array, factors: Array, ratio: float = PRACTICAL_RATIO) -> Index:
-    """The same (k,) under priors tighter by some factors (k,)."""
+    """`practical_rank` (k,) under priors whose sd is divided by each of some factors (k,)."""
     beyond = singular_values(A * prior_sd) / factors[:, None] > np.sqrt(ratio**-2 - 1)
     return np.asarray(beyond.sum(axis=1), dtype=np.int64)
 

@@ -1,4 +1,4 @@
-"""Which numbers the measurements can tell apart: a kept set, and the dependencies in words."""
+"""Identifiability: which numbers the measurements tell apart, and the dependencies in words."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -18,23 +18,23 @@ from calib.shown import Shown
 KEEP_TOLERANCE = 1e-6
 """A column is kept when more than this part of it lies outside the columns already kept."""
 PLAIN = 100.0
-"""So many times more than that, and rounding has no say."""
+"""A column this many times above that tolerance is independent whatever the rounding."""
 PARALLEL = np.cos(np.deg2rad(1.0))
-"""Axes within 1 degree count as parallel: then beta is telling and d is not (Hayati)."""
+"""Axes within 1 degree count as parallel: then beta is identifiable and d is not (Hayati)."""
 STILL = 1e-9
-"""A joint [rad, m] or an orientation [rad] that spreads less than this never moves."""
+"""A joint [rad, m] or an orientation [1] whose range is smaller than this never moves."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Reduction(Shown):
-    """Which free numbers are kept, the rank, and what each dropped number looks like."""
+    """Which free numbers are kept, the rank, and what each dropped number is equivalent to."""
 
     singular_values: Array
     """(min(N, f),) singular values of the scaled columns, largest first."""
     rank: int
-    """Number of singular values above the tolerance: directions that can be told apart."""
+    """Number of singular values above the tolerance: combinations that can be told apart."""
     tolerance: float
-    """Part of the largest singular value below which one counts as zero."""
+    """Part of the largest singular value below which a singular value counts as zero."""
     condition: float
     """Largest over smallest singular value of the kept scaled columns."""
     kept: Annotated[tuple[str, ...], "p"]
@@ -42,9 +42,10 @@ class Reduction(Shown):
     dropped: Annotated[tuple[str, ...], "f - p"]
     """(f - p,) names of the others."""
     mixing: Annotated[Array, "p", "f"]
-    """(p, f) to first order, step of the kept numbers that looks like one of all free [m, rad]."""
+    """(p, f) matrix that turns a step of all free numbers into the step of the kept ones with the
+    same effect, to first order [m, rad]."""
     sentences: tuple[str, ...]
-    """What lies behind the loss of rank, then one sentence per dropped number."""
+    """Causes of the loss of rank, then one sentence per dropped number."""
     unobservable: tuple[str, ...]
     """Free numbers without any effect on the measurements: no kept number stands for them."""
     practical_rank: int | None = None
@@ -52,7 +53,7 @@ class Reduction(Shown):
 
     @property
     def told_apart(self) -> bool:
-        """Whether the data alone tell the kept numbers apart; else a prior keeps more."""
+        """Whether the data alone determine the kept numbers; if not, a prior has to help."""
         return self.condition * self.tolerance < 1
 
     def __repr__(self) -> str:
@@ -77,16 +78,16 @@ def reduce(
     prior_sd: ArrayLike | None = None,
     tolerance: float = RANK_TOLERANCE,
 ) -> Reduction:
-    """Find the free numbers that can be told apart, and say in words what the others look like.
+    """Find free numbers that can be told apart, and say in words what the others are equivalent to.
 
     Columns are offered in a fixed order (anchors and stations, base, reflectors, tool, links, joint
-    terms) and kept when they add something; within a link, d comes last if the next axis is
-    parallel and beta otherwise, because that is the one that is then least telling. On a TX60 this
-    keeps the thirty readable numbers.
+    terms) and kept if independent of those kept before. Of each link d comes last if the next axis
+    is parallel, else beta: the number that is then least identifiable. On a TX60 this keeps the
+    thirty customary numbers.
 
-    Where nothing ties anchors to a known place, the base is held and is the world; where only
-    reflectors of unknown place were measured, the tool is held and they are placed in it; where the
-    tool never turns, reflectors and tool are held and the base is found.
+    If nothing ties anchors to a known place, the base is held and defines the world; if only
+    reflectors of unknown place were measured, the tool is held and the reflectors are found in its
+    frame; if the tool never turns, reflectors and tool are held and the base is found.
 
     Parameters
     ----------
@@ -104,6 +105,11 @@ def reduce(
         Prior sd of the free numbers [m, rad]: the practical rank is then given too.
     tolerance : float
         Relative size below which a singular value counts as zero.
+
+    Raises
+    ------
+    InputError
+        A1: the sizes of A, parameters and model differ; M27: there is nothing to reduce.
 
     References
     ----------
@@ -153,7 +159,7 @@ def reduce(
 
 
 def _order(parameters: Parameters, model: RobotModel) -> list[int]:
-    """Positions among the free numbers, in the order in which columns are offered."""
+    """Indices among the free numbers, in the order in which columns are offered."""
     n = model.chain.n_joints
     tool = range(6 + 5 * n, 12 + 5 * n)
     first, further = model.first_fixture, model.first_fixture + model.fixtures.first_tool
@@ -170,7 +176,7 @@ def _order(parameters: Parameters, model: RobotModel) -> list[int]:
 
 
 def _choose_columns(A: Array, order: Sequence[int]) -> _Kept:
-    """Keep columns by Gram-Schmidt in the given order; express all columns in the kept ones."""
+    """Keep columns by Gram-Schmidt in the given order, and express all columns in the kept ones."""
     size = np.linalg.norm(A, axis=0)
     silent = np.flatnonzero(size <= RANK_TOLERANCE * size.max())
     if not len(silent) and len(A) == A.shape[1]:
@@ -246,7 +252,7 @@ def _count_sentences(n_rows: int, n_kept: int, rank: int, n_free: int) -> list[s
 def _dependency(
     names: Sequence[str], lengths: Bool, keep: Sequence[int], mixing: Array, k: int
 ) -> str:
-    """What dropped number k looks like, in words."""
+    """Sentence on what dropped number k is equivalent to."""
     name, column = names[k], mixing[:, k]
     # 1e-6 of a meter per radian or the like is below what the projection test resolves
     terms = np.flatnonzero(np.abs(column) > KEEP_TOLERANCE)

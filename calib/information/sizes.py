@@ -1,7 +1,7 @@
-"""How large the numbers of a model are believed to be before measuring: one width for each kind.
+"""Prior standard deviations of the numbers of a model before measuring: one for each kind.
 
-The one place that says it: levels of ladders, joint errors that a robot has already, and the sizes
-of a scenario all take their widths from here.
+All other rooms take them from here: the levels of ladders, the joint errors that a robot has
+already, and the sizes in a scenario.
 """
 
 from collections.abc import Sequence
@@ -20,29 +20,30 @@ from calib.geometry.springs import UNSAID
 
 MDEG = float(np.radians(1e-3))
 SAG = 50 * MDEG
-"""What gravity, or a torque that a drive reports, turns a joint by at its largest [rad]."""
+"""Deflection of a joint about its axis at its largest gravity or reported drive torque [rad]."""
 BEARING = SAG / 2
-"""The same of what it bends a joint by across its axis [rad]."""
+"""Deflection across the axis of a joint at its largest gravity torque [rad]."""
 FIRST, SECOND = 20 * MDEG, 12 * MDEG
-"""One wave a turn, and two, as eccentric gears and encoders leave them [rad]."""
+"""Amplitudes of one and of two waves per revolution, as eccentric gears and encoders cause them
+[rad]."""
 MAP = 3 * MDEG
-"""Each wave of a joint from the third on: together they are a stationary Gaussian process on the
-circle [rad]."""
+"""Amplitude of each wave of a joint from the third on; together these waves are a stationary
+Gaussian process on the circle [rad]."""
 GEAR = 6 * MDEG
-"""A wave at a stated order of a drive [rad]."""
+"""Amplitude of a wave at a stated order of a drive [rad]."""
 PLAY = 10 * MDEG
-"""Half the play of a joint [rad]."""
+"""Half the backlash of a joint [rad]."""
 GROWTH = 15e-6
-"""How far the expansion of an arm may be from that of what its links are made of [1/K]."""
+"""Deviation of the thermal expansion of an arm from that of the material of its links [1/K]."""
 TILT = np.radians(1.0)
-"""How far off what is stated an arm may be mounted, in each of two directions [rad]."""
+"""Error of the stated mounting of an arm, in each of two directions [rad]."""
 UNSURE = 0.5
-"""Part of its own size by which a moment of a link may be wrong."""
+"""Relative error of the stated or assumed mass of a link."""
 BESIDE = 0.1
-"""How far from the flange something hangs that nobody told of, and the shortest reach that a link's
-moments are judged by [m]."""
+"""Distance of an unstated payload from the flange, and shortest length that a link's moments are
+judged by [m]."""
 FRAMES = ("base.", "tool", "reflector", "anchor", "station")
-"""How the names of numbers begin that belong to base, tool or fixtures."""
+"""Prefixes of the names of numbers of base, tool and fixtures."""
 
 
 def usual_sizes(
@@ -54,16 +55,18 @@ def usual_sizes(
 ) -> Array:
     """Prior sd (k + s,) of the numbers of joint errors, by kind [rad, m; kg, kg m; 1/K].
 
-    Along a slide an angle counts as far as it reaches.
+    For a prismatic joint an angle is multiplied by the characteristic length.
 
     Parameters
     ----------
     errors : JointErrors
-        Whose terms and springs say how large they may be in units of what is usual.
+        Terms and springs, with their own factors on the usual sd (`share`, `bearings`).
     kinds : sequence of {"revolute", "prismatic"}
-        Of the n joints.
-    waves, sag : float, optional
-        Of one and two waves a turn, and of sag at the largest torque [rad].
+        Kinds of the n joints.
+    waves : pair of float
+        Sd of waves with one period per revolution, and with two [rad].
+    sag : float
+        Sd of the deflection at the largest torque [rad].
     """
     reach = np.where([kind == "prismatic" for kind in (*kinds, "none")], CHARACTERISTIC_LENGTH, 1.0)
     terms = [t.share * _of_term(t, waves, sag) * reach[t.joint] for t in errors.terms]
@@ -77,7 +80,7 @@ def usual_sizes(
 
 
 def _of_term(term: JointTerm, waves: tuple[float, float], sag: float) -> float:
-    """The same of one joint term on a turning joint; of a torque per N m."""
+    """Usual sd of one joint term on a revolute joint [rad]; of lengths [1/K]."""
     if not term.is_wave:
         return {"approach": PLAY, "torque": SAG, "lengths": GROWTH}[term.wave]
     if term.name.startswith("gravity") or np.count_nonzero(term.weights) > 1:
@@ -88,9 +91,9 @@ def _of_term(term: JointTerm, waves: tuple[float, float], sag: float) -> float:
 
 
 def doubted(weight: Weight, unsaid: float = UNSAID) -> Array:
-    """Prior sd (n, 4) of what is added to the moments of links that are stated, or guessed.
+    """Prior sd (n, 4) of corrections to the stated or assumed moments of links [kg, kg m].
 
-    As much as `unsaid` may hang on the flange though nobody says so [kg].
+    That of the last link allows for an unstated payload of `unsaid` [kg] at the flange.
     """
     links = weight.chain.links
     reach = np.maximum(np.hypot(links[:, 1], links[:, 2]), BESIDE)[:, None]
@@ -102,15 +105,20 @@ def doubted(weight: Weight, unsaid: float = UNSAID) -> Array:
 def weak_prior_sd(parameters: Parameters, model: RobotModel | None = None) -> Array:
     """Prior sd (f,) of the free numbers when nothing is known: 0.6 mm, 0.1 deg; 1 mm for frames.
 
-    Reflectors, anchors and stations count as frames do.
+    Frames are base and tools, and also reflectors, anchors and stations. Joint errors have the sd
+    of `usual_sizes`.
 
     Parameters
     ----------
     parameters : Parameters
         Which numbers are free.
     model : RobotModel, optional
-        Whose numbers they are: its joint errors say of what kind each of them is. A chain with its
-        fixtures needs none.
+        The model with these numbers; needed if it has joint errors, which say their kind.
+
+    Raises
+    ------
+    InputError
+        A3: there are joint errors, and no model.
     """
     names = parameters.names
     frame = np.array([name.startswith(FRAMES) for name in names])

@@ -48,5 +48,5 @@ def array_out(dimensions: int) -> Any:
 
 
 def part(function: Callable[..., Any]) -> Callable[..., Any]:
-    """A piece of a loop, compiled into those that call it."""
+    """Compile a function that compiled loops call."""
     return njit(error_model="numpy", fastmath=False)(function) if njit else function

@@ -1,8 +1,8 @@
-"""Which loops play many replicates or fit springs of many robots: of few numpy's, else compiled.
+"""Choice of loops for many replicates, or springs of many robots: numpy for few, else compiled.
 
-The choice follows the work, never whether compiled code is kept: the bits of a result must not
-hang on that. Without numba, or with one that is not made for this Python or numpy, all are numpy's,
-equal but for the order of sums.
+It depends on the amount of work, never on whether compiled code is cached, so that results are the
+same to the bit. Without a numba that fits this Python and numpy, all loops are numpy's, with
+results equal but for the order of sums.
 """
 
 from collections.abc import Callable
@@ -10,11 +10,11 @@ from importlib.util import find_spec
 from typing import NamedTuple
 
 MANY = 50_000
-"""Replicates from which compiling is worth its while: it takes some 15 s where no code is kept."""
+"""Number of replicates from which compiling pays: it takes some 15 s if no code is cached."""
 MANY_SPRUNG = 250
-"""Robots whose springs are fitted from which it is: their climb then takes half as long."""
+"""Number of robots from which compiling the fit of springs pays: it halves the time of a climb."""
 NUMBA = find_spec("numba") is not None
-"""Whether it is installed; it is imported only where work is large enough for it."""
+"""Whether numba is installed; it is imported only if there is work enough for it."""
 
 
 class Loops(NamedTuple):
@@ -34,7 +34,7 @@ def compiles() -> bool:
 
 
 def spring_loop_for(robots: int) -> Callable[..., None] | None:
-    """What fits springs of one model for so many robots; None where numpy serves."""
+    """Compiled loop that fits springs of one model for so many robots; None to use numpy."""
     if robots < MANY_SPRUNG or not compiles():
         return None
     from calib.kernels.springs import springs_of_rows

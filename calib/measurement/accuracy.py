@@ -1,4 +1,4 @@
-"""How far stated poses lie from true ones, and the statistics that sum it up."""
+"""Errors of stated poses against true ones, and the statistics that sum them up."""
 
 from dataclasses import dataclass
 
@@ -32,14 +32,20 @@ def position_errors(T_true: ArrayLike, T_stated: ArrayLike) -> Array:
 
 
 def rotation_errors(T_true: ArrayLike, T_stated: ArrayLike) -> Array:
-    """Angle (m,) [rad] between the axes of true and stated poses (m, 4, 4)."""
+    """Angle (m,) [rad] of the rotation between true and stated poses (m, 4, 4)."""
     true, stated = check("m 4 4, m 4 4", T_true=T_true, T_stated=T_stated)
     turn = stated[:, :3, :3] @ np.swapaxes(true[:, :3, :3], -1, -2)
     return np.asarray(np.linalg.norm(log_so3(turn), axis=1))
 
 
 def error_statistics(errors: ArrayLike) -> Accuracy:
-    """Sum up error sizes (m,) [m or rad], none of them negative."""
+    """Statistics of error sizes (m,) [m or rad].
+
+    Raises
+    ------
+    InputError
+        A3: there are no errors, or one is negative.
+    """
     (errors,) = check("m", errors=errors)
     if len(errors) == 0 or errors.min() < 0:
         message = f"errors has the value {errors.min():.3g}" if len(errors) else "errors is empty"
@@ -56,7 +62,7 @@ def error_statistics(errors: ArrayLike) -> Accuracy:
 
 
 def target_points(T: Array, target: Array) -> Array:
-    """Positions (m, 3) of the judged tool point at poses T (m, 4, 4) [m]."""
+    """World positions (m, 3) of tool point `target` (3,) at tool poses T (m, 4, 4) [m]."""
     return np.asarray(T[:, :3, 3] + T[:, :3, :3] @ target)
 
 

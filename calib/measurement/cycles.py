@@ -1,4 +1,4 @@
-"""Cycles of ISO 9283: checked, left out in turn, and what figures read where only noise is."""
+"""Cycles of ISO 9283: checks, the jackknife, and what figures read from noise alone."""
 
 from collections.abc import Callable
 from functools import lru_cache
@@ -14,13 +14,13 @@ from calib.geometry.frames import ROUNDED
 FEWEST = 3
 """Fewest cycles for which a scatter is stated."""
 MOST_GROUPS = 500
-"""Groups of cycles that a jackknife leaves out in turn; up to so many cycles each is one."""
+"""Most groups that a jackknife leaves out in turn; up to so many cycles, each is a group."""
 QUANTILES = 512
-"""Of a distribution over which a mean is taken."""
+"""Quantiles of a distribution over which a mean is taken."""
 
 
 def cycles_of(position: ArrayLike) -> Array:
-    """Positions (..., n, 3), checked."""
+    """Checked positions (..., n, 3) of n cycles [m]; an `InputError` if there are under three."""
     x = require_numbers("position", position)
     if x.ndim < 2 or x.shape[-1] != 3 or x.shape[-2] < FEWEST:
         allowed = f"(..., n, 3) with at least {FEWEST} cycles"
@@ -30,7 +30,7 @@ def cycles_of(position: ArrayLike) -> Array:
 
 
 def rotations_of(R: ArrayLike) -> Array:
-    """Rotations (..., n, 3, 3), checked."""
+    """Checked rotations (..., n, 3, 3) of n cycles; an `InputError` if there are under three."""
     array = require_numbers("R", R)
     if array.ndim < 3 or array.shape[-2:] != (3, 3) or array.shape[-3] < FEWEST:
         raise wrong_shape("R", array.shape, f"(..., n, 3, 3) with at least {FEWEST} cycles")
@@ -39,18 +39,18 @@ def rotations_of(R: ArrayLike) -> Array:
 
 
 def require_rotations(name: str, R: Array) -> Array:
-    """The same rotations (..., 3, 3), after refusing matrices that are none."""
+    """The same matrices (..., 3, 3); an `InputError` (A3) if one is no rotation."""
     skewed = np.abs(np.swapaxes(R, -1, -2) @ R - np.eye(3)).max(axis=(-2, -1))
     wrong = (skewed > ROUNDED) | (np.linalg.det(R) < 0)
     if wrong.any():
         place = "".join(f"[{int(k)}]" for k in np.argwhere(wrong)[0])
         allowed = "an orthonormal right-handed matrix"
-        raise refuse(name, allowed=allowed, code="A3", message=f"{name}{place} is no rotation")
+        raise refuse(name, allowed=allowed, code="A3", message=f"{name}{place} is not a rotation")
     return R
 
 
 def per_pose(values: ArrayLike, lead: tuple[int, ...], name: str, tail: tuple[int, ...]) -> Array:
-    """Values that stand for every pose (..., *tail)."""
+    """Values (*lead, *tail), one for every pose; a single one is repeated."""
     array = require_numbers(name, values)
     try:
         array = np.broadcast_to(array, (*lead, *tail))
@@ -61,7 +61,7 @@ def per_pose(values: ArrayLike, lead: tuple[int, ...], name: str, tail: tuple[in
 
 
 def covariances_of(values: ArrayLike, name: str, lead: tuple[int, ...]) -> Array:
-    """Covariances (*lead, 3, 3), none with a negative direction."""
+    """Covariances (*lead, 3, 3); an `InputError` (M34) if one has a negative eigenvalue."""
     C = require_numbers(name, values)
     if C.shape[-2:] != (3, 3):
         raise wrong_shape(name, C.shape, "expected (..., 3, 3)")
@@ -75,9 +75,13 @@ def covariances_of(values: ArrayLike, name: str, lead: tuple[int, ...]) -> Array
 
 
 def jackknife(figure: Callable[[Array], Array], x: Array) -> Array:
-    """Standard uncertainty of a figure of cycles (..., n, k), leaving each one out, or each group.
+    """Jackknife standard uncertainty (...,) of a figure of cycles x (..., n, k).
 
-    Efron & Stein 1981: u^2 = (n - 1)/n sum (f_j - mean f)^2; groups: Shao & Wu 1989.
+    u^2 = (n - 1)/n sum (f_j - mean f)^2 over the n figures without one cycle, or without one group.
+
+    References
+    ----------
+    Efron & Stein 1981; for groups Shao & Wu 1989.
     """
     n = min(x.shape[-2], MOST_GROUPS)
     groups = np.array_split(np.arange(x.shape[-2]), n)
@@ -86,14 +90,14 @@ def jackknife(figure: Callable[[Array], Array], x: Array) -> Array:
 
 
 def widest(center: Array) -> Array:
-    """Largest distance (...,) among points (..., g, 3)."""
+    """Largest distance (...,) between any two of the points (..., g, 3)."""
     one, other = np.triu_indices(center.shape[-2], 1)
     gaps = np.linalg.norm(center[..., one, :] - center[..., other, :], axis=-1)
     return np.asarray(gaps.max(axis=-1))
 
 
 def mean_norm(covariance: Array) -> Array:
-    """Mean length (...,) of normal vectors with covariance (..., 3, 3) [m].
+    """Mean length (...,) of zero-mean normal vectors with covariance (..., 3, 3) [m].
 
     E|x| = sqrt(8/pi) times the mean of sqrt(u' C u) over all directions u.
     """
@@ -125,23 +129,23 @@ def repeatability_floor(noise: Array, n: int) -> Array:
 
 
 def repeatability_level(noise: Array) -> Array:
-    """RP (...,) of endlessly many readings that scatter with covariance (..., 3, 3) [m]."""
+    """RP (...,) in the limit of infinitely many readings with covariance (..., 3, 3) [m]."""
     return _radius(noise, 3.0)
 
 
 def _radius(covariance: Array, times: float) -> Array:
-    """Mean and so many standard deviations (...,) of lengths of normal vectors."""
+    """Mean plus `times` standard deviations (...,) of the lengths of normal vectors [m]."""
     mean = mean_norm(covariance)
     variance = np.trace(covariance, axis1=-2, axis2=-1) - mean**2
     return np.asarray(mean + times * np.sqrt(np.maximum(variance, 0.0)))
 
 
 def repeatability_dof(covariance: Array, n: int) -> Array:
-    """Degrees of freedom (...,) with which the RP of n readings scatters; n - 1 along a line.
+    """Effective degrees of freedom (...,) of the RP of n readings, f = RP^2 / (2 u^2).
 
-    Of a standard deviation with f of them, f = RP^2 / (2 u^2); for normal readings u follows from
-    the moments of a distance by the delta method: n u^2 = v (1 + 9 (k - 1)/4 + 3 g), v, g, k its
-    variance, skewness and kurtosis.
+    u is the standard uncertainty of RP for normal readings, from the variance v, skewness g and
+    kurtosis k of a distance by the delta method: n u^2 = v (1 + 9 (k - 1)/4 + 3 g). Without any
+    scatter, n - 1.
     """
     mean, sd, skew, kurtosis = length_moments(covariance)
     with np.errstate(invalid="ignore", divide="ignore"):
@@ -150,7 +154,7 @@ def repeatability_dof(covariance: Array, n: int) -> Array:
 
 
 def mean_largest(dof: float, count: int) -> float:
-    """Mean of the largest of `count` standard deviations, over that of one of them."""
+    """Mean of the largest of `count` sample standard deviations, over the mean of a single one."""
     share = (np.arange(QUANTILES) + 0.5) / QUANTILES
     largest, one = (np.sqrt(chdtri(dof, 1 - share ** (1 / k))).mean() for k in (count, 1))
     return float(largest / one)
@@ -159,8 +163,8 @@ def mean_largest(dof: float, count: int) -> float:
 def length_moments(covariance: Array) -> tuple[Array, Array, Array, Array]:
     """Mean, standard deviation, skewness and kurtosis (...,) of lengths of normal vectors.
 
-    Of vectors with covariance (..., 3, 3), over points that fill their space evenly: the first two
-    within 0.5 %, the others within 3 %.
+    The vectors have covariance (..., 3, 3) and are a low-discrepancy sample, which gives the first
+    two within 0.5 % and the others within 3 %.
     """
     values = np.maximum(np.linalg.eigvalsh(covariance), 0.0)
     length = np.sqrt(values @ np.square(_points(1)[:, 0]).T)
@@ -172,7 +176,7 @@ def length_moments(covariance: Array) -> tuple[Array, Array, Array, Array]:
 
 
 def sd_bias(n: int) -> float:
-    """c4(n): mean standard deviation of n normal numbers, over the true one; 0.9914 for 30."""
+    """c4(n): mean sample standard deviation of n normal numbers, over sigma; 0.9914 for n = 30."""
     return float(np.sqrt(2 / (n - 1)) * np.exp(gammaln(n / 2) - gammaln((n - 1) / 2)))
 
 
@@ -190,7 +194,7 @@ def _sphere() -> tuple[Array, Array]:
 
 @lru_cache(maxsize=4)
 def _points(groups: int) -> Array:
-    """Normal points (k, groups, 3) that fill their space evenly, the same ones every time."""
+    """Low-discrepancy sample (k, groups, 3) of standard normal points, the same every time."""
     n, ratio, count = 3 * groups, 2.0, 2048
     for _ in range(60):
         ratio = (1 + ratio) ** (1 / (n + 1))

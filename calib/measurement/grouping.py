@@ -1,4 +1,4 @@
-"""Which rows belong together: numbers of groups, and how many there are."""
+"""Which rows belong together: group numbers, and counts of distinct rows."""
 
 import numpy as np
 
@@ -6,10 +6,10 @@ from calib.arrays import Array, Index
 
 
 def united(one: Index, other: Index) -> Index:
-    """Group (m,) of each row, where rows that either numbering puts together are together."""
+    """Group (m,) of each row in the finest grouping that keeps the groups of both together."""
     group = one
     while True:
-        # spread the lowest group number over the groups of the other, then of the one
+        # spread the lowest group number over the groups of the other numbering, then of this one
         lowest = np.full(len(group), len(group))
         np.minimum.at(lowest, other, group)
         by_other = lowest[other]

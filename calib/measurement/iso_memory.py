@@ -96,10 +96,10 @@ class CycleMemory:
         if not self.kept:
             return ""
         return (
-            f"cycles are like those before them (p = {self.p_value:.3f}, correlation "
-            f"{self.kept:.2f}): the limits are wider, as about {self.worth:.2g} independent cycles "
-            f"in place of {self.cycles} tell the means; pauses between cycles, or more of them, "
-            "narrow the limits"
+            f"successive cycles are correlated (p = {self.p_value:.3f}, correlation "
+            f"{self.kept:.2f}): the limits are wider, because {self.cycles} such cycles determine "
+            f"the means only as well as about {self.worth:.2g} independent ones; pauses between "
+            "cycles, or more of them, narrow the limits"
         )
 
     @property

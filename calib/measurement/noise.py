@@ -1,4 +1,4 @@
-"""What a measurement scatters: covariance of each observation, and the matrices that whiten it.
+"""Noise of measurements: the covariance of each observation, and the matrices that whiten it.
 
 Every 6 x 6 covariance is of [position (m); rotation vector (rad)] in world axes.
 """
@@ -25,15 +25,15 @@ def spherical_covariance(
     centering_sd: float = 0.0,
     R_world_target: ArrayLike | None = None,
 ) -> Array:
-    """Noise of a laser tracker (m, 6, 6): little along the beam, growing with range across it.
+    """Covariances (m, 6, 6) of a laser tracker, in world axes: small along the beam, larger across.
 
-    Sigma = s_rho^2 u u' + s_T^2 (I - u u') + s_c^2 I along the unit beam u at range rho, with
-    s_rho = a + b rho and s_T = c + e rho. The rotation part is independent of the position.
+    The position part is s_rho^2 u u' + s_T^2 (I - u u') + s_c^2 I for the unit beam u and range
+    rho, with s_rho = a + b rho and s_T = c + e rho. The rotation is independent of the position.
 
     Parameters
     ----------
     target : (m, 3) array_like
-        Targets in the world [m].
+        Target positions in the world [m].
     T_world_tracker : (4, 4) array_like
         Tracker in the world, origin at the gimbal point [m].
     range_sd : (a, b)
@@ -43,13 +43,14 @@ def spherical_covariance(
     rotation_sd : (rx, ry, rz)
         Standard deviation of the target's rotation about its own axes [rad].
     centering_sd : float
-        Standard deviation of the target's center, any direction [m].
+        Standard deviation of the target's center along each axis [m].
     R_world_target : (m, 3, 3) array_like, optional
         Axes that `rotation_sd` refers to; the world's by default.
 
-    References
-    ----------
-    s_r^2 uu' + s_t^2 (I - uu') + s_c^2 I along the unit beam u, s_r and s_t growing with range.
+    Raises
+    ------
+    InputError
+        A3: a target lies at the tracker's origin.
     """
     target, T = check("m 3, 4 4", target=target, T_world_tracker=T_world_tracker)
     beam = target - T[:3, 3]
@@ -82,20 +83,21 @@ def with_joint_noise(
     *,
     offset: ArrayLike | None = None,
 ) -> Array:
-    """Covariance (m, 6, 6) of the device plus what the joints scatter, Sigma + J_q diag(s^2) J_q'.
+    """Covariances (m, 6, 6) of device noise and joint repeatability: Sigma + J_q diag(s^2) J_q'.
 
-    Joint repeatability is input noise; to first order this equals fitting the joints as well.
+    Joint repeatability is input noise; to first order this weighting equals that of a fit which
+    estimates the joint values too.
 
     Parameters
     ----------
     model : RobotModel
-        Where the joint columns J_q are taken.
+        Model at which the joint columns J_q are taken.
     q : (m, n) array_like
         Commanded joint values [rad, m].
     covariance : (m, 6, 6) array_like
-        Of the measuring device alone [m^2, m rad, rad^2].
+        Covariances of the measuring device alone, in world axes [m^2, m rad, rad^2].
     sigma_q : (n,) array_like
-        Standard deviation of each joint [rad or m].
+        Standard deviation of each joint value [rad or m].
     offset : (m, 3) array_like, optional
         Reflector in the tool frame, for point observations [m]; the tool origin by default.
 
@@ -123,8 +125,8 @@ def whiteners(covariance: ArrayLike) -> Array:
     Raises
     ------
     InputError
-        Names the observation and its smallest eigenvalue if a covariance is not symmetric positive
-        definite, judged on the correlation matrix so that meters and radians do not mix.
+        M34: a covariance is not symmetric positive definite; the observation is named. This is
+        judged on the correlation matrix, so that meters and radians do not mix.
     """
     (covariance,) = check("m r r", covariance=covariance)
     variance = np.diagonal(covariance, axis1=1, axis2=2)

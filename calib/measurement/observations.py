@@ -28,11 +28,11 @@ POSE, POINT, DISTANCE = "pose", "point", "distance"
 KINDS = (POSE, POINT, DISTANCE)
 MEASURED = "calib.Measurements, as calib.poses, calib.points and calib.distances make them"
 GIVEN = -1
-"""`reflector` of a row whose reflector lies at `offset`; `anchor` of a row without one."""
+"""`reflector` of a row whose reflector is given by `offset`; `anchor` of a row without one."""
 
 
 def _whole() -> Index:
-    """No entries: the column means what it meant before there were fixtures."""
+    """An empty column, which `Measurements` fills with the default of that column."""
     return frozen((), np.int64)
 
 
@@ -40,10 +40,10 @@ def _whole() -> Index:
 class Measurements(Shown):
     """A table of observations; row i was taken at commanded joints q[i].
 
-    A *pose* row has the position and rotation of the tool; a *point* row the place of one reflector
-    on the tool; a *distance* row the distance of a reflector from a fixed point, an anchor. Columns
-    left out mean: reflectors at `offset`, all measured from the first station, no distances, one
-    tool.
+    A *pose* row has the position and rotation of the tool; a *point* row the position of one
+    reflector on the tool; a *distance* row the distance of a reflector from a fixed point, an
+    anchor. Columns left out mean reflectors at `offset`, the first station, no distances, and the
+    tool of the chain.
     """
 
     q: Annotated[Array, "m", "n"]
@@ -54,8 +54,8 @@ class Measurements(Shown):
     rotation: Annotated[Array, "m", 3, 3]
     """(m, 3, 3) measured rotation R_station_tool; identity for other than pose rows, unused."""
     covariance: Annotated[Array, "m", 6, 6]
-    """(m, 6, 6) of [position (m); rotation vector (rad)], axes of the station; points use the first
-    3 x 3, distances only the variance at [0, 0]."""
+    """(m, 6, 6) covariance of [position (m); rotation vector (rad)] in axes of the station; points
+    use the first 3 x 3, distances only the variance at [0, 0]."""
     kind: Annotated[Labels, "m"]
     """(m,) "pose", "point" or "distance"."""
     offset: Annotated[Array, "m", 3]
@@ -67,7 +67,7 @@ class Measurements(Shown):
     reflector: Annotated[Index, "m"] = field(default_factory=_whole)
     """(m,) which reflector of the fixtures, from 0; -1: the one at `offset`."""
     station: Annotated[Index, "m"] = field(default_factory=_whole)
-    """(m,) which station saw it; 0 is the world frame."""
+    """(m,) which station measured the row; 0 is the world frame."""
     anchor: Annotated[Index, "m"] = field(default_factory=_whole)
     """(m,) which anchor of the fixtures a distance was measured from, from 0; -1 for other rows."""
     distance: Annotated[Array, "m"] = field(default_factory=lambda: frozen(()))
@@ -75,7 +75,7 @@ class Measurements(Shown):
     tool: Annotated[Index, "m"] = field(default_factory=_whole)
     """(m,) which tool was mounted: 0 is that of the chain, the others are of the fixtures."""
     conditions: Annotated[OperatingConditions, LATER] = AS_USUAL
-    """What the rows say beside their joints."""
+    """Operating conditions of the rows, such as payload and temperature."""
 
     def __post_init__(self) -> None:
         m = len(self.q)
@@ -163,21 +163,21 @@ class Measurements(Shown):
 
     @property
     def equations(self) -> Index:
-        """(m,) scalar equations of each row: six per pose, three per point, one per distance."""
+        """(m,) scalar equations of each row: six of a pose, three of a point, one of a distance."""
         return np.where(self.is_pose, 6, np.where(self.is_distance, 1, 3))
 
     @property
     def n_equations(self) -> int:
-        """Independent scalar equations of all rows."""
+        """Number of scalar equations of all rows."""
         return int(self.equations.sum())
 
     @property
     def n_poses(self) -> int:
-        """Distinct poses visited."""
+        """Number of distinct poses, by `pose_id`."""
         return len(np.unique(self.pose_id))
 
     def largest_of_poses(self, values: Array) -> Array:
-        """Largest of the values (m,) of each pose (p,), none negative: its rows are no poses."""
+        """Largest of the values (m,), none negative, over the rows of each pose (p,)."""
         _, pose = np.unique(self.pose_id, return_inverse=True)
         largest = np.zeros(self.n_poses)
         np.maximum.at(largest, pose.ravel(), values)
@@ -185,13 +185,19 @@ class Measurements(Shown):
 
     @property
     def target_key(self) -> Array:
-        """(m, 8) what was looked at, and from where: alike in two rows that see the same thing."""
+        """(m, 8) what was measured, and from where: equal for two rows with the same target."""
         return np.column_stack(
             [self.offset, self.equations, self.reflector, self.station, self.anchor, self.tool]
         )
 
     def rows(self, which: Sequence[int] | Bool | Index) -> "Measurements":
-        """The table restricted to some rows (a mask or indices); of all in order, itself."""
+        """The table restricted to some rows, given by a mask or by indices.
+
+        Raises
+        ------
+        InputError
+            A3: `which` is no mask of the rows and no list of their indices.
+        """
         index = self._places(which)
         every = np.ones(len(self), bool) if index.dtype == np.bool_ else np.arange(len(self))
         if np.array_equal(index, every):
@@ -200,7 +206,7 @@ class Measurements(Shown):
         return replace(self, **some, conditions=self.conditions.rows(index))
 
     def _places(self, which: Sequence[int] | Bool | Index) -> Bool | Index:
-        """A mask of the rows, or places among them; Python's from the end as well."""
+        """A mask of the rows, or checked indices; negative ones count from the end."""
         m, there = len(self), require_numbers("which", which).size
         index = np.asarray(which) if there else np.zeros(0, dtype=np.int64)
         if index.dtype == np.bool_:
@@ -215,13 +221,18 @@ class Measurements(Shown):
 
     @property
     def together(self) -> Index:
-        """Number (m,) of what each row belongs to: rows at the same joints, or of one `pose_id`."""
+        """(m,) number of the group of each row; rows with equal q or equal `pose_id` share one."""
         return united(first_met(self.q), first_met(self.pose_id[:, None]))
 
     def split(self, *, held_out: int = 20, seed: int = 0) -> tuple["Measurements", "Measurements"]:
         """Rows to identify from, and the rows of `held_out` poses drawn at random.
 
         Rows at the same joints, or of the same `pose_id`, stay together.
+
+        Raises
+        ------
+        InputError
+            A3: `held_out` or `seed` is not a whole number in its range.
         """
         pose = self.together
         several = np.unique(pose)
@@ -238,17 +249,22 @@ class Measurements(Shown):
 
 
 ONE_POSE = 1e-2
-"""Joints that were read back at one pose differ by less than this [rad, m]."""
+"""Joint values read back at visits of one pose differ by less than this [rad, m]."""
 COLUMNS = tuple(name for name in Measurements.__slots__ if name != "conditions")
-"""Fields of a table that have one entry a row."""
+"""Fields of a table that have one entry per row."""
 
 
 @checked_kinds
 def joined(tables: Sequence[Measurements]) -> Measurements:
-    """One table of the rows of several, in order.
+    """Stack the rows of several tables, in order.
 
-    `pose_id` is kept, unless tables call different poses by one number, as tables do that were
-    numbered each by itself: then rows of one pose of a table, or at the same joints, get a new one.
+    `pose_id` is kept, unless tables use one number for different poses because each was numbered by
+    itself: then rows of one pose of a table, or at the same joints, get a new number.
+
+    Raises
+    ------
+    InputError
+        A3: there are no tables; A1: their robots differ in the number of joints.
     """
     if not len(tables):
         raise refuse("tables", 0, "at least one", code="A3", message="there are no tables to join")
@@ -267,7 +283,7 @@ def joined(tables: Sequence[Measurements]) -> Measurements:
 
 
 def _called_alike(q: Array, pose_id: Index, table: Index) -> bool:
-    """Whether tables call poses by one number that are far apart, though none does so alone."""
+    """Whether two tables use one `pose_id` for poses far apart, though no table alone does."""
     if len(q) == 0 or table[0] == table[-1]:
         return False
     _, pose = np.unique(pose_id, return_inverse=True)
@@ -276,7 +292,7 @@ def _called_alike(q: Array, pose_id: Index, table: Index) -> bool:
 
 
 def _spread(q: Array, group: Index) -> float:
-    """Largest difference of joint values (m, n) within a group (m,)."""
+    """Largest difference of joint values (m, n) within any group (m,) [rad, m]."""
     size = int(group.max()) + 1
     low, high = np.full((size, q.shape[1]), np.inf), np.full((size, q.shape[1]), -np.inf)
     np.minimum.at(low, group, q)

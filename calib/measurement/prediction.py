@@ -1,4 +1,4 @@
-"""What a model predicts for each row of a table, and how that follows its numbers."""
+"""What a model predicts for each row of a table: residuals, and derivatives by its numbers."""
 
 from dataclasses import dataclass, replace
 
@@ -15,29 +15,29 @@ from calib.measurement.remembered import remembered
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Prediction:
-    """Seen minus predicted in the axes of each row's station, before any weighing."""
+    """Measured minus predicted, in the axes of each row's station, before any weighting."""
 
     residual: Array
-    """(m, 6) [dp (m); Log(R_seen R') (rad)]; a point fills three, a distance one [m]."""
+    """(m, 6) [p_seen - p (m); Log(R_seen R') (rad)]; a point fills three, a distance one [m]."""
     rows: Array
-    """(m, 6, P) derivative of the prediction; zero where `filled` is not."""
+    """(m, 6, P) derivative of the prediction by the numbers of the model; zero where not filled."""
     filled: Bool
     """(m, 6) which entries a row has."""
 
     @property
     def misses(self) -> Array:
-        """(m,) length of what is missed in position or distance [m]."""
+        """(m,) length of the residual in position or distance [m]."""
         return np.asarray(np.linalg.norm(self.residual[:, :3], axis=1))
 
     @property
     def turns(self) -> Array:
-        """(m,) angle by which a rotation is missed [rad]; zero for other than pose rows."""
+        """(m,) angle of the residual rotation [rad]; zero for other than pose rows."""
         return np.asarray(np.linalg.norm(self.residual[:, 3:], axis=1))
 
 
 @remembered
 def predict(model: RobotModel, measurements: Measurements) -> Prediction:
-    """Residual and derivative of every row of a table."""
+    """Residuals and derivatives of every row of a table, by all numbers of the model."""
     T, J = model.poses_and_jacobian(measurements.q, measurements.conditions)
     mount(T, J, model, measurements)
     found = predict_at(T, J, model.fixtures, model.first_fixture, measurements)
@@ -56,19 +56,27 @@ def predict_at(
     T : (m, 4, 4) array
         Poses of each row's tool in the world [m].
     J : (m, 6, P) array
-        Rows [dp; dr] of the tool in world axes; the columns of the fixtures are zero. Used up.
+        Jacobian [dp; dr] of the tool in world axes, with zero columns for the fixtures;
+        overwritten.
     fixtures : Fixtures
-        Where reflectors, anchors and stations are.
+        Places of reflectors, anchors and stations.
     first : int
         Column of the first number of the fixtures.
     measurements : Measurements
         What was measured.
 
+    Raises
+    ------
+    InputError
+        A3: a row names a reflector, anchor, station or tool that the model does not have.
+
     References
     ----------
-    Sola, Deray, Atchuthan, arXiv 1812.01537, eq. (144), for the rotation part -Jr^-1(e) Jw, exact
-    for any residual e. Point: Jp + Jw x (R c), and R for c itself. Distance: u'(that), and -u' for
-    the anchor. Station: p_s = R_s'(p - t_s) moves by -t + p_s x r, its rotation by -r.
+    Sola, Deray, Atchuthan, arXiv 1812.01537, eq. (144): the derivative of the rotation is
+    Jr^-1(e) Jw, exact for any residual e. That of a point at tool coordinates c is Jp + Jw x (R c),
+    and R by c itself; that of a distance along the unit vector u is u' times it, and -u' by the
+    anchor. A step [t; r] of the station moves p_s = R_s'(p - t_s) by -t + p_s x r, and turns the
+    rotation seen by -r.
     """
     require_fixtures(fixtures, measurements)
     p, R = T[:, :3, 3], T[:, :3, :3]
@@ -101,7 +109,7 @@ def predict_at(
 
 
 def targets(fixtures: Fixtures, measurements: Measurements) -> Array:
-    """Where each row's reflector is in the tool frame (m, 3) [m]."""
+    """Positions (m, 3) of each row's reflector in the tool frame [m]."""
     named = measurements.reflector != GIVEN
     if not named.any():
         return measurements.offset
@@ -123,9 +131,9 @@ def tool_poses(model: RobotModel, measurements: Measurements) -> Array:
 
 
 def predicted_positions(model: RobotModel, measurements: Measurements) -> Array:
-    """Predicted positions (m, 3) in the station's frame: tool origin, or reflector [m].
+    """Predicted positions (m, 3) of tool origin or reflector, in the station's frame [m].
 
-    Of a distance row the place of its reflector in the world.
+    For a distance row it is the position of its reflector in the world.
     """
     return _positions(tool_poses(model, measurements), model, measurements)
 
@@ -133,9 +141,9 @@ def predicted_positions(model: RobotModel, measurements: Measurements) -> Array:
 def missed(
     model: RobotModel, measurements: Measurements, T: Array | None = None
 ) -> tuple[Array, Array]:
-    """`misses` and `turns` (m,) of `predict` for points and poses, without any derivative.
+    """`misses` (m,) [m] and `turns` (m,) [rad] of point and pose rows, without any derivative.
 
-    `T` are their `tool_poses` (m, 4, 4), if at hand.
+    `T` are their `tool_poses` (m, 4, 4), if already at hand.
     """
     T = tool_poses(model, measurements) if T is None else T
     S = model.fixtures.station_frames[measurements.station][:, :3, :3]
@@ -146,7 +154,7 @@ def missed(
 
 
 def _positions(T: Array, model: RobotModel, measurements: Measurements) -> Array:
-    """Points (m, 3) that rows look at, in their station's frame, of tools at T (m, 4, 4) [m]."""
+    """Positions (m, 3) of what each row measures, in its station's frame, for tools at T [m]."""
     p = T[:, :3, 3] + (T[:, :3, :3] @ targets(model.fixtures, measurements)[:, :, None])[:, :, 0]
     if not measurements.station.any():
         return p
@@ -155,7 +163,7 @@ def _positions(T: Array, model: RobotModel, measurements: Measurements) -> Array
 
 
 def perfect(model: RobotModel, measurements: Measurements) -> Measurements:
-    """The table with what the model predicts in place of what was measured."""
+    """The table with the values that the model predicts in place of those measured."""
     p = predicted_positions(model, measurements)
     pose, far = measurements.is_pose, measurements.is_distance
     S = model.fixtures.station_frames[measurements.station][:, :3, :3]
@@ -172,7 +180,7 @@ def perfect(model: RobotModel, measurements: Measurements) -> Measurements:
 
 
 def require_fixtures(fixtures: Fixtures, measurements: Measurements) -> None:
-    """Refuse rows that name a reflector, anchor or station which the model does not have."""
+    """Raise an `InputError` (A3) if a row names a fixture that the model does not have."""
     for name, have in (
         ("reflector", len(fixtures.reflectors)),
         ("anchor", len(fixtures.anchors)),
@@ -193,20 +201,20 @@ def require_fixtures(fixtures: Fixtures, measurements: Measurements) -> None:
 
 
 def mount(T: Array, J: Array, model: RobotModel, measurements: Measurements) -> None:
-    """Turn poses and rows of the chain's tool into those of the tools that were mounted.
+    """Turn poses and Jacobian of the chain's tool into those of the tools that were mounted.
 
-    A tool moves with the flange: its origin by dp + dr x arm, and by its own six numbers in its
-    own axes, which take the place of those of the chain's tool.
+    The origin of a mounted tool moves by dp + dr x arm; the columns of the chain's tool become
+    zero, and those of the mounted tool are steps in its own axes.
 
     Parameters
     ----------
     T, J : (m, 4, 4) and (m, 6, P + k) arrays
-        Poses and rows of the chain's tool, in world axes; changed in place. Columns beyond those
-        of the model are of further numbers that move the flange.
+        Poses and Jacobian of the chain's tool, in world axes; changed in place. The k columns
+        beyond those of the model are of further numbers that move the flange.
     model : RobotModel
-        Whose tools they are.
+        The model with its tools.
     measurements : Measurements
-        Which tool each row saw.
+        Says which tool was mounted at each row.
     """
     if not measurements.tool.any():
         return
@@ -224,7 +232,7 @@ def mount(T: Array, J: Array, model: RobotModel, measurements: Measurements) -> 
 
 
 def _reflector_columns(J: Array, R: Array, first: int, measurements: Measurements) -> None:
-    """Fill in how rows follow the numbers of their reflector: the tool's axes."""
+    """Fill in the derivative of rows by the coordinates of their reflector: the tool's axes."""
     for k in np.unique(measurements.reflector[measurements.reflector != GIVEN]):
         rows = np.flatnonzero(measurements.reflector == k)
         J[rows, :3, first + 3 * k : first + 3 * k + 3] = R[rows]
@@ -238,7 +246,7 @@ def _distance_rows(
     first: int,
     measurements: Measurements,
 ) -> Array:
-    """Turn point rows into distance rows, in the first row; distances predicted [m]."""
+    """Turn rows of points into rows of distances, in place; return the predicted distances [m]."""
     from_anchor = p[far] - fixtures.anchors[measurements.anchor[far]]
     length = np.linalg.norm(from_anchor, axis=1)
     # at the anchor itself no direction is right: the row then determines nothing
@@ -260,7 +268,7 @@ def _station_rows(
     first: int,
     measurements: Measurements,
 ) -> None:
-    """Turn rows of further stations, and p and R, into the axes of the station."""
+    """Express p, R and J of rows measured from further stations in the axes of these, in place."""
     start = first + 3 * (len(fixtures.reflectors) + len(fixtures.anchors))
     for s in np.unique(measurements.station[away]):
         rows = np.flatnonzero(measurements.station == s)

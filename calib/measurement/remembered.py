@@ -1,4 +1,4 @@
-"""Predictions that many statements need, computed once as long as these are made."""
+"""A cache of predictions for work that needs the same ones many times."""
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -13,18 +13,18 @@ X = TypeVar("X")
 Known = dict[tuple[object, ...], tuple[RobotModel, Measurements, object]]
 
 MOST = 6
-"""Results that are kept: the latest. Rows of many poses and many numbers take much memory."""
+"""Latest results that are kept. Rows of many poses and many numbers take much memory."""
 SEEN = tuple(name for name in COLUMNS if name != "covariance")
-"""What a prediction depends on: not on the noise."""
+"""Columns of a table that a prediction depends on: all but the noise."""
 
 _known: ContextVar[Known | None] = ContextVar("known", default=None)
 
 
 @contextmanager
 def remembering() -> Iterator[None]:
-    """As long as this lasts, what a model predicts of a table is computed once.
+    """Within this context, a prediction of one model for one table is computed once.
 
-    Tables are the same where their columns are the same arrays, whatever their noise is.
+    Tables count as the same if their columns are the same arrays, whatever their noise is.
     """
     token = _known.set({})
     try:
@@ -36,9 +36,9 @@ def remembering() -> Iterator[None]:
 def remembered(
     compute: Callable[[RobotModel, Measurements], X],
 ) -> Callable[[RobotModel, Measurements], X]:
-    """The function (model, table) -> result, which while `remembering` computes nothing twice.
+    """Decorate a function (model, table) -> result, so that within `remembering` it is cached.
 
-    Its result must be read-only: several callers have it.
+    The result must be read-only, since several callers share it.
     """
 
     @wraps(compute)

@@ -1,4 +1,4 @@
-"""Whitened residuals, measured minus predicted, with Jacobians; and the paper's twelve rows."""
+"""Whitened residuals, measured minus predicted, with Jacobians; the twelve rows of Wen et al."""
 
 from dataclasses import dataclass
 
@@ -17,14 +17,14 @@ from calib.shown import Shown
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Stack(Shown):
-    """Linear system of one model and one table: r is about A dx for a small step dx."""
+    """Linearized equations of one model and one table: r = A dx to first order in a step dx."""
 
     r: Array
-    """(N,) measured minus predicted: whitened rows, or [1] and [mm] for the paper's rows."""
+    """(N,) measured minus predicted: whitened [1], or [1] and [mm] for the twelve rows."""
     A: Array
     """(N, P) derivative of the prediction by every number of the model, per m and rad."""
     row_of: Index
-    """(N,) observation each row belongs to."""
+    """(N,) observation that each equation belongs to."""
 
     def __repr__(self) -> str:
         return f"Stack({self.A.shape[0]} rows, {self.A.shape[1]} numbers)"
@@ -35,7 +35,7 @@ class Stack(Shown):
 
 
 def table_whiteners(measurements: Measurements) -> Array:
-    """Whitening matrices (m, 6, 6) of a table, the identity where a row has no entries.
+    """Whitening matrices (m, 6, 6) of a table; the identity for entries that a row does not have.
 
     Points use their first 3 x 3 covariance, distances the variance at [0, 0].
     """
@@ -43,7 +43,7 @@ def table_whiteners(measurements: Measurements) -> Array:
 
 
 def padded_covariance(measurements: Measurements) -> Array:
-    """Covariances (m, 6, 6) of a table, one and uncorrelated where a row has no entries."""
+    """Covariances (m, 6, 6) of a table; unit, uncorrelated for entries that a row does not have."""
     missing = np.arange(6) >= measurements.equations[:, None]
     if not missing.any():
         return measurements.covariance
@@ -63,7 +63,7 @@ def linearize(
     Parameters
     ----------
     model : RobotModel
-        Predicts.
+        Model that predicts, and whose numbers are the columns.
     measurements : Measurements
         What was measured.
     whitening : (m, 6, 6) array, optional
@@ -79,7 +79,10 @@ def linearize(
 
 
 def whitened_blocks(model: RobotModel, q: ArrayLike, covariance: ArrayLike) -> Array:
-    """Whitened Jacobians (m, 6, P) of poses not measured yet, at joint values q (m, n)."""
+    """Whitened Jacobians (m, 6, P) of poses yet to be measured, at joint values q (m, n).
+
+    `covariance` (m, 6, 6) is in world axes [m^2, m rad, rad^2].
+    """
     q, covariance = check("m n, m 6 6", q=q, covariance=covariance)
     return np.asarray(whiteners(covariance) @ model.poses_and_jacobian(q)[1])
 
@@ -87,17 +90,25 @@ def whitened_blocks(model: RobotModel, q: ArrayLike, covariance: ArrayLike) -> A
 def point_blocks(
     model: RobotModel, q: ArrayLike, covariance: ArrayLike, offset: ArrayLike
 ) -> Array:
-    """Whitened Jacobians (m, 3, P) of reflectors at tool coordinates `offset` (m, 3) [m]."""
+    """Whitened Jacobians (m, 3, P) of reflectors yet to be measured, at joint values q (m, n).
+
+    `offset` (m, 3) is in the tool frame [m], `covariance` (m, 3, 3) in world axes [m^2].
+    """
     q, covariance, offset = check("m n, m 3 3, m 3", q=q, covariance=covariance, offset=offset)
     T, J = model.poses_and_jacobian(q)
     return np.asarray(whiteners(covariance) @ reflector_rows(T, J, offset)[1])
 
 
 def paper_stack(model: RobotModel, measurements: Measurements) -> Stack:
-    """The paper's twelve unweighted rows per pose: dn, do, da as numbers, dp in mm.
+    """The twelve unweighted equations per pose of Wen et al.: dn, do, da [1] and dp [mm].
 
-    The columns stay per m and rad: least squares without weights does not depend on column units,
-    but it does on those of the rows.
+    The columns stay per m and rad: unweighted least squares depends on the units of its rows, but
+    not on those of its columns.
+
+    Raises
+    ------
+    InputError
+        A3: a row is no pose, or is of a further station or tool.
 
     References
     ----------

@@ -34,11 +34,16 @@ def poses(
         Standard deviations of position and rotation (2,), or of the six axes (6,) [m, rad]; or
         covariances, one (6, 6) or (m, 6, 6) [m^2, m rad, rad^2].
     station : int or (m,) array_like
-        Which station saw it; 0 is the world.
+        Which station measured the row; 0 is the world frame.
     tool : int or (m,) array_like
         Which tool was mounted; 0 is that of the chain, the others are of the model's fixtures.
     pose_id, repeat : int or (m,) array_like, optional
         Which pose and which visit of it; by default rows at the same joints are visits of one pose.
+
+    Raises
+    ------
+    InputError
+        A1: shapes do not match; A3: a matrix is not rigid, or a standard deviation not above zero.
     """
     (T,) = check("m 4 4", T=T)
     T = rigid(T)
@@ -77,10 +82,9 @@ def points(
     offset : (3,) or (m, 3) array_like
         Where the reflector lies in the tool frame [m]; zero where `reflector` names it.
     reflector : int or (m,) array_like
-        Which reflector of the model's fixtures it is, from 0, at the place that they give; -1: the
-        one at `offset`.
+        Which reflector of the model's fixtures it is, from 0; -1: the one at `offset`.
     station, tool, pose_id, repeat
-        As in `poses`.
+        As in `poses`, and so are the errors.
     """
     (xyz,) = check("m 3", xyz=xyz)
     covariance = np.tile(np.eye(6), (len(xyz), 1, 1))
@@ -109,11 +113,16 @@ def distances(
     d : (m,) array_like
         Distances measured [m].
     sd : float or (m,) array_like
-        Standard deviation of all, or of each [m].
+        Standard deviation of all distances, or of each [m].
     anchor : int or (m,) array_like
         Which anchor of the model's fixtures each was measured from, from 0.
     offset, reflector, pose_id, repeat
         As in `points`.
+
+    Raises
+    ------
+    InputError
+        A1: shapes do not match; A3: a distance or a standard deviation is not above zero.
     """
     (d,) = check("m", d=d)
     covariance = np.tile(np.eye(6), (len(d), 1, 1))
@@ -142,7 +151,7 @@ def _table(
     pose_id: ArrayLike | None = None,
     repeat: ArrayLike | None = None,
 ) -> Measurements:
-    """Table of one kind of rows; single values hold for all of them."""
+    """Table of rows of one kind; a single value of a column holds for all rows."""
     m = len(position)
     q, position = check("m n, m 3", q=q, position=position)
 
@@ -177,7 +186,7 @@ def _table(
 
 
 def _earlier(group: Index) -> Index:
-    """How many earlier rows (m,) are of the same group."""
+    """Number (m,) of earlier rows of the same group."""
     order = np.argsort(group, kind="stable")
     counts = np.bincount(group)
     out = np.empty(len(group), dtype=np.int64)
@@ -186,7 +195,7 @@ def _earlier(group: Index) -> Index:
 
 
 def covariances_of_sd(sd: ArrayLike, size: int, m: int, name: str = "sd") -> Array:
-    """Covariances (m, k, k), from standard deviations or from covariances."""
+    """Covariances (m, k, k), k = `size`, from standard deviations or covariances as in `poses`."""
     sd = require_numbers(name, sd)
     if size == 6 and sd.shape == (2,):
         sd = np.repeat(sd, 3)
@@ -200,7 +209,7 @@ def covariances_of_sd(sd: ArrayLike, size: int, m: int, name: str = "sd") -> Arr
 
 
 def _positive(sd: ArrayLike) -> Array:
-    """Standard deviations, all of them finite and above zero."""
+    """Checked standard deviations; an `InputError` (A3) unless all are finite and above zero."""
     sd = require_numbers("sd", sd)
     if not (np.isfinite(sd) & (sd > 0)).all():
         raise refuse("sd", sd.tolist(), "finite standard deviations above zero", code="A3")

@@ -1,7 +1,8 @@
-"""Rows of a table for models of many joint terms: columns of terms are never multiplied out.
+"""Equations of a table for models of many joint terms, without multiplying out their columns.
 
-The column of a term is that of its joint's own move times one value a pose, which no fit changes.
-Six rows of a pose then meet once for each pair of joints, whatever terms these have.
+The column of a term is the column of its joint value times one value per pose, which does not
+change during a fit. A'A then needs the product of two joint columns once per pose, however many
+terms these joints have.
 """
 
 from dataclasses import dataclass
@@ -16,34 +17,35 @@ from calib.measurement.observations import Measurements
 from calib.measurement.prediction import predict_at
 
 MANY = 64
-"""Terms from which on it pays."""
+"""Number of terms from which on this is faster."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TermRows:
-    """A table, and what all models of the same terms share at it."""
+    """A table, with all that models of the same joint terms have in common at its rows."""
 
     measurements: Measurements
+    """The table."""
     whitening: Array
-    """(m, 6, 6)"""
+    """(m, 6, 6) whitening matrices of its rows."""
     basis: Array
     """(m, k) values of all terms."""
     width: int
-    """Free numbers p."""
+    """Number p of free numbers."""
     own: Index
-    """(e,) places among them of those that are no terms of a joint."""
+    """(e,) indices, among the free numbers, of those that are no terms of a joint."""
     narrow: Index
-    """(e,) column of each: chain, springs, fixtures, lengths in turn."""
+    """(e,) column of each in the order chain, springs, fixtures, lengths."""
     terms: tuple[tuple[Index, Array], ...]
-    """Of each joint: places (k,) of its terms among the free numbers, and their values (m, k)."""
+    """Per joint: indices (k,) of its terms among the free numbers, and their values (m, k)."""
 
     @classmethod
     def of(
         cls, model: RobotModel, measurements: Measurements, whitening: Array, parameters: Parameters
     ) -> "TermRows | None":
-        """Those of a model's free numbers; None where columns as they are cost less.
+        """Rows for the free numbers of a model; None where plain columns are faster.
 
-        Further tools have columns of their own in place of those of the flange: not here.
+        None also for tables with further tools, whose columns replace those of the chain's tool.
         """
         joints, first = np.array(model.joint_errors.joints), model.chain.n_numbers
         if len(joints) < MANY or measurements.tool.any():
@@ -63,7 +65,7 @@ class TermRows:
         return cls(measurements, whitening, basis, len(number), own, column[number[own]], terms)
 
     def at(self, model: RobotModel) -> tuple[Array, Array, Index]:
-        """Whitened residual (N,), columns (N, e + n) as in `ByJoint`, and whose rows these are."""
+        """Whitened residual (N,), columns (N, e + n) as in `ByJoint`, and the row (N,) of each."""
         table, errors = self.measurements, model.joint_errors
         apart = model.columns_apart(table.q, table.conditions, self.basis)
         first = apart.chain.shape[2] + apart.springs.shape[2]
@@ -77,28 +79,29 @@ class TermRows:
         return r, A, np.nonzero(seen.filled)[0]
 
     def by_joint(self, A: Array) -> "ByJoint":
-        """The whole derivative, of columns (N, e + n) of all its rows."""
+        """The whole derivative, from columns (N, e + n) of all rows."""
         return ByJoint(self, A, np.arange(6) < self.measurements.equations[:, None])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ByJoint:
-    """A derivative (N, p) by numbers of which most are terms of joints."""
+    """A derivative A (N, p) by numbers most of which are joint terms, in factored form."""
 
     table: TermRows
+    """The table, with the values of the terms."""
     columns: Array
-    """(N, e + n) of the numbers that are no terms, then of each joint's own move."""
+    """(N, e + n) columns of the numbers that are no terms, then of each joint value."""
     filled: Bool
-    """(m, 6) which entries the rows are."""
+    """(m, 6) which entries the rows of the table have."""
 
     @property
     def width(self) -> int:
-        """Numbers p."""
+        """Number p of columns."""
         return self.table.width
 
     @property
     def dense(self) -> Array:
-        """(N, p)."""
+        """A (N, p), multiplied out."""
         out, e = np.empty((len(self.columns), self.width)), len(self.table.own)
         out[:, self.table.own] = self.columns[:, :e]
         pose = np.nonzero(self.filled)[0]
@@ -107,13 +110,13 @@ class ByJoint:
         return out
 
     def products(self, r: Array) -> tuple[Array, Array]:
-        """A'A (p, p) and A'r (p,), r (N,)."""
+        """A'A (p, p) and A'r (p,) for a residual r (N,)."""
         own, terms, e = self.table.own, self.table.terms, len(self.table.own)
         whole = np.zeros((*self.filled.shape, self.columns.shape[1] + 1))
         whole[self.filled] = np.column_stack([self.columns, r])
         flat = whole.reshape(-1, whole.shape[2])[:, [*range(e), -1]]
         of_own = flat[:, :e].T @ flat
-        # what the rows of each pose say of each pair of columns
+        # products of each pair of columns, summed over the rows of each pose
         met = np.swapaxes(whole[:, :, e:-1], 1, 2) @ whole
         normal, pull = np.empty((self.width,) * 2), np.empty(self.width)
         normal[np.ix_(own, own)], pull[own] = of_own[:, :e], of_own[:, e]

@@ -1,4 +1,4 @@
-"""The point of the tool that is stated: at a known place in its frame, or a reflector found."""
+"""The tool point that accuracy is stated for: at a known offset, or an identified reflector."""
 
 from dataclasses import dataclass
 
@@ -13,23 +13,24 @@ from calib.measurement.observations import GIVEN, Measurements
 
 
 def places_are_found(measurements: Measurements) -> bool:
-    """Whether nothing but reflectors was seen whose places the robot itself tells.
+    """Whether all rows see reflectors of the fixtures, whose places are identified with the robot.
 
-    They take up all that the last link and the tool do: no row speaks of where the flange lies.
+    Their places then absorb every change of the tool and the last link: no row determines where
+    the flange is.
     """
     return len(measurements) > 0 and bool((measurements.reflector != GIVEN).all())
 
 
 @dataclass(frozen=True, slots=True)
 class ToolTarget:
-    """A point that the tool carries."""
+    """A point fixed to the tool."""
 
     offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    """Where it lies in the tool frame, if it is no reflector of the model [m]."""
+    """Position in the tool frame, if it is no reflector of the model [m]."""
     reflector: int = GIVEN
     """Which reflector of the model's fixtures it is, from 0; -1: the point at `offset`.
 
-    The place of a reflector is a number of the model: what is uncertain of it counts.
+    The coordinates of a reflector are numbers of the model, and their uncertainty counts.
     """
 
     @classmethod
@@ -42,7 +43,7 @@ class ToolTarget:
         return cls((x, y, z))
 
     def place(self, model: RobotModel) -> Array:
-        """Where it lies in the tool frame (3,) [m]."""
+        """Position (3,) in the tool frame [m]; an unknown reflector is an `InputError` (A3)."""
         if self.reflector == GIVEN:
             return np.array(self.offset)
         count = len(model.fixtures.reflectors)
@@ -52,18 +53,18 @@ class ToolTarget:
         return np.asarray(model.fixtures.reflectors[self.reflector])
 
     def positions(self, model: RobotModel, T: Array) -> Array:
-        """Its positions (N, 3) at tool poses T (N, 4, 4) of a model [m]."""
+        """World positions (N, 3) at tool poses T (N, 4, 4) of a model [m]."""
         return np.asarray(T[:, :3, 3] + T[:, :3, :3] @ self.place(model))
 
     def positions_and_rows(self, model: RobotModel, T: Array, J: Array) -> tuple[Array, Array]:
-        """Positions (N, 3), and their derivative (N, 3, P) by the model's numbers.
+        """World positions (N, 3) [m], and their derivative (N, 3, P) by the model's numbers.
 
         Parameters
         ----------
         model : RobotModel
-            Of P numbers.
+            Model of P numbers.
         T, J : (N, 4, 4) and (N, 6, P) arrays
-            Its poses, and their derivative, as `RobotModel.poses_and_jacobian` gives them.
+            Poses and Jacobian as `RobotModel.poses_and_jacobian` gives them.
         """
         position, rows = reflector_rows(T, J, np.broadcast_to(self.place(model), (len(T), 3)))
         if self.reflector != GIVEN:

@@ -113,21 +113,21 @@ class Bootstrap(Shown):
         worst, lean = int(np.argmax(off)), int(np.argmax(np.abs(self.bias)))
         if not self.settled:
             return (
-                f"{self.unconverged} of {N} virtual calibrations did not settle: the readings "
-                "hardly tell some numbers; vary the poses more, or free fewer numbers"
+                f"{self.unconverged} of {N} virtual calibrations did not converge: the readings "
+                "hardly determine some numbers; vary the poses more, or free fewer numbers"
             )
         if self.agrees:
-            late = f"; {self.unconverged} of them did not settle" if self.unconverged else ""
+            late = f"; {self.unconverged} of them did not converge" if self.unconverged else ""
             return (
-                f"{N} virtual calibrations scatter as the stated covariance says: standard "
+                f"{N} virtual calibrations scatter as the stated covariance predicts: standard "
                 f"deviations within {100 * off[worst]:.1f} %, bias within "
                 f"{abs(self.bias[lean]):.3f} standard deviations{late}"
             )
         return (
-            f"{N} virtual calibrations do not scatter as the stated covariance says: "
+            f"{N} virtual calibrations do not scatter as the stated covariance predicts: "
             f"{self.names[worst]} by a factor {self.ratio[worst]:.3f}, bias of {self.names[lean]} "
             f"{self.bias[lean]:+.3f} standard deviations; the model is not linear over its own "
-            "uncertainty, believe the replicates"
+            "uncertainty: trust the scatter of the replicates instead"
         )
 
 

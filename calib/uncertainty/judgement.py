@@ -131,7 +131,9 @@ def judge(
         Content of every statement.
     rng : numpy.random.Generator, optional
         Of virtual calibrations, which check whether linear propagation holds; by default none are
-        played. None are played for a robust loss or a prior either, nor with fixtures or distances.
+        played. None are played for a robust loss or a prior either, nor for what would have to be
+        fitted one by one: fixtures, distances, further stations or tools, springs, lengths that
+        follow the temperature.
     replicates : int
         Virtual calibrations.
     rejected_too : bool

@@ -105,12 +105,12 @@ def trust(
             words.append(_capital(tails.remedy))
     if nonlinear and belief is not None:
         words.append(
-            "Linear propagation does not hold here, so the parameters' part is that of virtual "
-            "calibrations: " + "; ".join(nonlinear)
+            "Linear propagation does not hold here, so the part of the parameters is taken from "
+            "virtual calibrations: " + "; ".join(nonlinear)
         )
     elif not nonlinear:
         words += [_capital(part.sentence) for part in (bootstrap, linear) if part is not None]
-    words += [f"Known to be in no stated noise: {text}" for text in unmodelled]
+    words += [f"Not covered by the stated noise: {text}" for text in unmodelled]
     return Trust("none" if belief is None else "region", refuted, tuple(words))
 
 
@@ -119,23 +119,26 @@ def _believed(
 ) -> list[str]:
     """What is believed, and what is in it."""
     um = 1e6 * belief.misfit.upper
-    what = f"a misfit of up to {um:.1f} um per axis is in it" if um > 0 else "no misfit is in it"
+    what = f"this includes a misfit of up to {um:.1f} um per axis" if um > 0 else "without misfit"
     words = [f"{_capital(point.sentence)}; {what}"]
     if point.move_sentence:
         words.append(_capital(point.move_sentence))
     words.append(_capital(belief.misfit.told(MISFIT in questions.said)))
     if belief.turned:
         words.append(
-            f"The angles are up to {1e3 * np.degrees(belief.turned):.2g} mdeg per axis further off "
-            "than their stated noise and the misfit explain; what that pulls the tool point by is "
-            "in the region"
+            f"The measured angles are off by up to {1e3 * np.degrees(belief.turned):.2g} mdeg per "
+            "axis more than their stated noise and the misfit explain; the region includes what "
+            "this does to the tool point"
         )
     if belief.n_guards:
-        words.append(f"{belief.n_guards} held-out poses guard the factor, k = {belief.factor:.2f}")
+        words.append(
+            f"{belief.n_guards} held-out poses guard the coverage factor, k = {belief.factor:.2f}"
+        )
     else:
         words.append(
-            f"No held-out pose guards the factor: {fewest_poses(belief.probability)} poses drawn "
-            "from where the robot is used would, and a stricter limit of the misfit stands in"
+            "No held-out pose guards the coverage factor, so a stricter limit of the misfit is "
+            f"used instead; {fewest_poses(belief.probability)} poses drawn from where the robot "
+            "is used would guard it"
         )
     if steps := steps_words(belief.proven):
         words.append(_capital(steps))
@@ -182,7 +185,7 @@ def _against(fit: Identification, held_out: HeldOut | None) -> list[str]:
         )
     if held_out is not None and held_out.p_value < RED:
         reasons.append(
-            f"errors at {len(held_out)} held-out poses are larger than they say (chi-square "
+            f"errors at {len(held_out)} held-out poses are larger than predicted (chi-square "
             f"{held_out.chi_square / (3 * len(held_out)):.2f} per degree of freedom, "
             f"p {chance(held_out.p_value)})"
         )
@@ -194,16 +197,17 @@ def _unrefuted(questions: Questions, held_out: HeldOut | None, frame: OtherFrame
     p = f"combined p {chance(questions.combined)}"
     of = "residuals" if held_out is None else "residuals and held-out errors"
     if questions.said:
-        said = " and ".join(questions.said)
+        motion = FRAME
         if frame is not None and frame.in_part:
-            said = said.replace(FRAME, "a motion that explains the held-out errors in part")
+            motion = "a motion that explains the held-out errors in part"
         elif frame is not None and not frame.found:
-            said = said.replace(FRAME, f"{FRAME}, by less than the region holds")
+            motion = f"{FRAME}, by less than the region allows for"
+        said = " and ".join(motion if name == FRAME else name for name in questions.said)
         least = max(p for p in questions.adjusted if p < LEVEL)
-        return f"A test of the {of} answers: {said} (p {chance(least)})"
+        return f"A test of the {of} shows {said} (p {chance(least)})"
     if not questions.agree:
         return f"The {of} together are larger than the stated noise makes likely ({p})"
-    return f"No test of the {of} contradicts the stated noise ({p}), which is no proof"
+    return f"No test of the {of} contradicts the stated noise ({p}), though that is no proof"
 
 
 def _capital(text: str) -> str:

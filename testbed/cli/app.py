@@ -13,9 +13,9 @@ app = typer.Typer(
     no_args_is_help=True,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
-    help="A metrology laboratory for robot arms. Virtual: know the truth, and see how close "
-    "calibration comes. Real: identify a robot from measurements, with proof on poses not used.",
-    epilog="Begin with: truebed run quick",
+    help="A metrology laboratory for robot arms. Virtual robots: know the truth, and see how close "
+    "calibration comes. Real robots: identify them from measurements, with proof on other poses.",
+    epilog="Start with: truebed run quick",
 )
 
 
@@ -34,10 +34,10 @@ def robots_like(incomplete: str) -> list[str]:
 
 
 Debug = Annotated[bool, typer.Option("--debug", help="Show the traceback of an error.")]
-Json = Annotated[bool, typer.Option("--json", help="Print JSON, also for errors.")]
+Json = Annotated[bool, typer.Option("--json", help="Print JSON, even for errors.")]
 Plain = Annotated[
     bool,
-    typer.Option("--plain", help="For screen readers: no drawn lines, no bar, one fact a line."),
+    typer.Option("--plain", help="For screen readers: no drawn lines, no bar, one fact per line."),
 ]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")]
 Run = Annotated[Path, typer.Argument(metavar="RUN", help="A run folder.")]
@@ -55,7 +55,8 @@ def show_version(value: bool) -> None:
 @app.callback()
 def top(
     version: Annotated[
-        bool, typer.Option("--version", callback=show_version, is_eager=True, help="Show it.")
+        bool,
+        typer.Option("--version", callback=show_version, is_eager=True, help="Show the version."),
     ] = False,
 ) -> None:
     """Keep the verbs apart from the options of the command itself."""

@@ -22,35 +22,35 @@ Scene = Annotated[
         metavar="SCENE", help="A scene's name or a .toml file.", autocompletion=scenes_like
     ),
 ]
-Seed = Annotated[int | None, typer.Option(help="Another seed.")]
+Seed = Annotated[int | None, typer.Option(help="Use another seed.")]
 Overwrite = Annotated[
-    bool, typer.Option("--overwrite", help="Rename an old run of that name first.")
+    bool, typer.Option("--overwrite", help="First rename an old run of that name.")
 ]
 Workers = Annotated[
-    str, typer.Option(metavar="N", help="Processes that play robots; auto: one a core.")
+    str, typer.Option(metavar="N", help="Processes that play robots; auto: one per core.")
 ]
 Scheduler = Annotated[
     str | None,
-    typer.Option(metavar="ADDRESS", help="Of dask: tcp://HOST:PORT or file:scheduler.json."),
+    typer.Option(metavar="ADDRESS", help="Dask scheduler: tcp://HOST:PORT or file:scheduler.json."),
 ]
 
 
 @app.command()
 def run(
     scene: Scene,
-    out: Annotated[Path | None, typer.Option(help="Folder [runs/SCENE-seedN].")] = None,
+    out: Annotated[Path | None, typer.Option(help="Output folder [runs/SCENE-seedN].")] = None,
     seed: Seed = None,
-    resume: Annotated[bool, typer.Option("--resume", help="Go on with a stopped run.")] = False,
+    resume: Annotated[bool, typer.Option("--resume", help="Continue a stopped run.")] = False,
     overwrite: Overwrite = False,
     export: Annotated[
         Path | None,
-        typer.Option(metavar="DIR", help="Write the measurements as files for identify, too."),
+        typer.Option(metavar="DIR", help="Also write the measurements as files for identify."),
     ] = None,
     workers: Workers = "1",
     scheduler: Scheduler = None,
     part: Annotated[
         str | None,
-        typer.Option("--slice", metavar="I/N", help="Play the I-th of N slices of robots only."),
+        typer.Option("--slice", metavar="I/N", help="Play only the I-th of N slices of robots."),
     ] = None,
     quiet: Quiet = False,
     as_json: Json = False,
@@ -128,9 +128,9 @@ def run(
 @app.command()
 def merge(
     runs: Annotated[
-        list[Path], typer.Argument(metavar="RUN RUN...", help="Folders of slices of one run.")
+        list[Path], typer.Argument(metavar="RUN RUN...", help="Folders with slices of one run.")
     ],
-    out: Annotated[Path, typer.Option(help="Folder of the whole run.")],
+    out: Annotated[Path, typer.Option(help="Folder for the whole run.")],
     overwrite: Overwrite = False,
     workers: Workers = "1",
     scheduler: Scheduler = None,
@@ -139,7 +139,7 @@ def merge(
     plain: Plain = False,
     debug: Debug = False,
 ) -> None:
-    """Join slices of a run from several folders. What is missing is played."""
+    """Join slices of a run from several folders. Missing parts are played."""
     with exit_codes(debug=debug, plain=plain, as_json=as_json, room=COMPUTING) as end:
         end.folder = out
         engine, more = engine_asked(workers, scheduler, quiet=quiet or as_json)

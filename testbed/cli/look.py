@@ -10,7 +10,7 @@ from testbed.cli.app import Debug, Json, Plain, Run, app, robots_like, scenes_li
 from testbed.cli.exit_codes import SOME_FAILED, exit_codes
 from testbed.cli.output import say, say_found, say_json, warn
 
-Trial = Annotated[str | None, typer.Option(metavar="NAME", help="Of this trial [the first].")]
+Trial = Annotated[str | None, typer.Option(metavar="NAME", help="Trial to show [the first].")]
 
 
 @app.command()
@@ -21,7 +21,7 @@ def scenes(
     plain: Plain = False,
     debug: Debug = False,
 ) -> None:
-    """List the scenes that ship, or show one with all its defaults."""
+    """List the shipped scenes, or show one with all its defaults."""
     with exit_codes(debug=debug, plain=plain):
         if name is not None:
             say(scene_in_full(name).rstrip())
@@ -64,7 +64,7 @@ def robots(
     plain: Plain = False,
     debug: Debug = False,
 ) -> None:
-    """List the robots that ship, or show one."""
+    """List the shipped robots, or show one."""
     with exit_codes(debug=debug, plain=plain):
         if name is not None:
             from testbed.cli.terminal import robot_text
@@ -82,15 +82,15 @@ def robots(
 def compare(
     runs: Annotated[
         list[Path],
-        typer.Argument(metavar="RUN RUN...", help="Folders, or one that holds them."),
+        typer.Argument(metavar="RUN RUN...", help="Folders, or one that contains them."),
     ],
     as_json: Json = False,
     plain: Plain = False,
     debug: Debug = False,
 ) -> None:
-    """Put runs, plans, calibrations or tests into tables.
+    """Compare runs, plans, calibrations or tests in tables.
 
-    Runs that are equal byte by byte are named.
+    Runs that are identical byte for byte are listed.
     """
     with exit_codes(debug=debug, plain=plain, as_json=as_json):
         from testbed.cli import compared
@@ -135,7 +135,7 @@ def report(
 ) -> None:
     """Write report.html, result.json and arrays.npz again.
 
-    From the records; nothing is computed again.
+    They are made from the records; nothing is recomputed.
     """
     with exit_codes(debug=debug, plain=plain) as end:
         from testbed.cli import handout
@@ -199,16 +199,17 @@ def view(
     folder: Run,
     trial: Trial = None,
     picture: Annotated[
-        Path | None, typer.Option(metavar="FILE.png", help="Make a picture, open no window.")
+        Path | None, typer.Option(metavar="FILE.png", help="Make a picture; no window opens.")
     ] = None,
     step: Annotated[
-        int | None, typer.Option(help="Step of the story in the picture, from 0 [the last].")
+        int | None, typer.Option(help="Step to show in the picture, from 0 [the last].")
     ] = None,
     html: Annotated[
-        Path | None, typer.Option(metavar="FILE.html", help="Make one page for browsers.")
+        Path | None, typer.Option(metavar="FILE.html", help="Make a web page that plays it.")
     ] = None,
     video: Annotated[
-        Path | None, typer.Option(metavar="FILE.mp4|gif", help="Make a film, in a minute or two.")
+        Path | None,
+        typer.Option(metavar="FILE.mp4|gif", help="Make a film; takes a minute or two."),
     ] = None,
     plain: Plain = False,
     debug: Debug = False,
@@ -261,7 +262,7 @@ def check_view(
 
 @app.command()
 def doctor(plain: Plain = False, debug: Debug = False) -> None:
-    """Show versions; check that three kinematics agree here."""
+    """Show versions; check that three kinematics agree on this machine."""
     with exit_codes(debug=debug, plain=plain) as end:
         from testbed.cli.doctor import LIMIT, check_kinematics
         from testbed.report.text import table

@@ -14,7 +14,7 @@ from testbed.machine import COMPUTING
 Data = Annotated[
     Path, typer.Argument(metavar="DATA", help="A session.toml, or a table: CSV, xlsx.")
 ]
-MaxMb = Annotated[float, typer.Option("--max-mb", help="Largest file read [MB].")]
+MaxMb = Annotated[float, typer.Option("--max-mb", help="Largest file that is read [MB].")]
 
 
 @app.command()
@@ -30,44 +30,44 @@ def identify(
     data: Data,
     config: Annotated[
         Path | None,
-        typer.Option(metavar="FILE", help="Names and units of the columns of a foreign CSV."),
+        typer.Option(metavar="FILE", help="File with names and units of the columns."),
     ] = None,
-    out: Annotated[Path | None, typer.Option(help="Folder [runs/DATA-identified].")] = None,
+    out: Annotated[Path | None, typer.Option(help="Output folder [runs/DATA-identified].")] = None,
     train: Annotated[
-        int | None, typer.Option(metavar="N", help="Poses to identify from; the rest is held out.")
+        int | None, typer.Option(metavar="N", help="Poses to identify from; the rest are held out.")
     ] = None,
     held_out: Annotated[
         int | None,
-        typer.Option(metavar="N", help="Poses to hold out; the rest identifies. 0: no proof."),
+        typer.Option(metavar="N", help="Poses to hold out; the rest identify. 0: no proof."),
     ] = None,
-    seed: Annotated[int, typer.Option(help="Draws which poses are held out.")] = 0,
+    seed: Annotated[int, typer.Option(help="Seed for drawing the held-out poses.")] = 0,
     test: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Held-out poses in a file of their own.")
+        Path | None, typer.Option(metavar="FILE", help="Held-out poses in a separate file.")
     ] = None,
     model: Annotated[
         str | None, typer.Option(help="geometric, extended or choose [as the session says].")
     ] = None,
     loss: Annotated[
-        str, typer.Option(help="auto leaves gross errors out; or squared, huber, cauchy.")
+        str, typer.Option(help="auto (no gross errors), squared, huber or cauchy.")
     ] = "auto",
     program: Annotated[
         Path | None, typer.Option(metavar="CSV", help="Joint or Cartesian targets to correct.")
     ] = None,
     package: Annotated[
         str | None,
-        typer.Option(metavar="NAME", help="ROS package that the URDF's meshes will lie in."),
+        typer.Option(metavar="NAME", help="ROS package that will hold the URDF's meshes."),
     ] = None,
     tip: Annotated[
-        str | None, typer.Option(metavar="LINK", help="Last link of a URDF or MJCF with several.")
+        str | None, typer.Option(metavar="LINK", help="Last link, if the file has several ends.")
     ] = None,
     mesh_root: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="Folder that meshes may lie in.")
+        Path | None, typer.Option(metavar="DIR", help="Folder that holds all meshes.")
     ] = None,
     allow_missing_meshes: Annotated[
         bool, typer.Option("--allow-missing-meshes", help="Draw links without their meshes.")
     ] = False,
     drop_invalid: Annotated[
-        bool, typer.Option("--drop-invalid", help="Leave rows out that are not numbers.")
+        bool, typer.Option("--drop-invalid", help="Leave out rows that are not numbers.")
     ] = False,
     max_mb: MaxMb = 100.0,
     overwrite: Overwrite = False,
@@ -78,10 +78,10 @@ def identify(
 ) -> None:
     """Calibrate a robot from measurements, with proof on other poses.
 
-    The folder gets parameters, the corrected robot, corrected programs, and a report.
+    The folder will hold parameters, the corrected robot, corrected programs, and a report.
 
-    Several visits of one robot are [[session]] tables of one session.toml. There
-    [identification] free = "frames" places a calibrated robot anew: base and tool alone are fitted.
+    Several visits to one robot are [[session]] tables in one session.toml. For a calibrated robot
+    that was moved, [identification] free = "frames" fits only base and tool.
     """
     with exit_codes(debug=debug, plain=plain, as_json=as_json, room=COMPUTING) as end:
         from testbed.cli.terminal import progress
@@ -143,14 +143,14 @@ def iso9283(
     data: Data,
     config: Annotated[
         Path | None,
-        typer.Option(metavar="FILE", help="A session.toml on how to read a table."),
+        typer.Option(metavar="FILE", help="A session.toml that says how to read a table."),
     ] = None,
-    out: Annotated[Path | None, typer.Option(help="Folder [runs/DATA-iso9283].")] = None,
+    out: Annotated[Path | None, typer.Option(help="Output folder [runs/DATA-iso9283].")] = None,
     drop_invalid: Annotated[
         bool,
         typer.Option(
             "--drop-invalid",
-            help="Leave rows out that are not numbers, and cycles that are not whole.",
+            help="Leave out rows that are not numbers, and incomplete cycles.",
         ),
     ] = False,
     max_mb: MaxMb = 100.0,

@@ -14,7 +14,7 @@ Out = Annotated[Path, typer.Option(metavar="FILE", help="File to write.")]
 new = typer.Typer(
     no_args_is_help=True,
     rich_markup_mode=None,
-    help="Propose a file to begin with: a session, a robot or a scene.",
+    help="Propose a file to start from: a session, a robot or a scene.",
 )
 app.add_typer(new, name="new")
 
@@ -23,13 +23,13 @@ app.add_typer(new, name="new")
 def session(
     data: Annotated[
         list[Path],
-        typer.Argument(metavar="DATA...", help="Tables, workbooks, exports, RAPID programs."),
+        typer.Argument(metavar="DATA...", help="Tables, workbooks, exports, robot programs."),
     ],
     robot: Annotated[
         str | None,
         typer.Option(
             metavar="ROBOT",
-            help="The robot that was measured: readings are tried.",
+            help="The measured robot, to try units and conventions.",
             autocompletion=robots_like,
         ),
     ] = None,
@@ -59,7 +59,7 @@ def session(
                 ("assumed", proposed.assumed),
                 ("unused", proposed.unused),
                 ("odd", proposed.odd),
-                ("to mend", proposed.to_mend),
+                ("to fix", proposed.to_mend),
             ):
                 for sentence in sentences:
                     say_found(f"  {label:7}  {sentence}")
@@ -76,14 +76,15 @@ def robot(
         typer.Argument(metavar="TABLE", help="Link numbers: columns theta, d, a, alpha; limits."),
     ] = None,
     joints: Annotated[
-        int, typer.Option(metavar="N", min=1, max=64, help="Joints, where there is no table.")
+        int,
+        typer.Option(metavar="N", min=1, max=64, help="Number of joints, if there is no table."),
     ] = 6,
     out: Out = Path("robot.toml"),
     quiet: Quiet = False,
     plain: Plain = False,
     debug: Debug = False,
 ) -> None:
-    """Write the robot.toml of a table of links, or one to fill in."""
+    """Write a robot.toml from a table of links, or one to fill in."""
     with exit_codes(debug=debug, plain=plain):
         from testbed.proposal.robot import robot_text
         from testbed.proposal.write import plain_name, require_new, write_new
@@ -147,14 +148,16 @@ def check(
     robot: Annotated[
         str | None,
         typer.Option(
-            metavar="ROBOT", help="Whose joints the data are.", autocompletion=robots_like
+            metavar="ROBOT",
+            help="Robot that the joint values belong to.",
+            autocompletion=robots_like,
         ),
     ] = None,
     as_json: Json = False,
     plain: Plain = False,
     debug: Debug = False,
 ) -> None:
-    """Read a file whole, say what it is and what is odd. Nothing is played."""
+    """Read a whole file, say what it is and what looks wrong. Nothing is computed."""
     with exit_codes(debug=debug, plain=plain, as_json=as_json):
         from testbed.proposal.check import checked
 
@@ -182,7 +185,7 @@ def schema(
 ) -> None:
     """Print the JSON Schema of a TOML file, for editors.
 
-    With it they complete and check keys.
+    Editors use it to complete and check keys.
     """
     with exit_codes(debug=debug, plain=plain):
         from testbed.schemas.editor import schema_text

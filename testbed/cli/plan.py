@@ -15,10 +15,10 @@ from testbed.machine import COMPUTING
 @app.command()
 def plan(
     scene: Scene,
-    out: Annotated[Path | None, typer.Option(help="Folder [runs/SCENE-seedN-plan].")] = None,
+    out: Annotated[Path | None, typer.Option(help="Output folder [runs/SCENE-seedN-plan].")] = None,
     seed: Seed = None,
     overwrite: Annotated[
-        bool, typer.Option("--overwrite", help="Rename an old plan of that name first.")
+        bool, typer.Option("--overwrite", help="First rename an old plan of that name.")
     ] = False,
     quiet: Quiet = False,
     as_json: Json = False,

@@ -24,7 +24,7 @@ def phases_of(rrd: Path) -> tuple[dict[str, int], int]:
         with warnings.catch_warnings(action="ignore"):  # of what is raised as an error, too
             chunks = list(RrdReader(str(rrd)).store().stream())
     except (OSError, RuntimeError, ValueError) as error:  # whatever is wrong with the file
-        message, fix = "is no recording, or is not whole", "write it again: truebed record RUN"
+        message, fix = "is not a recording, or is incomplete", "write it again: truebed record RUN"
         raise refuse("rrd", code="F3", message=message, fix=fix, where=str(rrd)) from error
     for chunk in chunks:
         batch = None if chunk.is_static else chunk.to_record_batch()

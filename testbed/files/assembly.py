@@ -212,7 +212,7 @@ def _repeats(
         row = int(first[np.argmax(count > 1)])
         later = next(int(k) for k in np.flatnonzero((key == key[row]).all(axis=1)) if k != row)
         message = (
-            f"pose {names[pose[row]]}, visit {repeat[row]} is there twice, first in "
+            f"pose {names[pose[row]]}, visit {repeat[row]} appears twice, first in "
             f"line {place[row].rpartition(':')[2]}"
         )
         fix = "number the visits 0, 1, 2 ... in the column repeat"

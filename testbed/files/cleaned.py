@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 from calib.errors import InputError
-from testbed.files.dialects.rapid import read_rapid
+from testbed.files.dialects.controllers.read import joints_in
 from testbed.files.dialects.spatial_analyzer import read_sa
 from testbed.files.dialects.tables import (
     FileTable,
@@ -29,6 +29,7 @@ from testbed.files.session import Drift, Sources
 from testbed.files.session_toml import SessionFile
 from testbed.files.table import DataTable, table_of
 from testbed.files.text import Sheet, read_sheet
+from testbed.gates.kinds import require_no_program
 from testbed.gates.text import FileText
 
 BEGINNING = 1000
@@ -86,6 +87,7 @@ def _cleaned(
     """Readings of one file without nests, lost readings and drift."""
     warnings, table = list[str](), None
     if isinstance(section, OpticalTable) and section.format == "sa":
+        require_no_program(text.lines, text.where)
         readings = read_sa(text, section, settings.uncertainty, drop=drop)
     else:
         _try_beginning(text, section, settings)
@@ -169,8 +171,10 @@ def _holds(sheet: Sheet, section: PointsTable, own: bool) -> bool:
 def table_in(text: FileText, settings: SessionFile, *sections: FileTable | None) -> DataTable:
     """The table of a CSV under our column names."""
     dialect = settings.dialect
-    if isinstance(sections[0], JointsTable) and sections[0].format == "rapid":
-        return table_of(read_rapid(text), {}, decimal=".")
+    own = sections[0]
+    if isinstance(own, JointsTable) and own.format != "csv":
+        return table_of(joints_in(text, own.format).sheet, {}, decimal=".")
+    require_no_program(text.lines, text.where)
     sheet = of_stops(read_sheet(text, separator=dialect.separator or "", header=dialect.header))
     for k, section in enumerate(sections):
         if isinstance(section, PointsTable) and section.targets and _holds(sheet, section, k == 0):

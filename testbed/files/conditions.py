@@ -97,7 +97,9 @@ def conditions_of(table: DataTable, good: Bool) -> Conditions:
     if payload is not None and (below := good & (payload < 0)).any():
         row = int(np.argmax(below))
         message, allowed = f"{name} is {payload[row]:g}", "a payload is 0 kg or more"
-        raise refusal(table.place(row), name, message, allowed=allowed, code="M25", fix="mend it")
+        raise refusal(
+            table.place(row), name, message, allowed=allowed, code="M25", fix="correct it"
+        )
     tools = table.texts_of(COLUMNS["tool"]) or ()
     center = table.find("length", *CENTERS)
     if center is not None and payload is None:

@@ -13,7 +13,7 @@ from testbed.files.conditions import CENTERS, conditions_of
 from testbed.files.refusal import refusal
 from testbed.files.rows.beside import BesideJoints, beside_of, drive_columns
 from testbed.files.rows.limits import check_limits
-from testbed.files.rows.times import days_of, times_of
+from testbed.files.rows.times import Moments, days_of, moments_of, times_of
 from testbed.files.session import rows_of
 from testbed.files.table import Columns, DataTable, together
 from testbed.files.valid import valid_rows
@@ -21,6 +21,11 @@ from testbed.robots.robot import Robot
 from testbed.strict import choice_of
 
 SPLITS = ("identify", "test")
+HELD = (
+    "; a joint that rods hold needs none where its robot.toml says so under [controller]: joints = "
+    '["q4 = -q2 - q3"]'
+)
+"""What to do where one joint has no column."""
 Source = Literal["commanded", "read-back"]
 
 
@@ -34,6 +39,8 @@ class Extras:
     approach: tuple[str, ...] | None = None
     conditions: Conditions = field(default_factory=Conditions)
     time: Array | None = None
+    moments: Moments | None = None
+    """Of `time`, or of what tells no order."""
     days: tuple[str, ...] = ()
     """First and last ISO day of the rows, where their times are dates."""
     beside: BesideJoints = field(default_factory=BesideJoints)
@@ -42,7 +49,12 @@ class Extras:
     def rows(self, index: Index) -> "Extras":
         """The same for some rows (indices)."""
         some = rows_of(self, index, ("pose", "repeat", "split", "approach", "time"))
-        return replace(some, conditions=self.conditions.rows(index), beside=self.beside.rows(index))
+        return replace(
+            some,
+            moments=self.moments.rows(index) if self.moments is not None else None,
+            conditions=self.conditions.rows(index),
+            beside=self.beside.rows(index),
+        )
 
 
 def extra_columns(table: DataTable) -> Columns:
@@ -68,7 +80,8 @@ def extras_of(table: DataTable, good: Bool) -> Extras:
                 table.place(row), "split", f'split is "{word[:20]}"', value=word[:20],
                 allowed="it is identify or test", fix=fix,
             )  # fmt: skip
-    time, warnings = times_of(table, good)
+    moments, unread = moments_of(table, good)
+    time, still = times_of(moments, good, table.where)
     return Extras(
         pose=table.texts_of("pose_id"),
         repeat=_repeats(table, good) if "repeat" in table else None,
@@ -76,9 +89,10 @@ def extras_of(table: DataTable, good: Bool) -> Extras:
         approach=table.texts_of("approach"),
         conditions=conditions_of(table, good),
         time=time,
+        moments=moments,
         days=days_of(table, good),
         beside=beside_of(table, good),
-        warnings=warnings,
+        warnings=still or unread,
     )
 
 
@@ -90,7 +104,7 @@ def _repeats(table: DataTable, good: Bool) -> Index:
         row = int(np.argmax(wrong))
         message = f'repeat is "{table.texts("repeat")[row][:20]}"'
         allowed = "it is a whole number, 0 for the first visit"
-        raise refusal(table.place(row), "repeat", message, allowed=allowed, fix="mend it")
+        raise refusal(table.place(row), "repeat", message, allowed=allowed, fix="correct it")
     return values.astype(np.int64)
 
 
@@ -200,7 +214,8 @@ def _missing(table: DataTable, robot: Robot, tail: str) -> InputError:
         f"{robot.name}",
         value=", ".join(table.names)[:200],
         allowed=f"needed: {', '.join(missing)}; {table.found(120)}",
-        fix="name the columns so, with the unit, or let `truebed new session` propose them",
+        fix="name the columns so, with the unit, or let `truebed new session` propose them"
+        + HELD * (len(missing) == 1 < len(found)),
     )  # fmt: skip
 
 

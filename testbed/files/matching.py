@@ -55,12 +55,14 @@ def by_order(joints: Joints, readings: Readings, model: RobotModel) -> Match:
         most = Counter(readings.target).most_common(1)[0][0] if len(readings) else ""
         rows = np.flatnonzero(np.array(readings.target) == most)
         where, parting = parted(model, joints, readings, rows)
+        timed = joints.extras.moments is not None and readings.extras.moments is not None
+        more = ', or let match = "time" hold their times against each other' if timed else ""
         raise refusal(
             where, "match",
             f"there are {len(readings)} readings for {len(joints)} joint vectors in {joints.where}"
             + parting,
             code="M31", allowed='match = "order" needs as many of both',
-            fix="remove the extra rows, or number both files in a column pose_id",
+            fix=f"remove the extra rows, or number both files in a column pose_id{more}",
         )  # fmt: skip
     return Match(np.arange(len(joints)), np.arange(len(readings)))
 
@@ -85,7 +87,7 @@ def by_cycle(joints: Joints, readings: Readings, model: RobotModel) -> Match:
             where, "target",
             f"targets were shot {shown} times for {len(joints)} joint vectors{parting}", code="M31",
             allowed="cycling names count poses only if all counts agree",
-            fix="mend the export, or give each pose a group of its own",
+            fix="correct the export, or give each pose a group of its own",
         )  # fmt: skip
     return Match(number, np.arange(len(readings)))
 
@@ -232,6 +234,6 @@ def _listed(keys: Sequence[tuple[str, int]]) -> str:
 
 def _mismatch(where: str, what: str, keys: Sequence[tuple[str, int]], more: str = "") -> InputError:
     """The error of poses that do not match."""
-    message, fix = f"{what} {_listed(keys)}", f"mend the column pose_id{more}"
+    message, fix = f"{what} {_listed(keys)}", f"correct the column pose_id{more}"
     names = [name for name, _ in keys[:SHOWN]]
     return refusal(where, "pose_id", message, code="M31", value=names, fix=fix)

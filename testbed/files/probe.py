@@ -27,8 +27,9 @@ from testbed.files.alternatives import (
 from testbed.files.frames_fit import FAR, Misfit, flange_poses, target_groups
 from testbed.files.refusal import refusal
 from testbed.files.rows.exact import exactness
+from testbed.files.rows.names import exchanged_names
 from testbed.files.rows.one_tool import named_target, not_on_one_tool
-from testbed.files.rows.ratios import ratios_that_fit
+from testbed.files.rows.ratios import SUSPECT, ratios_that_fit
 from testbed.files.rows.shifts import (
     FEWEST,
     Shifted,
@@ -104,12 +105,12 @@ class Probe:
     def sentence(self) -> str:
         """The fit of the stated reading and of the best other one in words."""
         if self.stated is None:
-            return f"too few poses to try other readings of the file; at least {FEWEST}"
-        sentence = f"base and tool alone leave {self.stated.shown}"
+            return f"too few poses to try other interpretations of the file; at least {FEWEST}"
+        sentence = f"with only base and tool fitted, the errors are {self.stated.shown}"
         if self.best is None:
             return sentence
         count, left = len(self.tried), self.best.misfit.shown
-        return f"{sentence}; the best of {count} other readings leaves {left}"
+        return f"{sentence}; with the best of {count} other interpretations, {left}"
 
     def raise_if_wrong(self) -> None:
         """Refuse a file that is read wrongly, or that is not of this robot.
@@ -133,8 +134,8 @@ class Probe:
             other = wrong.alternative
             raise refusal(
                 self.where, other.field,
-                f"with base and tool fitted the readings miss the robot by {stated.shown}; only "
-                f"{wrong.misfit.shown} {other.condition}",
+                f"with base and tool fitted, the readings miss the robot by {stated.shown}, but "
+                f"only by {wrong.misfit.shown} {other.condition}",
                 code=other.code, value=stated.position, fix=other.fix,
             )  # fmt: skip
         elif self.no_target is not None:
@@ -142,10 +143,10 @@ class Probe:
         elif min([stated.score, *(tried.misfit.score for tried in self.tried)]) > FAR:
             raise refusal(
                 self.where, "ROBOT",
-                f"with base and tool fitted the readings miss the robot by {stated.shown}, and by "
-                f"{FAR * 1e3:g} mm or more however the file is read", code="M32",
+                f"with base and tool fitted, the readings miss the robot by {stated.shown}, and by "
+                f"{FAR * 1e3:g} mm or more however the file is interpreted", code="M32",
                 value=stated.position,
-                allowed=f"those of a {self.robot} miss it by a few mm",
+                allowed=f"those of a {self.robot} would miss it by a few mm",
                 fix="is this the robot that was measured?",
             )  # fmt: skip
 
@@ -187,6 +188,9 @@ def probe(robot: Robot, session: Session) -> Probe:
     ]
     fitting = ratios_that_fit(robot, read, stated)
     tried += [Tried(coupling_of(one), left) for one, left in fitting]
+    if stated.score > SUSPECT:
+        renamed = exchanged_names(robot.model, session, groups, rows)
+        tried += [Tried(one.alternative, misfit_of(robot.model, one.read)) for one in renamed]
     some_lines = lines or other_rows(session, rows)
     tried += [_of_rows(robot.model, one, stated.score) for one in some_lines]
     tried.sort(key=lambda one: one.misfit.score)

@@ -13,6 +13,8 @@ from testbed.files.uncertainty import Spread
 
 SHOWN = 10
 """Lines named in one sentence."""
+COPIES = "copies of earlier readings, digit for digit"
+"""What rows are that repeat the digits of others."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -110,8 +112,7 @@ def copied_rows(readings: Readings, *beside: Array | Index) -> tuple[Bool, list[
     _, first = np.unique(key, axis=0, return_index=True)
     copies = np.ones(len(readings), dtype=bool)
     copies[first] = False
-    sentence = "copies of earlier readings, digit for digit; each counts once"
-    return ~copies, rows_said(readings.place, copies, sentence)
+    return ~copies, rows_said(readings.place, copies, f"{COPIES}; each counts once")
 
 
 def rows_said(place: Sequence[str], rows: Bool, what: str, *, left: str = "left out ") -> list[str]:

@@ -214,7 +214,7 @@ def _checked_matrices(R: Array, table: DataTable) -> tuple[Array, list[str]]:
         message = (
             "the matrix mirrors: its determinant is negative"
             if mirrored.size
-            else f"the matrix is no rotation: R'R is off the unit matrix by {off[row]:.2g}"
+            else f"the matrix is not a rotation: R'R is off the unit matrix by {off[row]:.2g}"
         )
         raise refusal(
             table.place(row), "r11", message, code="M23",

@@ -183,8 +183,12 @@ class SessionFile(Strict):
     """Robot that was measured; a warning if the command names another one."""
     simulated: bool = False
     """Whether a virtual tracker measured: the report then says so."""
-    match: Literal["pose_id", "order"] = "pose_id"
-    """Joints and readings belong together by their pose_id, or row by row."""
+    match: Literal["pose_id", "order", "time"] = "pose_id"
+    """Joints and readings belong together by their pose_id, row by row, or by the times in both
+    files, which are of one clock."""
+    match_within_s: Annotated[float, Field(ge=0.0, le=60.0)] = 0.0
+    """For match = "time": how far apart a reading and its joints may be; 0: their times are equal.
+    All joints so near must be one pose."""
     split: Literal["column", "ignore"] = "column"
     """Whether a column `split` decides which rows are held out."""
     dialect: DialectTable = DialectTable()
@@ -212,7 +216,10 @@ class SessionFile(Strict):
     @property
     def odd(self) -> tuple[str, ...]:
         """Sentences on numbers that are hardly meant."""
-        return (*self.uncertainty.odd, *(self.tolerance.odd if self.tolerance else ()))
+        odd = [*self.uncertainty.odd, *(self.tolerance.odd if self.tolerance else ())]
+        if self.match_within_s and self.match != "time":
+            odd.append(f'match_within_s changes nothing: match is "{self.match}", not "time"')
+        return tuple(odd)
 
     @property
     def observed(self) -> tuple[ObservedTable, ...]:

@@ -111,7 +111,7 @@ class DataTable:
         there = {stem: [f"{stem}_{u}" for u in units if f"{stem}_{u}" in self] for stem in stems}
         for stem, names in there.items():
             if len(names) > 1:
-                message = f"{' and '.join(names)} are both there"
+                message = f"{' and '.join(names)} are both present"
                 raise refusal(self.where, stem, message, fix="keep one of them")
         found = tuple(name for names in there.values() for name in names)
         if not found:
@@ -243,7 +243,7 @@ def require_short(table: DataTable, name: str) -> None:
 
 def unknown_column(where: str, key: str, own: str, fix: str) -> InputError:
     """The error of a name under a key of session.toml that is none of ours; a likely one first."""
-    message = f'{key.rpartition(".")[2]}: "{own}" is no column of this program'
+    message = f'{key.rpartition(".")[2]}: "{own}" is not a column of this program'
     return refusal(where, key, message, code="S37", value=own, fix=close_to(own) or fix)
 
 

@@ -182,7 +182,7 @@ def _reflector_places(parts: Sequence[TargetPart]) -> dict[str, Array | None]:
                     "session.toml", f"{part.section.name}.reflectors_mm",
                     f'the reflector "{name}" is {_shown(stated[name])} in one table and '
                     f"{_shown(place)} in [{part.section.name}]",
-                    code="S37", value=name, fix="state one place of it",
+                    code="S37", value=name, fix="state only one of them",
                 )  # fmt: skip
     for part in parts:
         for name in part.readings.target if part.readings.kind != "pose" and stated else ():
@@ -218,7 +218,7 @@ def _anchor_places(parts: Sequence[TargetPart], names: Sequence[str]) -> list[Ar
     for name in names:
         if name not in stated:
             raise refusal(
-                where, "ranges.anchors_mm", f'nothing says where the anchor "{name}" is',
+                where, "ranges.anchors_mm", f'nothing states where the anchor "{name}" is',
                 code="S37", value=name,
                 allowed='give its place in the world [mm], or "free" where it is to be found',
                 fix=f'write anchors_mm = {{ "{name}" = "free" }} under [ranges]',

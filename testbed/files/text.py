@@ -196,7 +196,10 @@ def _check_lengths(sheet: Sheet) -> None:
     if not wrong:
         return
     count = len(sheet.rows[wrong[0]])
-    message, fix = f"has {counted(count, 'cell')}; the first line names {width} columns", "mend it"
+    message, fix = (
+        f"has {counted(count, 'cell')}; the first line names {width} columns",
+        "correct it",
+    )
     if sheet.separator == "comma" and count > width:
         message += " (is the comma separator and decimal mark in one?)"
         fix = "save it with ; between the cells, or with a decimal point"

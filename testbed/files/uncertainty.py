@@ -121,7 +121,7 @@ def require_shown(settings: UncertaintyTable, table: Measurements, where: str) -
     if beam and optical and settings.systematic.station_mm is None:
         raise refusal(
             where, "uncertainty.systematic.station_mm",
-            f"[uncertainty.systematic] has {' and '.join(beam)}, but nothing says where the "
+            f"[uncertainty.systematic] has {' and '.join(beam)}, but nothing states where the "
             "instrument stands",
             code="M33", allowed="station_mm, where its beam starts in the frame of the coordinates",
             fix="write station_mm = [0, 0, 0] where the coordinates are in its own frame",
@@ -151,7 +151,7 @@ def _part(
         columns = {"position": "ux_mm uy_mm uz_mm", "rotation": "urx_deg ury_deg urz_deg"}
         key = f"{part}_{unit}"
         raise refusal(
-            where, f"uncertainty.{key}", f"nothing says how well the {part} was measured",
+            where, f"uncertainty.{key}", f"nothing states how well the {part} was measured",
             code="M33",
             allowed=f"columns {columns.get(part, 'u_distance_mm')}, or {key} under [uncertainty] "
             "in session.toml (k = 1)",
@@ -173,7 +173,7 @@ def _without_zeros(table: DataTable, columns: Columns, good: Bool) -> tuple[Arra
         name = columns.names[k]
         message = f'{table.names[name]} is "{table.texts(name)[row][:20]}"'
         raise refusal(
-            table.place(row), name, message, code="M33", allowed=ABOVE_ZERO, fix="mend it"
+            table.place(row), name, message, code="M33", allowed=ABOVE_ZERO, fix="correct it"
         )
     warnings = []
     for k, (name, factor) in enumerate(zip(columns.names, columns.factors, strict=True)):

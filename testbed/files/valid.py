@@ -3,7 +3,7 @@
 import numpy as np
 
 from calib.arrays import Bool
-from testbed.files.columns import bound_of, unit_of
+from testbed.files.columns import ANGLES, bound_of, unit_of
 from testbed.files.refusal import refusal
 from testbed.files.table import Columns, DataTable
 
@@ -38,7 +38,7 @@ def valid_rows(table: DataTable, columns: Columns, *, drop: bool | None) -> tupl
     warnings = []
     for wrong, what, code in (
         (~numeric, "cells that are not numbers", "M25"),
-        (beyond, "numbers beyond sense", "V9"),
+        (beyond, "implausible numbers", "V9"),
     ):
         if not wrong.any():
             continue
@@ -46,7 +46,11 @@ def valid_rows(table: DataTable, columns: Columns, *, drop: bool | None) -> tupl
         name = names[first]
         allowed = bounds[first].allowed(unit_of(name)) if code == "V9" else ""
         if not drop:
-            fix = "mend them" if drop is None else "mend them or add --drop-invalid"
+            fix = "correct them" if drop is None else "correct them or add --drop-invalid"
+            if code == "V9" and wrong.any(axis=1).mean() > 0.5:  # little would be left
+                fix = f"check the unit of {table.names[name]}"
+                if unit_of(name) in ANGLES:
+                    fix += "; counts of an encoder are no angles"
             raise refusal(
                 table.where, table.names[name], message, code=code, allowed=allowed, fix=fix,
                 value=int(wrong.any(axis=1).sum()),

@@ -2,7 +2,7 @@
 
 import re
 import shlex
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal
 
@@ -34,23 +34,33 @@ NO_TABLES = {
     **{ending: f"a {ending[1:].upper()} file" for ending in (".toml", ".json", ".yaml", ".yml")},
 }
 PROGRAMS = {
-    "a KRL program (KUKA)": re.compile(
-        r"\s*(&(ACCESS|REL|PARAM)\b|(GLOBAL\s+)?DEF(DAT|FCT)?\s+\w+)"
+    "rapid": ("a RAPID program", re.compile(r"\s*MODULE\s+\w+\s*(\(\w+\)\s*)?$")),
+    "krl": (
+        "a KRL program (KUKA)",
+        re.compile(
+            r"\s*(&(ACCESS|REL|PARAM)\b|(GLOBAL\s+)?DEF(DAT|FCT)?\s+\w+|S?PTP\s*\{"
+            r"|(GLOBAL\s+|DECL\s+){0,2}(E6)?AXIS\s+\w)"
+        ),
     ),
-    "a TP program (FANUC)": re.compile(r"\s*/(PROG|ATTR|MN|POS)\b"),
-    "an INFORM job (Yaskawa)": re.compile(r"\s*/(JOB|/NAME|/POS)\b"),
-    "a URScript program (Universal Robots)": re.compile(
-        r"\s*(def\s+\w+\s*\(.*\)\s*:|move[jlpc]\s*\(\s*(p?\[|get_))"
+    "fanuc": (
+        "a TP program (FANUC)",
+        re.compile(r"\s*(/(PROG|ATTR|MN|POS)\b|P\[\d+[^\]]{0,99}\]\s*\{)"),
     ),
-    "a VAL3 program (Stäubli)": re.compile(
-        r"\s*(program\s+\w+\s*\(|begin\s*$|move[jlc]\s*\(\s*\w)"
+    "inform": ("an INFORM job (Yaskawa)", re.compile(r"\s*/(JOB|/NAME|/POS)\b")),
+    "urscript": (
+        "a URScript program (Universal Robots)",
+        re.compile(r"\s*(def\s+\w+\s*\(.*\)\s*:|move[jlpc]\s*\(\s*(p?\[|get_))"),
+    ),
+    "val3": (
+        "a VAL3 program (Stäubli)",
+        re.compile(r"\s*(program\s+\w+\s*\(|begin\s*$|move[jlc]\s*\(\s*\w)"),
     ),
 }
-"""A line of programs of robots that are not read, among their first ones."""
+"""What a program of a robot is called, and a line of one, among its first ones."""
 FIRST = 20
-ONLY_RAPID = (
-    "write its joint targets as a CSV, one a line, under a line q1_deg, q2_deg ...; the only "
-    "programs that sessions read are RAPID"
+AS_TABLE = (
+    "write its joint targets as a CSV, one a line, under a line q1_deg, q2_deg ...; `truebed new "
+    "session` reads those of RAPID, KRL, TP (.ls) and URScript as they are"
 )
 OF_SESSIONS = {
     "joints", "frames", "points", "ranges", "drift", "dialect", "match", "session", "cycles",
@@ -112,18 +122,25 @@ def require_table(path: Path, where: str) -> None:
         raise refuse("file", code="S39", message=message, fix=fix, where=where)
 
 
-def require_no_program(lines: Sequence[str], where: str) -> None:
-    """Refuse the program of a robot where a table is wanted.
+def program_of(lines: Sequence[str]) -> str:
+    """Which of `PROGRAMS` some lines are; empty if they are none."""
+    first = lines[:FIRST]
+    found = (own for own, (_, line) in PROGRAMS.items() if any(map(line.match, first)))
+    return next(found, "")
+
+
+def require_no_program(lines: Sequence[str], where: str, read: Collection[str] = ()) -> None:
+    """Refuse the program of a robot where a table is wanted, but for the languages that are `read`.
 
     Raises
     ------
     InputError
-        S39: it is one of `PROGRAMS`.
+        S39: it is another one of `PROGRAMS`.
     """
-    for called, line in PROGRAMS.items():
-        if any(map(line.match, lines[:FIRST])):
-            message, fix = f"is {called}, and a table is wanted here", ONLY_RAPID
-            raise refuse("file", code="S39", message=message, fix=fix, where=where)
+    own = program_of(lines)
+    if own and own not in read:
+        message, fix = f"is {PROGRAMS[own][0]}, and a table is wanted here", AS_TABLE
+        raise refuse("file", code="S39", message=message, fix=fix, where=where)
 
 
 def wrong_kind(kind: str, wanted: str, where: str) -> InputError:

@@ -98,10 +98,9 @@ def in_words(
         wanted = context.get("min_length", context.get("max_length"))
         bound = "at least" if kind == "too_short" else "at most"
         found = len(value) if isinstance(value, list | Mapping) else context["actual_length"]
-        belong = f"belong{'s' if wanted == 1 else ''} there"
         message = f"{at} has {counted(found, 'entry')}"
-        allowed = f"{bound} {counted(wanted, 'entry')} {belong}"
-        return Fault(path, message, "S37", allowed, "mend the list", value)
+        allowed = f"it must have {bound} {wanted}"
+        return Fault(path, message, "S37", allowed, "correct the list", value)
     if kind in BOUNDS:
         allowed = f"it must be {BOUNDS[kind].format(**context, unit=_unit_at(path))}"
         return Fault(path, said, "C41", allowed, "choose a value in range", value)

@@ -82,7 +82,7 @@ def toml_document(data: bytes, where: str) -> dict[str, Any]:
     try:
         return tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
-        fix = "mend that line; strings need quotes, numbers and true/false do not"
+        fix = "correct that line; strings need quotes, numbers and true/false do not"
         raise _refused(where, f"is not TOML: {error}", fix=fix) from error
     except ValueError as error:  # int() refuses numbers of thousands of digits
         fix = "write ordinary numbers"

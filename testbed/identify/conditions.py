@@ -26,9 +26,9 @@ def conditions_words(calibration: Calibration) -> str:
         parts.append(f"{'from' if ' to ' in set_up.date else 'on'} {set_up.date}")
     said = [f"Measured {' '.join(parts)}."] if parts else []
     if missing := [f"the {kind}" for kind in UNITS if kind not in rows.stated]:
-        are = "are" if len(missing) > 1 else "is"
-        text = f"{listed(missing)} of the measurements {are} not stated"
-        said.append(f"{text[0].upper()}{text[1:]}: what is said holds as long as nothing differs.")
+        are, they = ("are", "they stay") if len(missing) > 1 else ("is", "it stays")
+        text = f"{listed(missing)} during the measurements {are} not stated"
+        said.append(f"{text[0].upper()}{text[1:]}: the results hold as long as {they} the same.")
     return " ".join(said)
 
 
@@ -40,9 +40,7 @@ def held_out_warnings(
     found = departure(conditions.rows(used), there, int(is_test.sum()), set_up.tolerance)
     return tuple(
         f"{said}: they judge the calibration under other conditions than those it was made under"
-        for said in found.clauses(
-            partial(counted, "held-out row"), "the rows identified from"
-        ).values()
+        for said in found.clauses(partial(counted, "held-out row"), "the training rows").values()
     )
 
 

@@ -125,9 +125,9 @@ def decision_words(calibration: Calibration, delivered: Delivered) -> tuple[str,
         return ()
     if line := decision_line(decided_at(calibration, delivered)):
         return tuple(filter(None, (line, would_decide(calibration))))
-    why = "no region of the tool point is believed"
+    why = "no region of the tool point can be believed"
     if calibration.elsewhere:
-        why = "the held-out poses stand apart from the others"
+        why = "the held-out poses are off as a whole"
     return (f"Tolerance {asked.tolerance * UM:.6g} um: UNDECIDED: {why}.",)
 
 
@@ -160,13 +160,13 @@ def would_decide(calibration: Calibration) -> str:
     if np.isfinite(found.quieter):
         shots = int(np.ceil(found.quieter**2))
         ways.append(
-            f"readings {significant(found.quieter, 2)} times quieter (of each pose the mean of "
-            f"{shots} re-approached shots)"
+            f"readings with {significant(found.quieter, 2)} times less noise (the mean of {shots} "
+            "readings of each pose, approached anew each time)"
         )
     if ways:
-        return f"{said}By forecast, {' or '.join(ways)} would decide it."
-    stays = [f"{significant(found.staying * UM)} um stay"] if found.staying else []
-    stays += [f"{significant(found.shared * UM)} um are what all readings share"] * bool(
+        return f"{said}According to a forecast, {' or '.join(ways)} would decide it."
+    stays = [f"{significant(found.staying * UM)} um remain"] if found.staying else []
+    stays += [f"{significant(found.shared * UM)} um are shared by all readings"] * bool(
         found.shared
     )
     why = f": of R95, {listed(stays)}" if stays else ""
@@ -185,18 +185,17 @@ def decision_section(found: tuple[Decided, ...]) -> Section | None:
         far = fixed(float(one.by.distance.max()) * UM, 1)
         rows.append((one.what, *map(str, one.counts.values()), far, band, risk))
     told = (
-        "Pass: the predicted mean point lies at least the guard band, its R95, inside the "
-        "tolerance; fail: at least as much outside; in between, or without a region, no decision "
-        "is possible. A pass has a risk of at most 5 % that the point is out of tolerance."
+        "Pass: the predicted mean point lies inside the tolerance by at least the guard band, "
+        "which is its R95. Fail: it lies outside by at least as much. In between, or without a "
+        "region, no decision is possible. The risk that a point that passed is out of tolerance "
+        "is at most 5 %."
         if guarded
-        else "Simple acceptance, as asked for: pass where the predicted mean point lies within the "
-        "tolerance, without a guard band. The table says how large the risk of a pass is; at the "
-        "limit it is 50 % or more."
+        else "Simple acceptance, as requested: a point passes if its predicted mean lies within "
+        "the tolerance, without a guard band. The table shows how large the risk of a pass is; at "
+        "the limit it is 50 % or more."
     )
     if any(one.by.hopeless.any() for one in found):
-        told += (
-            " At some points the tolerance is smaller than R95: no pass is possible there at all."
-        )
+        told += " At some points the tolerance is smaller than R95, so they cannot pass at all."
     blocks: tuple[Block, ...] = (
         Table(
             caption=f"Tolerance {found[0].by.tolerance * UM:.6g} um on the distance of "
@@ -207,8 +206,8 @@ def decision_section(found: tuple[Decided, ...]) -> Section | None:
             ),
             rows=tuple(rows),
             align="lrrrrrr",
-            note="What is decided on is the mean point by the identified model. Corrected: what "
-            "the correction leaves by that model, nothing but a remainder of rounding.",
+            note="The decisions are about the mean point that the identified model predicts. "
+            "Corrected: by that model, the correction leaves nothing but rounding.",
         ),
         Text(told),
     )  # fmt: skip

@@ -13,12 +13,12 @@ FAR = 5.0
 FITS = 3.0
 """Readings missed by fewer medians than that fit."""
 LOOK = {
-    "inside": "look at its shot, or the model misses there",
-    "edge": "it lies at the edge of what the others prove, and the model may miss there",
-    "outside": "it lies outside what the others prove, and the model may miss there",
+    "inside": "check its reading, or the model may fail there",
+    "edge": "it lies at the edge of what the others prove, where the model may fail",
+    "outside": "it lies outside what the others prove, where the model may fail",
 }
 """What is said of a held-out row far off, by its place."""
-ALONE = "another reading of that pose fits, so look at its shot"
+ALONE = "another reading of that pose fits, so check this one"
 """What is said where neither the arm nor its model can be to blame."""
 
 
@@ -54,8 +54,8 @@ def held_out_outliers(
         others = is_test & (poses == poses[row]) & ~far
         look = ALONE if others.any() and (medians[others] < FITS).all() else LOOK[place]
         said.append(
-            f"held-out {name[row]} is missed by {significant(errors.position[row] * MM)} mm, "
-            f"{medians[row]:.0f} times the median: {look}; it stays in every figure"
+            f"held-out {name[row]} is off by {significant(errors.position[row] * MM)} mm, "
+            f"{medians[row]:.0f} times the median: {look}; it counts in every figure"
         )
     return tuple(said)
 

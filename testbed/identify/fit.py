@@ -71,7 +71,7 @@ def fit(
         geometric = under_noise(start, train, parameters, links, factor, loss=loss)
     first: Fitted = ("geometric", start, geometric)
     if model == "geometric":
-        return (first,), _unasked("geometric", model, "geometric, as asked for")
+        return (first,), _unasked("geometric", model, "geometric, as requested")
     if model == FRAMES_ALONE:
         sentence = (
             'base, tool and fixtures alone, as free = "frames" asks: links and joint terms are '
@@ -82,7 +82,7 @@ def fit(
         extended = identify_extended(
             start, train, parameters, loss=loss, mounted=mounted, links=links if held else own
         )
-        choice = _unasked("extended", model, "extended, as asked for")
+        choice = _unasked("extended", model, "extended, as requested")
         return (first, ("extended", extended_model(start, mounted), extended)), choice
     found = choose(
         start,

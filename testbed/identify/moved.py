@@ -21,7 +21,8 @@ def moved_in(
     Parameters
     ----------
     session : Session
-        Whose rows; those of several visits have frames of their own.
+        Whose rows. Of several visits it is asked what differs between one and the next: a tool or
+        a base that is the same as another's only by the file, or the zero of a joint.
     result : Identification
         Of the chosen model.
     measurements : Measurements
@@ -29,13 +30,18 @@ def moved_in(
     used : (m,) array of bool
         Rows identified from.
     """
-    if session.visits or session.wanted.order == "unknown":
+    visit = session.visit if session.visits else None
+    if visit is None and session.wanted.order == "unknown":
         return None
     rows = np.flatnonzero(used)
-    found = moved_once(result, measurements.rows(rows), session.in_time[rows])
+    order = session.in_time[rows] if visit is None else visit[rows]
+    found = moved_once(result, measurements.rows(rows), order)
     if found is None:
         return None
-    return replace(found, last=int(rows[found.last]), row=int(rows[found.row]))
+    last, row = int(rows[found.last]), int(rows[found.row])
+    if visit is not None and visit[last] == visit[row]:
+        return None  # whose rows nobody puts in order
+    return replace(found, last=last, row=row)
 
 
 def moved_words(calibration: Calibration) -> tuple[str, ...]:
@@ -46,9 +52,19 @@ def moved_words(calibration: Calibration) -> tuple[str, ...]:
     poses = calibration.measurements.pose_id
     last, first = (calibration.pose_names[poses[row]] for row in (found.last, found.row))
     what, mend = _said(calibration, found)
+    explains = f"That explains {100 * found.explained:.0f} % of the errors beyond noise (p < 0.001)"
+    if calibration.visits and calibration.visit is not None:
+        one, other = (calibration.visits[calibration.visit[k]] for k in (found.row, found.last))
+        part = {"tool": "tool", "target": "tool", "station": "base", "base": "base"}.get(found.what)
+        if part is not None:
+            mend = f'write {part} = "free" in the [[session]] that has it the same as another'
+        return (
+            f'From session "{one.name}" on something differs from "{other.name}": {what}. '
+            f"{explains}; {mend}",
+        )
     return (
-        f"Between pose {last} and pose {first} something moved: from there on {what}. That "
-        f"explains {100 * found.explained:.0f} % of what noise does not (p < 0.001); {mend}",
+        f"Between pose {last} and pose {first} something moved: from there on {what}. "
+        f"{explains}; {mend}",
     )
 
 
@@ -59,29 +75,37 @@ def _said(calibration: Calibration, found: Moved) -> tuple[str, str]:
         slides = calibration.nominal.chain.kinds[found.number] == "prismatic"
         off = float(found.change[0])
         text = f"{off * UM:+.3g} um" if slides else f"{off * DEG:+.3g} deg"
-        what = f"joint {found.number + 1} stands {text} off (its zero slipped or was set anew)"
-        return what, "mend that joint in the rows of one side, or identify from one side alone"
+        what = f"joint {found.number + 1} is {text} off (its zero slipped or was set again)"
+        return what, "correct that joint in the rows of one side, or identify from one side only"
     if found.what == "target":
         whole = calibration.measurements.rows(calibration.is_used)
         name = _target(calibration, whole, found.number)
-        what = f"{name} stands {size} off on the tool (it came loose, or was mounted anew)"
+        where = f"{size} off on the tool"
+        if len(found.change) > 3:  # a 6-D target may turn about the very point that is seen
+            where += f", {_turned(found)}"
+        what = f"{name} is {where} (it came loose, or was remounted)"
         if len(targets_of(whole)[0]) > 1:
             return what, "leave its rows of one side out"
-        return what, "state the rows from there on as a [[session]] of their own"
-    turned = f"turned by {fixed(float(np.linalg.norm(found.change[3:])) * DEG, 4)} deg"
-    apart = "state the rows from there on as a [[session]] of their own"
+        return what, "describe the rows from there on as a [[session]] of their own"
+    turned = _turned(found)
+    apart = "describe the rows from there on as a [[session]] of their own"
     if found.what == "tool":
-        what = f"all targets stand {size} off on the tool as one piece, {turned} (it slipped, or "
-        return f"{what}was mounted anew)", f'{apart}, base = "same as" the first'
-    what = f"the readings stand {size} off as one piece, {turned} "
+        what = f"all targets are {size} off on the tool as a whole, {turned} (it slipped, or "
+        return f"{what}was remounted)", f'{apart}, base = "same as" the first'
+    what = f"the readings are {size} off as a whole, {turned} "
     if found.what == "base":
-        what = f"the readings of all stations stand {size} off as one piece, {turned} (the base of "
+        what = f"the readings of all stations are {size} off as a whole, {turned} (the base of "
         return f"{what}the robot was moved)", f'{apart}, tool = "same as" the first'
     what += "(the instrument or the base of the robot was moved)"
     if len(calibration.set_up.stations) > 1:
-        what = f"the readings of station {calibration.set_up.stations[found.number]} stand {size} "
-        what += f"off as one piece, {turned} (it was moved)"
+        what = f"the readings of station {calibration.set_up.stations[found.number]} are {size} "
+        what += f"off as a whole, {turned} (it was moved)"
     return what, f'{apart}, tool = "same as" the first'
+
+
+def _turned(found: Moved) -> str:
+    """By how much it turned."""
+    return f"turned by {fixed(float(np.linalg.norm(found.change[3:])) * DEG, 4)} deg"
 
 
 def _target(calibration: Calibration, table: Measurements, number: int) -> str:

@@ -139,7 +139,7 @@ def bad_words(found: LookedAt, train: Measurements, name: list[str]) -> tuple[st
     return tuple(
         f"{name[row]} does not fit the others: the richest model offered, fitted without it, "
         f"misses it by {_error(shots, train, row)}, where {_typical(shots, train, row)} is typical "
-        f"of others left out{_elsewhere(shots, train, row, name, there)}"
+        f"for other rows left out{_elsewhere(shots, train, row, name, there)}"
         for row in map(int, shots.bad)
     )
 
@@ -178,19 +178,17 @@ def model_words(
     if not rows:
         return ()
     ranked = sorted(rows, key=lambda row: -misses[row])
-    is_, them, there = ("is", "it", "this shot is") if len(ranked) == 1 else (
-        "are", "them", "these shots are"
-    )  # fmt: skip
+    them, there = ("it", "this one is") if len(ranked) == 1 else ("them", "these are")
     typical = _median(misses, train, ranked[0])
     text = (
-        f"the model misses a region: {_named(ranked, misses, name)} {is_} missed by up to "
+        f"the model fails in a region: it misses {_named(ranked, misses, name)} by up to "
         f"{significant(misses[ranked[0]] * MM)} mm, where {significant(typical * MM, 2)} mm is "
         f"typical, and a richer model, fitted without {them}, explains {them}; nothing is left "
-        f"out: only another shot there could tell whether {there} bad"
+        f"out, as only another reading there could show whether {there} bad"
     )
     if alone := [row for row in ranked if _another_fits(row, rows | bad, misses, train)]:
         beside = _named(alone, misses, name)
-        text += f"; beside {beside} another reading of the same pose fits: look there first"
+        text += f"; for {beside}, another reading of the same pose fits: check there first"
     return (text,)
 
 

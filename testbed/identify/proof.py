@@ -100,12 +100,12 @@ def guard_warnings(session: Session, test: Measurements) -> tuple[str, ...]:
     if count and session.wanted.held_out == "designed":
         return (
             f"the {counted(count, 'held-out pose')} were designed, as [identification] states: "
-            "they test the result, and guard no statement on other poses",
+            "they test the result, but guard no statement about other poses",
         )
     if 0 < count < needed:
         return (
-            f"{counted(count, 'held-out pose')}: fewer than {needed} guard no statement; the "
-            "misfit is then bounded with 95 % instead of 90 %",
+            f"only {counted(count, 'held-out pose')}: fewer than {needed} guard no statement, so "
+            "the misfit is bounded with 95 % probability instead of 90 %",
         )
     return ()
 
@@ -117,19 +117,19 @@ def target_warnings(
     if target.reflector != GIVEN:
         others = ", the least known of them" * (len(np.unique(measurements.reflector)) > 1)
         return (
-            "the places of the targets were found with the robot: the tool point that is stated is "
-            f"{names[target.reflector]}{others}; where the flange lies beside it is taken from its "
-            "description, as the last link is, and no region contains an error of that",
+            "the places of the targets were found with the robot: all statements are about "
+            f"{names[target.reflector]}{others}; how the flange lies relative to it is taken from "
+            "the robot's description, as is the last link, and no region includes errors of that",
         )
     if (measurements.reflector != GIVEN).any():
         return (
-            "the places of the targets were found with the robot: where the tool point lies beside "
-            "them is taken from its description, and no region contains an error of that",
+            "the places of the targets were found with the robot: how the tool point lies relative "
+            "to them is taken from its description, and no region includes errors of that",
         )
     if not measurements.is_pose.any() and len(np.unique(measurements.offset, axis=0)) == 1:
         return (
-            "one point of the tool was measured: all that is said is of that point, and nothing of "
-            "the tool's orientation or of another tool",
+            "only one point of the tool was measured: all statements are about that point, none "
+            "about the tool's orientation or about another tool",
         )
     return ()
 
@@ -151,9 +151,9 @@ def turn_warnings(session: Session, measurements: Measurements, anchors: Array) 
         len(used), (f"{len(used)} points that lie on one line", "that line")
     )
     return (
-        f"distances from {points} let the whole robot turn about {about}: the radius is of the "
-        "tool point but for such a turn of the base, which no reading shows; measure from three "
-        "points or more that do not lie on one line",
+        f"distances from {points} leave a turn of the whole robot about {about} undetermined: the "
+        "radius does not include such a turn of the base, which no reading shows; measure from "
+        "three points or more that do not lie on one line",
     )
 
 
@@ -164,8 +164,8 @@ def standing_warnings(session: Session, result: Identification) -> tuple[str, ..
         return ()
     return (
         "the rows of a pose follow each other directly: if the arm stood still between them, they "
-        "show nothing of how its joints come back, and that scatter counts as misfit; write one "
-        "row for each stop, their mean, or approach the poses anew in a second round",
+        "do not show how well its joints come back, and that scatter counts as misfit; write one "
+        "row for each stop (their mean), or approach the poses again in a second round",
     )
 
 
@@ -235,10 +235,10 @@ def repeatability(
         return stated, said
     best, upper = found
     if upper < 1 and one_after_another(session):
-        return stated, f"{said}, as repeats without another pose between them tell less than that"
+        return stated, f"{said}, as repeats without another pose between them show less than that"
     found_of_it = f"{best:.2g} times" if best > 0 else "none of"
     told = (
-        f"repeats find {found_of_it} what {by} states, and allow {upper:.2g} times it, which is "
-        "taken"
+        f"repeats show {found_of_it} what {by} states, and allow for {upper:.2g} times as much, "
+        "which is used"
     )
     return frozen(upper * stated), told

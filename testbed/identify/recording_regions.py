@@ -71,8 +71,8 @@ def draw_regions(regions: ShownRegions, pen: Pen, phase: Phase) -> None:
 def region_words(regions: ShownRegions | None) -> str:
     """What the ellipsoids are."""
     if regions is None:
-        return "- no region is believed"
+        return "- no region can be believed"
     return (
         "- ellipsoids: believed 95 % regions of the mean tool point (in three dimensions), drawn "
-        f"{regions.factor} times"
+        f"{regions.factor} times larger"
     )

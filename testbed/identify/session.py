@@ -50,7 +50,7 @@ def with_test(session: Session, other: Session) -> Session:
         raise refuse(
             "--test", code="M35", where=other.name, fix="state the same parts in both files",
             message="the held-out file states other systematic parts, or another place of the "
-            "instrument", allowed="one instrument that stands where it stood",
+            "instrument", allowed="it must be one instrument that did not move",
         )  # fmt: skip
     dates = (session.set_up.date, other.set_up.date)
     both = joined([mine, replace(theirs, pose_id=theirs.pose_id + len(session.pose_names))])

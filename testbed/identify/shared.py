@@ -15,10 +15,10 @@ from testbed.store.quantities import METRE, Quantity, below
 from testbed.units import UM, fixed, percent
 
 UNSTATED = (
-    "The session states no systematic part of its instrument. What all its readings share (a "
-    "scale, circles out of center, a target beside its place) is in no figure here, and no "
-    "held-out pose of the same instrument can show it: state it under [uncertainty.systematic] in "
-    "session.toml."
+    "The session states no systematic errors of its instrument. No figure here includes errors "
+    "that all readings share (a wrong scale, eccentric encoder circles, a target off its place), "
+    "and no held-out pose measured by the same instrument can show them: state them under "
+    "[uncertainty.systematic] in session.toml."
 )
 
 
@@ -65,16 +65,15 @@ def shared_section(calibration: Calibration) -> Section:
             head=("source", "at the tool µm", "seen µm", "enough to see it"),
             rows=(*rows, whole),
             align="lrrl",
-            note="One instrument is taken to have made all readings. "
-            "At the tool: what the estimate takes over, and what the predicted tool point is "
-            "wrong by; a believed region contains it, and more poses do not make it smaller. Seen: "
-            "what of it the residuals show; no: less than "
-            f"{HIDDEN:g} of what is left at the tool; negligible: less than {percent(NOTHING)} of "
-            "the whole is left there. The level of a station counts for positions against "
-            "gravity alone.",
+            note="All readings are assumed to come from one instrument. At the tool: the part "
+            "that the estimate takes over, by which the predicted tool point is wrong; a believed "
+            "region includes it, and more poses do not reduce it. Seen: the part that the "
+            f"residuals show. no: less than {HIDDEN:g} of what is left at the tool. negligible: "
+            f"less than {percent(NOTHING)} of the whole is left there. The level of a station "
+            "counts only for positions relative to gravity.",
         )
         blocks = [table]
-    return Section("shared", "What all readings share", tuple(blocks))
+    return Section("shared", "Errors that all readings share", tuple(blocks))
 
 
 def shared_numbers(found: SharedErrors | None) -> Iterator[Quantity]:

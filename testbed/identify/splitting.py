@@ -1,13 +1,11 @@
 """Which poses identify and which are held out."""
 
-import re
-
 import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from calib.arrays import Bool, Index, frozen
-from calib.errors import InputError, refuse
+from calib.errors import InputError, TooFewPosesError, refuse
 from calib.held_out_counts import fewest_poses
 from calib.measurement.observations import Measurements
 from calib.uncertainty.held_out import SAME_POSE
@@ -72,7 +70,7 @@ def split_of(
             )  # fmt: skip
         _require_apart(measurements, stated)
         kept, held = (_poses(measurements, rows) for rows in (~stated, stated))
-        sentence = f"the data state the split: {kept} to identify from, {held} held out"
+        sentence = f"split as the data state: {kept} to identify from, {held} held out"
         return _split(measurements, stated, True, seed, sentence, first_visits)
     group = groups(measurements)
     count = int(group.max()) + 1
@@ -84,10 +82,10 @@ def split_of(
         f"{count - out} to identify from"
         if out
         else f"all {counted(count, 'pose')} identify, as --held-out 0 asks: none is held out, so "
-        "nothing tests this result"
+        "nothing tests the result"
         if held_out == 0
         else f"all {counted(count, 'pose')} are needed to identify: none is held out, so nothing "
-        "tests this result; measure more poses"
+        "tests the result; measure more poses"
     )
     return _split(measurements, is_test, False, seed, sentence, first_visits)
 
@@ -101,7 +99,7 @@ def _require_apart(measurements: Measurements, is_test: Bool) -> None:
         stand = "stands" if len(both) == 1 else "stand"
         raise refuse(
             "split", len(both), "held-out poses of their own", code="M35",
-            message=f"{len(both)} of {held_out} {stand} at joints that identify, too",
+            message=f"{len(both)} of {held_out} {stand} at the same joints as a training pose",
             fix="measure other poses, or leave these out of one side",
         )  # fmt: skip
 
@@ -118,7 +116,7 @@ def _split(
     is_train = ~is_test
     if first_visits and (measurements.repeat > 0).any():
         is_train &= measurements.repeat == 0
-        sentence += "; only first visits identify"
+        sentence += "; only the first visit of each pose identifies"
     return HeldOutSplit(
         frozen(is_test, np.bool_), frozen(is_train, np.bool_), stated, seed, sentence
     )
@@ -134,10 +132,10 @@ def with_poses_held_out(
 
     Any other error as it is, and one that says where it stands: it is of single visits.
     """
-    found = re.fullmatch(r"measure at least (\d+)", error.fix)
     count = int(groups(measurements).max()) + 1
-    if found is None or error.code != "M27" or error.where or count < (least := int(found[1])):
+    if not isinstance(error, TooFewPosesError) or error.where or count < error.least:
         return error
+    least = error.least
     how = (
         f"--train {least} or more"
         if train is not None
@@ -146,7 +144,7 @@ def with_poses_held_out(
         else "hold out fewer"
     )
     return refuse(
-        error.field, error.value, error.allowed, code=error.code, message=error.message,
+        error.field, error.value, code=error.code, message=error.message,
         fix=f"identify from at least {least} of the {count}: {how}",
     )  # fmt: skip
 

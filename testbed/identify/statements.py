@@ -45,7 +45,7 @@ def _believed(calibration: Calibration) -> list[StatedRadius]:
         return []
     held = f"{100 * point.probability:g} %"
     within = (
-        f"{held} of true mean points; it includes noise and a misfit of up to "
+        f"{held} of true mean points; includes noise and a misfit of up to "
         f"{belief.misfit.upper * UM:.1f} um per axis"
     )
     drifting = calibration.proof.drifting
@@ -56,12 +56,12 @@ def _believed(calibration: Calibration) -> list[StatedRadius]:
     use = (
         BELIEVED
         if calibration.believable
-        else "believed, but not tested: held-out poses stand apart"
+        else "believed, but not tested: held-out poses are off as a whole"
     )
     found = [StatedRadius("region_mean", "believed region: mean of many moves", point.radius_mean,
                        within, use)]  # fmt: skip
     if np.isfinite(point.radius_move):
-        what = f"{held} of ends of single moves; it includes the same, and joint repeatability"
+        what = f"{held} of the ends of single moves; includes the same and joint repeatability"
         name = "believed region: where one move ends"
         found.append(StatedRadius("region_move", name, point.radius_move, what, use))
     return found
@@ -80,24 +80,24 @@ def _compared(calibration: Calibration, other: str) -> list[StatedRadius]:
         what = "95 % if the model and the stated noise are exactly right"
         found.append(StatedRadius("parameters", "parameters alone", radius, what, why))
     if proof.bootstrap is not None:
-        why = other if proof.bootstrap.agrees else "its covariance is in the region"
-        why = why if proof.bootstrap.settled else "did not settle"
+        why = other if proof.bootstrap.agrees else "included in the region"
+        why = why if proof.bootstrap.settled else "did not converge"
         covariance = of_all_numbers(result, proof.bootstrap.empirical)
         radius = common_radius(_by_numbers(calibration, covariance))
-        what = f"the same by {counted(proof.bootstrap.replicates, 'virtual calibration')}"
+        what = f"the same, from {counted(proof.bootstrap.replicates, 'virtual calibration')}"
         found.append(StatedRadius("bootstrap", "virtual calibrations", radius, what, why))
     if proof.discrepancy is not None:
         wide = _by_numbers(calibration, result.full_covariance, discrepancy=True)
-        what = "95 %, roughly: model errors count as if drawn anew at each pose"
+        what = "about 95 %, as if model errors were drawn anew at each pose"
         name = "parameters and discrepancy"
         found.append(StatedRadius("discrepancy", name, common_radius(wide), what, other))
     if proof.conformal is not None:
         low, high = proof.conformal.content_range()
         what = (
-            f"{100 * proof.conformal.probability:g} % of measured points, noise included, without "
-            f"any model (this set: {100 * low:.0f} to {100 * high:.0f} %)"
+            f"{100 * proof.conformal.probability:g} % of measured points with their noise; needs "
+            f"no model (this set: {100 * low:.0f} to {100 * high:.0f} %)"
         )
-        why = other if proof.belief is not None else "what is left"
+        why = other if proof.belief is not None else "all that is left"
         found.append(
             StatedRadius("conformal", "held-out radius (split conformal)", proof.conformal.radius,
                       what, why)

@@ -21,11 +21,11 @@ from testbed.report.page import SIMULATED
 from testbed.units import UM, counted, sentences, significant
 
 MEASURED = "MEASURED - a calibration report, not a certificate of traceability"
-GUARDED = "✓ A region of the tool point is believed, and held-out poses guard it"
-UNGUARDED = "? A region of the tool point is believed; too few held-out poses test it to guard it"
-UNTESTED = "? A region of the tool point is believed; no held-out pose has tested it"
-ELSEWHERE = "✗ The held-out poses stand apart: they prove nothing until that is settled"
-NOTHING = "✗ No statement about the tool point is believed"
+GUARDED = "✓ The region of the tool point can be believed, and held-out poses guard it"
+UNGUARDED = "? The region of the tool point can be believed, but too few held-out poses guard it"
+UNTESTED = "? The region of the tool point can be believed, but no held-out pose has tested it"
+ELSEWHERE = "✗ The held-out poses are off as a whole: they prove nothing until the cause is found"
+NOTHING = "✗ No statement about the tool point can be believed"
 LEARNT = 1.1
 """Errors at held-out poses up to so many times those at training poses are all that is left."""
 LARGER = 1.2
@@ -64,7 +64,7 @@ def verdict(calibration: Calibration) -> str:
         said = calibration.proof.frame.said_of(judges_called(calibration))
         return f"{said[0].upper()}{said[1:]}. {believed_words(calibration)}"
     if calibration.choice.asked == FRAMES_ALONE:
-        text = f"With frames fitted alone the {kind(calibration)} {where} is "
+        text = f"With only the frames fitted, the {kind(calibration)} {where} is "
         text += f"{mm(after.position.mean)} mm"
         if after.rotation is not None:
             text += f"; the orientation error is {deg(after.rotation.mean)} deg"
@@ -88,15 +88,15 @@ def believed_words(calibration: Calibration) -> str:
     point, belief = calibration.proof.point, calibration.proof.belief
     if point is None or belief is None:
         return "No statement about the true tool point can be believed."
-    radius = f"For the mean tool point {r95(point)} = {significant(point.radius_mean * UM)} um"
+    radius = f"{r95(point)} of the mean tool point is {significant(point.radius_mean * UM)} um"
     if calibration.elsewhere:
-        return f"{radius} was to be tested there, and was not."
+        return f"{radius}; the held-out poses should have tested it, and could not."
     if belief.n_guards:
-        return f"{radius} can be believed: {belief.n_guards} held-out poses guard it."
+        return f"{radius}; it can be believed: {belief.n_guards} held-out poses guard it."
     if calibration.proof.held_out is None:
-        return f"{radius} rests on the fit alone: no held-out pose has tested it."
+        return f"{radius}; it rests on the fit alone: no held-out pose has tested it."
     few = counted(len(calibration.proof.held_out), "held-out pose")
-    return f"{radius} is stated with a wider misfit: {few} tested it, too few to guard it."
+    return f"{radius}; it allows for a larger misfit, because {few} tested it: too few to guard it."
 
 
 def r95(point: StatedPoint) -> str:
@@ -124,23 +124,24 @@ def _remarks(calibration: Calibration) -> list[str]:
     factor = calibration.fit.noise_factor
     if calibration.refuted and factor > LARGER:
         texts.append(
-            f"The residuals are {significant(factor, 2)} times what the stated noise explains: the "
-            "U of the numbers is made from their scatter from pose to pose instead"
+            f"The residuals are {significant(factor, 2)} times as large as the stated noise "
+            "explains: U of the numbers is computed from their scatter between poses instead"
         )
     texts.append(f"Model: {calibration.choice.sentence}")
     texts += [*simpler_words(calibration), *beyond_words(calibration)]
     out = int(calibration.gross.left_out.sum())
     if out:
-        texts.append(f"{counted(out, 'row')} did not fit and took no part: see Outliers")
+        texts.append(f"{counted(out, 'row')} did not fit and took no part in it: see Outliers")
     if calibration.source.masked:
         masked = counted(len(calibration.source.masked), "note")
         texts.append(
-            f"Rows were left out while reading, before poses were held out: {masked} under The data"
+            "Rows were left out while reading, before poses were held out: see "
+            f"{masked} under The data"
         )
     if calibration.shared is None and calibration.proof.belief is not None:
         texts.append(
-            "Systematic errors of the instrument are in no figure: the session states none "
-            "([uncertainty.systematic])"
+            "No figure includes systematic errors of the instrument, because the session states "
+            "none ([uncertainty.systematic])"
         )
     texts += [*hand_back_warnings(calibration), *tool_words(calibration)]
     texts += calibration.warnings
@@ -153,82 +154,80 @@ def next_step(calibration: Calibration) -> str:
     fit, proof = calibration.fit, calibration.proof
     if fit.test is None:
         return (
-            f"Measure at least {fewest_poses()} more poses where the robot will be used, and give "
-            "them by --test: until then nothing but the fit itself speaks for this result."
+            f"Measure at least {fewest_poses()} more poses where the robot will be used, and pass "
+            "them with --test: until then, only the fit itself supports this result."
         )
     gain = calibration.before_test.position.mean / fit.test.position.mean  # type: ignore[union-attr]  # both or none
     if gain < 1 and calibration.choice.asked != FRAMES_ALONE:
         return (
             "Do not use this model: on held-out poses it is worse than the nominal one. Check the "
-            "robot's description, the units and the matching of poses."
+            "robot's description, the units, and which reading belongs to which joints."
         )
     use = _what_to_use(calibration)
     if calibration.elsewhere:
         return (
-            "Find out first why the held-out poses stand apart: a base or a station that moved, "
-            "another target, another tool. Then measure them again."
+            "First find out why the held-out poses are off as a whole: a base or a station that "
+            "moved, another target, another tool. Then measure them again."
         )
     if calibration.moved is not None:
         return (
-            "Find out first what moved, and keep the rows before and after it apart: the radius "
-            "holds both."
+            "First find out what moved, and separate the rows before it from those after it: the "
+            "radius now covers both."
         )
     if proof.belief is None or proof.point is None:
         if not calibration.converged:
             use = (
-                "The fit did not settle: measure poses that tell its numbers apart, or free fewer "
-                "([identification] free), before the identified robot is used with another tool."
+                "The fit did not converge. Before you use the identified robot with another tool, "
+                "measure poses that tell its numbers apart, or free fewer ([identification] free)."
             )
         if proof.conformal is None:
-            return f"{use} Quote no uncertainty with it. {_more_poses()}"
+            return f"{use} Do not quote an uncertainty. {_more_poses()}"
         radius = f"{mm(proof.conformal.radius)} mm (95 % of measured points)"
-        return f"{use} Quote the held-out radius of {radius} with it, at poses like the held-out."
+        return f"{use} Quote the held-out radius of {radius}, at poses like the held-out ones."
     quote = f"{r95(proof.point)} = {significant(proof.point.radius_mean * UM)} um"
     # the tool of the file is another point, known less well: what is stated at targets is of it
     whose = " of the measured target" if target_words(calibration) else ""
     text = f"{use} Quote {quote} for the mean of many moves{whose}"
     if np.isfinite(proof.point.radius_move):
-        text += f", {significant(proof.point.radius_move * UM)} um for one move"
+        text += f" and {significant(proof.point.radius_move * UM)} um for a single move"
     text += ", at poses like the held-out ones."
     if not proof.belief.n_guards:
         done = "guards" if proof.held_out is not None else "has tested"
-        return f"{text} Say that no held-out pose {done} it. {_more_poses()}"
+        return f"{text} State with it that no held-out pose {done} it. {_more_poses()}"
     if proof.tails is not None and not proof.tails.source:
-        apart = "that would tell noise with long tails from a misfit"
-        return f"{text} Visit every pose twice: {apart}."
+        return f"{text} Measure every pose twice, to tell noise with long tails from a misfit."
     if calibration.refuted:
         lack = fit.identification.lack_of_fit
         if calibration.choice.asked == "geometric":
             text = (
-                f"Try --model choose: joint errors (sag, waves) may be what is left. Else: {text}"
+                "Try --model choose: joint errors (sag, waves) may explain what is left. "
+                f"Otherwise: {text}"
             )
         elif fit.test.position.mean > LEARNT * fit.train.position.mean:
-            text += " Errors are larger than at the poses identified from: more of these may help."
+            text += " Errors are larger than at the training poses: more of these may help."
         elif lack is not None and lack.p_value < RED:
-            text += " More poses will not make that smaller: it is not noise."
+            text += " More poses will not reduce what is left: it is not noise."
         else:
-            text += " Only poses measured again tell whether that is noise."
+            text += " Only repeated poses can show whether what is left is noise."
     return text
 
 
 def _what_to_use(calibration: Calibration) -> str:
     """Which file to load: joint terms are in robot.toml and corrected targets alone."""
     if calibration.choice.chosen != "extended":
-        return (
-            "Load the identified robot from robot/, or send the corrected targets (--program CSV)."
-        )
+        return "Load the identified robot from robot/, or send targets corrected by --program CSV."
     plain = calibration.fits[0]
     left = mm((plain.test or plain.train).position.mean)
     return (
-        "Send the corrected targets (--program CSV), or load robot/robot.toml: the joint errors, "
-        "and what is quoted, are theirs alone. A reader of URDF or MJCF takes "
-        f"{GEOMETRIC}/, whose {kind(calibration)} is {left} mm."
+        "Send targets corrected by --program CSV, or load robot/robot.toml: only these contain "
+        "the joint errors, and the figures quoted here are for them alone. Whatever reads URDF or "
+        f"MJCF should take {GEOMETRIC}/, whose {kind(calibration)} is {left} mm."
     )
 
 
 def _more_poses() -> str:
     """How a guard is had."""
-    return f"Measure at least {fewest_poses()} poses to hold out, drawn from where it is used."
+    return f"Measure at least {fewest_poses()} held-out poses, drawn from where the robot is used."
 
 
 def held_out_poses(calibration: Calibration) -> int:
@@ -260,8 +259,8 @@ def terminal_text(calibration: Calibration, delivered: Delivered) -> str:
     said += calibration.gross.sentences[:MOST_NAMED]
     more = len(calibration.gross.sentences) - MOST_NAMED
     if more > 0:
-        said.append(f"{more} more rows that do not fit are in the report")
+        said.append(f"The report lists {counted(more, 'more row')} that did not fit")
     if believed:
-        said.append("What the radius rests on, and what each test found, is in the report")
+        said.append("The report explains what the radius rests on and what each test found")
     parts += [f"  {text}" for text in sentences(said)]
     return "\n".join(parts)

@@ -16,7 +16,7 @@ def cycle_words(result: CycleResult) -> list[str]:
         texts.append(
             f"cycle {visits.called(far.pose, far.cycle)} of pose {visits.names[far.pose]} strays "
             f"further than normal scatter does (p = {far.p_value:.2g}): the limits of RP and RD "
-            "take scatter as normal and are too narrow where single cycles stray; look for what "
+            "assume normal scatter and are too narrow if single cycles stray; find out what "
             "happened there, or measure more cycles"
         )
     return texts

@@ -59,7 +59,7 @@ def _decision(result: CycleResult, name: str, limit: float) -> LimitDecision:
         most = f"{show(worst.most, worst)} {unit(worst)}"
         text = f"{allowed}: PASS, the largest upper limit is {most} ({place(worst)})"
         if result.test.fitted and name in OF_THE_FRAME:
-            text += ", in the frame that was fitted to these same readings"
+            text += ", in the frame that was fitted to the same readings"
         if drifts(result):
             text += ", if the drift stays within what these cycles show"
         return LimitDecision(name, limit, "PASS", worst.where, text)
@@ -84,8 +84,8 @@ def would_decide(figure: StatedFigure, limit: float) -> str:
     if not below and size <= limit:
         return (
             f"the stated noise of the instrument alone gives {show(figure.floor, figure)} "
-            f"{unit(figure)}, and without it the robot may keep the limit: a quieter instrument "
-            "would decide it"
+            f"{unit(figure)}, and without it the robot may keep the limit: an instrument with less "
+            "noise would decide it"
         )
     gap = abs(limit - (figure.size if below else size))
     width = figure.most - figure.size if below else size - figure.own_least
@@ -96,13 +96,13 @@ def would_decide(figure: StatedFigure, limit: float) -> str:
     if cycles <= MOST_CYCLES:
         # less what rounding adds to a whole number
         count = int(np.ceil(cycles - 1e-6))
-        return f"about {count} cycles would decide it if it stays where it is"
+        return f"about {count} cycles would decide it, if the figure stays as it is"
     if of_all and rest <= 0:
         return (
             "more cycles would not decide it: the stated systematic errors alone give u = "
             f"{um(figure.shared)}; a more accurate instrument would"
         )
-    return "it lies so near the limit that no sensible number of cycles would decide it"
+    return "it is so near the limit that no reasonable number of cycles would decide it"
 
 
 def overall(result: CycleResult) -> str:

@@ -62,7 +62,7 @@ def in_command_frame(test: CycleTest) -> tuple[CycleTest, Array, str]:
         told = (
             f"The readings were brought into the frame of the commands by a best fit over "
             f"{found.points} points ({found.size}), which leaves {after} mm (rms): AP, AT and "
-            "their parts hold only what no rigid motion explains, and the fit takes "
+            "their parts contain only what no rigid motion explains, and the fit uses "
             f"6 of the {3 * found.points} degrees of freedom"
         )
         return _moved(test, found.T), found.T, told
@@ -73,20 +73,20 @@ def in_command_frame(test: CycleTest) -> tuple[CycleTest, Array, str]:
             f"the readings lie {significant(found.before * MM)} mm (rms) from the commands, and "
             f"{significant(_before(test, shift) * MM)} mm from those {rows} further "
             f"{'down' if shift > 0 else 'up'}",
-            code="M31", allowed="each reading stands beside its command",
+            code="M31", allowed="each reading must be in the row of its command",
             fix=f"move the readings {rows} {'down' if shift > 0 else 'up'}",
         )  # fmt: skip
     if test.fitted is None and not found.flat and found.before > max(LEAST, TIMES * found.after):
         raise refusal(
             where, "iso9283.frame",
-            f"the readings lie {significant(found.before * MM)} mm (rms) from the commands, and "
-            f"{after} mm after a shift and a turn as one piece of {found.size}",
+            f"the readings lie {significant(found.before * MM)} mm (rms) from the commands, but "
+            f"only {after} mm after a rigid motion by {found.size}",
             code="M32", allowed="AP and AT compare readings and commands in one frame",
-            fix='write frame = "fitted" under [iso9283] in session.toml if they stand in another '
-            'one, or frame = "robot" if that is the robot\'s error',
+            fix='under [iso9283] in session.toml, write frame = "fitted" if the readings are in '
+            'another frame, or frame = "robot" if this is the error of the robot',
         )  # fmt: skip
     said = "as the session states" if test.fitted is False else "as no other frame is stated"
-    told = f"The readings are taken to be in the frame of the commands, {said}"
+    told = f"The readings are assumed to be in the frame of the commands, {said}"
     if not found.flat:
         before = significant(found.before * MM)
         told += f"; a best fit would lower the rms deviation from {before} to {after} mm"

@@ -64,7 +64,7 @@ def visits_in(rows: Rows, commands: Commands, *, drop: bool) -> tuple[Visits, tu
     turned = rows.rotation is not None
     turns = [R for _, R in sent if R is not None]
     if turned and len(turns) < len(sent):
-        said = "nothing says how the tool was commanded to stand, so that orientation has no AP"
+        said = "nothing states how the tool was commanded to stand, so that orientation has no AP"
         turns, notes = [], (*notes, f"{rows.where}: {said}")
     noise = None if rows.covariance is None else rows.covariance[table].mean(axis=1)
     return (
@@ -112,7 +112,7 @@ def _path(
     wrong = ~are_counts(rows.point)
     if wrong.any():
         place, fix = rows.place[int(np.argmax(wrong))], "number the points of the path"
-        message = f"path_point of {called} is no whole number"
+        message = f"path_point of {called} is not a whole number"
         raise refusal(place, "path_point", message, code="M25", fix=fix)
     numbers, entry = np.unique(rows.point.astype(np.int64), return_inverse=True)
     names = [f"point {k} of {called}" for k in numbers]
@@ -178,7 +178,7 @@ def _require_steps(
         if not np.linalg.norm(sent[k] - sent[k - 1]) > 0:
             both = f"{points[k - 1]} and {points[k]}"
             message = f"points {both} of {called} are commanded to one place"
-            fix = "a pause of the program is no point: take one of them out"
+            fix = "a pause of the program is not a point: take one of them out"
             raise refusal(place, "path_point", message, code="M31", fix=fix)
 
 
@@ -191,7 +191,7 @@ def _whole(
     for row, key in enumerate(zip(entry.tolist(), cycle.tolist(), strict=True)):
         if key in place:
             line = rows.place[place[key]].rpartition(":")[2]
-            message = f"{names[key[0]]}, cycle {key[1]} is there twice, first in line {line}"
+            message = f"{names[key[0]]}, cycle {key[1]} appears twice, first in line {line}"
             fix = "number the cycles 1, 2, 3 ... in the column cycle"
             raise refusal(rows.place[row], "cycle", message, code="M31", fix=fix)
         place[key] = row
@@ -254,7 +254,7 @@ def _check_times(rows: Rows, table: Index, names: Sequence[str]) -> None:
             line = rows.place[before].rpartition(":")[2]
             gone = rows.time[before] - rows.time[row]
             message = f"the time of {name} goes back by {gone:.6g} s after line {line}"
-            fix = "mend the numbers of the cycles, or the times; or take the column of times out"
+            fix = "correct the numbers of the cycles, or the times; or take the column of times out"
             raise refusal(rows.place[row], "time", message, fix=fix)
 
 
@@ -275,5 +275,5 @@ def _command(
 
 def _no_command(place: str, name: str, section: str, by: str) -> InputError:
     """The error where nothing says where the robot was sent."""
-    message, fix = f"nothing says where {name} is commanded to be", NO_COMMAND.format(section, by)
+    message, fix = f"nothing states where {name} is commanded to be", NO_COMMAND.format(section, by)
     return refusal(place, "command_x_mm", message, fix=fix)

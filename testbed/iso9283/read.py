@@ -176,7 +176,7 @@ def _commanded(
     for k, place in enumerate(rows.place):
         point = None if rows.point is None else rows.point[k]
         if rows.path[k] and (point is None or not are_counts(np.array(point))):
-            message, fix = "path_point is no whole number", "number the points of the path"
+            message, fix = "path_point is not a whole number", "number the points of the path"
             raise refuse("path_point", code="M25", message=message, fix=fix, where=place)
         name = (
             (rows.path[k], str(int(point)))

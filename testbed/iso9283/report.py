@@ -32,16 +32,15 @@ WORST = ("AP", "RP", "AP_angle", "RP_angle_x", "RP_angle_y", "RP_angle_z", "vAP"
          "dAP", "dRP", "AT", "RT")  # fmt: skip
 """Figures of the headline, in its order."""
 LIMITS = (
-    "95 %: confidence limits of the figure that infinitely many cycles would give; of AP, AD, vAP, "
-    "AT and drift by Student's t, stated systematic errors included; of RP, RD and RT by "
-    "chi-square, with degrees of freedom from the shape of the scatter. Lower limits allow for "
-    "what scatter adds to a length, and for the choice of the largest gap, block or point. floor: "
-    "what the figure would read on average if its true value were zero. PASS: every upper limit is "
-    "within the limit, at a risk "
-    "of 2.5 %; FAIL: a lower limit is beyond it, at 2.5 % for each figure; of RP, RD and RT "
-    "even without what the stated noise of the instrument adds to them. All limits take scatter as "
-    "normal: where single cycles stray, they are too narrow, and the first section names one. Of "
-    "poses, cycles that are like those before them count as fewer."
+    "95 %: confidence limits of the figure that infinitely many cycles would give. Those of AP, "
+    "AD, vAP, AT and drift use Student's t and include stated systematic errors; those of RP, RD "
+    "and RT use chi-square, with degrees of freedom from the shape of the scatter. Lower limits "
+    "allow for what scatter adds to a length, and for the choice of the largest gap, block or "
+    "point. floor: what the figure would be on average if its true value were zero. PASS: every "
+    "upper limit is within the limit, at a risk of 2.5 %. FAIL: a lower limit is beyond it, at a "
+    "risk of 2.5 % for each figure; for RP, RD and RT, even after subtracting what the stated "
+    "noise of the instrument adds. All limits assume normal scatter: if single cycles stray, they "
+    "are too narrow, and the first section names one. At poses, correlated cycles count as fewer."
 )
 
 

@@ -121,8 +121,8 @@ def distance_section(result: CycleResult) -> Section | None:
         ("from, to", "AD", "95 %", "RD", "95 %"),
         rows,
         size="small",
-        note="AD: mean attained distance less the commanded one. RD: three standard deviations of "
-        f"the attained distance, cycle by cycle.{_more(len(AD))}",
+        note="AD: mean attained distance minus the commanded one. RD: three standard deviations of "
+        f"the attained distance over the cycles.{_more(len(AD))}",
     )
     return Section("distances", "Distances", (table,))
 
@@ -145,13 +145,13 @@ def drift_section(result: CycleResult) -> Section | None:
         ("pose", "blocks", "over h", "dAP", "95 %", "chance 95 %", "p", "dRP", "chance 95 %", "p"),
         rows,
         size="small",
-        note="Blocks of ten cycles in the order of time; dAP and dRP: largest change of AP and RP "
-        "against the first block. chance 95 %: 95 % of random orders of the same cycles change by "
-        f"less; p: share of them that change as much; all poses and figures together: p "
+        note="Blocks of ten cycles in order of time. dAP and dRP: largest change of AP and RP "
+        "from the first block. chance 95 %: in 95 % of random orders of the same cycles the change "
+        f"is smaller. p: share of orders with at least this change; all poses and figures: p "
         f"{equal(result.drift_p_value)}.{_more(len(result.drifts))}",
     )
     picture = Drawing(
-        "AP and RP of each block of ten cycles; dark: the pose whose change is least likely by "
+        "AP and RP of each block of ten cycles. Dark: the pose whose change is least likely to be "
         "chance.",
         drift_picture(result.drifts),
     )
@@ -166,7 +166,7 @@ def path_sections(result: CycleResult) -> list[Section]:
         rows = tuple((figure.name, *cells(figure)) for figure in figures)
         run = result.test.paths[k]
         how = (
-            "" if run.matched else " Runs were read without point numbers, in their order."
+            "" if run.matched else " The runs have no point numbers and were read in their order."
         )  # fmt: skip
         table = Table(
             f"Path {shown.name}: {counted(len(run.runs), 'run')}, {len(shown.command)} points",
@@ -174,10 +174,10 @@ def path_sections(result: CycleResult) -> list[Section]:
             rows,
             size="small",
             note="AT: largest distance of the mean path from a commanded point, in the plane "
-            "across the path there; RT: largest mean distance to the mean path plus three standard "
+            "across the path there. RT: largest mean distance to the mean path plus three standard "
             "deviations, in such a plane. Lead or lag along the path does not count. Both are the "
-            "largest of many points, so they read a little high: the lower limits allow for that, "
-            f"each point's at 1 - 0.025/{len(shown.command)}.{how}",
+            "largest of many points, and so a little too high: the lower limits allow for that, "
+            f"by using 1 - 0.025/{len(shown.command)} for each point.{how}",
         )
         picture = Drawing(
             f"Left: commanded path, mean path and the tube of RT, errors magnified "

@@ -12,7 +12,7 @@ from testbed.files.cleaned import table_in
 from testbed.files.columns import COMMANDED, COUNTS, misspelling
 from testbed.files.dialects.tables import CyclesTable, FramesTable
 from testbed.files.observed import misspelt_columns, read_observed, section_of, unused_columns
-from testbed.files.readings import Readings, copied_rows, lost_readings
+from testbed.files.readings import COPIES, Readings, copied_rows, lost_readings, rows_said
 from testbed.files.refusal import no_rows, refusal, require_names
 from testbed.files.session import rows_of
 from testbed.files.session_toml import SessionFile, UncertaintyTable
@@ -103,10 +103,8 @@ def read_rows(
     if not len(index):
         fix = "see what was left out, and measure again"
         raise refusal(table.where, "measurements", "no row is left", code="M27", fix=fix)
-    copies = [
-        text.replace("left out ", "").replace("; each counts once", ": they make scatter small")
-        for text in copied_rows(readings)[1]
-    ]
+    copied = ~copied_rows(readings)[0]
+    copies = rows_said(readings.place, copied, f"{COPIES}: they make scatter small", left="")
     sent = _commands(table, section) if commands else None
     names = Columns((*MINE, *(name for name in table.names if name.startswith(COMMANDED))))
     full = readings.kind == "pose"
@@ -187,7 +185,7 @@ def _cycles(table: DataTable, index: Index) -> Index | None:
         row = int(index[np.argmax(wrong)])
         message = f'{name} is "{table.texts(name)[row][:20]}"'
         raise refusal(
-            table.place(row), name, message, allowed="it is a whole number", fix="mend it"
+            table.place(row), name, message, allowed="it is a whole number", fix="correct it"
         )
     return np.asarray(values.astype(np.int64))
 

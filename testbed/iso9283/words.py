@@ -19,9 +19,9 @@ from testbed.units import counted, sentences, significant
 
 MEASURED = "MEASURED - a test report, not a certificate of traceability"
 EDITION = (
-    f"Figures of {STANDARD}, from their textbook definitions; the text of the standard is not "
-    "reproduced. Its further conditions (warm-up, load, speed, choice of poses) are the "
-    "responsibility of whoever measured."
+    f"The figures are those of {STANDARD}, from their textbook definitions; the text of the "
+    "standard is not reproduced. Meeting its other conditions (warm-up, load, speed, choice of "
+    "poses) is the responsibility of whoever measured."
 )
 NEAR = 1.5
 """Times its floor up to which a figure may be mostly noise."""
@@ -44,7 +44,7 @@ def mark(result: CycleResult) -> str:
         few = "" if enough(result) else f", with fewer cycles than {STANDARD} asks for"
         return f"{sign[word]} {word} at the stated limits{few}{' (it drifts)' * drifts(result)}"
     if not enough(result):
-        return f"? Fewer cycles than {STANDARD} asks for"
+        return f"? Measured with fewer cycles than {STANDARD} asks for"
     return f"✓ Measured with as many cycles as {STANDARD} asks for"
 
 
@@ -87,7 +87,7 @@ def reasons(result: CycleResult) -> tuple[str, ...]:
         worst = min(near, key=lambda figure: figure.size / figure.floor)
         too_large = all(figure.most < figure.noise for figure in result.of(worst.name))
         follows = (
-            "the stated noise is too large, for robot and instrument together scatter less"
+            "the stated noise is too large, as robot and instrument together scatter less"
             if too_large
             else "the robot itself repeats better than that"
         )
@@ -98,13 +98,13 @@ def reasons(result: CycleResult) -> tuple[str, ...]:
         )
     if not test.uncertainty:
         texts.append(
-            "The noise of a reading is not stated ([uncertainty] position_um): the instrument's "
-            "share of the scatter is unknown"
+            "The noise of a reading is not stated ([uncertainty] position_um), so the "
+            "instrument's share of the scatter is unknown"
         )
     if test.systematic is None:
         texts.append(
-            "Systematic errors of the instrument are not in these limits: none are stated "
-            "([uncertainty.systematic])"
+            "The limits do not include systematic errors of the instrument, because none are "
+            "stated ([uncertainty.systematic])"
         )
     texts.append(result.frame)
     texts += test.warnings
@@ -119,8 +119,8 @@ def _too_few(result: CycleResult) -> list[str]:
         said = f"The poses have {n} cycles, and {STANDARD} asks for {POSE_CYCLES}"
         assert RP is not None  # every pose has one
         texts.append(
-            f"{said}: these are not the standard's figures; with infinitely many cycles the RP of "
-            f"{show(RP.size, RP)} um may be {show(RP.least, RP)} to {show(RP.most, RP)} um"
+            f"{said}: these are not the standard's figures; with infinitely many cycles, the RP of "
+            f"{show(RP.size, RP)} um may become {show(RP.least, RP)} to {show(RP.most, RP)} um"
         )
     texts += [
         f"Path {one.name} has {len(one.runs)} runs, and {STANDARD} asks for {PATH_CYCLES}"
@@ -144,7 +144,7 @@ def _drift_told(result: CycleResult) -> list[str]:
     hours = max(float(np.ptp(one.hours)) for one in result.drifts)
     size = f"{show(dAP.size, dAP)} um ({place(dAP)}) over {significant(hours, 2)} h"
     if drifts(result):
-        return [f"The robot drifts (p {p} for all poses together): AP by up to {size}"]
+        return [f"The robot drifts (p {p} for all poses together): AP changes by up to {size}"]
     return [
         f"Drift is not significant (p {p} for all poses together, tested at {SURE:g}): AP changes "
         f"by up to {size}"
@@ -172,7 +172,7 @@ def _drifting(result: CycleResult) -> list[str]:
     name = ("AP", "RP")[k]
     return [
         f"{name} of {place(own)} changes by {change} um; in 95 % of random orders of the "
-        f"same cycles it changes by less than {usual} um. The limits are of the hours measured"
+        f"same cycles it changes by less than {usual} um. The limits hold for the hours measured"
     ]
 
 
@@ -180,7 +180,7 @@ def next_step(result: CycleResult) -> str:
     """What a person should do now."""
     test, word = result.test, overall(result)
     if word == "UNDECIDED":
-        return "See above what would decide each limit."
+        return "The lines above say what would decide each limit."
     if not enough(result):
         return f"Measure {POSE_CYCLES} cycles of poses and {PATH_CYCLES} runs of paths."
     stated = [test.conditions, f"speed {test.speed_percent:g} %" if test.speed_percent else ""]

@@ -47,7 +47,7 @@ class InstrumentTable(Strict):
         if self.calibrated and self.valid_until and self.valid_until < self.calibrated:
             raise ValueError(
                 f"valid_until is {self.valid_until}, before calibrated, which is "
-                f"{self.calibrated}; mend one of them"
+                f"{self.calibrated}; correct one of them"
             )
         return self
 

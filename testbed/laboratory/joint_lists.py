@@ -40,7 +40,7 @@ def from_deg(
             message = f"{names[k]} has {counted(len(row), 'number')}"
             motors = " with a motor" * bool(robot.controller.held)
             has = f"{robot.name} has {n} joints{motors}"
-            raise refuse(where, list(row), has, code="S37", message=message, fix="mend the list")
+            raise refuse(where, list(row), has, code="S37", message=message, fix="correct the list")
     scale = np.where(robot.model.chain.prismatic, 1e-3, np.pi / 180)[own]
     q = robot.controller.read(
         np.array(rows, dtype=np.float64).reshape(-1, n) * scale, robot.model.chain.n_joints
@@ -59,7 +59,7 @@ def check_joints(robot: Robot, q: ArrayLike, names: Sequence[str], field: str) -
     for row, name in zip(q, names, strict=True):
         if not np.isfinite(row).all():
             message = f"{name}: joint {int(np.argmin(np.isfinite(row))) + 1} is not a number"
-            raise refuse(field, code="M25", message=message, fix="mend or remove that pose")
+            raise refuse(field, code="M25", message=message, fix="correct or remove that pose")
         # degrees written with few decimals may round a joint at its limit outward
         by_arm = (row < lower - BEYOND) | (row > upper + BEYOND)
         beyond = np.flatnonzero(by_arm | robot.controller.beyond(row))
@@ -173,7 +173,7 @@ def _number(row: list[str], k: int, where: str, column: str) -> float:
         value = np.nan
     if not np.isfinite(value):
         message, allowed = f'{column} is "{text[:40]}"', "it must be a number"
-        fix = "mend or remove that row"
+        fix = "correct or remove that row"
         raise refuse(column, text[:40], allowed, code="M25", message=message, fix=fix, where=where)
     return value
 
@@ -188,4 +188,4 @@ def _within(row: list[str], k: int, where: str, column: str, bound: Bound) -> fl
         code, allowed = "V9", bound.allowed(unit)
     else:
         return value
-    raise refuse(column, value, allowed, code=code, message=message, fix="mend it", where=where)
+    raise refuse(column, value, allowed, code=code, message=message, fix="correct it", where=where)

@@ -17,10 +17,12 @@ from calib.geometry.chain import Chain, joint_vectors
 from calib.geometry.frames import slide, transform
 from testbed import assets
 from testbed.laboratory.cell import Obstacle
-from testbed.laboratory.collisions import ROBOT_BIT, add_floor, add_obstacle
+from testbed.laboratory.collisions import FLOOR, ROBOT_BIT, ROOM_FLOOR, add_floor, add_obstacle
 from testbed.robots.catalog import Robot
 from testbed.robots.meshes.files import check_meshes
 
+SEEN = np.array([1, 1, 1, 0, 0, 0], dtype=np.uint8)
+"""Groups of geoms that rays meet: not what collides only, which stands for what is drawn."""
 TOUCH = 1e-3
 """A ray that ends within this share of the target's distance has reached the target."""
 
@@ -74,22 +76,26 @@ class Simulator:
         spec = build_spec(chain, robot)
         if robot is not None:
             T_world_floor = chain.T_world_base @ slide(0.0, 0.0, robot.base_offset)
-            add_floor(spec, T_world_floor, clearance)
+            add_floor(spec, FLOOR, T_world_floor, clearance)
+            if robot.mounting_height is not None:
+                place = chain.T_world_base[:3, 3] - [0.0, 0.0, robot.mounting_height]
+                add_floor(spec, ROOM_FLOOR, slide(*place), clearance)
         for obstacle in obstacles:
-            add_obstacle(spec, obstacle, clearance)
+            add_obstacle(spec, obstacle, clearance, hulls=bool(robot and robot.primitives))
         self._chain = chain
         self.obstacles = tuple(obstacles)
         self._model = compile_spec(spec, robot)
         self._data = mujoco.MjData(self._model)
         self._tool = self._model.site("tool").id
         self._carrier = int(self._model.site_bodyid[self._tool])
-        self._floor = self._model.geom("floor").id if robot is not None else -1
+        planes = self._model.geom_type == int(mujoco.mjtGeom.mjGEOM_PLANE)
+        self._floors = np.flatnonzero(planes).tolist()
+        """The floor, and that of the room where the base hangs above it; as MuJoCo numbers them."""
         mujoco.mj_kinematics(self._model, self._data)
 
     def _surroundings(self) -> list[int]:
-        """The floor and the obstacles, as MuJoCo numbers them."""
-        obstacles = [self._model.geom(one.name).id for one in self.obstacles]
-        return obstacles if self._floor < 0 else [self._floor, *obstacles]
+        """The floors and the obstacles, as MuJoCo numbers them."""
+        return [*self._floors, *(self._model.geom(one.name).id for one in self.obstacles)]
 
     def _standing(self, q: Array) -> Iterator[int]:
         """Let the robot stand at each row of q (m, n) in turn; yields the row."""
@@ -133,10 +139,10 @@ class Simulator:
         return transform(rotation.reshape(-1, 3, 3), position)
 
     def contacts(self, q: ArrayLike) -> Contacts:
-        """What the robot hits at joint values q (m, n) [rad, m], parts taken as convex hulls."""
+        """What the robot hits at joint values q (m, n) [rad, m], meshes taken as convex hulls."""
         q = joint_vectors(self._chain, q)
         itself, floor, obstacle = np.zeros((3, len(q)), dtype=bool)
-        data, ground = self._data, {self._floor}
+        data, ground = self._data, set(self._floors)
         obstacles = set(self._surroundings()) - ground
         for k in self._colliding(q):
             if data.ncon:
@@ -161,7 +167,7 @@ class Simulator:
     def clearances(self, q: ArrayLike, *, most: float) -> Array:
         """Distance (m,) from the moving parts to the floor and the obstacles at q (m, n) [m].
 
-        Between convex hulls, negative where they overlap, `most` where nothing is nearer.
+        Of meshes the convex hulls, negative where they overlap, `most` where nothing is nearer.
         """
         import mujoco
 
@@ -180,15 +186,16 @@ class Simulator:
     def above_floor(self, point: ArrayLike) -> float:
         """How far a point (3,) of the world lies above the floor; infinite without a floor [m]."""
         (point,) = check("3", point=point)
-        if self._floor < 0:
-            return np.inf
-        up = self._data.geom_xmat[self._floor].reshape(3, 3)[:, 2]
-        return float(up @ (point - self._data.geom_xpos[self._floor]))
+        heights = [
+            self._data.geom_xmat[floor].reshape(3, 3)[:, 2] @ (point - self._data.geom_xpos[floor])
+            for floor in self._floors
+        ]
+        return float(min(heights, default=np.inf))
 
     def travel_bounds(self) -> Array:
         """How far any point of the robot can move per unit of each joint (n,) [m/rad or 1].
 
-        For a turning joint the largest distance of a drawn point beyond it from its axis, the arm
+        For a turning joint the largest distance of a part's point beyond it from its axis, the arm
         taken as stretched and every part as its bounding ball: a bound, never too small. Sliding
         joints beyond count with their full limits.
         """
@@ -239,7 +246,7 @@ class Simulator:
         for k in self._standing(q):
             beam = origin + axes @ offset - start
             # the answer is in units of the beam's own length; negative: nothing met
-            share = ray(model, data, start, beam, None, 1, carrier, hit)
+            share = ray(model, data, start, beam, SEEN, 1, carrier, hit)
             out[k] = share < 0 or share > 1 - TOUCH
         return out
 

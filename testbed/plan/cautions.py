@@ -93,9 +93,17 @@ def untested(plan: Plan) -> tuple[str, ...]:
 
 
 def _shapes(plan: Plan) -> list[str]:
-    """A warning of bodies whose shape the robot's file does not give, if there are any."""
+    """Warnings of bodies whose shape the robot's file does not give, or not so that it is read."""
+    said = []
+    if plan.unread:
+        links, it = listed([f"link {k}" for k in plan.unread]), len(plan.unread) == 1
+        said.append(
+            f"{WARNING}whether {links} hit{'s' * it} anything was tested in part only, since a "
+            f"shape of {'it' if it else 'each'} is none that is read; write it as a box, cylinder, "
+            "sphere, capsule or mesh"
+        )
     if not plan.shapeless:
-        return []
+        return said
     if not tests_contact(plan):
         moves, gives = "the robot hits anything or hides", "none of its links"
     elif len(plan.shapeless) == 1:
@@ -103,22 +111,23 @@ def _shapes(plan: Plan) -> list[str]:
     else:
         moves = f"{listed([f'link {k}' for k in plan.shapeless])} hit anything or hide"
         gives = "them"
-    return [
+    said.append(
         f"{WARNING}whether {moves} the target was not tested, since the robot's file gives {gives} "
-        "a mesh that collides; add meshes, or look at every move before the robot makes it"
-    ]
+        "a shape that collides; add shapes, or look at every move before the robot makes it"
+    )
+    return said
 
 
 def _floor(plan: Plan) -> list[str]:
     """A warning where the floor that the robot was tested against is not that of the room."""
     T = plan.nominal.chain.T_world_base
     stands = any(_is_below(one, T[:3, 3]) for one in plan.obstacles)
-    if T[2, 2] >= UPRIGHT or stands or not tests_contact(plan):
+    if T[2, 2] >= UPRIGHT or stands or plan.mounted or not tests_contact(plan):
         return []
     return [
         f"{WARNING}whether the robot hits the floor of the room was not tested, since the z axis "
-        "of its base does not point up, and the floor of its file lies across that axis; write the "
-        "floor as an obstacle below the base"
+        "of its base does not point up, and the floor of its file lies across that axis; write "
+        "mounting_height_mm in robot.toml, or the floor as an obstacle below the base"
     ]
 
 

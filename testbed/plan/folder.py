@@ -64,7 +64,7 @@ def _notes(plan: Plan, mark: str) -> list[str]:
         "the first move was checked only from there. The program begins with a move to the start.",
         "Moves were checked against the nominal robot and the obstacles of the scenario only:"
         if tests_contact(plan)
-        else "No move was checked for collisions, since the file gives the links no meshes:",
+        else "No move was checked for collisions, since the file gives the links no shapes:",
         "run it once at low speed with a hand on the stop.",
     ]
     return [f"{mark} {line}" for line in lines]

@@ -146,6 +146,8 @@ def _plan(scenario: Scenario, tell: Progress, where: str) -> Plan:
         stations=stations,
         obstacles=bench.cell,
         shapeless=bench.robot.shapeless,
+        unread=bench.robot.partly,
+        mounted=bench.robot.mounting_height is not None,
         assumed=assumed_of(bench),
     )
 

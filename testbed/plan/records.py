@@ -226,6 +226,10 @@ class Plan(Shown):
     shapeless: tuple[int, ...]
     """Moving bodies (1 ... n) whose shape the robot's file does not give: what they hit was not
     tested."""
+    unread: tuple[int, ...]
+    """Moving bodies (1 ... n) tested without some shape of theirs, which is not read."""
+    mounted: bool
+    """Whether the robot's file states how high above the level floor of the room its base is."""
     assumed: tuple[str, ...]
     """What the robot's file leaves open and the promise rests on, in words."""
 

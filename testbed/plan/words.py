@@ -157,7 +157,7 @@ def assumed_words(plan: Plan) -> str:
     """What was assumed of the robot; nothing if its file says all."""
     if not plan.assumed:
         return ""
-    return f"What is promised rests on what the robot's file leaves open: {'; '.join(plan.assumed)}"
+    return f"The robot's file leaves open, and the plan assumes: {'; '.join(plan.assumed)}"
 
 
 def use_words(plan: Plan) -> tuple[str, ...]:
@@ -169,8 +169,8 @@ def use_words(plan: Plan) -> tuple[str, ...]:
     said = apart.clauses(lambda _: "the goal", "the poses measured already").values()
     return (
         *(f"Warning: {text}; they count here as if nothing differed" for text in said),
-        f"Measure {use.phrase}, as the robot will be used: no statement reaches other conditions "
-        "than those of the measurements",
+        f"Measure {use.phrase}, as the robot will be used: no statement will hold under other "
+        "conditions than those of the measurements",
     )
 
 
@@ -243,6 +243,6 @@ def terminal_text(plan: Plan) -> str:
     said = (
         *warnings(plan), *reach_words(plan), hidden_words(plan), plan.tour.sentence,
         order_words(plan), measured_words(plan), assumed_words(plan), *use_words(plan),
-        "What is proven of this choice of poses is in the report",
+        "The report shows what is proven about this choice of poses",
     )  # fmt: skip
     return "\n".join([*parts, *(f"  {plain(sentence(text))}" for text in said if text)])

@@ -12,7 +12,7 @@ from testbed.files.refusal import no_rows
 from testbed.files.session_toml import SESSION_FILE
 from testbed.files.visits.probing import probed, tried_words
 from testbed.files.visits.tables import CampaignFile
-from testbed.gates.kinds import OF_SCENARIOS, OF_SESSIONS, kind_of, kind_of_name
+from testbed.gates.kinds import OF_SCENARIOS, OF_SESSIONS, PROGRAMS, kind_of, kind_of_name
 from testbed.gates.mistakes import validated
 from testbed.gates.paths import is_there, near, real
 from testbed.gates.toml import read_toml, read_toml_bytes, toml_document
@@ -50,7 +50,7 @@ def checked(file: Path, robot: str | None) -> list[str]:
         inside = [name for name in known if is_there(file / name, Path.is_file)]
         if not inside:
             allowed, (told, fix) = f"a folder with one of {', '.join(known)}", foreign(file)
-            message = f"{file} has nothing to check: {told}"
+            message = f"{file} contains nothing to check: {told}"
             raise refuse("FILE", str(file), allowed, code="S37", message=message, fix=fix)
         file = file / inside[0]
     if not is_there(file, Path.is_file):
@@ -96,7 +96,7 @@ def _robot(robot: Robot, what: str, where: str) -> list[str]:
         message, fix = f"{robot.name} has no lengths: all d and a are 0", "write the link numbers"
         raise refuse("joints", 0.0, code="S37", message=message, fix=fix, where=where)
     said = f"{what}, {robot.name}: {counted(chain.n_joints, 'joint')}"
-    said = f"{said}, links of {reach * 1e3:.0f} mm in all"
+    said = f"{said}, link lengths of {reach * 1e3:.0f} mm in total"
     counted_so = filter(None, [robot.controller.sentence])
     return [said, *counted_so, *(f"note: {n}" for n in robot.notes)]
 
@@ -141,7 +141,7 @@ def _session(file: Path, document: dict[str, Any], robot: str | None) -> list[st
         said = "; ".join([said, *told])
     named = robot or (settings.robot if settings.robot in robot_names() else None)
     if named is None:
-        return [said, "its files were not read: name the robot by --robot"]
+        return [said, "its files were not read: name the robot with --robot"]
     arm = load_robot(named)
     return [said, *_read(file, arm)]
 
@@ -175,7 +175,7 @@ def _table(file: Path, arm: Robot | None) -> list[str]:
         kind = {
             "table": "a table", "bare": "a table whose columns have no names",
             "points": "an export of points", "frames": "an export of frames",
-            "rapid": "a RAPID program",
+            "program": PROGRAMS[one.language][0] if one.language else "",
         }[one.kind]  # fmt: skip
         place = f" in sheet {one.sheet}" if one.sheet else ""
         said.append(f"{kind}{place}, {counted(one.rows, 'row')}")
@@ -187,7 +187,7 @@ def _table(file: Path, arm: Robot | None) -> list[str]:
             verb = "iso9283" if ours else "new session"
             return [*said, f"type truebed {verb} {file}"]
     if arm is None:
-        return [*said, "units and conventions were not tried: name the robot by --robot"]
+        return [*said, "units and conventions were not tried: name the robot with --robot"]
     try:
         return [*said, *_read(file, arm)]
     except InputError as error:
@@ -207,7 +207,7 @@ def _columns(head: Sequence[str], known: dict[str, str], kind: str) -> list[str]
     own = [name for name in head if is_known(name)]
     told = [f"{name} as {known[name]}" for name in head if name in known and name not in own]
     if own:
-        told.append(f"{len(own)} under names of this program")
+        told.append(f"{len(own)} with the names that truebed uses")
     left = [name for name in head if name not in known]
     said = [f"columns: {', '.join(told)}"] if told else []
-    return said + ([f"not known: {', '.join(left)}"] if left else [])
+    return said + ([f"unknown: {', '.join(left)}"] if left else [])

@@ -77,7 +77,7 @@ def _proposed(look: Found, rows: list[tuple[str, ...]], sentence: str, root: Pat
         unit = _by_size(look, means)
         open_ = [one for one in means if not one.known]
         if any(not one.unit for one in open_):
-            assumed.append(f"{what}: no column says its unit; taken as {unit}")
+            assumed.append(f"{what}: no column states its unit; assumed: {unit}")
         columns |= {f"{one.stem}_{one.unit or unit}": one.theirs for one in open_}
     pose = _pose(look, rows)
     cycle = next((name for name in look.head if name.strip().lower() in CYCLE), "")
@@ -87,7 +87,7 @@ def _proposed(look: Found, rows: list[tuple[str, ...]], sentence: str, root: Pat
     section: Document = {"file": look.name} | ({"sheet": look.sheet} if look.sheet else {})
     if look.has(*TURNS) and look.stems["rx"].known and "euler" not in look.head:
         section["euler"] = "XYZ"
-        assumed.append("rotations: no file says how the three angles turn; taken as XYZ")
+        assumed.append("rotations: no file states how the three angles turn; assumed: XYZ")
     document: Document = {"cycles": section | ({"columns": columns} if columns else {})}
     settings = validated(document, CampaignFile, SESSION_FILE)
     sources = Sources(root, None, MAX_MB, {(root / look.name, look.sheet): look.text})

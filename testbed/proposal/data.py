@@ -1,14 +1,16 @@
 """What the files of a user hold: tables with and without a head, exports, programs, workbooks."""
 
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from os.path import commonpath
 from pathlib import Path
 from typing import Any, Literal, TypeAlias
 
+import numpy as np
+
 from calib.errors import InputError
-from testbed.files.dialects.rapid import is_rapid, read_rapid
+from testbed.files.dialects.controllers.read import Language, joints_in, language_of
+from testbed.files.dialects.numbers import number_of
 from testbed.files.dialects.spatial_lines import name_fields, sa_lines
 from testbed.files.refusal import refusal
 from testbed.files.rows.planned import foretold, of_stops
@@ -18,10 +20,12 @@ from testbed.gates.paths import is_there, real
 from testbed.gates.text import MAX_MB, FileText
 from testbed.gates.workbook import is_workbook, sheet_names
 from testbed.proposal.names import Meaning, meanings
+from testbed.proposal.transforms import SHORT
 
-Kind = Literal["table", "bare", "points", "frames", "rapid"]
+Kind = Literal["table", "bare", "points", "frames", "program"]
 Document = dict[str, Any]
-WORD = re.compile(r"[A-Za-z]")
+SQUARE = 4
+"""Rows and columns of a transform."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,6 +50,12 @@ class Found:
     """How many fields of an export may be names, the likely count first."""
     length: str = ""
     """Unit of an export, where it says one."""
+    language: Language | None = None
+    """Of a program."""
+    notes: tuple[str, ...] = ()
+    """What is left aside of a program."""
+    also: "Found | None" = None
+    """The same rows as a table without a head, where they may be more than an export."""
 
     @property
     def called(self) -> str:
@@ -63,8 +73,10 @@ class Found:
 
     def column(self, name: str) -> tuple[str, ...]:
         """Cells of a column."""
-        table = read_rapid(self.text) if self.kind == "rapid" else of_stops(
-            read_sheet(self.text, header=False if self.kind == "bare" else None))  # fmt: skip
+        if self.language is not None:
+            table = joints_in(self.text, self.language).sheet
+        else:
+            table = of_stops(read_sheet(self.text, header=False if self.kind == "bare" else None))
         return tuple(row[table.head.index(name)] for row in table.rows)
 
 
@@ -116,8 +128,10 @@ def _folder_above(paths: Sequence[Path]) -> str:
 
 def _looked(path: Path, name: str, sheet: str | None, text: FileText) -> Found:
     """What one table seems to be."""
-    if is_rapid(text):
-        return _of_sheet(path, name, sheet, text, "rapid", read_rapid(text))
+    if (language := language_of(text)) is not None:
+        found = joints_in(text, language)
+        own = _of_sheet(path, name, sheet, text, "program", found.sheet)
+        return replace(own, language=language, notes=found.note)
     content = text.content("#", "//")
     if not content:
         raise refusal(text.where, "file", "has no table")
@@ -125,6 +139,7 @@ def _looked(path: Path, name: str, sheet: str | None, text: FileText) -> Found:
     commented = any(line.lstrip().startswith("//") for line in text.lines) and not headed
     titled = titles_above(content) and not commented
     if commented or not (titled or headed):
+        _require_a_line_each(text, content)
         try:
             return _of_lines(path, name, sheet, text)
         except InputError:
@@ -195,7 +210,7 @@ def _of_lines(path: Path, name: str, sheet: str | None, text: FileText) -> Found
     kind: Kind = "bare"
     if lines is not None and (names or commented):
         # coordinates behind up to three names are points; one name and a transform are a frame
-        kind = "frames" if names == 1 and width in (6, 7, 16, 19) else "points"
+        kind = "frames" if names == 1 and _is_frame(fields, width) else "points"
     named: tuple[int, ...] = ()
     if lines is not None and kind == "points":
         try:
@@ -203,4 +218,32 @@ def _of_lines(path: Path, name: str, sheet: str | None, text: FileText) -> Found
         except InputError:  # numbers may be names
             named = tuple(k for k in range(names, 4) if k <= names + width - 3)
     head = tuple(str(k + 1) for k in range(len(first)))
-    return Found(path, name, sheet, text, kind, head, len(fields), (), width, names, named, length)
+    own = tuple(line[0] for line in fields) if names == 1 else ()
+    means = (Meaning("1", "pose_id", ""),) if len(set(own)) == len(fields) else ()
+    rows = Found(path, name, sheet, text, "bare", head, len(fields), means, width, names)
+    if kind == "bare":
+        return rows
+    also = rows if means and not commented else None
+    return replace(rows, kind=kind, meanings=(), named=named, length=length, also=also)
+
+
+def _is_frame(fields: Sequence[Sequence[str]], width: int) -> bool:
+    """Whether the numbers behind a name are those of a frame."""
+    if width != SHORT.size:
+        return width in (6, 7, 16, 19)
+    rows = [[number_of(cell) for cell in line[1 : SHORT.size + 1]] for line in fields]
+    return SHORT.fits(np.array([row for row in rows if len(row) == SHORT.size]))
+
+
+def _require_a_line_each(text: FileText, content: Sequence[tuple[int, str]]) -> None:
+    """Refuse transforms that go over four lines each."""
+    if len(_cells(content[0][1])) != SQUARE:
+        return
+    rows = [[number_of(cell) for cell in _cells(line)] for _, line in content]
+    square = all(len(row) == SQUARE for row in rows) and len(rows) % SQUARE == 0
+    if square and all(row == [0.0, 0.0, 0.0, 1.0] for row in rows[SQUARE - 1 :: SQUARE]):
+        raise refusal(
+            text.where, "file", f"has {len(rows) // SQUARE} transforms of four lines each",
+            allowed="each row is one measurement",
+            fix="write the 16 numbers of each transform into one line",
+        )  # fmt: skip

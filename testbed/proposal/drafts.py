@@ -45,8 +45,10 @@ def drafts_of(looks: tuple[Found, ...], own: tuple[int, ...]) -> Iterator[Draft]
             str(alone[0].path), "file", "is one line of numbers: nothing tells what they are",
             code="M27", fix="give the file with all its rows, the columns named in the first line",
         )  # fmt: skip
-    joints: list[Part | None] = [part for look in looks for part in joint_parts(look, own)]
-    groups = _stations(looks)
+    # names and numbers may be an export of points, or rows that begin with a name
+    every = looks if heads else (*looks, *(one.also for one in looks if one.also is not None))
+    joints: list[Part | None] = [part for look in every for part in joint_parts(look, own)]
+    groups = _stations(every)
     seen = [part for group in groups for part in seen_parts(group[0], own)]
     files = {id(group[0]): group for group in groups}
     taken: set[str] = set()
@@ -58,7 +60,11 @@ def drafts_of(looks: tuple[Found, ...], own: tuple[int, ...]) -> Iterator[Draft]
             and "both" in one[3] + two[3]
         ):
             continue
-        if one is not None and one[0] is two[0] and one[3] != two[3]:
+        if (
+            one is not None
+            and _where(one[0]) == _where(two[0])
+            and (one[0] is not two[0] or one[3] != two[3])
+        ):
             continue
         stations = files[id(two[0])]
         for draft in (*_of_each(one, two, own, stations), *_matched(one, two, own, stations)):

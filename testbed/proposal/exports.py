@@ -10,7 +10,7 @@ def exported_parts(look: Found) -> Iterator[Part]:
     """[points] or [frames] of an export."""
     lengths: list[Document] = [{}] if look.length else [{"length": "mm"}, {"length": "m"}]
     for length in lengths:
-        told = f"positions: the export names no unit; taken as {length.get('length')}"
+        told = f"positions: the export states no unit; assumed: {length.get('length')}"
         note = (told,) if length else ()
         if look.kind == "points":
             for count in look.named:
@@ -18,7 +18,7 @@ def exported_parts(look: Found) -> Iterator[Part]:
                 said = (f"names: {count} fields before the coordinates",)
                 yield look, keys, (*note, *said[: len(look.named) - 1]), ""
             continue
-        form = {6: "euler", 7: "quaternion", 16: "matrix", 19: "matrix"}[look.width]
+        form = {6: "euler", 7: "quaternion", 12: "matrix", 16: "matrix", 19: "matrix"}[look.width]
         conventions: list[Document] = [{"rotation": "matrix"}]
         if form == "quaternion":
             conventions = [{"rotation": f"quaternion_scalar_{end}"} for end in ("first", "last")]
@@ -31,5 +31,5 @@ def exported_parts(look: Found) -> Iterator[Part]:
                            for unit in ("deg", "rad") for one in (*fixed, *forms)]  # fmt: skip
         for keys in conventions:
             taken = ", ".join(f"{key} {value}" for key, value in keys.items())
-            words = f"rotations: the export does not say how they turn; taken as {taken}"
+            words = f"rotations: the export does not state how they turn; assumed: {taken}"
             yield look, {"section": "frames", "format": "sa", **keys, **length}, (*note, words), ""

@@ -1,43 +1,78 @@
 """Where joints and readings may stand in rows that no line names."""
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 
+from calib.arrays import Array
 from testbed.proposal.data import Found
+from testbed.proposal.sizes import signed
+from testbed.proposal.transforms import BLOCKS, Block
+
+Names = tuple[str, ...]
 
 
-def layouts(look: Found, n: int) -> Iterator[tuple[str, dict[str, tuple[str, ...]]]]:
-    """Where joints, position and rotation may stand in rows without a head, by column number."""
-    begin = look.names
+@dataclass(frozen=True, slots=True)
+class Layout:
+    """Columns of one way to read the rows, by their numbers from 1."""
+
+    name: str
+    """The same of joints and readings that go together."""
+    joints: Names = ()
+    position: Names = ()
+    rotation: Names = ()
+    said: tuple[str, ...] = ()
+    """What is taken, where the numbers do not stand one by one."""
+
+
+def layouts(look: Found, n: int) -> Iterator[Layout]:
+    """Where joints, position and rotation may stand in rows without a head."""
     for skip in (0, 1):
-        left = look.width - skip
-        at = begin + skip
-
-        def columns(start: int, count: int) -> tuple[str, ...]:
-            return tuple(str(start + k + 1) for k in range(count))
-
+        left, at = look.width - skip, look.names + skip
         if left == n:
-            yield "joints", {"joints": columns(at, n)}
+            yield Layout("joints", joints=_names(at, n))
         if left == n + 6:  # where it was sent, and beside that where it was seen
             for name, q, p in (
-                ("joints first", columns(at, n), columns(at + n + 3, 3)),
-                ("joints last", columns(at + 6, n), columns(at + 3, 3)),
+                ("joints first", _names(at, n), _names(at + n + 3, 3)),
+                ("joints last", _names(at + 6, n), _names(at + 3, 3)),
             ):
-                yield (
-                    f"both {skip} seen {name}",
-                    {"joints": q, "position": p, "rotation": ()},
-                )
-        for turns in (0, 3, 4, 9):
+                yield Layout(f"both {skip} seen {name}", q, p)
+        for turns in (0, 3, 4):
             if left == 3 + turns:
-                both = {"position": columns(at, 3), "rotation": columns(at + 3, turns)}
-                yield "readings", both
-            if left in (n + 3 + turns, n + 6 + turns) and left >= n + 3 + turns:
-                q, p, r = columns(at, n), columns(at + n, 3), columns(at + n + 3, turns)
-                yield (
+                yield Layout("readings", (), _names(at, 3), _names(at + 3, turns))
+            if left in (n + 3 + turns, n + 6 + turns):
+                yield Layout(
                     f"both {skip} {turns} joints first",
-                    {"joints": q, "position": p, "rotation": r},
-                )
-                p, r, q = columns(at, 3), columns(at + 3, turns), columns(at + 3 + turns, n)
-                yield (
+                    _names(at, n), _names(at + n, 3), _names(at + n + 3, turns),
+                )  # fmt: skip
+                yield Layout(
                     f"both {skip} {turns} joints last",
-                    {"joints": q, "position": p, "rotation": r},
-                )
+                    _names(at + 3 + turns, n), _names(at, 3), _names(at + 3, turns),
+                )  # fmt: skip
+        for block in BLOCKS:
+            if left == block.size and block.fits(_numbers(look, at, block)):
+                yield _of_block("readings", block, at, ())
+            if left in (n + block.size, n + block.size + 3):
+                for order, begin, joints in (
+                    ("first", at + n, at), ("last", at, at + block.size)
+                ):  # fmt: skip
+                    if block.fits(_numbers(look, begin, block)):
+                        name = f"both {skip} {block.words} joints {order}"
+                        yield _of_block(name, block, begin, _names(joints, n))
+
+
+def _names(start: int, count: int) -> Names:
+    """Numbers of some columns, from 1."""
+    return tuple(str(start + k + 1) for k in range(count))
+
+
+def _numbers(look: Found, at: int, block: Block) -> Array:
+    """Numbers (m, size) of the columns of a block."""
+    return signed(look, _names(at, block.size)).T
+
+
+def _of_block(name: str, block: Block, at: int, q: Names) -> Layout:
+    """A layout with a transform."""
+    columns = _names(at, block.size)
+    said = f"readings: columns {columns[0]} to {columns[-1]}, taken as {block.words}"
+    place, turn = (tuple(columns[k] for k in own) for own in (block.place, block.turn))
+    return Layout(name, q, place, turn, (said,))

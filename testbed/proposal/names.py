@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 from testbed.bounds import FACTORS
 from testbed.files.columns import WRITTEN, is_known
+from testbed.proposal.axis_letters import stems_of_letters
 from testbed.proposal.transforms import entry_of
 from testbed.proposal.words import (
     ANGLE,
@@ -98,7 +99,7 @@ def meanings(head: Sequence[str], units: Sequence[str] = ()) -> tuple[Meaning, .
 def _of_this_head(head: Sequence[str]) -> dict[str, str]:
     """Stems of names that mean something beside the others of a table alone."""
     texts = {without_unit(name)[0] for name in head}
-    found = turns_of_letters(head)
+    found = turns_of_letters(head) | stems_of_letters(texts)
     for names in JOINTS:
         if texts.issuperset(names):
             found = found | {name: f"q{k}" for k, name in enumerate(names, start=1)}

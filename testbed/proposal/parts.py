@@ -32,21 +32,14 @@ BOTH_JOINTS = (
 
 def joint_parts(look: Found, own: tuple[int, ...]) -> Iterator[Part]:
     """[joints] of a file, in each unit that is left open; `own` joints have columns, from 1."""
-    if look.kind == "rapid":
-        yield (
-            look,
-            {"format": "rapid"},
-            (),
-            "",
-        )
+    if look.kind == "program":
+        yield look, {"format": look.language}, look.notes, ""
     elif look.kind == "bare":
-        for layout, columns in layouts(look, len(own)):
-            names = columns.get("joints")
-            if names:
-                for unit in by_size(look, names, TURN, ("deg", "rad")):
-                    mapped = {f"q{k}_{unit}": name for k, name in zip(own, names, strict=True)}
-                    note = f"joints: columns {names[0]} to {names[-1]}, taken as {unit}"
-                    yield look, {"columns": mapped}, (note,), layout
+        for layout in layouts(look, len(own)):
+            for unit in by_size(look, names := layout.joints, TURN, ("deg", "rad")) * bool(names):
+                mapped = {f"q{k}_{unit}": name for k, name in zip(own, names, strict=True)}
+                note = f"joints: columns {names[0]} to {names[-1]}, taken as {unit}"
+                yield look, {"columns": _more(look) | mapped}, (note,), layout.name
     elif look.has(*(f"q{k}" for k in own)) or look.has(*(f"q{k}_read" for k in own)):
         stems = [f"q{k}{tail}" for tail in ("", "_read") for k in own]
         found = [look.stems[stem] for stem in stems if stem in look.stems]
@@ -58,7 +51,7 @@ def joint_parts(look: Found, own: tuple[int, ...]) -> Iterator[Part]:
         notes = (BOTH_JOINTS,) if both else ()
         for unit in units:
             mapped = {f"{one.stem}_{one.unit or unit}": one.theirs for one in foreign}
-            said = (f"joints: no column says its unit; taken as {unit}",) if unit else ()
+            said = (f"joints: no column states its unit; assumed: {unit}",) if unit else ()
             named = {key: name for key, name in _more(look).items() if key in BESIDE_JOINTS}
             named |= _drives(look, own[-1])
             keys = {**source, **({"columns": named | mapped} if named or mapped else {})}
@@ -74,11 +67,11 @@ def seen_parts(look: Found, own: tuple[int, ...]) -> Iterator[Part]:
     if look.kind in ("points", "frames"):
         yield from exported_parts(look)
     elif look.kind == "bare":
-        for layout, columns in layouts(look, len(own)):
-            if "position" in columns:
-                place = dict(zip("xyz", columns["position"], strict=True))
-                for keys, notes in _readings(look, place, columns["rotation"], {}):
-                    yield look, keys, notes, layout
+        for layout in layouts(look, len(own)):
+            if layout.position:
+                place = dict(zip("xyz", layout.position, strict=True))
+                for keys, notes in _readings(look, place, layout.rotation, _more(look)):
+                    yield look, keys, (*layout.said, *notes), layout.name
     elif look.kind == "table":
         stems = look.stems
         polar = look.has("range", "azimuth") and (look.has("elevation") or look.has("zenith"))
@@ -118,7 +111,7 @@ def _targets(look: Found, n: int) -> Iterator[Part]:
     told = units - {""} if len(units) == 1 else set()
     columns = _more(look) | _drives(look, n)
     for unit in told or (by_size(look, names, REACH, ("mm", "m")) if names else ()):
-        said = () if told else (f"positions: no column says its unit; taken as {unit}",)
+        said = () if told else (f"positions: no column states its unit; assumed: {unit}",)
         if len(found) == 2 and (why := _not_both(look, found, unit)):
             for label, own in found.items():
                 other = next(one for one in found if one != label)
@@ -172,7 +165,7 @@ def _distances(look: Found, n: int) -> Iterator[Part]:
         for stem in ("distance", "u_distance", "U95_distance"):
             if look.has(stem) and not (own := look.stems[stem]).known:
                 columns[f"{stem}_{own.unit or unit or 'mm'}"] = own.theirs
-        note = (f"distances: no column says its unit; taken as {unit}",) if unit else ()
+        note = (f"distances: no column states its unit; assumed: {unit}",) if unit else ()
         keys: Document = {"section": "ranges", "anchors_mm": dict.fromkeys(names, "free")}
         yield look, keys | ({"columns": columns} if columns else {}), (places, *note), ""
 
@@ -227,7 +220,7 @@ def _readings(
                     one.theirs
                 )
         columns |= form
-        note = () if told else (f"positions: no column says its unit; taken as {unit}",)
+        note = () if told else (f"positions: no column states its unit; assumed: {unit}",)
         yield {"section": "frames" if turns else "points", **extra,
                **({"columns": columns} if columns else {})}, (*note, *said)  # fmt: skip
 
@@ -245,9 +238,8 @@ def _turnings(
         told = turns[0] in means  # a name such as qw says which number it is
         for order, gives in product(("wxyz",) if told else ("wxyz", "xyzw"), directions):
             columns = {} if known else {f"q{a}": name for a, name in zip(order, turns, strict=True)}
-            said = (
-                f"rotations: no name says the order of the quaternions; taken as {' '.join(order)}"
-            )
+            said = "rotations: no name states the order of the quaternions; assumed: "
+            said += " ".join(order)
             yield columns, gives, (_direction(gives), *(() if told else (said,)))
         return
     if len(turns) == 9:
@@ -271,7 +263,7 @@ def _turnings(
         columns = (
             {} if known else {f"r{a}_{one}": name for a, name in zip("xyz", turns, strict=True)}
         )
-        said = f"rotations: no file says how the three angles turn; taken as {form}"
+        said = f"rotations: no file states how the three angles turn; assumed: {form}"
         said += "" if unit or known else f", in {one}"
         yield columns, {"euler": form, **gives}, (said, _direction(gives))
 
@@ -279,4 +271,4 @@ def _turnings(
 def _direction(gives: Document) -> str:
     """What transform was taken."""
     what = "the tracker in the tool" if gives else "the tool in the tracker"
-    return f"transforms: taken as those of {what}"
+    return f"transforms: assumed to be those of {what}"

@@ -9,6 +9,7 @@ from testbed.files.dialects.numbers import number_of
 from testbed.files.refusal import refusal
 from testbed.files.session import text_of
 from testbed.files.text import Sheet, read_sheet
+from testbed.gates.kinds import require_no_program
 from testbed.gates.text import MAX_MB
 from testbed.proposal.names import without_unit
 from testbed.units import counted
@@ -80,7 +81,9 @@ def robot_text(table: Path | None, joints: int, name: str) -> tuple[str, tuple[s
         )
         assumed: tuple[str, ...] = ("every link number is 0: write those of the robot",)
     else:
-        sheet = read_sheet(text_of(table, str(table), sheet=None, max_mb=MAX_MB))
+        given = text_of(table, str(table), sheet=None, max_mb=MAX_MB)
+        require_no_program(given.lines, str(table))
+        sheet = read_sheet(given)
         rows, slides, assumed = _rows(sheet)
         origin = f"Proposed by truebed new robot from {table.name} ({counted(len(rows), 'joint')})"
     limits = not all({*row} >= {*TURNS} or {*row} >= {*SLIDES} for row in rows)

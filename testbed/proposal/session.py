@@ -3,6 +3,7 @@
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from testbed.files.joints import HELD
 from testbed.files.observed import BESIDE_PLAN
 from testbed.files.refusal import no_rows, refusal
 from testbed.files.rows.planned import foretold
@@ -12,7 +13,7 @@ from testbed.proposal.cycles import cycles_in
 from testbed.proposal.data import Document, Found
 from testbed.proposal.drafts import Draft, drafts_of
 from testbed.proposal.names import is_wished
-from testbed.proposal.tried import tried_with
+from testbed.proposal.tried import tried_with, unnamed
 from testbed.proposal.verdict import verdict_on
 from testbed.proposal.wished import is_angle
 from testbed.robots.robot import Robot
@@ -149,6 +150,8 @@ def _same_poses(alike: list[Found], joints: list[str]) -> bool:
 def _proposed(looks: tuple[Found, ...], robot: Robot | None, root: Path) -> Proposed:
     """The same without the files that it leaves aside."""
     own = columns_of(robot) if robot is not None else tuple(range(1, _count(looks) + 1))
+    if robot is None:  # what only a fit can tell is not offered
+        looks = tuple(replace(one, also=None) for one in looks)
     drafts, n = list(drafts_of(looks, own)), len(own)
     if not drafts:
         ahead = [foretold(one.head) for one in looks]
@@ -158,10 +161,13 @@ def _proposed(looks: tuple[Found, ...], robot: Robot | None, root: Path) -> Prop
             )
         wished = [name for one in looks for name in one.head if is_wished(name)]
         fix = "name the columns, or name them under columns in session.toml by hand"
-        if any(one.kind == "bare" and one.rows <= n + 12 < 2 * one.width for one in looks):
+        nameless = [one for one in looks if one.kind == "bare"]
+        if any(one.rows <= n + 12 < 2 * one.width for one in nameless):
             fix = (
                 "each row is one measurement: turn rows into columns if the table lies on its side"
             )
+        elif nameless:
+            raise unnamed(nameless[0])
         if angles := [name for one in looks for name in one.head if is_angle(name)]:
             fix = (
                 f"export the X Y Z of the same points from the instrument's software: directions "
@@ -176,7 +182,10 @@ def _proposed(looks: tuple[Found, ...], robot: Robot | None, root: Path) -> Prop
         )  # fmt: skip
     first = _untried(drafts)
     if robot is None:
-        tried = "no robot was named: units and conventions are by size and by custom"
+        tried = (
+            "no robot was named: units and conventions are guessed from the numbers and from "
+            "common use"
+        )
         return Proposed(first.document, first.notes, tried, False)
     if first.jointless:
         _require_joints(looks, robot)
@@ -232,7 +241,7 @@ def _require_joints(looks: tuple[Found, ...], robot: Robot) -> None:
                 str(look.path), "joints",
                 f"has columns for {counted(len(there), 'joint')}, and none for {shown}",
                 allowed=f"{robot.name} has {counted(len(own), 'joint')}",
-                fix="give all of them, or another ROBOT",
+                fix=f"give all of them, or another ROBOT{HELD * (len(missing) == 1)}",
             )  # fmt: skip
 
 

@@ -100,7 +100,7 @@ def _unused(section: str, document: Document, looks: Sequence[Found]) -> list[st
         own for each in mine for columns in each.get("targets", {}).values() for own in columns
     }
     look = next((one for one in looks if (one.name, one.sheet) == place), None)
-    if look is None or look.kind in ("points", "frames", "rapid"):
+    if look is None or look.kind in ("points", "frames", "program"):
         return []
     said, known = wished_lines(look) if section != "cycles" else ([], set[str]())
     left = [name for name in look.head if name not in read | known and not is_known(name)]

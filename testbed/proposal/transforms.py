@@ -1,7 +1,13 @@
-"""Names of the entries of transforms and rotations, counted from 1 or from 0."""
+"""Entries of transforms: by their names, or by where they stand in rows without names."""
 
 import re
 from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from calib.arrays import Array, Bool
+from testbed.files.rotations import MENDED
 
 TRANSFORM = re.compile(r"([a-z]) ?([0-4]) ?([0-4])")
 """T11 ... T34, m_00 ... m_23."""
@@ -24,3 +30,44 @@ def entry_of(text: str, others: Sequence[str]) -> str:
         if whole <= places and 0 < row < 4 and 0 < column <= columns:
             return "xyz"[row - 1] if column == 4 else f"r{row}{column}"
     return ""
+
+
+@dataclass(frozen=True, slots=True)
+class Block:
+    """Where a transform stands in the numbers of a row."""
+
+    words: str
+    place: tuple[int, ...]
+    """Of x, y, z."""
+    turn: tuple[int, ...]
+    """Of r11, r12 ... r33."""
+    size: int = 12
+    last: tuple[int, ...] = ()
+    """Of the row 0 0 0 1, where it is there."""
+
+    def fits(self, numbers: Array) -> bool:
+        """Whether most rows (m, size) are transforms if they are read so."""
+        turns = numbers[:, self.turn]
+        good: Bool = np.asarray(np.isfinite(turns).all(axis=1))
+        R = np.where(good[:, None], turns, 0.0).reshape(-1, 3, 3)
+        # as loose as what is read and set right
+        good &= np.abs(R @ np.swapaxes(R, 1, 2) - np.eye(3)).max(axis=(1, 2)) < MENDED
+        if self.last:
+            good &= (numbers[:, self.last] == (0.0, 0.0, 0.0, 1.0)).all(axis=1)
+        return bool(2 * good.sum() > len(good))
+
+
+_ROWS, _COLUMNS = (0, 1, 2, 3, 4, 5, 6, 7, 8), (0, 3, 6, 1, 4, 7, 2, 5, 8)
+SHORT = Block("transforms, 3 x 4, row by row", (3, 7, 11), (0, 1, 2, 4, 5, 6, 8, 9, 10))
+BLOCKS = (
+    Block("a place, then a rotation row by row", (0, 1, 2), tuple(k + 3 for k in _ROWS)),
+    SHORT,
+    Block("transforms, 3 x 4, column by column", (9, 10, 11), _COLUMNS),
+    Block("a place, then a rotation column by column", (0, 1, 2), tuple(k + 3 for k in _COLUMNS)),
+    Block("a rotation row by row, then a place", (9, 10, 11), _ROWS),
+    Block("transforms, 4 x 4, row by row", (3, 7, 11), (0, 1, 2, 4, 5, 6, 8, 9, 10), 16,
+          (12, 13, 14, 15)),
+    Block("transforms, 4 x 4, column by column", (12, 13, 14), (0, 4, 8, 1, 5, 9, 2, 6, 10), 16,
+          (3, 7, 11, 15)),
+)  # fmt: skip
+"""Ways to write one."""

@@ -29,7 +29,7 @@ AXES = 3
 """Equations of a position, where a distance has one."""
 GUESSED = ("M20", "M22", "M23", "V9")
 """Codes of numbers that are not what they were taken for."""
-BY_SIZE = "units and conventions are by size and by custom"
+BY_SIZE = "units and conventions are guessed from the numbers and from common use"
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,7 +119,7 @@ def tried_with(
             nameless = next((one for one in looks if one.kind == "bare"), None)
             if nameless is None or error.code not in GUESSED:
                 raise
-            raise _unnamed(nameless) from error
+            raise unnamed(nameless) from error
         raise AssertionError("a draft can be read that could not be")
     session = sessions[likely]
     assert session is not None
@@ -129,23 +129,23 @@ def tried_with(
     if found.stated is None:
         poses = counted(len(np.unique(session.measurements.q, axis=0)), "different pose")
         tried = (
-            f"{poses} in {session.where}, too few to try readings of the file with (at least "
+            f"{poses} in {session.where}, too few to try interpretations of the file (at least "
             f"{FEWEST}): {BY_SIZE}"
         )
         return drafts[likely], tried, False
     tried = (
-        f"none of {len(drafts)} readings of these files fits a nominal {robot.name}: is it the "
-        f"robot that was measured? {BY_SIZE.capitalize()}"
+        f"none of {len(drafts)} interpretations of these files fits a nominal {robot.name}: is it "
+        f"the robot that was measured? {BY_SIZE.capitalize()}"
     )
     return drafts[likely], tried, False
 
 
-def _unnamed(look: Found) -> InputError:
+def unnamed(look: Found) -> InputError:
     """The error of rows without a head whose numbers stand in no order that is tried."""
     return refusal(
         str(look.path), "file",
         f"no line names its {look.width} columns, and they are no joints and places in any order "
-        "that is tried", allowed="joints and places, or either of them, a rotation after the place",
+        "that is tried", allowed="joints and places, or one; a rotation after a place; transforms",
         fix="name the columns in a first line: J1 ... J6, X Y Z; others by any other name",
     )  # fmt: skip
 
@@ -171,7 +171,7 @@ def _by_an_instrument(
     seen = [k for k in others if not is_of_a_controller(robot, sessions[k])]
     if not seen:
         return best, set(), ""
-    aside = f". {', '.join(own)} are left aside: they are a controller's own poses"
+    aside = f". {', '.join(own)} are not used: they are a controller's own poses"
     made = {k for k, one in enumerate(drafts) if places_of(one) == own}
     return min(seen, key=lambda k: fits[k].noise), made, aside
 
@@ -192,7 +192,7 @@ def _of_both(
     good = [k for k in optical if fits[k].score <= FAR]
     if not good:
         files = names_of([drafts[k] for k in optical])
-        return drafts[best], f". No reading of the positions in {files} fits: they are left aside"
+        return drafts[best], f". No interpretation of the positions in {files} fits: not used"
     # of one kind alone the likely readings are ahead
     first = best if best in good else min(good, key=lambda k: fits[k].noise)
     found = Joined(None, "")
@@ -206,20 +206,20 @@ def _of_both(
     few = [drafts[k] for k in optical]
     aside, what = (ranged, "distances") if kept == first else (few, "positions")
     return drafts[kept], (
-        f". The {what} in {names_of(aside)} are left aside: in one session with the others, "
+        f". The {what} in {names_of(aside)} are not used: in one session with the others, "
         f"{found.sentence}"
     )
 
 
 def _fitting(robot: Robot, least: float, others: Sequence[float], count: int, parts: int) -> str:
     """How well a draft and others, the best one first, fit in some part of the rows [m]."""
-    tried = f"base and tool of a nominal {robot.name} alone leave {_shown(least)}"
+    tried = f"with only base and tool fitted to a nominal {robot.name}, errors are {_shown(least)}"
     if parts > 1:
-        tried += f" in the best of {parts} parts of the rows, and more than that in all of them"
+        tried += f" in the best of {parts} parts of the rows, and larger in all of them"
     if others:
-        tried += f"; the best of {counted(count, 'other reading')} leaves {_shown(others[0])}"
+        tried += f"; with the best of {counted(count, 'other interpretation')}, {_shown(others[0])}"
         if others[0] < TIMES * least:
-            tried += ": too little to tell them apart"
+            tried += ": too close to tell them apart"
     return tried
 
 

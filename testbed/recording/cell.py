@@ -14,8 +14,9 @@ from testbed.recording.style import BEAM_COLOR, Color
 from testbed.recording.timeline import Phase
 from testbed.robots.catalog import load_tracker_visuals
 from testbed.robots.meshes.files import Mesh, part_mesh
+from testbed.robots.parts import Primitive, Visual
 from testbed.robots.placements import joint_motion, placements
-from testbed.robots.robot import Robot, Visual
+from testbed.robots.robot import Robot
 
 GHOST_SKIN = 0.002
 """A ghost is drawn thinner by this [m]: where it does not deviate it stays inside the robot."""
@@ -25,9 +26,9 @@ BOX_COLOR = (120, 132, 146, 150)
 
 
 @cache
-def mesh(visual: Visual) -> Mesh:
+def mesh(part: Visual | Primitive) -> Mesh:
     """A part's mesh, read once: robot and ghost share it."""
-    return part_mesh(visual)
+    return part_mesh(part)
 
 
 def volume(part: Mesh) -> float:
@@ -67,30 +68,33 @@ def draw_arm(
             T[:, :3, :3] @= exp_so3(across[:, joint, :1] * [1, 0, 0])
             T[:, :3, :3] @= exp_so3(across[:, joint, 1:] * [0, 1, 0])
         pen.transforms(path, T @ last[which] if joint == n - 1 else T)
-    _draw_parts(pen, paths, robot.visuals, color)
+    _draw_parts(pen, paths, robot.parts, color)
 
 
 def _draw_parts(
-    pen: Pen, paths: Sequence[str], visuals: tuple[Visual, ...], color: Color | None = None
+    pen: Pen,
+    paths: Sequence[str],
+    parts: Sequence[Visual | Primitive],
+    color: Color | None = None,
 ) -> None:
-    """Meshes below the entities of their links, in their own color or, as a ghost, in one.
+    """What is seen, below the entities of the links, in its own color or, as a ghost, in one.
 
     A ghost has no small parts, which are told from its large ones by their colors only.
     """
     import rerun as rr
 
     skin = GHOST_SKIN if color else 0.0
-    for visual in visuals:
-        part = mesh(visual)
-        if color and volume(part) < SMALL:
+    for part in parts:
+        found = mesh(part)
+        if not part.drawn or (color and volume(found) < SMALL):
             continue
         pen.static(
-            f"{paths[visual.link]}/{visual.name}",
+            f"{paths[part.link]}/{part.name}",
             rr.Mesh3D(
-                vertex_positions=part.vertices - skin * part.normals,
-                triangle_indices=part.faces,
-                vertex_normals=part.normals,
-                albedo_factor=color or (*(round(255 * value) for value in visual.rgb), 255),
+                vertex_positions=found.vertices - skin * found.normals,
+                triangle_indices=found.faces,
+                vertex_normals=found.normals,
+                albedo_factor=color or (*(round(255 * value) for value in part.rgb), 255),
             ),
         )
 

@@ -13,7 +13,7 @@ from testbed.recording.pen import Pen
 from testbed.recording.style import Color
 from testbed.recording.timeline import Motion, Phase, Timeline
 from testbed.robots.placements import link_poses
-from testbed.robots.robot import Robot
+from testbed.robots.robot import UPRIGHT, Robot
 
 
 @dataclass(frozen=True, slots=True)
@@ -137,7 +137,10 @@ def numbered(what: str, count: int, says: Iterable[str] = ()) -> list[str]:
 
 
 def floor_height(chain: Chain, robot: Robot) -> float:
-    """Height of the floor in the world [m]."""
+    """Height of the floor in the world [m]; below a base that does not stand upright the room's."""
+    T = chain.T_world_base
+    if robot.mounting_height is not None and T[2, 2] < UPRIGHT:
+        return float(T[2, 3]) - robot.mounting_height
     return float((chain.T_world_base @ slide(0, 0, robot.base_offset))[2, 3])
 
 

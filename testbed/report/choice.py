@@ -9,10 +9,10 @@ from testbed.report.page import Table
 from testbed.units import MM, fixed
 
 SAG = (
-    " sag: waves where gravity has that form; by torques: each joint gives way in proportion to "
-    "what the stated or guessed masses of the links pull; bearings: across its axis, too; springs: "
-    "the moments of the links are looked for as well; on a tilted base: gravity may point a degree "
-    "or two off what is stated, asked for beside the same level upright."
+    " sag: waves, if gravity has that form. by torques: each joint gives way in proportion to the "
+    "pull of the stated or guessed masses of the links. bearings: also across its axis. springs: "
+    "the moments of the links are estimated as well. on a tilted base: gravity may be a degree or "
+    "two off its stated direction; compared with the same level upright."
 )
 PLACES = 4
 """Of a mean miss in millimeters."""
@@ -25,12 +25,12 @@ def choice_tables(offered: Sequence[Offer], steps: Sequence[ClimbStep]) -> list[
         rows = [(o.ladder, o.level, _odds(o.gain), o.outcome) for o in offered]
         tables.append(
             Table(
-                caption="Joint errors that were offered, and what became of them",
+                caption="Joint errors that were offered to the model, and the outcome",
                 head=("cause", "level", "log evidence", "outcome"),
                 rows=tuple(rows),
                 align="llrl",
-                note="log evidence: natural logarithm of the odds that the poses asked give this "
-                "level alone against geometry alone; asked for above 3.0, odds of 20 to 1."
+                note="log evidence: natural logarithm of the odds that the training poses give "
+                "this level alone against geometry alone; 3.0, odds of 20 to 1, are required."
                 + SAG
                 * any(o.ladder == "gravity" and not np.isnan(o.gain) for o in offered),
             )
@@ -52,8 +52,8 @@ def choice_tables(offered: Sequence[Offer], steps: Sequence[ClimbStep]) -> list[
                 head=("level", "log evidence gained", "before [mm]", "after [mm]", "outcome"),
                 rows=tuple(taken),
                 align="lrrrl",
-                note="before, after: mean miss at training poses left out in turn; a level is "
-                "refused where they are missed by more than before, by a standard error.",
+                note="before, after: mean error at training poses left out in turn; a level is "
+                "refused if it increases this error by more than a standard error.",
             )
         )
     return tables

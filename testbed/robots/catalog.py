@@ -42,6 +42,8 @@ from testbed.robots.robot import Robot as Robot
 from testbed.robots.robot import Visual as Visual
 from testbed.robots.robot import Workspace as Workspace
 from testbed.robots.robot import body_name as body_name
+from testbed.robots.room import beyond_rail
+from testbed.robots.shapes import primitive
 from testbed.robots.tolerances import tolerances_of, usual_tolerances
 from testbed.strict import choice_of, name_meant
 
@@ -100,6 +102,7 @@ def load_robot(
     _check_free_sets(path, data, model.names)
     ranges = np.array([_in_si(joint) for joint in data.joints])
     masses, centers, inertias = bodies(data.joints, chain)
+    colors = {name: (r, g, b) for name, (r, g, b) in data.colors.items()}
     return Robot(
         name=data.name,
         title=data.title or data.name,
@@ -112,7 +115,7 @@ def load_robot(
         inertias=frozen(inertias),
         repeatability=frozen(ranges[:, 3]),
         visuals=visuals(path, data),
-        base_offset=data.floor_mm / 1e3,
+        base_offset=_floor(data, chain, ranges[:, :2]),
         exclusions=tuple((body_name(a), body_name(b)) for a, b in data.never_collide),
         free_sets=MappingProxyType(dict(data.free_sets)),
         sources=MappingProxyType(assumed_sources(data.joints) | dict(data.sources)),
@@ -125,6 +128,8 @@ def load_robot(
         controller=AS_THE_ARM
         if data.controller is None
         else data.controller.controller(chain.kinds),
+        primitives=tuple(primitive(entry, colors) for entry in data.shapes),
+        mounting_height=None if data.mounting_height_mm is None else data.mounting_height_mm / 1e3,
     )
 
 
@@ -141,6 +146,13 @@ def robot_chain(data: RobotFile) -> Chain:
         T_world_base=_transform(data.base),
         T_flange_tool=_transform(data.tool),
     )
+
+
+def _floor(data: RobotFile, chain: Chain, limits: Array) -> float:
+    """Height of the floor in the base frame [m]; along a rail beyond all that the arm reaches."""
+    if data.floor_mm is None:
+        return beyond_rail(chain, limits) or 0.0
+    return data.floor_mm / 1e3
 
 
 def joint_errors(path: Path, data: RobotFile) -> JointErrors:
@@ -198,7 +210,8 @@ def visuals(path: Path, data: Drawn) -> tuple[Visual, ...]:
             raise problem(code="R7", message=f"part {part.name}: no mesh {part.file}", fix=fix)
         check_files(file)
         red, green, blue = data.colors[part.color]
-        out.append(Visual(file, (red, green, blue), part.collides, part.link, part.name))
+        rgb, rest = (red, green, blue), (part.collides, part.link, part.name)
+        out.append(Visual(rgb, *rest, drawn=part.drawn, file=file))
     return tuple(out)
 
 

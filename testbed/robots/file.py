@@ -8,7 +8,16 @@ from calib.geometry.chain import chain_names
 from calib.geometry.joint_errors import Wave
 from testbed.bounds import CELL, COORDINATE
 from testbed.robots.coupled import ControllerTable
-from testbed.robots.links import Angle, Length, PrismaticLink, RevoluteLink, Vector
+from testbed.robots.links import (
+    Angle,
+    AttachedPart,
+    Length,
+    Name,
+    PrismaticLink,
+    RevoluteLink,
+    Vector,
+)
+from testbed.robots.shapes import ShapeEntry
 from testbed.robots.springs import SpringsTable
 from testbed.robots.tolerances import LinkTolerances
 from testbed.strict import PlainText, Strict, choice_of
@@ -18,7 +27,6 @@ Place = Annotated[
     tuple[Annotated[float, COORDINATE.signed("mm")], ...], Field(min_length=3, max_length=3)
 ]
 """Of a frame: an identified robot stands in the frame that it was measured in."""
-Name = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$", max_length=64)]
 Color = Annotated[
     tuple[Annotated[float, Field(ge=0, le=1)], ...], Field(min_length=3, max_length=3)
 ]
@@ -108,19 +116,13 @@ class JointTermEntry(Strict):
         return self
 
 
-class Part(Strict):
+class Part(AttachedPart):
     """One mesh file: on which body it sits, its color, whether it can hit others."""
 
-    name: Name
-    """What the part is called."""
-    link: Annotated[int, Field(ge=0)]
-    """Body it moves with: 0 is the base."""
     file: ModelFile
     """Mesh, relative to robot.toml."""
     color: PlainText
     """One of the names under [colors]."""
-    collides: bool = False
-    """Whether its convex hull takes part in tests of collision."""
 
 
 class Drawn(Strict):
@@ -152,15 +154,19 @@ class Drawn(Strict):
         names = [part.name for part in self.parts]
         twice = sorted({name for name in names if names.count(name) > 1})
         if twice:
-            raise ValueError(f"part {twice[0]} is there twice")
+            raise ValueError(f"part {twice[0]} appears twice")
         return self
 
 
 class RobotFile(Drawn):
     """A robot model, ``robot.toml``."""
 
-    floor_mm: Length = 0.0
-    """Height of the floor in the base frame."""
+    floor_mm: Length | None = None
+    """Height in the base frame of what the base stands on: of the floor, or of a wall or ceiling
+    that lies across its z axis. Without it 0; nothing lies across a rail then."""
+    mounting_height_mm: Annotated[float, CELL.size("mm")] | None = None
+    """Of a base on a wall, below a ceiling or along a rail: height of its origin above the level
+    floor of the room. Up is z of the world, in which [base] stands."""
     base: Frame = Frame()
     tool: Frame = Frame()
     workspace: WorkspaceBox | None = None
@@ -176,6 +182,7 @@ class RobotFile(Drawn):
     joint_terms: tuple[JointTermEntry, ...] = ()
     springs: SpringsTable | None = None
     reflectors: tuple[ReflectorEntry, ...] = ()
+    shapes: tuple[ShapeEntry, ...] = ()
     tolerances: LinkTolerances | None = None
     notes: tuple[PlainText, ...] = ()
     """Remarks that the report prints."""
@@ -185,7 +192,7 @@ class RobotFile(Drawn):
         """No name stands for two reflectors."""
         names = [reflector.name for reflector in self.reflectors]
         if twice := sorted({name for name in names if names.count(name) > 1}):
-            raise ValueError(f"reflector {twice[0]} is there twice")
+            raise ValueError(f"reflector {twice[0]} appears twice")
         return self
 
     @model_validator(mode="after")
@@ -197,12 +204,27 @@ class RobotFile(Drawn):
             raise ValueError(f"workspace: joint_ranges_deg has {len(ranges)} of {n} joints")
         if self.tolerances is not None and (strange := self.tolerances.strange(n)):
             raise ValueError(f"tolerances: joint {strange} is not there; the last is {n}")
-        for part in self.parts:
+        for part in (*self.parts, *self.shapes):
             if part.link > n:
                 raise ValueError(f"part {part.name} is on link {part.link}; the last is {n}")
         for pair in self.never_collide:
             if not all(0 <= link <= n for link in pair) or pair[0] == pair[1]:
                 raise ValueError(f"never_collide has {list(pair)}; allowed: two of 0 to {n}")
+        return self
+
+    @model_validator(mode="after")
+    def _shapes_are_sound(self) -> "RobotFile":
+        """Names of shapes are those of no other part, and their colors exist."""
+        names = {part.name for part in self.parts}
+        for shape in self.shapes:
+            if shape.name in names:
+                raise ValueError(f"part {shape.name} appears twice")
+            names.add(shape.name)
+            if shape.color and shape.color not in self.colors:
+                raise ValueError(
+                    f'part {shape.name}: no color "{shape.color}"; '
+                    f"{choice_of(shape.color, self.colors)}"
+                )
         return self
 
     @model_validator(mode="after")

@@ -1,6 +1,6 @@
-"""The links of an arm in robot.toml: the numbers of each joint, and the body that it moves."""
+"""The links of an arm in robot.toml: their numbers, the bodies that they move, and their parts."""
 
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -12,6 +12,7 @@ Length = Annotated[float, LINK.signed("mm")]
 Angle = Annotated[float, ANGLE.signed("deg")]
 Vector = Annotated[tuple[Length, ...], Field(min_length=3, max_length=3)]
 Moment = Annotated[float, INERTIA.size("kg m2")]
+Name = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$", max_length=64)]
 
 
 class Link(Strict):
@@ -112,3 +113,23 @@ class PrismaticLink(Link):
     def scatter(self) -> float | None:
         """Standard deviation of its repeatability [m]."""
         return None if self.repeatability_um is None else self.repeatability_um * 1e-6
+
+
+class AttachedPart(Strict):
+    """What [[parts]] and [[shapes]] share: name, link and use."""
+
+    name: Name
+    """What the part is called."""
+    link: Annotated[int, Field(ge=0)]
+    """Body it moves with: 0 is the base."""
+    collides: bool = False
+    """Whether its convex hull takes part in tests of collision."""
+    drawn: bool = True
+    """Whether it is seen: drawn, and in the way of beams."""
+
+    @model_validator(mode="after")
+    def _is_of_use(self) -> Self:
+        """It is drawn or collides."""
+        if not (self.collides or self.drawn):
+            raise ValueError(f"{self.name} is neither drawn nor collides; remove it")
+        return self

@@ -3,7 +3,6 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TypeAlias
 
 import numpy as np
 
@@ -13,12 +12,12 @@ from calib.geometry.gravity import moments_of
 from calib.geometry.model import RobotModel
 from calib.shown import Shown
 from testbed.robots.controller import AS_THE_ARM, Controller
+from testbed.robots.parts import IN_PLACE as IN_PLACE
+from testbed.robots.parts import Primitive
+from testbed.robots.parts import Visual as Visual
 from testbed.robots.room import leading_slides, outside
 from testbed.units import in_units
 
-Affine: TypeAlias = tuple[tuple[float, ...], ...]
-"""Rows of a (4, 4) matrix that takes places in a mesh file to the frame of a link [m]."""
-IN_PLACE: Affine = tuple(tuple(float(i == k) for k in range(4)) for i in range(4))
 SAMPLE = 2000
 """Postures in the joint limits from which the reach is derived."""
 SHARE = (10.0, 90.0)
@@ -43,27 +42,6 @@ STEP = 0.01
 """All numbers are rounded to this, for people [m]."""
 NO_MASS = "no mass is given for what"
 """Begins the note on bodies whose masses are assumed."""
-
-
-@dataclass(frozen=True, slots=True)
-class Visual:
-    """One drawn part."""
-
-    file: Path
-    """Mesh file, in the frame of its link [m] unless `affine` is given."""
-    rgb: tuple[float, float, float]
-    """Color, 0 to 1."""
-    collides: bool
-    """Whether its convex hull takes part in collision tests."""
-    link: int
-    """Body it moves with, 0 = base ... n."""
-    name: str
-    """Name of the part."""
-    affine: Affine = IN_PLACE
-    """Places in the file to places in the frame of the link; a scale may be part of it."""
-
-    def __repr__(self) -> str:
-        return f"Visual({self.name!r} of body {self.link})"
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,7 +93,7 @@ class Robot(Shown):
     repeatability: Array
     """(n,) standard deviation of a joint's repeatability [rad or m]."""
     visuals: tuple[Visual, ...]
-    """Parts to draw, the probe included."""
+    """Parts that are meshes, the probe included."""
     base_offset: float
     """Height of the floor in the base frame [m]."""
     exclusions: tuple[tuple[str, str], ...]
@@ -143,12 +121,29 @@ class Robot(Shown):
     """How its controller counts joints, which tables and programs hold; else they are the arm's."""
     agreement: float | None = None
     """Largest distance from the poses another reader finds in the file, if converted [m]."""
+    primitives: tuple[Primitive, ...] = ()
+    """Parts that are plain shapes."""
+    unread: tuple[int, ...] = ()
+    """Moving bodies (1 ... n) of which the file has a shape that collides and is not read."""
+    mounting_height: float | None = None
+    """Height of the base frame's origin above the level floor of the room, where its file states it
+    [m]; the world's z points up."""
+
+    @property
+    def parts(self) -> tuple[Visual | Primitive, ...]:
+        """All of them, meshes first."""
+        return (*self.visuals, *self.primitives)
 
     @property
     def shapeless(self) -> tuple[int, ...]:
         """Moving bodies (1 ... n) that no part collides of: nothing tests what they hit."""
-        solid = {visual.link for visual in self.visuals if visual.collides}
+        solid = {part.link for part in self.parts if part.collides}
         return tuple(k for k in range(1, self.model.chain.n_joints + 1) if k not in solid)
+
+    @property
+    def partly(self) -> tuple[int, ...]:
+        """Moving bodies (1 ... n) of which some shapes collide, but not all that its file has."""
+        return tuple(k for k in self.unread if k not in self.shapeless)
 
     @property
     def moments(self) -> Array | None:
@@ -206,6 +201,9 @@ def workspace_of_reach(robot: Robot) -> Workspace:
     T = inverse(robot.model.chain.T_world_base) @ robot.model.poses(q)
     place = T[:, :3, 3]
     above = place[:, 2] > robot.base_offset + ABOVE
+    if robot.mounting_height is not None:
+        up = robot.model.chain.T_world_base[2, :3]
+        above &= place @ up > ABOVE - robot.mounting_height
     place = place[above] if above.mean() > STANDS else place
     low, high = np.percentile(place, SHARE, axis=0)
     center, size = (low + high) / 2, np.maximum(high - low, STEP)
@@ -223,9 +221,9 @@ def workspace_of_reach(robot: Robot) -> Workspace:
 def _stand(robot: Robot, center: Array) -> tuple[Array, Array]:
     """From where and in which direction a tracker goes aside, both (3,) in the base frame [m].
 
-    About the vertical, as high as a drawn tracker is over the floor of an upright base. Of another
-    base, such as on a wall or a rail, no file says how high the room's floor is: as high as the
-    center of the box.
+    About the vertical, as high as a drawn tracker is over the floor: that of an upright base, or
+    what the file states of another, such as on a wall or a rail. Where it states nothing, as high
+    as the center of the box.
     """
     up, z = robot.model.chain.T_world_base[2, :3], np.array([0.0, 0.0, 1.0])
     if up[2] >= UPRIGHT:
@@ -236,6 +234,8 @@ def _stand(robot: Robot, center: Array) -> tuple[Array, Array]:
     if np.linalg.norm(ahead) < 1 - UPRIGHT:
         ahead = np.array([1.0, 0.0, 0.0]) - up[0] * up
     ahead = ahead / np.linalg.norm(ahead)
+    if robot.mounting_height is not None:
+        center = center + (STAND - robot.mounting_height - up @ center) * up
     return center, np.cos(ASIDE) * ahead + np.sin(ASIDE) * np.cross(up, ahead)
 
 

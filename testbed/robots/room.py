@@ -9,6 +9,8 @@ from testbed.robots.placements import placements
 
 BESIDE = 0.5
 """A tracker stands at least so far outside the robot's reach [m]."""
+LEANS, ROOM = 0.5, 1.0
+"""Cosine up to which a z axis is not upright; how far a floor that is none lies away [m]."""
 SPARE, TRIES = 0.05, 1000
 """Of a place that is proposed [m], and steps until it is found."""
 
@@ -31,6 +33,16 @@ def reach(chain: Chain, limits: Array) -> float:
     slides = chain.prismatic.astype(bool)
     slides[:k] = False
     return lengths + float(np.abs(limits[slides]).max(axis=1, initial=0.0).sum())
+
+
+def beyond_rail(chain: Chain, limits: Array) -> float | None:
+    """A place on the base's z axis below all that an arm on a rail reaches [m]; None of others.
+
+    A slide along the ground has its z axis there: nothing across it is a floor.
+    """
+    if not leading_slides(chain) or abs(chain.T_world_base[2, 2]) > LEANS:
+        return None
+    return -float(np.abs(limits[0]).max() + reach(chain, limits) + ROOM)
 
 
 def from_arm(chain: Chain, limits: Array, station: Array) -> float:

@@ -124,7 +124,7 @@ class SpringsTable(Strict):
             if spring.joint > n:
                 return f"{words}; there are {n} joints"
             if (spring.joint, spring.axis) in seen:
-                return f"{words} is there twice"
+                return f"{words} appears twice"
             seen.add((spring.joint, spring.axis))
             slides = kinds[spring.joint - 1] == "prismatic" and spring.axis == "z"
             if slides != (spring.bend_deg is None):

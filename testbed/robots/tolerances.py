@@ -42,7 +42,7 @@ class LinkTolerances(Strict):
         """No joint has two widths."""
         numbers = [one.joint for one in self.joints]
         if twice := sorted({k for k in numbers if numbers.count(k) > 1}):
-            raise ValueError(f"joint {twice[0]} is there twice")
+            raise ValueError(f"joint {twice[0]} appears twice")
         return self
 
     def strange(self, n: int) -> int | None:

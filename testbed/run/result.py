@@ -76,7 +76,7 @@ def misfit(value: object, shape: Any, at: str = "") -> str:
     """
     if isinstance(shape, Mapping):
         if not isinstance(value, Mapping):
-            return f"{at} is no table"
+            return f"{at} is not a table"
         names = value if EACH in shape else shape
         told = (
             misfit(value[name], shape.get(name, shape.get(EACH)), f"{at}.{name}".lstrip("."))

@@ -98,9 +98,9 @@ def merge_runs(
     """
     if len(folders) < 2:
         raise refuse(
-            "merge", [str(folder) for folder in folders], "two folders or more", code="C41",
-            message="merge is given one folder",
-            fix="to go on with one: truebed run FOLDER --out FOLDER --resume",
+            "merge", [str(folder) for folder in folders], "it needs two or more", code="C41",
+            message="merge was given one folder",
+            fix="to continue that run, type: truebed run FOLDER --out FOLDER --resume",
         )  # fmt: skip
     first, *others = (Path(folder) for folder in folders)
     real = [_real(folder) for folder in (first, *others)]

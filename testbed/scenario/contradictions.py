@@ -165,7 +165,7 @@ def of_budget(scenario: Scenario) -> Iterator[str]:
 def _of_identification(settings: IdentificationSettings) -> Iterator[str]:
     """Contradictions in [identification]: keys of the default estimator where it is not played."""
     if len(set(settings.estimators)) < len(settings.estimators):
-        yield "[identification] estimators names one twice; remove the copy"
+        yield "[identification] estimators contains a name twice; remove the copy"
     keys = {
         "model": settings.model != "geometric",
         "loss": settings.loss != "squared",
@@ -256,6 +256,6 @@ def _of_goal(goal: ListGoal | PathGoal) -> Iterator[str]:
     wanted = count - isinstance(goal, PathGoal)
     if goal.weights and len(goal.weights) != wanted:
         yield (
-            f"[plan.goal] weights has {len(goal.weights)} entries; {wanted} belong there, "
-            f"one per {'line' if isinstance(goal, PathGoal) else 'pose'}; mend the list"
+            f"[plan.goal] weights has {len(goal.weights)} entries; there must be {wanted}, "
+            f"one per {'line' if isinstance(goal, PathGoal) else 'pose'}; correct the list"
         )

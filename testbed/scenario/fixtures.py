@@ -103,10 +103,10 @@ def _of_names(
     for name in fixtures.ranged:
         if name not in targets:
             hint = did_you_mean(name, tuple(targets)) or f"known are {', '.join(targets)}"
-            yield f'[fixtures] ranged has "{name}", which is no reflector; {hint}'
+            yield f'[fixtures] ranged has "{name}", which is not a reflector; {hint}'
     for key, names in (("free", fixtures.free), ("ranged", fixtures.ranged)):
         if len(set(names)) < len(names):
-            yield f"[fixtures] {key} names one twice; remove the copy"
+            yield f"[fixtures] {key} contains a name twice; remove the copy"
 
 
 def _of_places(fixtures: FixtureSettings, station: Point) -> Iterator[str]:

@@ -131,7 +131,7 @@ def truth_part(truth: TruthSettings) -> dict[str, Any]:
 @lru_cache(maxsize=4)
 def robot_hash(robot: "Robot") -> str:
     """Hex sha256 of a robot's numbers and meshes, with no path of this machine in it."""
-    from testbed.robots.robot import IN_PLACE
+    from testbed.robots.parts import IN_PLACE
     from testbed.robots.springs import springs_table
 
     chain, errors = robot.model.chain, robot.model.joint_errors
@@ -161,6 +161,14 @@ def robot_hash(robot: "Robot") -> str:
     moved = [v.affine for v in robot.visuals if v.affine != IN_PLACE]
     if moved:
         document["moved"] = moved
+    if hidden := [v.name for v in robot.visuals if not v.drawn]:
+        document["hidden"] = hidden
+    if robot.mounting_height is not None:
+        document["mounting_height"] = robot.mounting_height
+    if robot.primitives:
+        document["primitives"] = [
+            [p.name, p.link, p.collides, p.drawn, p.form, p.affine] for p in robot.primitives
+        ]
     if robot.tolerances is not None:
         document["tolerances"] = robot.tolerances.tolist()
     if not robot.controller.plain:

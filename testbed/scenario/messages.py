@@ -169,5 +169,5 @@ def _unknown_key(path: KeyPath, value: object, file: ScenarioFile) -> Fault:
     fix = right_unit(key, value, known) or did_you_mean(key, known)
     if not fix and homes:
         fix = f"move it to {f'[{homes[0]}]' if homes[0] else 'the top of the file'}"
-    allowed = "" if fix else f"known are {', '.join(known)}"
+    allowed = "" if fix else f"known keys: {', '.join(known)}"
     return Fault(path, message, "S37", allowed, fix or "remove it", value)

@@ -70,7 +70,7 @@ def unknown(origin: OriginTable, keys: Mapping[str, Collection[str]]) -> Iterato
 
     name = origin.robot
     if name and not is_path(name) and name not in robot_names():
-        message = f'[{ORIGIN}] robot is "{name}", which is no robot'
+        message = f'[{ORIGIN}] robot is "{name}", which is not a robot'
         yield Fault((ORIGIN, "robot"), message, fix=choice_of(name, robot_names()), value=name)
     for k, given in enumerate(origin.given):
         table, _, rest = given.partition(".")
@@ -78,7 +78,7 @@ def unknown(origin: OriginTable, keys: Mapping[str, Collection[str]]) -> Iterato
         if table not in keys[""] or (key and key not in known):
             every = (*keys[""], *(f"{table}.{one}" for one in known))
             fix = did_you_mean(given, every) or "remove it"
-            message = f'[{ORIGIN}] given has "{given}", which is no key of a scenario'
+            message = f'[{ORIGIN}] given has "{given}", which is not a key of a scenario'
             yield Fault((ORIGIN, "given", k), message, fix=fix, value=given)
 
 

@@ -262,7 +262,7 @@ def changed(scenario: Scenario, changes: Mapping[str, Any], *, where: str = "") 
         for name in tables:
             table = table.setdefault(name, {})
             if not isinstance(table, dict):
-                message = f'"{dotted_key}" cannot be changed: {name} is no table'
+                message = f'"{dotted_key}" cannot be changed: {name} is not a table'
                 fix = f"give all of {name}"
                 raise refuse(dotted_key, value, code="S37", message=message, fix=fix)
         table[key] = deepcopy(value)

@@ -26,13 +26,13 @@ MOST_NAMED = 7
 
 
 WRITTEN = (
-    "delete {them}, and the new name fills {them} in; write {theirs} again; or add TABLE.KEY of "
-    "what shall stay to given, at the end. `truebed new scene` writes a short file"
+    "delete {them}, so that the new name fills {them} in; or write {theirs} again; or add "
+    "TABLE.KEY of what shall stay to given, at the end. `truebed new scene` writes a short file"
 )
 """Ways out for a file that was written in full, with [origin] at its end."""
 OLD = (
-    "delete {them}, and the new name fills {them} in; write {theirs} again; or write [origin] at "
-    'the end, and below it given = ["TABLE.KEY"] of what shall stay'
+    "delete {them}, so that the new name fills {them} in; or write {theirs} again; or write "
+    '[origin] at the end, and below it given = ["TABLE.KEY"] with what shall stay'
 )
 """Ways out for a file that has no [origin]."""
 CALLED = "change {them} too, or leave {theirs}"

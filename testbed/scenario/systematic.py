@@ -55,5 +55,7 @@ class SystematicTable(Strict):
                 f"no part has a size; write one of {', '.join(self.sizes)}, or remove the table"
             )
         if max(map(abs, self.station_up)) < LEAST_UP:
-            raise ValueError(f"station_up is no direction; one number must be {LEAST_UP:g} or more")
+            raise ValueError(
+                f"station_up is not a direction; one number must be {LEAST_UP:g} or more"
+            )
         return self

@@ -49,7 +49,7 @@ def unpacked(table: Mapping[str, Any], data: bytes) -> dict[str, np.ndarray[Any,
         dtype = np.dtype(str(word))
         whole = all(type(n) is int and n >= 0 for n in (*shape, count))
         if dtype.kind not in KINDS or not whole or (count and dtype.itemsize > WIDEST):
-            raise ValueError(f"{name} is {table[name]}, which is no array")
+            raise ValueError(f"{name} is {table[name]}, which is not an array")
         size = math.prod(shape)
         each = size if count else -(-size // 8) if dtype.kind == "b" else size * dtype.itemsize
         end = at + count * dtype.itemsize + each

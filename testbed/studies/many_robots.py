@@ -53,7 +53,7 @@ class ManyRobots(StudyTable):
         name, identification = self.table, scenario.identification
         found = []
         if len(set(self.truths)) < len(self.truths):
-            found.append(f"[{name}] truths names one twice; remove the copy")
+            found.append(f"[{name}] truths contains a name twice; remove the copy")
         if not self.robots:
             return found
         if self.robots == 1:

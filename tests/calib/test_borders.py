@@ -401,7 +401,7 @@ def test_what_a_public_function_is_fed_is_taken_or_refused_in_words(name):
         ),
         (
             lambda: iso_rotations.rotation_accuracy(np.ones((4, 3, 3)), np.eye(3)),
-            r"R\[0\] is no rotation; an orthonormal right-handed matrix",
+            r"R\[0\] is not a rotation; an orthonormal right-handed matrix",
         ),
         (
             lambda: iso_limits.mean_limits(iso9283.accuracy(CYCLES, np.zeros(3)), 0),

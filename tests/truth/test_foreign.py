@@ -113,7 +113,7 @@ def test_rigid_arms_lie_in_the_believed_region_and_parameters_alone_hold_them():
 
 
 def test_the_believed_region_holds_what_hides_behind_the_noise():
-    """Through files. Below what any test sees, parameters alone hold half of the points."""
+    """Through files. With a misfit below the noise, parameters alone hold half of the points."""
     believed, found = judged(Cell("slight", through_files=True), len(KINDS))
     assert found.alone.mean() < 0.75
     assert believed.mean() >= 0.95

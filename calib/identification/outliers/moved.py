@@ -54,8 +54,8 @@ class Moved(Shown):
     """Rows that stand off."""
     change: Annotated[Array, "k"]
     """(k,) shift [m] and turn [rad] of station or base about the mean point; the same of the tool
-    about the mean target, in its axes; shift of the target in these [m]; change of the joint [rad,
-    m]."""
+    about the mean target, in its axes; shift of the target in these [m], and turn [rad] where its
+    rotation was measured; change of the joint [rad, m]."""
     size: float
     """Root mean square by which it moves those readings [m]."""
     explained: float

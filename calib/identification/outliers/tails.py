@@ -64,9 +64,12 @@ class LongTails(Shown):
             f"squares, where normal noise needs {self.usual}"
         )
         if self.source == "noise":
-            return f"{text}; visits of one pose scatter so, too: it is the noise"
+            return f"{text}; repeated visits to one pose scatter in the same way: it is the noise"
         if self.source == "misfit":
-            return f"{text}; visits of one pose show no such tails: rather a misfit in a few places"
+            return (
+                f"{text}; repeated visits to one pose show no such tails, which suggests a misfit "
+                "in a few places"
+            )
         return (
             f"{text}; noise with such tails and a misfit in a few places look alike here: the "
             "region allows for either, and a second visit of every pose would tell them apart"
@@ -75,7 +78,7 @@ class LongTails(Shown):
     @property
     def remedy(self) -> str:
         """What lets so few rows pull the numbers less, in words."""
-        return 'with loss = "huber", or "cauchy", these few pull the numbers less'
+        return 'with loss = "huber" or "cauchy", these few rows have less influence'
 
 
 def long_tails(

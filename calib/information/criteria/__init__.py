@@ -1,4 +1,4 @@
-"""What makes one pose set better than another: one criterion per file, with its exact moves."""
+"""Optimality criteria of pose sets, each with the exact gains of adding, dropping and swapping."""
 
 NEEDS_GOALS = ("V", "G")
-"""Names of the criteria that ask where the tool must be right."""
+"""Names of the criteria that need goal poses, where the tool must be right."""

@@ -1,4 +1,4 @@
-"""What every criterion offers: a value, a figure to read, exact gains, and the best moves."""
+"""Interface of every criterion: a value, a figure to read, exact gains, and the best moves."""
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
@@ -14,24 +14,24 @@ class Move(NamedTuple):
     """One pose to add to, or to drop from, a set."""
 
     place: int
-    """Place in the pool (add) or among the chosen (drop); -1 if none reaches the floor."""
+    """Index in the pool (add) or among the chosen (drop); -1 if none reaches the floor."""
     gain: float
-    """What it adds to the value."""
+    """Change of the value."""
     evaluated: int
-    """Sets evaluated exactly to find it."""
+    """Number of sets evaluated exactly to find it."""
 
 
 class Swap(NamedTuple):
     """One pose of a set exchanged for one of the pool."""
 
     leaving: int
-    """Place in the list of chosen poses; -1 if there is none."""
+    """Index in the list of chosen poses; -1 if there is none."""
     entering: int
-    """Place in the pool."""
+    """Index in the pool."""
     gain: float
-    """What it adds to the value."""
+    """Change of the value."""
     evaluated: int
-    """Sets evaluated exactly to find it."""
+    """Number of sets evaluated exactly to find it."""
 
 
 class Pool:
@@ -48,7 +48,7 @@ class Pool:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Criterion(ABC):
-    """A number of the information matrix M (p, p), in scaled columns, that a good set makes large.
+    """An objective of the information matrix M (p, p), in scaled columns; larger is better.
 
     M is the information of all poses counted, with any prior precision; it is trusted to be
     symmetric and finite, and positive definite where gains are asked of D, A, V or G.
@@ -60,13 +60,13 @@ class Criterion(ABC):
     unit: ClassVar[str]
     """Unit of the figure."""
     index: ClassVar[IndexName | None]
-    """The observability index that the figure is, if it is one."""
+    """The observability index that the figure is, or None."""
     larger_is_better: ClassVar[bool]
     """Whether the figure grows with a better set; the value always does."""
 
     @property
     def n_numbers(self) -> int | None:
-        """Numbers that it is made for; None if any will do."""
+        """Number p that it was made for; None if it takes any."""
         return None
 
     @abstractmethod
@@ -75,11 +75,11 @@ class Criterion(ABC):
 
     @abstractmethod
     def figure(self, M: Array, n_poses: int) -> float:
-        """What people read, of information M (p, p) from `n_poses` poses."""
+        """Figure for people to read, from information M (p, p) of `n_poses` poses."""
 
     @abstractmethod
     def rises(self, value: float, before: float) -> bool:
-        """Whether a value is higher by more than rounding; ties would cycle."""
+        """Whether `value` exceeds `before` by more than rounding, so that searches never cycle."""
 
     @abstractmethod
     def add(self, M: Array, blocks: Array) -> Array:
@@ -87,7 +87,10 @@ class Criterion(ABC):
 
     @abstractmethod
     def drop(self, M: Array, blocks: Array) -> Array:
-        """Gains (k,), none positive for O1, A, V, G, E, by taking each block (k, r, p) out of M."""
+        """Gains (k,) by taking each block (k, r, p) out of M.
+
+        None is positive for D, A, E, and V and G of the noise alone.
+        """
 
     @abstractmethod
     def swap(self, M: Array, leaving: Array, entering: Array) -> Array:
@@ -95,14 +98,14 @@ class Criterion(ABC):
 
     @abstractmethod
     def best_add(self, M: Array, pool: Pool, allowed: Bool, floor: float = -np.inf) -> Move:
-        """Best pose of those `allowed` (N,) to add; ties to the lowest place, as by brute force.
+        """Best pose to add of those `allowed` (N,); of equal ones the lowest index.
 
-        Sets whose value stays below `floor` may be passed over.
+        The result is that of brute force. Sets whose value stays below `floor` may be skipped.
         """
 
     @abstractmethod
     def best_drop(self, M: Array, blocks: Array) -> Move:
-        """Best of the blocks (k, r, p) of a set to take out; ties to the lowest place."""
+        """Best of the blocks (k, r, p) of a set to take out; of equal ones the lowest index."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -114,19 +117,18 @@ class Certifiable(Criterion):
     """
 
     sharpness: ClassVar[tuple[float, ...]]
-    """Orders k of the smooth stand-ins for a maximum or minimum, in turn; (1,) where there is none.
-    """
+    """Orders k of the smooth approximations of a maximum or minimum, in turn; (1,) without one."""
 
     slack: ClassVar[float] = 1.0
-    """Factor on the tolerance of a relaxation: larger where sets stay away from their bound."""
+    """Factor on the tolerance of a relaxation; larger where the bound cannot be reached."""
 
     def value_bounded(self, M: Array) -> Array:
-        """Value (...,) that the ceiling comes down to: this one's, or one that is never below."""
+        """Value (...,) that the ceiling converges to: that of this criterion, or an upper bound."""
         return self.value(M)
 
     @abstractmethod
     def dual(self, M: Array, sharpness: float) -> Array:
-        """Matrix S (p, p), positive semidefinite: the weight of a unit of information, at M."""
+        """Dual matrix S (p, p), positive semidefinite, at M."""
 
     @abstractmethod
     def ceiling(self, M: Array, S: Array, top: float) -> float:
@@ -134,16 +136,16 @@ class Certifiable(Criterion):
 
     @abstractmethod
     def with_rounding(self, bound: float, M: Array) -> float:
-        """A bound from M (p, p) with room for the rounding that M carries."""
+        """A bound from M (p, p), widened by the rounding of M."""
 
     @abstractmethod
     def exponent(self, sharpness: float) -> float:
-        """Power of tr(S B_j'B_j) by which weights follow it."""
+        """Power of tr(S B_j'B_j) in the multiplicative update of weights."""
 
     @abstractmethod
     def efficiency(self, value: float, bound: float, p: int) -> float:
-        """Part of the best possible figure (D: of det^(1/p)) that is certain, in 0 to 1."""
+        """Lower bound, 0 to 1, on the figure relative to the best possible (D: on det^(1/p))."""
 
     @abstractmethod
     def figure_of_value(self, value: float, p: int, n_poses: int) -> float:
-        """Figure that belongs to a value."""
+        """Figure that corresponds to a value."""

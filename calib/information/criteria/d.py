@@ -1,4 +1,4 @@
-"""D: the volume of the information ellipsoid; its figure is the observability index O1."""
+"""D-optimality: the volume of the information ellipsoid; its figure is the index O1."""
 
 from dataclasses import dataclass
 from typing import ClassVar
@@ -20,10 +20,9 @@ from calib.information.criteria.whitened import (
 from calib.information.observability import IndexName
 
 RISE = 5e-11
-"""A set counts as better when log det rises by more: 1e-12 of O1 for two dozen numbers."""
+"""A set counts as better if log det rises by more than this: 1e-12 of O1 for two dozen numbers."""
 ROUNDING = 1e-14
-"""Rounding of the logarithm of a determinant near one: a gain next to nothing has no more digits.
-"""
+"""Rounding of the logarithm of a determinant near one."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -31,13 +30,14 @@ class D(Certifiable):
     """Value log det M; figure O1 = exp(log det M / 2p) / sqrt(poses).
 
     With K_ij = B_i M^-1 B_j': adding gains log det(I + K_jj), dropping log det(I - K_ii), a swap
-    log det(I + K_jj) + log det(I - K_ii + K_ij (I + K_jj)^-1 K_ji), also where dropping alone
-    would leave nothing. At most r log(1 + tr K / r) is gained, by the inequality of means.
+    log det(I + K_jj) + log det(I - K_ii + K_ij (I + K_jj)^-1 K_ji), even where dropping alone
+    would make M singular. An addition gains at most r log(1 + tr K_jj / r), by the inequality of
+    arithmetic and geometric means.
 
     References
     ----------
-    Fedorov 1972; the bound on all sets, log det M* <= log det M + p log(tr(M^-1 M*) / p), is the
-    inequality of means too (Joshi and Boyd 2009).
+    Fedorov 1972; the bound on all sets, log det M* <= log det M + p log(tr(M^-1 M*) / p), follows
+    from the same inequality (Joshi and Boyd 2009).
     """
 
     name: str = "D"
@@ -69,12 +69,12 @@ class D(Certifiable):
         return log_det(identity_plus(Z @ transpose(Z)))
 
     def drop(self, M: Array, blocks: Array) -> Array:
-        """Gains log det(I - K_ii) (k,); -inf where nothing is left."""
+        """Gains log det(I - K_ii) (k,); -inf where M becomes singular."""
         Z = blocks @ whitener(M)
         return log_det_of_rest(identity_plus(-(Z @ transpose(Z))))
 
     def swap(self, M: Array, leaving: Array, entering: Array) -> Array:
-        """Gains (k, N) by the determinant lemma for both changes at once."""
+        """Gains (k, N) by the matrix determinant lemma for both changes at once."""
         W = whitener(M)
         Zi, Zj = leaving @ W, entering @ W
         T = identity_plus(Zj @ transpose(Zj))
@@ -90,7 +90,7 @@ class D(Certifiable):
         return out
 
     def best_add(self, M: Array, pool: Pool, allowed: Bool, floor: float = -np.inf) -> Move:
-        """Best addition, tried in the order of r log(1 + tr K / r)."""
+        """Best addition; candidates are tried in descending order of r log(1 + tr K / r)."""
         W, r = whitener(M), len(pool.pages)
         trace = squares_along(pool.pages, W)
         upper = np.where(allowed, r * np.log1p(trace / r) * (1 + SLACK) + ROUNDING, -np.inf)
@@ -121,9 +121,9 @@ class D(Certifiable):
         return bound + relative_rounding(M)
 
     def exponent(self, sharpness: float) -> float:
-        """One: weights follow their leverage."""
+        """One: weights are multiplied by their leverage tr(K_jj)."""
         return 1.0
 
     def efficiency(self, value: float, bound: float, p: int) -> float:
-        """Certain part of the best det^(1/p)."""
+        """Lower bound on det^(1/p) relative to the best possible."""
         return float(np.exp((value - bound) / p))

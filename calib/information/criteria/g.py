@@ -1,4 +1,4 @@
-"""G: the largest variance of the tool point over the poses that matter."""
+"""G-optimality: the largest variance of the tool point over the goal poses."""
 
 from dataclasses import dataclass, field
 from typing import ClassVar
@@ -19,17 +19,18 @@ from calib.information.criteria.whitened import (
 from calib.information.goals import Goals
 
 WORST = 12
-"""Goal poses with the largest variance, from which the bound of an addition is taken."""
+"""Number of goal poses with the largest variance that bound the gain of an addition."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class G(Variance):
-    """Value minus the largest tr(J_t M^-1 J_t') over goal poses t; figure its root [m].
+    """Value: minus the largest tr(J_t M^-1 J_t') over goal poses t; figure: the root of it [m].
 
-    Adding pose j takes tr[(I + K_jj)^-1 Y Y'] off each variance, Y = B_j M^-1 J_t'. The maximum
-    over the few worst goal poses is never above that over all, which bounds the value. No set has a
-    largest variance below any weighted mean of variances, so that every bound on tr(C M^-1),
-    C = sum of nu_t J_t'J_t, is one on this; of order k, nu_t goes with the variance to the k - 1.
+    Adding pose j reduces each variance by tr[(I + K_jj)^-1 Y Y'], Y = B_j M^-1 J_t'. The maximum
+    over the few worst goal poses is never above that over all, which bounds the value. The largest
+    variance is never below a weighted mean of variances, so every lower bound on tr(C M^-1),
+    C = sum of nu_t J_t'J_t, is one on it; at order k, nu_t is proportional to the variance to the
+    power k - 1.
 
     References
     ----------
@@ -38,13 +39,13 @@ class G(Variance):
 
     name: str = "G"
     rows: Array = field(default_factory=lambda: frozen(np.zeros((0, 3, 0))), repr=False)
-    """(g, 3, p) tool point per scaled parameter at each goal pose [m]."""
+    """(g, 3, p) displacement of the tool point per scaled parameter at each goal pose [m]."""
 
     sharpness: ClassVar[tuple[float, ...]] = (1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0)
 
     @property
     def n_numbers(self) -> int | None:
-        """Numbers of the goal."""
+        """Number p of parameters of the goal."""
         return int(self.rows.shape[2])
 
     def mean(self) -> V:
@@ -65,7 +66,7 @@ class G(Variance):
         return self._values_after(M, blocks, 1.0, self.variances(M), self.rows) - self.value(M)
 
     def drop(self, M: Array, blocks: Array) -> Array:
-        """Gains (k,); -inf where nothing is left."""
+        """Gains (k,); -inf where M becomes singular."""
         return self._values_after(M, blocks, -1.0, self.variances(M), self.rows) - self.value(M)
 
     def swap(self, M: Array, leaving: Array, entering: Array) -> Array:
@@ -73,7 +74,7 @@ class G(Variance):
         return fresh_swaps(self, M, leaving, entering)
 
     def best_add(self, M: Array, pool: Pool, allowed: Bool, floor: float = -np.inf) -> Move:
-        """Best addition, tried in the order of what it does to the worst goal poses."""
+        """Best addition; candidates are tried by their effect on the worst goal poses."""
         # bound: the variances after it at the worst goal poses only
         now = self.variances(M)
         worst = np.argsort(-now, kind="stable")[:WORST]
@@ -87,7 +88,7 @@ class G(Variance):
         return Move(place, value + float(now.max()), evaluated)
 
     def dual(self, M: Array, sharpness: float) -> Array:
-        """S = M^-1 C M^-1 for the weights of this order."""
+        """S = M^-1 C M^-1, C weighted as for this order."""
         H = self._mean_root(M, sharpness)
         W = whitener(M)
         S = W @ (W.T @ H)
@@ -102,7 +103,7 @@ class G(Variance):
         return 1 / (sharpness + 1)
 
     def _mean_root(self, M: Array, order: float) -> Array:
-        """F (p, 3g) with F F' = sum of nu_t J_t'J_t, weights summing to one."""
+        """F (p, 3g) with F F' = sum of nu_t J_t'J_t, where the nu_t sum to one."""
         # weights of order k
         now = self.variances(M)
         share = (now / now.max()) ** (order - 1)
@@ -110,7 +111,7 @@ class G(Variance):
         return np.asarray((self.rows * np.sqrt(nu)[:, None, None]).reshape(-1, M.shape[-1]).T)
 
     def _values_after(self, M: Array, blocks: Array, sign: float, now: Array, rows: Array) -> Array:
-        """Values (N,) over some goal poses, rows (g, 3, p), after adding or dropping each block."""
+        """Values (N,) over goal poses with rows (g, 3, p), after adding or dropping each block."""
         # F = M^-1 J', for all goal poses at once
         W = whitener(M)
         F = W @ (W.T @ rows.reshape(-1, M.shape[-1]).T)
@@ -138,5 +139,5 @@ class G(Variance):
 
 
 def g_of(goals: Goals, name: str = "G") -> G:
-    """G for a goal; goal poses of no weight do not count."""
+    """G for a goal; goal poses with zero weight do not count."""
     return G(name=name, rows=frozen(goals.rows[goals.weights > 0]))

@@ -13,18 +13,20 @@ from calib.information.criteria.base import Criterion, Move, Pool, Swap
 from calib.information.criteria.whitened import CHUNK, grams
 
 TIE = 1e-12
-"""Scores closer than this part are equal; the lowest place in the pool then wins."""
+"""Scores that differ by less than this part are equal; the lowest index in the pool then wins."""
 SLACK = 1e-9
-"""Part by which bounds are widened against rounding; it costs hardly an evaluation."""
+"""Part by which bounds are widened against rounding; it hardly costs an evaluation."""
 FIRST = 8
 """Candidates evaluated exactly in the first round; later rounds double."""
 MOST = 64
+"""Candidates evaluated in one round at most."""
 ILL_CONDITIONED = 1e-3
-"""Part of a pose's information left without it below which a swap is not taken as drop and add."""
+"""If dropping a pose leaves less than this part of the information in some direction, swaps of it
+are computed directly instead of as a drop and an addition."""
 
 
 def first_best(values: Array) -> int:
-    """Place of the largest value; of equal ones (within `TIE`) the first."""
+    """Index of the largest value; of equal ones (within `TIE`) the first."""
     top = values.max()
     return int(np.argmax(values >= top - TIE * abs(top)))
 
@@ -41,10 +43,24 @@ def best_first(
     may_win: Callable[[Index, float], Bool] | None = None,
     floor: float = -np.inf,
 ) -> tuple[int, float, int]:
-    """Place and size of the best exact score (-1 if none reaches `floor`), and the evaluations.
+    """Find the largest exact score, evaluating only candidates whose bound may reach it.
 
-    Bounds `upper` (N,) are -inf where a pose may not be taken; `may_win` sorts out candidates that
-    certainly do not reach a score.
+    Parameters
+    ----------
+    upper : (N,) array
+        Upper bounds of the scores; -inf for candidates that are not allowed.
+    exact : callable
+        Scores of candidates, by their indices.
+    may_win : callable, optional
+        Second screen: whether candidates may reach a score.
+    floor : float
+        Scores below it need not be found.
+
+    Returns
+    -------
+    tuple of int, float, int
+        Index of the best candidate (-1 if none reaches `floor`), its score, and the number of
+        candidates evaluated.
     """
     order = np.argsort(-upper, kind="stable")
     values = np.full(len(upper), -np.inf)
@@ -74,10 +90,10 @@ def best_first(
 
 
 def best_swap(criterion: Criterion, M: Array, leaving: Array, pool: Pool, allowed: Bool) -> Swap:
-    """Best exchange of one block of `leaving` (k, r, p) for one of the pool; ties to the first.
+    """Best exchange of one block of `leaving` (k, r, p) for one of the pool; of equals the first.
 
-    For each pose that leaves, the best addition to what remains; where almost nothing of what that
-    pose added remains, the exact gain of every exchange instead.
+    For each leaving pose this is the best addition to what remains. Where M without it is nearly
+    singular, the exact gain of every exchange is computed instead.
     """
     value = float(criterion.value(M))
     dropped = criterion.drop(M, leaving)

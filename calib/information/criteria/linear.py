@@ -1,4 +1,4 @@
-"""Criteria linear in the covariance: A over parameters, V over tool points."""
+"""Criteria linear in the covariance: A-optimality over parameters, V over tool points."""
 
 from dataclasses import dataclass, field
 from typing import ClassVar
@@ -20,12 +20,12 @@ from calib.information.goals import Goals
 from calib.information.observability import IndexName
 
 RISE = 1e-12
-"""A set counts as better when its value rises by more than this part; ties would cycle."""
+"""A set counts as better if its value rises by more than this part: searches must not cycle."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Variance(Certifiable):
-    """Value minus a variance; figure its root."""
+    """A criterion whose value is minus a variance, and whose figure is the root of the variance."""
 
     unit: ClassVar[str] = "m"
     index: ClassVar[IndexName | None] = None
@@ -40,7 +40,7 @@ class Variance(Certifiable):
         return float(np.sqrt(-value))
 
     def rises(self, value: float, before: float) -> bool:
-        """Whether the variance falls by more than rounding."""
+        """Whether the variance decreases by more than rounding."""
         return value > before + RISE * abs(before) or before == -np.inf < value
 
     def best_drop(self, M: Array, blocks: Array) -> Move:
@@ -48,17 +48,17 @@ class Variance(Certifiable):
         return best_of_all(self.drop(M, blocks))
 
     def with_rounding(self, bound: float, M: Array) -> float:
-        """The bound less the part that rounding may be."""
+        """The bound, brought nearer to zero by the part that rounding may be."""
         return bound * (1 - min(relative_rounding(M), 1.0))
 
     def efficiency(self, value: float, bound: float, p: int) -> float:
-        """Smallest possible figure over this one."""
+        """Lower bound on the smallest possible figure, relative to this one."""
         return float(np.sqrt(bound / value)) if np.isfinite([bound, value]).all() else 0.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Linear(Variance):
-    """Value -tr(C M^-1) for C = F F'; figure its root.
+    """Value -tr(C M^-1) for C = F F'; figure sqrt(tr(C M^-1)).
 
     With K_ij = B_i M^-1 B_j' and Q_ij = B_i M^-1 C M^-1 B_j': adding gains tr[(I + K_jj)^-1 Q_jj],
     dropping loses tr[(I - K_ii)^-1 Q_ii]. With phi = tr(C M^-1) no addition gains more than
@@ -76,7 +76,7 @@ class Linear(Variance):
 
     @property
     def n_numbers(self) -> int | None:
-        """Numbers of the goal; None for A."""
+        """Number p of parameters of the goal; None for A, which takes any."""
         return None if self.root is None else len(self.root)
 
     def value(self, M: Array) -> Array:
@@ -90,16 +90,16 @@ class Linear(Variance):
         return sandwich(identity_plus(Z @ transpose(Z)), blocks @ self._half(W))
 
     def drop(self, M: Array, blocks: Array) -> Array:
-        """Gains -tr[(I - K)^-1 Q] (k,); -inf where nothing is left."""
+        """Gains -tr[(I - K)^-1 Q] (k,); -inf where M becomes singular."""
         W = whitener(M)
         Z = blocks @ W
         return -sandwich(identity_plus(-(Z @ transpose(Z))), blocks @ self._half(W))
 
     def swap(self, M: Array, leaving: Array, entering: Array) -> Array:
-        """Gains (k, N): the addition, then the deletion from what is known with it.
+        """Gains (k, N): those of the addition, and of the deletion from M + B_j'B_j.
 
-        With T = I + K_jj and X = K_ij T^-1 the pose i, relative to M + B_j'B_j, has
-        I - K_ii + X T X' instead of I - K_ii, and rows B_i - X B_j instead of B_i.
+        With T = I + K_jj and X = K_ij T^-1, the deletion has I - K_ii + X T X' in place of
+        I - K_ii, and rows B_i - X B_j in place of B_i.
         """
         W = whitener(M)
         H = self._half(W)
@@ -109,7 +109,7 @@ class Linear(Variance):
         T = identity_plus(Zj @ transpose(Zj))
         gained = sandwich(T, Yj)
         solved, rows = np.asarray(np.linalg.solve(T, Zj)), np.linalg.solve(T, Yj)
-        # the deletion from what is known with it, pair by pair
+        # the deletion from M with the addition, pair by pair
         left = identity_plus(-(Zi @ transpose(Zi)))
         out = np.empty((len(leaving), len(entering)))
         for i, (Z, Y) in enumerate(zip(Zi, Yi, strict=True)):
@@ -119,7 +119,7 @@ class Linear(Variance):
         return out
 
     def best_add(self, M: Array, pool: Pool, allowed: Bool, floor: float = -np.inf) -> Move:
-        """Best addition, tried in the order of tr Q."""
+        """Best addition; candidates are tried in descending order of tr Q."""
         W = whitener(M)
         H = self._half(W)
         phi, t = float(-self.value(M)), squares_along(pool.pages, H)
@@ -145,7 +145,7 @@ class Linear(Variance):
         return -(float(self.value(M)) ** 2) / top
 
     def exponent(self, sharpness: float) -> float:
-        """One half: weights follow the root of a pose's part of the variance."""
+        """One half: weights are multiplied by the root of tr(S B_j'B_j)."""
         return 0.5
 
 
@@ -161,9 +161,9 @@ def forms(M: Array, F: Array) -> Array:
 
 
 def halves(M: Array, F: Array) -> Array:
-    """Y (..., p, k) with Y'Y = F' M^-1 F, for F (..., p, k); inf where M is not positive definite.
+    """Y (..., p, k) with Y'Y = F' M^-1 F, for M (..., p, p) and F (..., p, k).
 
-    M (..., p, p).
+    Its entries are inf where M is not positive definite.
     """
     scale = np.sqrt(np.maximum(np.diagonal(M, axis1=-2, axis2=-1), np.finfo(np.float64).tiny))
     try:
@@ -193,7 +193,7 @@ class V(Linear):
 
 def v_of(goals: Goals, name: str = "V") -> V:
     """V for a goal."""
-    # C = F F' with as many columns as directions matter
+    # C = F F' with as many columns as C has rank
     w, U = np.linalg.eigh(goals.mean)
     kept = w > len(w) * np.finfo(np.float64).eps * w[-1]
     root = U[:, kept] * np.sqrt(w[kept])

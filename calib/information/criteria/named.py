@@ -1,4 +1,4 @@
-"""Criteria by name, as a scenario or a command asks for them."""
+"""Criteria by name, as they are asked for in a scenario or by a command."""
 
 from collections.abc import Callable
 from difflib import get_close_matches
@@ -26,23 +26,28 @@ _FREE_OF_GOALS: dict[str, Callable[[str], Criterion]] = {
 _OF_GOALS: dict[str, Callable[[Goals, str], Criterion]] = {"V": v_of, "G": g_of}
 _OF_ALL: dict[str, Callable[[Goals, int, str], Criterion]] = {"V": total_v, "G": total_g}
 NAMES = ("D", "A", "V", "G", "E", "O1", "O2", "O3", "O4", "O5")
-"""O1 is D, and O3 is E, under the name of the paper."""
+"""O1 is D, and O3 is E, under the name of the observability index."""
 
 
 def criterion_named(
     criterion: "str | Criterion", *, goals: Goals | None = None, inputs: int = 0
 ) -> Criterion:
-    """The criterion of a name; a criterion is returned as it is.
+    """The criterion with a given name; a `Criterion` is returned as it is.
 
     Parameters
     ----------
     criterion : str or Criterion
         ``"D"``, ``"A"``, ``"V"``, ``"G"``, ``"E"``, or ``"O1"`` to ``"O5"``.
     goals : Goals, optional
-        The poses that matter and their weights; V and G need them.
+        Goal poses and their weights, for V and G.
     inputs : int
-        Inputs that all readings share; V and G then count them, from blocks with so many columns
-        more (see `calib.information.criteria.total`).
+        Number of error sources common to all readings; V and G then count them, from blocks with
+        as many further columns (see `calib.information.criteria.total`).
+
+    Raises
+    ------
+    InputError
+        A4: there is no such name; M29: V or G has no goals.
     """
     if isinstance(criterion, Criterion):
         return criterion

@@ -21,11 +21,11 @@ from calib.information.observability import IndexName
 Screen = Callable[[Index, float], Bool]
 """Which of some candidates may reach a score."""
 RISE = 1e-12
-"""A set counts as better when its value rises by more than this part; ties would cycle."""
+"""A set counts as better if its value rises by more than this part: searches must not cycle."""
 
 
 class Spectral(Criterion):
-    """A value of all eigenvalues of M: the gain of a move is a difference of two such values."""
+    """A criterion of the eigenvalues of M; gains are differences of two values."""
 
     __slots__ = ()
 
@@ -38,9 +38,9 @@ class Spectral(Criterion):
 
     @abstractmethod
     def bounds(self, w: Array, V: Array, pool: Pool, sign: float) -> tuple[Array, Screen | None]:
-        """Bounds (N,) on the value of M + sign B'B for each block of a pool, and a second screen.
+        """Upper bounds (N,) on the value of M + sign B'B for each block, and a second screen.
 
-        M is V diag(w) V'.
+        w (p,) and V (p, p) are eigenvalues and eigenvectors of M = V diag(w) V'.
         """
 
     def value(self, M: Array) -> Array:
@@ -64,11 +64,11 @@ class Spectral(Criterion):
         return fresh_swaps(self, M, leaving, entering)
 
     def best_add(self, M: Array, pool: Pool, allowed: Bool, floor: float = -np.inf) -> Move:
-        """Best addition, tried in the order of the bounds."""
+        """Best addition; candidates are tried in the order of their bounds."""
         return self._best(M, pool, 1.0, allowed, floor)
 
     def best_drop(self, M: Array, blocks: Array) -> Move:
-        """Best deletion, tried in the order of the bounds."""
+        """Best deletion; candidates are tried in the order of their bounds."""
         return self._best(M, Pool(blocks), -1.0, np.ones(len(blocks), dtype=bool), -np.inf)
 
     def _best(self, M: Array, pool: Pool, sign: float, allowed: Bool, floor: float) -> Move:
@@ -85,11 +85,12 @@ class Spectral(Criterion):
 
 
 class Extremes(Spectral):
-    """A value that rises with the smallest eigenvalue and does not rise with the largest.
+    """A criterion that increases with the smallest eigenvalue and never with the largest.
 
-    On the span of some eigenvectors of M, the changed matrix has a smallest eigenvalue not below,
-    and a largest not above, the true ones: a score of those two bounds the true score. Whether the
-    true smallest eigenvalue reaches what a candidate needs to win is one r x r inertia count.
+    Restricted to the span of some eigenvectors of M, the changed matrix has a smallest eigenvalue
+    not below, and a largest not above, those of the whole: their score bounds the true score.
+    Whether the smallest eigenvalue is large enough for a candidate to win is one r x r inertia
+    count.
 
     References
     ----------
@@ -100,14 +101,14 @@ class Extremes(Spectral):
 
     @abstractmethod
     def of_extremes(self, low: Array, high: Array) -> Array:
-        """Value of the smallest and the largest eigenvalue, none negative."""
+        """Value from the smallest and the largest eigenvalue, none negative."""
 
     @abstractmethod
     def least_for(self, value: float, high: Array) -> Array:
-        """Smallest eigenvalue that a value asks for, beside a largest one."""
+        """Smallest eigenvalue that a value requires, given the largest eigenvalue."""
 
     def of_eigenvalues(self, w: Array) -> Array:
-        """Value (...,) of the first and the last."""
+        """Value (...,) of eigenvalues (..., p), ascending."""
         return self.of_extremes(np.maximum(w[..., 0], 0.0), w[..., -1])
 
     def bounds(self, w: Array, V: Array, pool: Pool, sign: float) -> tuple[Array, Screen | None]:
@@ -128,7 +129,7 @@ class Extremes(Spectral):
 
 
 class PlainIndex(Spectral):
-    """A value that is the figure itself."""
+    """A criterion whose value is the figure itself."""
 
     __slots__ = ()
 
@@ -170,9 +171,9 @@ def _of_pair(w: Array, C: Array, sign: float) -> tuple[Array, Array]:
 class E(Extremes, Certifiable):
     """Value lambda_min of M; figure O3, its root.
 
-    No set has a lambda_min above tr(Z M*), for any Z with trace one and no negative eigenvalue. Of
-    order k, Z goes with M^-(k+1): the gradient of the mean tr(M^-k)^(-1/k), which tends to
-    lambda_min.
+    No set M* has a lambda_min above tr(Z M*), for any positive semidefinite Z of trace one. At
+    order k, Z is proportional to M^-(k+1), the gradient of the matrix mean tr(M^-k)^(-1/k), which
+    tends to lambda_min.
 
     References
     ----------
@@ -201,7 +202,7 @@ class E(Extremes, Certifiable):
         return float(np.sqrt(value))
 
     def dual(self, M: Array, sharpness: float) -> Array:
-        """Z, near the weakest directions, with trace one."""
+        """Z of trace one, concentrated on the weakest directions."""
         w, U = np.linalg.eigh(M)
         # any such Z will do: rounding must not make one eigenvalue negative
         w = np.maximum(w, len(w) * np.finfo(np.float64).eps * w[-1])
@@ -209,7 +210,7 @@ class E(Extremes, Certifiable):
         return np.asarray((U * (share / share.sum())) @ U.T)
 
     def ceiling(self, M: Array, S: Array, top: float) -> float:
-        """Tr(Z M*) itself."""
+        """The largest tr(Z M*) itself."""
         return top
 
     def with_rounding(self, bound: float, M: Array) -> float:
@@ -221,7 +222,7 @@ class E(Extremes, Certifiable):
         return 1 / (sharpness + 1)
 
     def efficiency(self, value: float, bound: float, p: int) -> float:
-        """O3 over the largest possible."""
+        """Lower bound on O3 relative to the largest possible."""
         return float(np.sqrt(max(value, 0.0) / bound))
 
 
@@ -239,12 +240,12 @@ class O2(Extremes, PlainIndex):
     index: ClassVar[IndexName | None] = "O2"
 
     def of_extremes(self, low: Array, high: Array) -> Array:
-        """sqrt(lambda_min / lambda_max); 0 of nothing."""
+        """sqrt(lambda_min / lambda_max); 0 for M = 0."""
         high = np.where(high > 0, high, 1.0)
         return np.sqrt(low / high)
 
     def least_for(self, value: float, high: Array) -> Array:
-        """Smallest eigenvalue behind a value."""
+        """Smallest eigenvalue that a value requires."""
         return np.asarray(value**2 * high)
 
 
@@ -262,11 +263,11 @@ class O4(Extremes, PlainIndex):
     index: ClassVar[IndexName | None] = "O4"
 
     def of_extremes(self, low: Array, high: Array) -> Array:
-        """lambda_min / sqrt(lambda_max); 0 of nothing."""
+        """lambda_min / sqrt(lambda_max); 0 for M = 0."""
         return np.asarray(low / np.sqrt(np.where(high > 0, high, 1.0)))
 
     def least_for(self, value: float, high: Array) -> Array:
-        """Smallest eigenvalue behind a value."""
+        """Smallest eigenvalue that a value requires."""
         return np.asarray(value * np.sqrt(high))
 
 
@@ -287,12 +288,12 @@ class O5(PlainIndex):
     index: ClassVar[IndexName | None] = "O5"
 
     def of_eigenvalues(self, w: Array) -> Array:
-        """The index (...,); 0 where one is not positive."""
+        """The index (...,); 0 where an eigenvalue is not positive."""
         with np.errstate(divide="ignore"):
             return np.asarray(1.0 / (1.0 / np.sqrt(np.maximum(w, 0.0))).sum(-1))
 
     def bounds(self, w: Array, V: Array, pool: Pool, sign: float) -> tuple[Array, Screen | None]:
-        """The index of the diagonal in the eigenbasis."""
+        """The index of the diagonal of each changed matrix in the eigenbasis of M."""
         C = pool.pages @ np.ascontiguousarray(V)
         diagonal = w + sign * np.einsum("rjk,rjk->jk", C, C)
         diagonal += eigenvalue_rounding(w, pool.squares)[:, None]

@@ -1,4 +1,4 @@
-"""V and G of the whole uncertainty: noise, and inputs that all readings share and no fit finds."""
+"""V and G of the whole uncertainty: noise, and error sources that all readings have in common."""
 
 from dataclasses import dataclass
 from typing import ClassVar
@@ -25,24 +25,24 @@ from calib.information.goals import Goals
 class Total(Variance):
     """Value minus the largest tr(J_t M^-1 J_t') + |J_t M^-1 K|^2 over goals t; figure its root [m].
 
-    Blocks have k columns more than the goal has numbers: [A_j, B_j], the whitened effect of k
-    inputs common to all readings, each in its own standard deviation. Sums of their products hold
-    M = sum A_j'A_j and K = sum A_j'B_j, and M^-1 K is what plain weighted least squares, which does
-    not know the inputs, makes of a unit of each. A pose more can make the whole larger.
+    Blocks [A_j, B_j] have k columns more than the goal has numbers: the whitened effect of k inputs
+    common to all readings, per standard deviation of each. Sums of their products contain
+    M = sum A_j'A_j and K = sum A_j'B_j, and M^-1 K is the error that a unit of each input causes in
+    weighted least squares, which ignores the inputs. Adding a pose can increase the whole.
 
-    No estimate is better than the one that finds the inputs beside the numbers, from their prior:
-    its V or G, of the same products with a unit precision of each input, bounds this one.
+    No linear estimate is better than one that finds the inputs too, from their prior: its V or G,
+    of the same products with a unit precision of each input, bounds this one. Adding a pose changes
+    M^-1 K by M^-1 A'(I + A M^-1 A')^-1 (B - A M^-1 K).
 
     References
     ----------
     Box & Draper 1959 (designs for variance and bias together); Gauss and Markov for the bound.
-    Adding a pose moves M^-1 K by M^-1 A'(I + A M^-1 A')^-1 (B - A M^-1 K).
     """
 
     rows: Array
-    """(g, c, p) what counts, of each goal together [m]: all goals at once for the mean."""
+    """(g, c, p) Jacobian of each goal [m]; for the mean, of all goal poses as one goal."""
     eased: Certifiable
-    """V or G of an estimate that finds the inputs, too; for p + k numbers."""
+    """V or G of an estimate that finds the inputs too; for p + k numbers."""
     noise: Certifiable
     """V or G of the noise alone; for p numbers."""
 
@@ -50,7 +50,7 @@ class Total(Variance):
 
     @property
     def n_numbers(self) -> int | None:
-        """Numbers of the goal, and inputs."""
+        """Numbers of the goal plus inputs, p + k."""
         return self.eased.n_numbers
 
     def value(self, M: Array) -> Array:
@@ -75,7 +75,7 @@ class Total(Variance):
         return self._values_after(M, blocks, 1.0, self.rows) - self.value(M)
 
     def drop(self, M: Array, blocks: Array) -> Array:
-        """Gains (k,), of either sign; -inf where nothing is left."""
+        """Gains (k,), of either sign; -inf where M becomes singular."""
         return self._values_after(M, blocks, -1.0, self.rows) - self.value(M)
 
     def swap(self, M: Array, leaving: Array, entering: Array) -> Array:
@@ -83,7 +83,7 @@ class Total(Variance):
         return fresh_swaps(self, M, leaving, entering)
 
     def best_add(self, M: Array, pool: Pool, allowed: Bool, floor: float = -np.inf) -> Move:
-        """Best addition; of many goals, tried in the order of what it does to the worst few."""
+        """Best addition; with many goals, tried in the order of its effect on the worst few."""
         now = self.wholes(M)
         worst = np.argsort(-now, kind="stable")[:WORST]
         upper = self._values_after(M, pool.blocks, 1.0, self.rows[worst])
@@ -98,23 +98,23 @@ class Total(Variance):
         return Move(place, value + float(now.max()), evaluated)
 
     def value_bounded(self, M: Array) -> Array:
-        """That of the eased criterion."""
+        """Value of the eased criterion."""
         return self.eased.value(M)
 
     def dual(self, M: Array, sharpness: float) -> Array:
-        """That of the eased criterion."""
+        """Dual matrix of the eased criterion."""
         return self.eased.dual(M, sharpness)
 
     def ceiling(self, M: Array, S: Array, top: float) -> float:
-        """That of the eased criterion, which no set's value is above."""
+        """Ceiling of the eased criterion, whose value is never below this one."""
         return self.eased.ceiling(M, S, top)
 
     def exponent(self, sharpness: float) -> float:
-        """That of the eased criterion."""
+        """Exponent of the eased criterion."""
         return self.eased.exponent(sharpness)
 
     def _values_after(self, M: Array, blocks: Array, sign: float, rows: Array) -> Array:
-        """Values (N,) over some goals, rows (g, c, p), after adding or dropping each block."""
+        """Values (N,) over goals of some rows (g, c, p), after adding or dropping each block."""
         g, c, p = rows.shape
         F, K, k = rows.reshape(-1, p).T, M[:p, p:], M.shape[1] - p
         W = whitener(M[:p, :p])
@@ -141,32 +141,32 @@ class Total(Variance):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TotalV(Total):
-    """Of the mean over the goal."""
+    """Whole uncertainty, mean over the goal poses."""
 
     sharpness: ClassVar[tuple[float, ...]] = (1.0,)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TotalG(Total):
-    """Of the worst of the goal."""
+    """Whole uncertainty of the worst goal pose."""
 
     sharpness: ClassVar[tuple[float, ...]] = G.sharpness
 
 
 def total_v(goals: Goals, inputs: int, name: str = "V") -> TotalV:
-    """The whole V for a goal and so many inputs that all readings share."""
+    """V of the whole uncertainty, for a goal and `inputs` error sources common to all readings."""
     noise = v_of(goals, name)
     assert noise.root is not None
     return TotalV(name, frozen(noise.root.T[None]), v_of(_wide(goals, inputs), name), noise)
 
 
 def total_g(goals: Goals, inputs: int, name: str = "G") -> TotalG:
-    """The whole G."""
+    """G of the whole uncertainty, for a goal and `inputs` error sources common to all readings."""
     noise = g_of(goals, name)
     return TotalG(name, noise.rows, g_of(_wide(goals, inputs), name), noise)
 
 
 def _wide(goals: Goals, inputs: int) -> Goals:
-    """The goal, which no input moves by itself."""
+    """The goal with columns of zeros for the inputs, which do not move the tool."""
     none = np.zeros((*goals.rows.shape[:2], inputs))
     return Goals(np.concatenate([goals.rows, none], axis=2), goals.weights)

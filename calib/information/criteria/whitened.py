@@ -1,4 +1,4 @@
-"""Candidate rows in units of what is already known: the matrices that D, A, V and G share."""
+"""Linear algebra shared by D, A, V and G: candidate rows whitened by the information M."""
 
 import numpy as np
 from scipy.linalg.lapack import dtrtri
@@ -6,7 +6,7 @@ from scipy.linalg.lapack import dtrtri
 from calib.arrays import Array, Bool
 
 CHUNK = 4096
-"""Poses handled at once, so that intermediate rows stay in memory close by."""
+"""Poses handled at once, so that intermediate rows stay in the cache."""
 
 
 def whitener(M: Array) -> Array:
@@ -41,7 +41,7 @@ def log_det(S: Array) -> Array:
 
 
 def log_det_of_rest(S: Array) -> Array:
-    """Log det (N,) of what a deletion leaves (N, r, r); -inf if that is nothing, to rounding.
+    """Log det (N,) of I - K after deletions (N, r, r); -inf where it is singular to rounding.
 
     Two eigenvalues that rounding has made negative would give a positive determinant. No eigenvalue
     is above one, so that only a determinant below the first bad eigenvalue is in doubt.
@@ -59,9 +59,9 @@ def eigenvalues(S: Array) -> Array:
 
 
 def sound(w: Array) -> Bool:
-    """Whether eigenvalues (N, r), ascending, of I - K, or of sums with it, are above rounding.
+    """Whether the eigenvalues (N, r), ascending, of matrices such as I - K are above rounding.
 
-    If not, the pose stands alone in some direction: without it nothing remains there.
+    If not, the pose alone determines some direction, and M is singular without it.
     """
     return np.asarray(
         w[:, 0] > w.shape[1] * np.finfo(np.float64).eps * np.maximum(w[:, -1], 1.0), dtype=bool
@@ -82,9 +82,9 @@ def sandwich(S: Array, Y: Array) -> Array:
 
 
 def relative_rounding(M: Array, *, any_units: bool = True) -> float:
-    """Part of its smallest eigenvalue that rounding may have taken from M (p, p), or given to it.
+    """Relative rounding error of the smallest eigenvalue of M (p, p).
 
-    `any_units` for what does not depend on the units of the columns.
+    With `any_units`, of M scaled to a unit diagonal, for criteria that do not depend on units.
     """
     if any_units:
         scale = np.sqrt(np.maximum(np.diagonal(M), np.finfo(np.float64).tiny))
@@ -95,8 +95,8 @@ def relative_rounding(M: Array, *, any_units: bool = True) -> float:
 
 
 def eigenvalue_rounding(w: Array, squares: Array) -> Array:
-    """Rounding (N,) of the eigenvalues of M + B_j'B_j; a bound must not lose to it.
+    """Rounding error (N,) of the eigenvalues of M + B_j'B_j, by which bounds are widened.
 
-    Eigenvalues w (p,) of M, ascending; squares (N,) of the rows.
+    w (p,) are the eigenvalues of M, ascending; squares (N,) the sums of squares of the rows B_j.
     """
     return np.asarray(4 * len(w) * np.finfo(np.float64).eps * (w[-1] + squares))

@@ -31,7 +31,7 @@ from calib.uncertainty.statement.applicability import (
     steps_of,
 )
 from calib.uncertainty.statement.distance import SPARE, distance_radius
-from calib.uncertainty.statement.drifting import ORDERED, SEED
+from calib.uncertainty.statement.drifting import ORDERED, SEED, where_poses_stand
 from calib.uncertainty.statement.memory import REMEMBERS, drift, interchangeable
 from calib.uncertainty.statement.misfit import DROP
 from calib.uncertainty.statement.shape import MisfitShape, angles_apart, are_loud
@@ -216,12 +216,11 @@ def _drifts(
     alike = interchangeable(order, pose, is_test)
     residual = np.concatenate([_whitened(table) for table in (seen.train, seen.test)], axis=1)
     q = np.concatenate([seen.train.q, seen.test.q], axis=1)
-    spread = q.std(axis=1, keepdims=True)
-    joints = np.where(spread > 0, q / np.where(spread > 0, spread, 1.0), 0.0)
-    near, p = memory_chances((joints, residual), order, SEED, alike)
-    p = np.where(near < ORDERED, np.nan, p)
+    stands = where_poses_stand(q, np.concatenate([seen.train.p, seen.test.p], axis=1))
+    near, follows = memory_chances((stands, residual), order, SEED, alike)
+    p = np.where(near < ORDERED, np.nan, follows)
     found = Drifts()
-    for k in np.flatnonzero((p < REMEMBERS) & np.isfinite(size.best)).tolist():
+    for k in np.flatnonzero((follows < REMEMBERS) & np.isfinite(size.best)).tolist():
         shape = MisfitShape(frozen(gains.columns, np.int64), frozen(gains.sd[k]))
         slow = drift(
             seen.fits[k], trains[k], order[:m], tests[k], order[m:],

@@ -48,7 +48,7 @@ def likelihood_between(
     most = max(float(lam.max()), float(grid.t[-1]) ** -2)
     s = np.log1p(most * grid.t**2)
     alike = lam.max() < np.exp(ALIKE) * lam.min()
-    of_both, start, best = np.full((len(s), len(grid.log_g)), -np.inf), 0, -np.inf
+    every, start, best = np.full((3, len(nodes), len(s)), np.nan), 0, -np.inf
     while start < len(s):
         low, (length, terms) = s[start], PARTS[start > 0]
         end = int(np.searchsorted(s, low + length, side="right"))
@@ -58,16 +58,14 @@ def likelihood_between(
         logarithms = np.log1p(t[:, None] ** 2 * lam).sum(axis=1)
         series = _series(2 * (s[at] - low) / length - 1, terms)
         between = (series @ to_terms).T
-        logarithm, square = found @ between
-        values = grid.values((logarithm, square), n, p)
-        of_both[at] = values - (logarithms @ between)[:, None] / 2 - grid.known
+        every[:2, :, at], every[2, :, at] = found @ between, logarithms @ between
         if not start:  # its first size is none
-            alike = alike and square[len(nodes) // 2, 0] < LIKE_NOISE * (len(A) - p)
-        value = of_both[at].max(axis=1)
+            alike = alike and every[1, len(nodes) // 2, 0] < LIKE_NOISE * (len(A) - p)
+        value = grid.of_both(every[:, :, at], n, p).max(axis=1)
         if value[-1] < max(best, value.max()) - (UNLIKELY if alike else HOPELESS):
             break  # larger ones are less likely still
         best, start = max(best, float(value.max())), end
-    return grid.profile(of_both)
+    return grid.profile(every, n, p)
 
 
 def pooled(X: Array, lam: Array) -> Pools | None:

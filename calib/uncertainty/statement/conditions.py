@@ -21,15 +21,15 @@ AS_MEASURED, NOT_STATED = "as measured", "not stated"
 UNITS = {"payload": "kg", "tool": "", "temperature": "degC"}
 """The kinds of conditions, in the order in which they are told, and their units."""
 VERBS = {
-    "payload": ("carries", "carry", "carried"),
-    "tool": ("has the tool", "have the tools", "had"),
+    "payload": ("carries", "carry", "had a payload of"),
+    "tool": ("has the tool", "have the tools", "had the tool"),
     "temperature": ("is at", "are at", "were at"),
 }
 """What one target does, what several do, and what the data did."""
 UNTIL = {
-    "payload": "rows that vary the payload as far have identified a term for it",
-    "tool": "rows are measured with that tool",
-    "temperature": "rows that vary the temperature as far have identified a term for it",
+    "payload": "rows whose payload varies as much have identified a term for it",
+    "tool": "rows have been measured with that tool",
+    "temperature": "rows whose temperature varies as much have identified a term for it",
 }
 """What must be done before a statement reaches such targets."""
 ARM = 0.1
@@ -144,7 +144,7 @@ class Departure(Shown):
     def sentences(self) -> tuple[str, ...]:
         """One sentence for each kind of condition that refuses targets, which it names from 1."""
         return tuple(
-            f"{said}: no statement reaches there until {UNTIL[kind]}"
+            f"{said}: nothing can be stated there until {UNTIL[kind]}"
             for kind, said in self.clauses(partial(named, "target"), "the measurements").items()
         )
 
@@ -157,20 +157,20 @@ class Departure(Shown):
         if only:
             there = ", ".join(f"{kind} {self.data.words(kind)}" for kind in only)
             said.append(
-                f"the targets do not state their {' and '.join(only)}: what is said holds where "
-                f"that is as in the measurements ({there})"
+                f"the targets do not state their {' and '.join(only)}: the statement holds as long "
+                f"as that is the same as in the measurements ({there})"
             )
         only = [kind for kind in theirs if kind not in mine]
         if only:
             there = ", ".join(f"{kind} {self.targets.words(kind)}" for kind in only)
             said.append(
-                f"the measurements do not state their {' and '.join(only)}: nobody can tell "
-                f"whether a statement reaches these targets ({there})"
+                f"the measurements do not state their {' and '.join(only)}: whether the statement "
+                f"holds at these targets is unknown ({there})"
             )
         return tuple(said)
 
     def clauses(self, who: Callable[[Index], str], data: str) -> dict[str, str]:
-        """Kind to ``target 7 carries 5 kg; the measurements carried 0 kg``; `who` names rows."""
+        """Kind to ``target 7 carries 5 kg; the measurements had a payload of 0 kg``."""
         said = {}
         for kind, off in self.other.items():
             rows = np.flatnonzero(off)

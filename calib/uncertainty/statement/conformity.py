@@ -116,7 +116,8 @@ def conformity(
 
     References
     ----------
-    JCGM 106:2012, 7.2 and 8.3 (guard bands), 9.3 (specific risk); ILAC-G8:09/2019, 4.2.
+    JCGM 106:2012, 7 (conformance probability), 8.2 (simple acceptance), 8.3 (guard bands), 9
+    (risks); ILAC-G8:09/2019, 4.2.
     """
     require_probability(probability)
     if rule not in RULES:

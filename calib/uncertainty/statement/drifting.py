@@ -1,15 +1,18 @@
 """Whether noise remembers, asked of rows in time order; and what a drift then leaves.
 
-Where the poses themselves follow their neighbors, misfit does, too: then the question is void.
+Where the poses themselves follow their neighbors, misfit does, too: then rows of different poses
+cannot tell it from a drift. Visits of one pose share its misfit and can; without them the question
+is void.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
 
-from calib.arrays import FloatOrNan, Index
+from calib.arrays import Array, FloatOrNan, Index
 from calib.identification.identify import Identification
 from calib.measurement.observations import Measurements, joined
+from calib.measurement.prediction import tool_poses
 from calib.uncertainty.statement.evidence import sound_rows
 from calib.uncertainty.statement.memory import (
     REMEMBERS,
@@ -17,6 +20,7 @@ from calib.uncertainty.statement.memory import (
     drift,
     interchangeable,
     memory_p,
+    visits_of_poses,
     whitened_positions,
 )
 from calib.uncertainty.statement.misfit import HiddenMisfit
@@ -38,9 +42,11 @@ class Drifting:
 
     p_value: FloatOrNan
     """Chance of residuals that follow their neighbors as these do, if noise forgets; nan where the
-    poses do not stand in a random order."""
+    poses do not stand in a random order and were not visited again."""
     drift: SlowDrift | None
     """What it leaves in the estimate; None where the rows show no memory."""
+    of_visits: bool = False
+    """Whether visits of one pose tell it, since the poses do not stand in a random order."""
 
     @property
     def void(self) -> bool:
@@ -54,24 +60,27 @@ class Drifting:
         if self.drift is not None:
             size = f"{1e6 * self.drift.sd:.1f} um per axis over {self.drift.memory:.0f} rows"
         if self.void:
-            left = f"one of up to {size} is" if size else "what it leaves is not"
+            left = f"includes one of up to {size}" if size else "does not include one"
             return (
-                "whether the readings drift cannot be told: poses near each other were measured "
-                f"after each other, and what the model misses there is alike; {left} in the region"
+                "whether the readings drift cannot be decided, because neighboring poses were "
+                "measured one after another, where the model misses much the same; the region "
+                f"{left}; a second round in the same order would decide it"
             )
+        which = "differences between visits of one pose" if self.of_visits else "readings"
         if not size:
-            return f"no drift is seen in the order of the readings (p = {self.p_value:.2g})"
+            return f"the order of the {which} shows no drift (p = {self.p_value:.2g})"
         if self.p_value >= REMEMBERS:
-            return f"a drift of up to {size} is in the region"
+            return f"the region includes a drift of up to {size}"
         if self.p_value >= SURE:
             return (
-                f"a drift of up to {size} is in the region to be safe: that the readings follow "
-                f"their neighbors so (p = {self.p_value:.2g}) happens by chance as well, once in "
-                f"{1 / REMEMBERS:.0f} sets without any drift"
+                f"the region includes a drift of up to {size} as a precaution: that successive "
+                f"{which} agree so well (p = {self.p_value:.2g}) also happens by chance, in one "
+                f"of {1 / REMEMBERS:.0f} sets without any drift"
             )
         return (
-            f"the readings follow their neighbors in time (p = {self.p_value:.2g}): a drift of up "
-            f"to {size} is in the region; measure nests, poses in random order, or a second round"
+            f"successive {which} are correlated (p = {self.p_value:.2g}), so the region includes "
+            f"a drift of up to {size}; measure drift nests, poses in random order, or a second "
+            "round"
         )
 
 
@@ -106,16 +115,66 @@ def drifting(
     is_test = np.repeat([False, True], [len(some), len(held_out)])
     pose = np.concatenate([some.pose_id, -1 - held_out.pose_id])  # numbered apart
     alike = interchangeable(order, pose, is_test)
-    spread = both.q.std(axis=0)
-    joints = both.q[:, spread > 0] / spread[spread > 0]
+    stands = where_poses_stand(both.q, tool_poses(identification.model, both)[:, :3, 3])
     near, p = (
-        memory_p(values, order, np.random.default_rng(SEED), alike) for values in (joints, residual)
+        memory_p(values, order, np.random.default_rng(SEED), alike) for values in (stands, residual)
     )
-    p = np.nan if near < ORDERED else p
-    if (not p < REMEMBERS and not whatever) or np.isnan(hidden.best):
-        return Drifting(p, None)  # where the rows bound no misfit, they bound no drift beside it
+    ordered, follows = near < ORDERED, p  # by a drift, or by misfit along a tour
+    if ordered:
+        p = _between_visits(residual, order, visits_of_poses(order, pose, _seen(both)))
+        follows = follows if np.isnan(p) else p
+    if (not follows < REMEMBERS and not whatever) or np.isnan(hidden.best):
+        # where the rows bound no misfit, they bound no drift beside it
+        return Drifting(p, None, ordered)
     slow = drift(
         identification, train, train_order, held_out, held_out_order,
         shape=hidden.shape, misfit=hidden.best,
     )  # fmt: skip
-    return Drifting(p, slow if slow.sd > 0 else None)
+    return Drifting(p, slow if slow.sd > 0 else None, ordered)
+
+
+def _seen(table: Measurements) -> Array:
+    """What rows (m, d) of one pose must have in common for the model to miss the same there."""
+    said = table.conditions
+    beside = [x for x in (said.approach, said.moments) if x is not None]
+    return np.ascontiguousarray(np.column_stack([table.target_key, *beside]))
+
+
+def _between_visits(residual: Array, order: Index, alike: tuple[Index, ...]) -> float:
+    """Chance of rows that follow their neighbors so by what visits (k, c) of one pose differ by.
+
+    Not a number for a handful of rows.
+    """
+    if sum(visits.size for visits in alike) < FEWEST:
+        return np.nan
+    about = np.zeros_like(residual)  # poses without other visits tell nothing
+    for visits in alike:
+        about[visits] = residual[visits] - residual[visits].mean(axis=0)
+    return memory_p(about, order, np.random.default_rng(SEED), alike)
+
+
+def where_poses_stand(q: Array, p: Array) -> Array:
+    """What misfit hangs on (..., m, 2 n + 3): joints, how far each is from its middle, the tool.
+
+    Poses may be sorted by the size of an angle, or by height, and no joint follows its neighbors.
+
+    Parameters
+    ----------
+    q : (..., m, n) array
+        Joints [rad, m].
+    p : (..., m, 3) array
+        Places of the tool [m].
+    """
+    joints, place = (x - x.mean(axis=-2, keepdims=True) for x in (q, p))
+    squares = joints**2
+    squares = squares - squares.mean(axis=-2, keepdims=True)
+    # of the tool one size for all axes: whatever frame it is seen in
+    size = np.sqrt((place**2).mean(axis=(-2, -1), keepdims=True))
+    parts = [_of_unit_size(joints), _of_unit_size(squares), place / np.where(size > 0, size, 1.0)]
+    return np.concatenate(parts, axis=-1)
+
+
+def _of_unit_size(x: Array) -> Array:
+    """Columns (..., m, n) about zero with standard deviation one; those that stand still stay."""
+    size = np.sqrt((x**2).mean(axis=-2, keepdims=True))
+    return np.asarray(x / np.where(size > 0, size, 1.0))

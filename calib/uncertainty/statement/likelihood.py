@@ -1,9 +1,11 @@
 """The restricted likelihood of sizes of misfit, the scale of the noise profiled out.
 
 Every size and every scale on a grid: many sizes share one pass over the rows, all scales one system
-of numbers, or with a prior three.
+of numbers, or with a prior three. Where repeats tell the scale well, it needs closer steps than the
+systems do, which lie smoothly between sizes.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,12 +22,17 @@ AT_ONCE = 24
 """Sizes looked at together: most rows deny all but the first fifty."""
 NODES = np.array([-3.0, 0.0, 3.0])
 """Scales of the noise at which the system of numbers is solved, in their standard deviations."""
+REACH = 5.0
+"""Standard deviations about the most likely scale within which scales are tried."""
 HOPELESS = 30.0
 """Fall of the log-likelihood beyond which no larger size is looked at."""
 WIDE, STRIDE = 200, 8
 """Numbers from which on every eighth size is tried first, then all about the best of these."""
 DOUBT = 0.1
 """Standard deviation of the logarithm of the noise scale, where no repeats tell it."""
+OF_ITS_SD = 4.0
+"""Steps of the scale for each standard deviation with which repeats tell it: between two of them
+the log-likelihood of no misfit, which has one size alone, misses at most .01 of its largest."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -76,101 +83,149 @@ def likelihood(
     """
     both = rows if before is None or not len(before.y) else rows.joined(before)
     A = reduced(both.A, None if before is None else before.A)
-    n, freedom = len(rows.y), len(A) - A.shape[1]
+    n, p, freedom = len(rows.y), A.shape[1], len(A) - A.shape[1]
     if freedom < 1:
         return None
     grid = Grid.of(repeats)
-    t, log_g, reach = grid.t, grid.log_g, grid.reach
+    t, reach = grid.t, grid.reach
     lam = unit**2 * rows.lam
     nodes = grid.nodes if n < len(A) else np.zeros(1)
     systems = systems_of(np.column_stack([A, both.y]), lam, nodes)
-    of_both = np.full((len(t), len(log_g)), -np.inf)
+    found = np.full((3, len(nodes), len(t)), np.nan)  # what is known of a size, whatever the scale
+    value = np.full(len(t), -np.inf)
 
     def look(at: Index, many: int) -> None:
-        """Fill in the rows of some sizes, ever larger ones, as long as these are not hopeless."""
+        """Fill in some sizes, ever larger ones, as long as these are not hopeless."""
         for start in range(0, len(at), many):
             part = at[start : start + many]
-            logarithms = np.log1p(t[part, None] ** 2 * lam).sum(axis=1)
-            values = grid.values(systems.eliminated(t[part]), n, A.shape[1])
-            of_both[part] = values - logarithms[:, None] / 2 - grid.known
-            value = of_both.max(axis=1)
+            found[:2, :, part] = systems.eliminated(t[part])
+            found[2, :, part] = np.log1p(t[part, None] ** 2 * lam).sum(axis=1)[:, None]
+            value[part] = grid.of_both(found[:, :, part], n, p).max(axis=1)
             if value[part[-1]] < value[: part[-1]].max(initial=-np.inf) - HOPELESS:
                 break  # larger ones are less likely still
 
     every = np.arange(len(t))
-    if A.shape[1] > WIDE:
+    if p > WIDE:
         look(every[::STRIDE], STRIDE // 2)
-        peak = int(of_both.max(axis=1).argmax())
-        near = every[max(0, peak - STRIDE - 2 * reach) :]
-        look(near[np.isneginf(of_both[near, 0])], STRIDE)
+        near = every[max(0, int(value.argmax()) - STRIDE - 2 * reach) :]
+        look(near[np.isneginf(value[near])], STRIDE)
     else:
         look(every, AT_ONCE)
-    return grid.profile(of_both)
+    return grid.profile(found, n, p)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Grid:
     """Sizes and scales of the noise that are tried."""
 
+    repeats: NoiseRepeats | None
+    """What tells the scale; None where it is known within `DOUBT`."""
+    center: float
+    """Its most likely logarithm, by that alone."""
+    sd: float
+    """Standard deviation of it."""
     t: Array
     """(k,) sizes in scaled noise; the first is zero."""
     log_g: Array
-    """(g,) logarithms of the scale, about its most likely one."""
-    nodes: Array
-    """(3,) of these, where a system with a prior is solved."""
-    between: Array
-    """(g, 3) what makes values at the scales of those at the nodes, by parabolas."""
-    known: Array
-    """(g,) what minus the log-likelihood has from what is known of the scale."""
+    """(g,) logarithms of the scale, by the steps of the sizes."""
 
     @classmethod
     def of(cls, repeats: NoiseRepeats | None) -> "Grid":
         """By what repeats say of the scale of the noise, else known within `DOUBT`."""
         center, sd = (0.0, DOUBT) if repeats is None else (repeats.log_scale, repeats.log_scale_sd)
-        reach = int(np.ceil(5 * sd / STEP))
+        reach = int(np.ceil(REACH * sd / STEP))
         log_g = center + STEP * np.arange(-reach, reach + 1.0)
         t = SMALLEST * np.exp(STEP * np.arange(-reach, _count() + reach))
-        known = (log_g - center) ** 2 / (2 * sd**2) if repeats is None else repeats.against(log_g)
-        powers, wanted = (np.vander(x, len(NODES)) for x in (NODES * sd, log_g - center))
-        between = np.asarray(np.linalg.solve(powers.T, wanted.T).T)
-        return cls(np.concatenate([[0.0], t]), log_g, center + NODES * sd, between, known)
+        return cls(repeats, center, sd, np.concatenate([[0.0], t]), log_g)
 
     @property
     def reach(self) -> int:
         """Scales on either side of the most likely one."""
         return len(self.log_g) // 2
 
-    def values(self, found: tuple[Array, Array], n: int, p: int) -> Array:
-        """Log-likelihood (k, g) by size and scale but for ln|1 + t^2 lam| and what is `known`.
+    @property
+    def nodes(self) -> Array:
+        """(3,) scales at which a system with a prior is solved."""
+        return np.asarray(self.center + NODES * self.sd)
 
-        `found` are ln|H| and y'Py (nodes, k) of n rows and p numbers; one node: without a prior.
+    def of_both(self, found: Array, n: int, p: int, log_g: Array | None = None) -> Array:
+        """Log-likelihood (k, g) by size and scale, of n rows and p numbers.
+
+        `found` are ln|H|, y'Py and ln|1 + t^2 lam| (3, nodes, k); one node: without a prior.
         """
-        logarithm, square = found
-        less = np.exp(-2 * self.log_g)
+        log_g = self.log_g if log_g is None else log_g
+        logarithm, square, of_rows = found
+        less = np.exp(-2 * log_g)
         if len(logarithm) == 1:
             left = square[0, :, None] * less
-            return np.asarray(-(logarithm[0, :, None] + 2 * (n - p) * self.log_g + left) / 2)
-        square = square * np.exp(2 * self.nodes[:, None])
-        quadratic = (self.between @ square).T * less
-        return np.asarray(-((self.between @ logarithm).T + 2 * n * self.log_g + quadratic) / 2)
+            value = logarithm[0, :, None] + 2 * (n - p) * log_g + left
+        else:
+            powers, wanted = (
+                np.vander(x, len(NODES)) for x in (NODES * self.sd, log_g - self.center)
+            )
+            between = np.linalg.solve(powers.T, wanted.T).T  # parabolas
+            quadratic = (between @ (square * np.exp(2 * self.nodes[:, None]))).T * less
+            value = (between @ logarithm).T + 2 * n * log_g + quadratic
+        return np.asarray(-value / 2 - of_rows[0, :, None] / 2 - self._known(log_g))
 
-    def profile(self, of_both: Array) -> Likelihood:
-        """The likelihood of sizes, from that of sizes in scaled noise and scales (k, g).
+    def _known(self, log_g: Array) -> Array:
+        """What minus the log-likelihood has from what is known of the scale."""
+        if self.repeats is None:
+            return np.asarray((log_g - self.center) ** 2 / (2 * self.sd**2))
+        return self.repeats.against(log_g)
 
-        Minus infinity where nobody looked.
+    def profile(self, found: Array, n: int, p: int) -> Likelihood:
+        """The likelihood of sizes, from what is `found` of those in scaled noise.
+
+        Not a number where nobody looked.
         """
-        # no more is known of these
-        of_both = np.where(np.isneginf(of_both), of_both.max() - 2 * HOPELESS, of_both)
         # size = t g: equal steps in both logarithms, so that every size meets every scale there is
-        scales, count = np.arange(len(self.log_g)), _count()
-        place = np.arange(count)[:, None] + len(self.log_g) - scales
-        of_size = np.concatenate([of_both[:1], of_both[place, scales]])
-        size = SMALLEST * np.exp(STEP * np.arange(count) + self.log_g[self.reach])
+        sizes, last = np.arange(_count())[:, None], len(self.log_g)
+        parts, scales = [], []
+        for part, log_g in self._scales():
+            value = self.of_both(found if part == 0.0 else _between(found, 1 - part), n, p, log_g)
+            shift = np.rint((log_g - part * STEP - self.log_g[0]) / STEP).astype(np.int64)
+            place = sizes + last - shift - (part > 0.0)
+            none = self.of_both(found[:, :, :1], n, p, log_g)
+            parts.append(np.concatenate([none, value[place, np.arange(len(log_g))]]))
+            scales.append(log_g)
+        of_both, log_g = np.concatenate(parts, axis=1), np.concatenate(scales)
+        of_both = np.where(np.isnan(of_both), np.nanmax(of_both) - 2 * HOPELESS, of_both)
+        size = SMALLEST * np.exp(STEP * sizes[:, 0] + self.log_g[self.reach])
         return Likelihood(
             frozen(np.concatenate([[0.0], size])),
-            frozen(of_size.max(axis=1)),
-            frozen(np.exp(self.log_g[of_size.argmax(axis=1)])),
+            frozen(of_both.max(axis=1)),
+            frozen(np.exp(log_g[of_both.argmax(axis=1)])),
         )
+
+    def _scales(self) -> Iterator[tuple[float, Array]]:
+        """Scales by the part of a step that each lies above one of `log_g`."""
+        steps = 1 if self.repeats is None else max(1, int(np.ceil(OF_ITS_SD * STEP / self.sd)))
+        if steps == 1:
+            yield 0.0, self.log_g
+            return
+        far = min(int(np.ceil(REACH * self.sd / STEP * steps)), self.reach * steps)
+        place = np.arange(-far, far + 1)
+        for part in np.unique(place % steps):
+            yield part / steps, self.center + STEP * place[place % steps == part] / steps
+
+
+def _between(found: Array, part: float) -> Array:
+    """Values (..., k) at a part of a step above each size but none, from those at sizes (..., k).
+
+    References
+    ----------
+    Lagrange's polynomial through the four sizes about; straight on beyond the first and the last.
+    """
+    own = found[..., 1:]
+    ends = 2 * own[..., [0, -1]] - own[..., [1, -2]]
+    f = np.concatenate([ends[..., :1], own, ends[..., 1:], ends[..., 1:]], axis=-1)
+    a, b, c, d = part + 1, part, part - 1, part - 2
+    before, at, after, next_one = (f[..., k : k + own.shape[-1]] for k in range(4))
+    value = (a * c * d * at - a * b * d * after) / 2 + (
+        a * b * c * next_one - b * c * d * before
+    ) / 6
+    return np.concatenate([found[..., :1], value], axis=-1)
 
 
 def _count() -> int:

@@ -2,7 +2,8 @@
 
 A drift averages over its own memory, not over all rows: the base follows it, a link hardly does.
 The test needs poses in random order; on a tour the misfit of neighbors passes for drift. Whether
-the order is random the poses themselves tell: the same test is asked of their joints.
+the order is random the poses themselves tell: the same test is asked of where they stand. If it is
+not, visits of one pose still may change places, which share what the model misses there.
 """
 
 from collections.abc import Iterator, Sequence
@@ -123,6 +124,28 @@ def interchangeable(order: Index, pose: Index, held_out: Bool) -> tuple[Index, .
     for rows in np.split(in_time[by_pose], starts):
         kinds.setdefault((bool(held_out[rows[0]]), len(rows)), []).append(rows)
     return tuple(map(np.array, kinds.values()))
+
+
+def visits_of_poses(order: Index, pose: Index, seen: Array) -> tuple[Index, ...]:
+    """Rows that may change places in whatever order poses come: visits (k, c) of one pose, of each.
+
+    What the model misses at a pose is the same at each visit that sees the same. Rows between which
+    no other pose stands are one visit.
+
+    Parameters
+    ----------
+    order, pose : (m,) arrays
+        Place in time and pose of each row.
+    seen : (m, d) array
+        What each row looks at, and from which side the arm came.
+    """
+    in_time = np.argsort(order, kind="stable")
+    edges = np.flatnonzero(np.diff(pose[in_time])) + 1
+    alike: dict[tuple[int, bytes], list[Index]] = {}
+    for rows in np.split(in_time, edges):
+        rows = rows[np.lexsort(seen[rows].T)]
+        alike.setdefault((int(pose[rows[0]]), seen[rows].tobytes()), []).append(rows)
+    return tuple(np.array(visits) for visits in alike.values() if len(visits) > 1)
 
 
 def _likeness(residual: Array) -> Array:

@@ -105,20 +105,20 @@ class HiddenMisfit(Shown):
                 f"{'< 0.001' if self.p_value < SEEN else f'= {self.p_value:.3f}'}), and the "
                 f"region allows for up to {1e6 * self.upper:.1f} um"
             )
-        told = "" if self.repeated else "; the stated noise is taken on trust: no pose was repeated"
+        told = "" if self.repeated else "; the stated noise is untested, as no pose was repeated"
         if self.doubted:
             told = (
-                "; how far the joints scatter is not known from repeats, so all of it counts as "
-                "misfit there"
+                "; repeats do not show how far the joints scatter, so all of that scatter counts "
+                "as misfit"
             )
         if np.isnan(self.detectable):
-            least = "the measurements are too few to say what may hide"
+            least = "the measurements are too few to say how large a misfit may hide"
         else:
             size = f"{1e6 * self.detectable:.1f} um per axis"
             least = f"a misfit of {size} or more would have been detected; a smaller one may hide"
         return (
-            f"{least} behind the noise: these readings allow for {1e6 * self.upper:.1f} um, and so "
-            f"does the region{told}"
+            f"{least} behind the noise: these readings allow for up to {1e6 * self.upper:.1f} um, "
+            f"which the region includes{told}"
         )
 
 

@@ -104,12 +104,12 @@ class OtherFrame(Shown):
         if self.in_part:
             less = max(self.errors - self.rest, 0.0)
             return (
-                f"a rigid motion explains {_length(less)} of {_length(self.errors)} (rms) of the "
-                f"held-out errors; the rest, {_length(self.rest)}, it does not: joints, payload or "
-                "the model changed"
+                f"a rigid motion explains {_length(less)} of the held-out errors of "
+                f"{_length(self.errors)} (rms), but not the remaining {_length(self.rest)}: "
+                "joints, payload or the model changed"
             )
         if not self.found:
-            return f"{self.n_poses} held-out poses stand in the frame of the calibration"
+            return f"{self.n_poses} held-out poses are in the frame of the calibration"
         return self.said_of(
             "the held-out rows" + f" of station {self.station + 1}" * bool(self.station)
         )
@@ -118,21 +118,20 @@ class OtherFrame(Shown):
         """That they stand elsewhere, in words; `rows` is what they are called."""
         if self.at_tool:
             what = (
-                f"see another target: {_length(self.tool_size)} from where the calibration has it, "
-                "at the tool"
+                f"see another target: {_length(self.tool_size)} from where the calibration has it "
+                "on the tool"
             )
         else:
             angle = np.degrees(float(np.linalg.norm(self.turn)))
             what = (
-                f"stand in another frame: {_length(self.size)}, {angle:.{1 if angle >= 1 else 3}f} "
-                "deg, as one piece "
-                "(another base, or the station moved)"
+                f"are off as a whole by {_length(self.size)} and "
+                f"{angle:.{1 if angle >= 1 else 3}f} deg (another base, or the station moved)"
             )
         if self.both:
             what += (
                 ", and the target moved, too" if not self.at_tool else ", and the base moved, too"
             )
-        return f"{rows} {what}; they prove nothing: state a session of their own"
+        return f"{rows} {what}; they prove nothing: describe them as a session of their own"
 
 
 def other_frame(

@@ -64,7 +64,7 @@ def place_words(place: Labels, noun: str, plural: str, names: Sequence[str] | No
     Examples
     --------
     >>> place_words(np.array(["inside", "edge", "inside", "outside"]), "target", "targets")
-    'of 4 targets 2 lie inside what was proven, 1 at its edge (2), 1 outside (4)'
+    'of 4 targets, 2 lie inside what was proven, 1 at its edge (2), 1 outside (4)'
     """
     called = [str(k + 1) for k in range(len(place))] if names is None else list(names)
     parts = []
@@ -77,8 +77,8 @@ def place_words(place: Labels, noun: str, plural: str, names: Sequence[str] | No
             parts.append(f"{len(which)} {'lie ' * (word == 'inside')}{text}{some}")
     if len(place) == 1:
         where = dict(zip(PLACES, ("inside", "at the edge of", "outside"), strict=True))
-        return f"the one {noun} lies {where[str(place[0])]} what was proven"
-    return f"of {len(place)} {plural} {', '.join(parts)}"
+        return f"the only {noun} lies {where[str(place[0])]} what was proven"
+    return f"of {len(place)} {plural}, {', '.join(parts)}"
 
 
 def room_words(kinds: Sequence[str]) -> str:
@@ -110,12 +110,12 @@ def steps_words(proven: Proven) -> str:
     if not each:
         return ""
     stood = " and ".join(
-        f"joint{'s' * (len(some) > 1)} {', '.join(some)} stood at steps of {text} only"
+        f"joint{'s' * (len(some) > 1)} {', '.join(some)} stood only at steps of {text}"
         for text, some in each.items()
     )
     return (
-        f"{stood}: an error that repeats with the steps, as that of a gear may, is in no reading, "
-        "and the radius is that of targets at these steps; measure at values between them as well"
+        f"{stood}: no reading shows an error that repeats with these steps, as that of a gear may, "
+        "and the radius is for targets at these steps only; measure at values between them as well"
     )
 
 

@@ -1,1 +1,1 @@
-"""How other programs write: exports of Spatial Analyzer, programs in RAPID, numbers with commas."""
+"""How other programs write: Spatial Analyzer, controllers of robots, numbers with commas."""

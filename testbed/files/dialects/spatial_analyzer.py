@@ -103,7 +103,7 @@ def _read_frames(
             fix='write euler = "xyz", or rotation = "matrix", under [frames] in session.toml',
         )  # fmt: skip
     length = unit_of(lines, lines.length, section.length, "frames.length", LENGTHS)
-    count = {"euler": 6, "matrix": 16}.get(form, 7)
+    count = {"euler": 6, "matrix": 12}.get(form, 7)  # 0 0 0 1 may be left out
     width = min(len(fields) for fields in lines.fields)
     full = form == "matrix" and width >= 20  # the position comes first, then the whole matrix
     if width < count + 1:

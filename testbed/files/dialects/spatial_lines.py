@@ -59,7 +59,7 @@ def sa_lines(text: FileText) -> Lines:
         return lines
     system = found.group(1).upper()
     if system not in SYSTEMS:
-        message = f"AXES = {system[:20]} is no system of coordinates"
+        message = f"AXES = {system[:20]} is not a system of coordinates"
         known = f"known are {', '.join(SYSTEMS)}"
         raise refusal(text.where, "AXES", message, allowed=known, fix="export again")
     units = [UNITS.get(word.lower(), word.lower()) for word in UNIT.findall(found.group(2))]

@@ -58,8 +58,9 @@ class ObservedTable(FileTable):
 class JointsTable(FileTable):
     """[joints]: where the robot was commanded to be, or read back that it was."""
 
-    format: Literal["csv", "rapid"] = "csv"
-    """A table of joint values, or a RAPID module with joint targets."""
+    format: Literal["csv", "rapid", "krl", "fanuc", "urscript"] = "csv"
+    """A table of joint values, or a program with joint targets: RAPID (ABB), KRL (KUKA), TP as
+    ASCII (FANUC, `.ls`), URScript. Its moves are the rows, else what it declares."""
     source: Literal["commanded", "read-back"] | None = None
     """Which joints the columns hold, where their names do not tell."""
 

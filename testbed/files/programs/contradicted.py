@@ -43,8 +43,8 @@ def contradicted(
     written = f'{table.names[name]} = "{table.texts(name)[row][:20]}"'
     said = (
         f"{count} of {len(table)} targets {'are' if many else 'is'} left as written: the joints "
-        f"beside {them} are not those of {theirs}, {first}in line {table.sheet.lines[row]}: "
-        f"{written}, and the pose is reached with {taken:.6g} {unit_of(name)}; put the joints "
+        f"beside {them} do not belong to {theirs}, {first}in line {table.sheet.lines[row]}: "
+        f"{written}, but the pose is reached with {taken:.6g} {unit_of(name)}; put the joints "
         "beside their poses, or leave their columns out"
     )
     status: list[TargetStatus] = list(correction.status)

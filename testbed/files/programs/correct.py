@@ -52,6 +52,8 @@ WORDS: dict[str, str] = {
     "corrected",
     "out of reach": "left as written: the robot does not reach it from a posture near this one",
 }
+LEAST_MM = 1e-6
+"""What is smaller is not told from rounding [mm]."""
 SAME = 1e-12
 """A number that the correction leaves as near as this is not written again [deg, rad, mm, m]."""
 
@@ -176,9 +178,9 @@ def correct_program(
     count, changed = len(result.status), int(result.corrected.sum())
     kept = f"; {count - changed} left as written" if changed < count else ""
     done = (
-        f"{changed} of {count} targets corrected{kept}: by the identified model all "
-        f"{count} miss {1e3 * result.before.mean():.3f} mm before and "
-        f"{significant(1e3 * result.left.mean())} mm after on average"
+        f"{changed} of {count} targets corrected{kept}: by the identified model, the mean error "
+        f"of all {count} is {1e3 * result.before.mean():.3f} mm before and "
+        f"{_millimeters_left(1e3 * result.left.mean())} after"
     )
     counted = not robot.controller.plain and joint_columns(table, robot) is not None
     names = target_names(table)
@@ -202,6 +204,11 @@ def correct_program(
         names=names,
         places=table.places,
     )
+
+
+def _millimeters_left(left_mm: float) -> str:
+    """What a correction leaves, in words; less than a nanometer is rounding."""
+    return f"{significant(left_mm)} mm" if left_mm >= LEAST_MM else "less than 0.000001 mm"
 
 
 def _correct_joints(

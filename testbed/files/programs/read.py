@@ -13,7 +13,7 @@ from calib.errors import InputError
 from calib.geometry.frames import transform
 from calib.geometry.inverse import inverse_kinematics, spread
 from testbed.files.conditions import target_conditions
-from testbed.files.dialects.rapid import is_rapid
+from testbed.files.dialects.controllers.rapid import is_rapid
 from testbed.files.joints import joint_columns, read_joints
 from testbed.files.programs.columns import joints_by_number, no_targets
 from testbed.files.refusal import refusal

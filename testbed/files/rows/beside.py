@@ -42,7 +42,7 @@ def drive_columns(table: DataTable) -> Columns | None:
         if drive and unit in UNITS[drive[1]]:
             others = found.setdefault(drive[1], {})
             if int(drive[2]) in others:
-                message = f"{others[int(drive[2])]} and {name} are both there"
+                message = f"{others[int(drive[2])]} and {name} are both present"
                 raise refusal(table.where, stem, message, fix="keep one of them")
             others[int(drive[2])] = name
     if not found:

@@ -5,6 +5,7 @@ import numpy as np
 from calib.arrays import Array, Bool
 from testbed.files.columns import UNITS, unit_of
 from testbed.files.refusal import refusal
+from testbed.files.rows.counts import added
 from testbed.files.table import Columns, DataTable
 from testbed.robots.controller import BEYOND
 from testbed.robots.robot import Robot
@@ -66,7 +67,7 @@ def check_limits(
     share = 100 * outside.sum() / (good.sum() * q.shape[1])
     other = OTHER_UNIT.get(unit, "another unit")
     # a number beyond the limits in degrees is farther beyond them in radians, meters in mm alike
-    fix = "mend these cells, or check the robot"
+    fix = "correct these cells, or check the robot"
     if unit in LARGER:
         far = outside[:, counted_joints].mean(axis=0) > MANY
         wrong = [names[k] for k in np.flatnonzero(far)] or [name]
@@ -74,13 +75,31 @@ def check_limits(
         what = "these" if stem == "q1" else ", ".join(name.rpartition("_")[0] for name in wrong)
         fix = f"if {what} are {other}, name the columns {stem}_{other} ...; else check the robot"
     elif not robot.controller.plain:
-        fix = "mend these cells, or check the robot and its [controller]"
+        fix = "correct these cells, or check the robot and its [controller]"
+    if other_way := _other_way(robot, q, good):
+        lines = added(robot.controller, *(f"q{k} = -J{k}" for k in other_way))
+        which = " and ".join(f"q{k}" for k in other_way)
+        verb = "is" if len(other_way) == 1 else "are"
+        fix = f"if {which} {verb} counted the other way, {lines}; else check the robot"
     raise refusal(
         table.place(row), name,
         f"{share:.0f} % of the joint values lie outside the limits of {robot.name}, the first is "
         f"{first}", code="M20", value=float(table.values(columns)[row, place]), allowed=allowed,
         fix=fix,
     )  # fmt: skip
+
+
+def _other_way(robot: Robot, q: Array, good: Bool) -> list[int]:
+    """Numbers of the joints that hardly pass their limits with the other sign, and now often do.
+
+    None where other joints pass theirs as often, or the controller counts otherwise already.
+    """
+    if not robot.controller.plain:
+        return []
+    lower, upper = robot.limits.T
+    low, high = lower - BEYOND, upper + BEYOND
+    far, turned = (((low > J) | (high < J))[good].mean(axis=0) > MANY for J in (q, -q))
+    return [] if (far & turned).any() else [int(j) + 1 for j in np.flatnonzero(far)]
 
 
 def _allowed(robot: Robot, j: int, unit: str, value: float, *, of_arm: bool) -> str:

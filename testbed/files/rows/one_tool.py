@@ -58,7 +58,7 @@ def not_on_one_tool(session: Session, groups: Sequence[Index]) -> InputError | N
         rows, beside = np.array(both).T
         why = apart_or_alike(table.position[rows], table.position[beside])
         if why:
-            first, second = (_target(session, int(k)) for k in (rows[0], beside[0]))
+            first, second = (target_name(session, int(k)) for k in (rows[0], beside[0]))
             return refusal(
                 session.where, "target", f'targets "{first}" and "{second}" {why}', code="M32",
                 allowed="targets are reflectors on one tool, each at a place of its own",
@@ -73,7 +73,7 @@ def named_target(session: Session, row: int) -> str:
     Examples: ``target A: ``, ``station b.csv: ``.
     """
     table = session.measurements
-    target, stations = _target(session, row), session.station_names
+    target, stations = target_name(session, row), session.station_names
     said = [f"target {target}"] if target else []
     at = int(table.station[row])
     if len(stations) > 1 and at < len(stations):
@@ -81,7 +81,7 @@ def named_target(session: Session, row: int) -> str:
     return f"{', '.join(said)}: " if said else ""
 
 
-def _target(session: Session, row: int) -> str:
+def target_name(session: Session, row: int) -> str:
     """The name of the target of a row; of one that needs none it is empty."""
     k, names = int(session.measurements.reflector[row]), session.reflector_names
     return names[k] if 0 <= k < len(names) else ""

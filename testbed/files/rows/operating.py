@@ -175,6 +175,6 @@ def _no_order(rows: RowsOfFile) -> str:
     where, _, line = Path(rows.place[at[row]]).name.rpartition(":")
     again = rows.place[row].rpartition(":")[2]
     return (
-        f"the column order of {where} is no order: lines {line} and {again} both have "
+        f"the column order of {where} is not an order: lines {line} and {again} both have "
         f"{key[row]:g}, at other joints"
     )

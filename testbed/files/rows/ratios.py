@@ -1,9 +1,11 @@
 """Drives that pass through each other by a ratio that nobody states: the one that fits."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from math import pi
 
 from calib.arrays import Array
+from calib.geometry.chain import JointKind
 from testbed.files.alternatives import Interpretation
 from testbed.files.frames_fit import Misfit
 from testbed.files.rows.counts import COUPLED, Count, added
@@ -19,10 +21,13 @@ STEPS = (0.02, 0.005, 0.001)
 LARGEST, SMALLEST, PLAIN = 3.0, 2e-3, 0.02
 """A ratio beyond the first is none of drives that pass through each other, nor one below the second
 beside others; so near to 1 it is that."""
+SPINDLE = 1e-4
+"""What rises by less as it turns, 0.6 mm a turn, is no spindle [m]."""
 ENOUGH = 12
 """Rows from which on several ratios at once are asked for."""
+MM_PER_DEG = 1e3 * pi / 180
 Ratios = dict[tuple[int, int], float]
-"""How much of the first joint turns the second, both from 0."""
+"""How much of the first joint turns or moves the second, both from 0."""
 
 
 def ratios_that_fit(
@@ -44,11 +49,8 @@ def ratios_that_fit(
         What they leave.
     """
     kinds, controller = robot.model.chain.kinds, robot.controller
-    pairs = [
-        (a, b)
-        for a, b in COUPLED
-        if b < len(kinds) and kinds[a] == kinds[b] and b not in controller.stated
-    ]
+    gears = [(a, b) for a, b in COUPLED if b < len(kinds) and kinds[a] == kinds[b]]
+    pairs = [(a, b) for a, b in (*gears, *_spindles(kinds)) if b not in controller.stated]
     if not SUSPECT < stated.score < float("inf"):
         return []
     J = controller.of_arm(read.q)
@@ -76,11 +78,24 @@ def ratios_that_fit(
         for step in (*STEPS, STEPS[-1]):
             for pair in pairs:
                 every = nearer(every, pair, step)
-        every = {pair: ratio for pair, ratio in every.items() if abs(ratio) > SMALLEST}
+        least_of = {(a, b): SMALLEST if kinds[a] == kinds[b] else SPINDLE for a, b in pairs}
+        every = {pair: ratio for pair, ratio in every.items() if abs(ratio) > least_of[pair]}
         found += [every] if BETTER * left(every).score < least else []
-    rounded = [{pair: float(f"{ratio:.4f}") for pair, ratio in one.items()} for one in found]
+    shown = {(a, b): 1.0 if kinds[a] == kinds[b] else MM_PER_DEG for a, b in pairs}
+    rounded = [
+        {pair: float(f"{ratio * shown[pair]:.4f}") / shown[pair] for pair, ratio in one.items()}
+        for one in found
+    ]
     sound = [one for one in rounded if one and all(map(_may_be, one.values()))]
     return [(_count(robot, J, one), left(one)) for one in sound]
+
+
+def _spindles(kinds: Sequence[JointKind]) -> Iterator[tuple[int, int]]:
+    """Joints that turn beside one that slides: a spindle that makes both moves it as it turns."""
+    for b, kind in enumerate(kinds):
+        for a in (b - 1, b + 1) if kind == "prismatic" else ():
+            if 0 <= a < len(kinds) and kinds[a] == "revolute":
+                yield a, b
 
 
 def _may_be(ratio: float) -> bool:
@@ -101,7 +116,7 @@ def _count(robot: Robot, J: Array, ratios: Ratios) -> Count:
     said, texts = list[str](), list[str]()
     for joint in sorted({b for _, b in ratios}):
         terms = [
-            f" {'-' if ratio < 0 else '+'} {abs(ratio):.4f} {{}}{a + 1}"
+            f" {'-' if ratio < 0 else '+'} {_number(robot, a, b, abs(ratio))} {{}}{a + 1}"
             for (a, b), ratio in ratios.items()
             if b == joint
         ]
@@ -114,6 +129,12 @@ def _count(robot: Robot, J: Array, ratios: Ratios) -> Count:
         "maker states",
         max(b for _, b in ratios), robot.controller.to_arm(_driven(J, ratios)),
     )  # fmt: skip
+
+
+def _number(robot: Robot, a: int, b: int, ratio: float) -> str:
+    """A ratio as a robot's file has it."""
+    kinds = robot.model.chain.kinds
+    return f"{ratio:.4f}" if kinds[a] == kinds[b] else f"{ratio * MM_PER_DEG:.4f} mm/deg"
 
 
 def _and(words: Sequence[str]) -> str:

@@ -25,10 +25,10 @@ NOTHING_SAID = RowsSay()
 def taken_as_usual(said: OperatingConditions, silent: OperatingConditions) -> tuple[str, ...]:
     """What held-out rows do not say of what the others say, and how they are taken then."""
     words = {
-        "approach": "the order of the held-out rows is not known, that of the others is: where the "
-        "model knows the play of joints, they are taken in the middle of it",
-        "torque": "the held-out rows have no torques of the drives, the others have: they are "
-        "taken at the mean of these",
+        "approach": "the order of the held-out rows is not known, unlike that of the others: if "
+        "the model includes backlash, they are placed in the middle of it",
+        "torque": "the held-out rows have no torques of the drives, unlike the others: the mean "
+        "of these is used",
     }
     return tuple(
         text for name, text in words.items() if name in said.stated and name not in silent.stated

@@ -48,15 +48,14 @@ def of_targets(
     said = []
     if "approach" in terms:
         said.append(
-            "the model knows the play of the joints: each target is taken as approached from the "
-            "one before it, the first one from a side that nobody knows, in the middle of the "
-            "play; both sides are in its region"
+            "the model includes backlash: each target is assumed to be approached from the one "
+            "before it; the first one, whose side is unknown, is placed in the middle of the "
+            "backlash, and its region includes both sides"
         )
     if "torque" in terms:
         said.append(
-            "the model follows what the drives report, which nobody knows at the targets: they are "
-            "taken at what was reported on average in the measurements, and how far that varied is "
-            "in their regions"
+            "the model follows what the drives report, which is unknown at the targets: the "
+            "average over the measurements is used, and the regions include how far it varied"
         )
     springs = identified.joint_errors.springs
     if springs is not None:

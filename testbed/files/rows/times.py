@@ -2,11 +2,13 @@
 
 import re
 from collections.abc import Sequence
-from datetime import datetime
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime
+from typing import Literal
 
 import numpy as np
 
-from calib.arrays import Array, Bool
+from calib.arrays import Array, Bool, Index
 from testbed.files.table import DataTable
 
 DOTTED = re.compile(
@@ -23,21 +25,34 @@ YEAR_FIRST = re.compile(r"(\d{4})/(\d{1,2})/(\d{1,2})(?!\d)")
 NOON = 12
 
 
-def times_of(table: DataTable, good: Bool) -> tuple[Array | None, tuple[str, ...]]:
-    """Times [s] of rows (m,), of which some are good, or why there are none.
+@dataclass(frozen=True, slots=True, eq=False)
+class Moments:
+    """When rows were measured, by a clock that another file may have, too."""
 
-    A clock that stands still orders nothing, and hours with a time zone and hours without one have
-    no known difference.
+    kind: Literal["numbers", "dates", "dates with time zones"]
+    """What the times are written as: only times of one kind can be held against each other."""
+    seconds: Array
+    """(m,) since the zero of the clock, of dates since 1970 [s]; nan of rows that are not good."""
+
+    def rows(self, index: Index) -> "Moments":
+        """The same for some rows (indices)."""
+        return replace(self, seconds=self.seconds[index])
+
+
+def moments_of(table: DataTable, good: Bool) -> tuple[Moments | None, tuple[str, ...]]:
+    """Moments of rows (m,), of which some are good, or why there are none.
+
+    Hours with a time zone and hours without one have no known difference.
     """
     said: tuple[str, ...] = ()
     if "time_s" in table:
-        times = table.numbers(["time_s"])[:, 0]
+        seconds = table.numbers(["time_s"])[:, 0]
     elif "time" in table:
-        times = table.numbers(["time"])[:, 0]
+        seconds = table.numbers(["time"])[:, 0]
         said = (f"{table.where}: the times are numbers without a unit and taken as seconds; call "
                 "their column time_s if they are",)  # fmt: skip
-        if not np.isfinite(times[good]).all():
-            said, texts = (), table.texts("time")
+        if not np.isfinite(seconds[good]).all():
+            texts = table.texts("time")
             try:
                 moments = _moments([texts[row] for row in np.flatnonzero(good)])
             except ValueError:
@@ -47,17 +62,32 @@ def times_of(table: DataTable, good: Bool) -> tuple[Array | None, tuple[str, ...
                 told = f"{zoned} of {len(moments)} times state a time zone and the others do not"
                 return None, (f"{table.where}: {told}: they are not used",)
             # with zones as moments in the world, without them as they stand
-            times = np.zeros(len(table))
-            times[good] = [(moment - moments[0]).total_seconds() for moment in moments]
+            zero = datetime(1970, 1, 1, tzinfo=UTC if zoned else None)
+            seconds = np.full(len(table), np.nan)
+            seconds[good] = [(moment - zero).total_seconds() for moment in moments]
+            return Moments("dates with time zones" if zoned else "dates", seconds), ()
     else:
         return None, ()
-    if not np.isfinite(times[good]).all():
+    if not np.isfinite(seconds[good]).all():
         return None, (_unread(table),)
+    return Moments("numbers", seconds), said
+
+
+def times_of(
+    moments: Moments | None, good: Bool, where: str
+) -> tuple[Array | None, tuple[str, ...]]:
+    """Times (m,) since the first good row [s], or why there are none in a file `where`.
+
+    A clock that stands still orders nothing.
+    """
+    if moments is None:
+        return None, ()
+    times = moments.seconds
     count = len(np.unique(times[good]))
     if good.sum() > 2 and count < good.sum() / 2:
         told = "rounded to one value" if count == 1 else f"rounded to {count} values"
-        return None, (f"{table.where}: the times are {told} and are not used",)
-    return times - times[good][:1], said
+        return None, (f"{where}: the times are {told} and are not used",)
+    return times - times[good][:1], ()
 
 
 def _unread(table: DataTable) -> str:

@@ -8,6 +8,7 @@ from testbed.files.joints import read_joints
 from testbed.files.matching import Match, by_cycle, by_order, by_pose, by_row
 from testbed.files.observed import unused_columns
 from testbed.files.refusal import require_names
+from testbed.files.rows.by_time import by_time
 from testbed.files.rows.copies import without_copies
 from testbed.files.session import Sources
 from testbed.files.session_toml import SessionFile
@@ -48,10 +49,17 @@ def with_joints(
         match = by_cycle(joints, readings, robot.model)
     elif settings.match == "order":
         match = by_order(joints, readings, robot.model)
+    elif settings.match == "time":
+        slides = robot.model.chain.prismatic[: joints.q.shape[1]] > 0
+        match, told = by_time(joints, readings, slides, settings.match_within_s, drop=drop)
+        readings = replace(readings, notes=(*readings.notes, told))
     else:
         poses = {name for other in others for name in other.poses}
         match = by_pose(joints, readings, drop=drop, elsewhere=poses)
     part = TargetPart(joints.rows(match.joints), readings.rows(match.readings), section)
+    if settings.match == "time" and part.joints.extras.pose is None:  # a log numbers no poses
+        named = replace(part.joints.extras, pose=part.readings.extras.pose)
+        part = replace(part, joints=replace(part.joints, extras=named))
     # only now: match = "order" counts the rows of the file
     part, copies, alike = without_copies(part, fine=cleaned.fine)
     # only now: nests have no pose, and may be the only targets with a name

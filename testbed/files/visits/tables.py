@@ -39,7 +39,7 @@ class VisitTable(Strict):
     frame_poses: Annotated[int, Field(ge=FEWEST)] | None = None
     """Of a held-out session: to how many poses, drawn at random, its own frames are fitted; the
     others judge."""
-    match: Literal["pose_id", "order"] | None = None
+    match: Literal["pose_id", "order", "time"] | None = None
     """As above all sessions."""
     split: Literal["column", "ignore"] | None = None
     """As above all sessions."""

@@ -1,7 +1,7 @@
 """The product's front: robots, campaigns, plans and calibrations in one call each.
 
-Everything here hands on to `testbed` and is imported at first use. Lengths in metres, angles in
-radians; what is written to disk is what the command of the same name writes.
+Every function calls `testbed`, which is imported at first use. Lengths are in meters and angles in
+radians; files written to disk are those of the command of the same name.
 """
 
 from collections.abc import Mapping
@@ -50,7 +50,7 @@ KINDS = {
     "Session": "testbed.files.session",
     "VirtualLaboratory": "truebed.virtual",
 }
-"""What the verbs take and give, to be named in annotations, and where each lives."""
+"""Classes of arguments and results, for annotations, and the module of each."""
 MODULES = ("lesson", "plots")
 """Modules that are loaded when they are asked for."""
 __all__ = (
@@ -69,7 +69,7 @@ __all__ = (
 
 
 def robot(name_or_path: str | Path) -> "Robot":
-    """A robot: one that ships (``staubli_tx60``), or a robot.toml, URDF or MJCF file."""
+    """Load a robot: one that ships (``staubli_tx60``), or a robot.toml, URDF or MJCF file."""
     from testbed.robots.catalog import load_robot
 
     return load_robot(text_of("name_or_path", name_or_path))
@@ -78,15 +78,15 @@ def robot(name_or_path: str | Path) -> "Robot":
 def scene(
     name_or_path: "str | Path | Scenario", changes: Mapping[str, Any] | None = None
 ) -> "Scenario":
-    """A scenario to be run or planned: a scene that ships, or a file, with some keys changed.
+    """Load a scenario to run or to plan: a scene that ships, or a file, with some keys changed.
 
     Parameters
     ----------
     name_or_path : str, Path or Scenario
         A scene that ships (``quick``), a scenario file, or a scenario.
     changes : mapping, optional
-        Keys of the file, tables before the dot: ``{"seed": 2, "truth.preset": "soft"}``. What a
-        changed preset decides is decided anew, unless the file gives it.
+        Keys of the file, with their table before a dot: ``{"seed": 2, "truth.preset": "soft"}``.
+        Keys that a preset fills in follow the changed preset, unless the file gives them.
 
     Examples
     --------
@@ -107,8 +107,8 @@ def run(scenario: "str | Path | Scenario", out: str | Path | None = None) -> "Ca
     """Play a whole virtual campaign, as ``truebed run`` does.
 
     Equal bytes on every machine are promised for the command only: it sets the thread variables
-    (``OPENBLAS_NUM_THREADS=1`` and its like) before numpy is loaded, which a script that has
-    imported numpy cannot do any more. Set them in the environment to get the same.
+    (``OPENBLAS_NUM_THREADS=1`` and its like) before numpy is loaded. A script that has imported
+    numpy cannot do so any more; set them in the environment instead.
 
     Parameters
     ----------
@@ -133,8 +133,8 @@ def laboratory(
 ) -> "VirtualLaboratory":
     """Open the virtual laboratory of a scenario, for a method of your own; arguments as in `scene`.
 
-    It holds a robot whose true geometry is secret, candidate poses, and a tracker: choose poses,
-    ``measure`` them, identify, and ask for the true ``errors`` of the result.
+    It has a robot whose true geometry is hidden, candidate poses, and a tracker: choose poses,
+    ``measure`` them, identify the robot, and ask for the true ``errors`` of the result.
 
     Examples
     --------
@@ -163,7 +163,7 @@ def plan(scenario: "str | Path | Scenario", out: str | Path | None = None) -> "P
     Returns
     -------
     Plan
-        The chosen poses with what they promise; ``tables()`` has the stops and the goal.
+        The chosen poses and the accuracy predicted; ``tables()`` has the stops and the goal.
     """
     from testbed.plan.folder import play_plan
     from testbed.plan.plan import plan
@@ -182,14 +182,14 @@ def identify(
     robot : str, Path or Robot
         The robot as its maker describes it.
     session : str, Path or Session
-        A session.toml, a CSV of measurements, or what `load` gave of exported measurements.
+        A session.toml, a CSV of measurements, or exported measurements as `load` returns them.
     out : path, optional
         Folder to write; without it nothing is written.
 
     Returns
     -------
     Calibration
-        The models that were fitted and which one was chosen, and the statement; ``tables()`` has
+        The fitted models, the one chosen, and the statement of its uncertainty; ``tables()`` has
         errors and numbers.
     """
     from truebed.verbs import identified
@@ -198,7 +198,7 @@ def identify(
 
 
 def iso9283(data: str | Path, out: str | Path | None = None) -> "CycleResult":
-    """Test a real robot after ISO 9283, as ``truebed iso9283`` does.
+    """Work out the figures of ISO 9283 of a real robot, as ``truebed iso9283`` does.
 
     Parameters
     ----------
@@ -218,9 +218,9 @@ def iso9283(data: str | Path, out: str | Path | None = None) -> "CycleResult":
 
 
 def export(campaign: "Campaign", folder: str | Path, *, overwrite: bool = False) -> None:
-    """Write what the virtual tracker saw as measurement files, as ``truebed run --export`` does.
+    """Write the virtual tracker's readings as measurement files, as ``truebed run --export`` does.
 
-    `folder` is new, or an exported one; with `overwrite` what is there is renamed.
+    `folder` is new, or one of an earlier export; with `overwrite` anything there is renamed.
     """
     from testbed.run.export import export_campaign
 
@@ -228,18 +228,18 @@ def export(campaign: "Campaign", folder: str | Path, *, overwrite: bool = False)
 
 
 def save(result: object, path: str | Path) -> None:
-    """Write one result of `calib` to an .npz file; `load` gives it back, bit for bit.
+    """Write one result of `calib` to an .npz file; `load` reads it back, bit for bit.
 
-    Arrays and numbers with a checksum, nothing pickled: a file from elsewhere can do no harm.
+    The file holds arrays and numbers with a checksum, and nothing pickled.
 
     Parameters
     ----------
     result : Measurements, RobotModel, CalibratedRobot, Judgement ...
-        What `calib.points` or `calib.poses`, `calib.calibrate`, `calib.judge`, `calib.compensate`,
-        `calib.design`, `bootstrap` or `tool_statement` gave. Campaigns and calibrations have
-        folders of their own: ``out``.
+        Result of `calib.points`, `calib.poses`, `calib.calibrate`, `calib.judge`,
+        `calib.compensate`, `calib.design`, `bootstrap` or `tool_statement`. Campaigns and
+        calibrations are written to folders by the argument ``out`` instead.
     path : path
-        File to write, ``.npz`` at its end; one that is there is replaced.
+        File to write, ending in ``.npz``; an existing one is replaced.
     """
     from truebed.saved import keep
 
@@ -253,24 +253,24 @@ def write_robot(
     *,
     overwrite: bool = False,
 ) -> tuple[str, ...]:
-    """Write a robot with identified numbers as robot.toml, URDF and MJCF, each read again.
+    """Write a robot with identified numbers as robot.toml, URDF and MJCF, each read back to check.
 
     Parameters
     ----------
     robot : str, Path or Robot
         The robot as its maker describes it: limits, masses, meshes.
     found : RobotModel or CalibratedRobot
-        Its identified numbers, as `calib.calibrate` gave them; with the model of the robot itself a
-        URDF becomes a robot.toml, name and all.
+        Its identified model, as `calib.calibrate` returns it. With ``robot.model`` itself the robot
+        is written unchanged, under its own name: this turns a URDF into a robot.toml.
     folder : path
-        Made if it is not there.
+        Folder to write into; created if missing.
     overwrite : bool
         Whether files of these names may be replaced.
 
     Returns
     -------
     tuple of str
-        How well each file agrees with the model, and what it cannot hold, in words.
+        Sentences on how well each file agrees with the model, and on what it cannot hold.
     """
     from truebed.verbs import written
 
@@ -278,17 +278,22 @@ def write_robot(
 
 
 def load(folder: str | Path) -> Any:
-    """What any folder that this program wrote holds; what it is stands first when it is printed.
+    """Read back any folder or file that this program wrote; nothing is computed again.
 
-    A campaign or a calibration comes back as `run` or `identify` gave it; of a plan or a test after
-    ISO 9283 the numbers and tables of its files; of exported measurements the session; of the
-    folder of a robot the robot; of a file that `save` wrote the result. Nothing is computed. What
-    it is only the folder knows: annotate it, ``campaign: truebed.Campaign = truebed.load(...)``.
+    A campaign or a calibration is returned as `run` or `identify` did; a plan or a test after
+    ISO 9283 as the numbers and tables of its files; exported measurements as a session; the folder
+    of a robot as a robot; a file of `save` as the result. The kind depends on the folder, so
+    annotate it: ``campaign: truebed.Campaign = truebed.load(...)``.
 
     Parameters
     ----------
     folder : path
-        The folder, as given by ``--out``, or the file, as given to `save`.
+        The folder that was given to ``--out``, or the file that was given to `save`.
+
+    Raises
+    ------
+    InputError
+        D42: the path holds nothing that this program wrote.
     """
     from truebed.opened import opened
 

@@ -1,4 +1,4 @@
-"""What the verbs are given by name: a scene, a robot, a folder."""
+"""Arguments of the verbs that are given by name: a scene, a robot, a folder."""
 
 from os import PathLike
 from pathlib import Path
@@ -9,7 +9,7 @@ if TYPE_CHECKING:
 
 
 def scenario_of(scenario: "str | Path | Scenario") -> "Scenario":
-    """The scenario, read where a name or a file is given."""
+    """The scenario itself, or the one read from a name or a file."""
     from testbed.scenario.scenario import Scenario
     from testbed.studies import load_scenario
 
@@ -19,7 +19,7 @@ def scenario_of(scenario: "str | Path | Scenario") -> "Scenario":
 
 
 def text_of(name: str, value: str | Path) -> str | Path:
-    """A name or a path, after refusing what is none."""
+    """A checked name or path; an `InputError` (A3) for anything else."""
     from calib.errors import refuse
 
     if not isinstance(value, str | PathLike):

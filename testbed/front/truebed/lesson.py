@@ -19,20 +19,20 @@ if TYPE_CHECKING:
 
 
 WIDTH = 92
-"""Characters of a line that a class reads from the wall."""
+"""Characters per line that a class can read from a projector."""
 
 
 @dataclass(frozen=True, slots=True)
 class Asked:
-    """What was typed behind the name of a lesson's script."""
+    """Arguments of the script of a lesson."""
 
     seeds: range
-    """Of its robots."""
+    """Seeds of its robots."""
     picture: Path | None
     """File to draw the answer into."""
 
     def draw(self, painted: Callable[[Any], object]) -> None:
-        """Write the picture, if one is wanted, for a projector; `painted` is handed its axes."""
+        """Write the picture, if one was asked for; `painted` draws on the axes it is given."""
         if self.picture is not None:
             from truebed.plots import slide
 
@@ -41,14 +41,14 @@ class Asked:
 
 
 def asked(robots: int, words: list[str] | None = None) -> Asked:
-    """Read what was typed: ``--seed 7`` plays other robots, ``--picture FILE`` draws the answer.
+    """Read the arguments: ``--seed 7`` plays other robots, ``--picture FILE`` draws the answer.
 
     Parameters
     ----------
     robots : int
-        How many seeds the lesson plays, from the first on.
+        Number of consecutive seeds that the lesson plays.
     words : list of str, optional
-        What was typed; by default the arguments of the script.
+        The arguments; by default those of the script.
     """
     parser = argparse.ArgumentParser()
     parser.add_argument("--seed", type=int, default=1, help="of the first robot (1)")
@@ -67,7 +67,7 @@ def tell(answer: str) -> None:
 
 
 def guess(question: str) -> None:
-    """Put a question; where somebody sits at the terminal, wait for the guess."""
+    """Print a question; in an interactive terminal, wait for Enter."""
     sys.stdout.write(f"{fill(question, WIDTH)}\n")
     sys.stdout.flush()
     if sys.stdin is not None and sys.stdin.isatty():
@@ -82,11 +82,11 @@ def laboratories(
     Parameters
     ----------
     seeds : iterable of int
-        Each is another robot, another pool and other noise.
+        Each seed draws another robot, another pool and other noise.
     preset : str
-        Of the truth: ``rigid``, ``soft`` ...
+        Preset of the truth: ``rigid``, ``soft`` ...
     **changes : Any
-        Keys of the scenario with ``__`` for a dot.
+        Keys of the scenario, with ``__`` in place of a dot.
     """
     from truebed import laboratory
 
@@ -96,12 +96,12 @@ def laboratories(
 
 
 def calibrated(lab: "VirtualLaboratory", places: ArrayLike, name: str) -> "Identification":
-    """Measure candidates and identify what they can tell; `name` draws the noise."""
+    """Measure candidates by their indices and identify the robot; `name` seeds the noise."""
     return calib.identify(lab.nominal, lab.measure(places, name), lab.free)
 
 
 def error_um(lab: "VirtualLaboratory", places: ArrayLike, name: str) -> float:
-    """Mean true error after that at the held-out poses [um]."""
+    """Mean true error of the `calibrated` robot at the held-out poses [um]."""
     return 1e6 * lab.mean_error(calibrated(lab, places, name))
 
 

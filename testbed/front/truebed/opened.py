@@ -1,4 +1,4 @@
-"""Whatever this program wrote, opened again: folders of every kind, and files of single results."""
+"""Reading back what this program wrote: folders of every kind, and files of single results."""
 
 from pathlib import Path
 from typing import Any
@@ -17,7 +17,7 @@ from truebed.saved import SUFFIX, WANTED, kept
 
 
 def opened(path: Path) -> Any:
-    """What `truebed.load` gives.
+    """Read a folder or a file, as `truebed.load` does.
 
     Raises
     ------

@@ -1,6 +1,6 @@
 """Pictures of results on matplotlib axes of your own; each function draws, labels and returns them.
 
-Blue is what came out, vermilion what was before or falls short; both are told apart in gray.
+Blue is the result, vermilion the state before or a failure; they differ in gray as well.
 """
 
 from typing import TYPE_CHECKING, Any, Protocol
@@ -33,7 +33,7 @@ class Tabular(Protocol):
     """A result with tables."""
 
     def tables(self) -> "Mapping[str, ResultTable]":
-        """By name."""
+        """Tables by their names."""
 
 
 def residuals(axes: "Axes", result: Tabular) -> "Axes":
@@ -44,7 +44,7 @@ def residuals(axes: "Axes", result: Tabular) -> "Axes":
     axes : matplotlib Axes
         To draw on.
     result : CalibratedRobot, Judgement or HeldOut
-        Of a calibration its training rows, of a judgement the held-out poses.
+        For a calibration its training rows are drawn, for a judgement the held-out poses.
     """
     _require_axes(axes)
     table = _table(result, ("residuals", "errors"), "x_m")
@@ -59,17 +59,17 @@ def residuals(axes: "Axes", result: Tabular) -> "Axes":
 
 
 def errors(axes: "Axes", result: Tabular, *, radius: float | None = None) -> "Axes":
-    """Errors before and after as distributions: which share of the poses lies below each [mm].
+    """Cumulative distributions of position errors before and after calibration [mm].
 
     Parameters
     ----------
     axes : matplotlib Axes
         To draw on.
     result : Campaign, Trial, Estimate or Calibration
-        Of a campaign the held-out errors against the truth, one line for each estimate; of a
-        calibration those of the held-out rows, against what was measured.
+        For a campaign the held-out errors against the truth are drawn, one line for each estimate;
+        for a calibration those of the held-out rows, against the measurements.
     radius : float, optional
-        A stated radius to be marked, such as R95 [m].
+        A stated radius to mark, such as R95 [m].
     """
     _require_axes(axes)
     table = _table(result, ("errors",), "after_mm")
@@ -102,22 +102,22 @@ def ellipse(
     center: ArrayLike = (0.0, 0.0),
     points: ArrayLike | None = None,
 ) -> "Axes":
-    """The region of a plane that holds the point with a probability [um].
+    """Coverage ellipse of a point in a plane of two axes [um].
 
     Parameters
     ----------
     axes : matplotlib Axes
         To draw on.
     covariance : (3, 3) or (2, 2) array_like
-        Of the point [m^2]; of three axes those of `plane` are shown, whatever the third one does.
+        Covariance of the point [m^2]; of three axes, the marginal one of `plane` is drawn.
     plane : str
         Which two of x, y, z.
     probability : float
-        Content of the region.
+        Coverage probability of the region.
     center : (2,) array_like
-        Where it stands [m].
+        Center of the ellipse [m].
     points : (N, 3) or (N, 2) array_like, optional
-        Points to show beside it, and how many of them lie inside [m].
+        Points to draw as well [m]; the legend counts those inside.
     """
     _require_axes(axes)
     which = _plane(plane)
@@ -142,7 +142,7 @@ def ellipse(
 
 
 def observability(axes: "Axes", count: "PoseCount") -> "Axes":
-    """An index of observability against the number of poses: mean and scatter of random sets."""
+    """An observability index against the number of poses: mean and sd over random sets."""
     _require_axes(axes)
     _has(count, "PoseCount", "counts", "mean", "sd", "chosen", "criterion")
     low, high = count.mean - count.sd, count.mean + count.sd
@@ -157,7 +157,7 @@ def observability(axes: "Axes", count: "PoseCount") -> "Axes":
 
 
 def pose_budget(axes: "Axes", budget: "PoseBudget") -> "Axes":
-    """What so many poses reach, and what no set of so many can [um]."""
+    """Uncertainty of designed sets against the number of poses, and its proven bound [um]."""
     _require_axes(axes)
     _has(budget, "PoseBudget", "counts", "reached", "possible", "target")
     axes.plot(budget.counts, 1e6 * budget.reached, "o-", color=AFTER, label="designed set")
@@ -169,16 +169,16 @@ def pose_budget(axes: "Axes", budget: "PoseBudget") -> "Axes":
 
 
 def coverage(axes: "Axes", result: Tabular, *, level: float = 0.95) -> "Axes":
-    """What statements hold of the truth, beside what they promise: one row for each.
+    """Share of true points inside the stated regions against the level promised; one row each.
 
     Parameters
     ----------
     axes : matplotlib Axes
         To draw on.
     result : Campaign
-        Of a scene with a study of coverage.
+        Campaign of a scene with a study of coverage.
     level : float
-        What is promised.
+        Coverage probability that was promised.
     """
     _require_axes(axes)
     table = _table(result, (), "statement")
@@ -206,9 +206,9 @@ def slide(path: "Path", painted: "Callable[[Axes], object]") -> None:
     Parameters
     ----------
     path : path
-        File to write, by its end ``.png``, ``.svg`` or ``.pdf``.
+        File to write; its ending ``.png``, ``.svg`` or ``.pdf`` decides the format.
     painted : callable
-        Draws on the axes that it is given.
+        Function that draws on the axes it is given.
     """
     from matplotlib import rc_context
     from matplotlib.figure import Figure
@@ -235,14 +235,14 @@ def _table(result: Tabular, names: tuple[str, ...], column: str) -> "ResultTable
 
 
 def _has(thing: object, wanted: str, *names: str) -> None:
-    """Refuse a thing that lacks what is drawn of it."""
+    """Raise an `InputError` (A3) if a result lacks an attribute that is drawn."""
     if not all(hasattr(thing, name) for name in names):
         message = f"{type(thing).__name__} cannot be drawn here"
         raise refuse("result", None, f"a {wanted} is wanted", code="A3", message=message)
 
 
 def _require_axes(axes: object) -> None:
-    """Refuse what is not one set of axes: pyplot, a figure, several of them, a result."""
+    """Raise an `InputError` (A3) unless `axes` is one set of axes of matplotlib."""
     if not all(hasattr(axes, name) for name in ("plot", "set", "axhline")):
         allowed = "axes of matplotlib, such as plt.gca(), or one of those of plt.subplots()"
         message = f"axes is of the type {type(axes).__name__}"
@@ -250,13 +250,13 @@ def _require_axes(axes: object) -> None:
 
 
 def _distribution(axes: "Axes", mm: Array, label: str, color: str, style: str) -> None:
-    """The share of values below each."""
+    """Draw the empirical distribution function of values [mm]."""
     steps = np.arange(1, len(mm) + 1) / len(mm)
     axes.step(np.sort(mm), steps, style, where="post", color=color, label=label)
 
 
 def _plane(plane: str) -> list[int]:
-    """Places of two axes by their letters."""
+    """Indices of two axes by their letters."""
     which = [AXES.find(letter) for letter in plane]
     if len(which) != 2 or -1 in which or which[0] == which[1]:
         raise refuse("plane", plane, "two of the letters x, y and z, such as xy", code="A3")

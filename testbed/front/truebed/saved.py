@@ -36,11 +36,11 @@ HOMES = {
     "Selection": "calib.design",
     "ToolStatement": "calib.uncertainty.tool_point",
 }
-"""Kinds of results that a file of their own can hold, and where each is imported from."""
+"""Classes of results that can be saved to a file, and the module of each."""
 SUFFIX = ".npz"
 WANTED = "give a folder that truebed wrote, or an .npz file of truebed.save"
 WHOLE = "truebed saved this"
-"""Stands in the file where a record of a run has the hash of its scenario."""
+"""Mark of these files, in the field where a record of a run has the hash of its scenario."""
 
 
 def keep(result: object, path: Path) -> None:

@@ -1,4 +1,4 @@
-"""What verbs of the front do, with all that they load: imported when one of them is called."""
+"""Implementation of some verbs of the front, with their imports, loaded at the first call."""
 
 from pathlib import Path
 
@@ -24,7 +24,7 @@ from testbed.robots.write.identified import identified_robot
 def identified(
     robot: str | Path | Robot, session: str | Path | Session, out: Path | None
 ) -> Calibration:
-    """What `truebed.identify` does."""
+    """Implementation of `truebed.identify`."""
     if not isinstance(robot, Robot) and not isinstance(session, Session):
         require_order(str(robot), Path(session))
     arm = robot if isinstance(robot, Robot) else load_robot(robot)
@@ -33,7 +33,7 @@ def identified(
 
 
 def cycled(data: str | Path, out: Path | None) -> CycleResult:
-    """What `truebed.iso9283` does."""
+    """Implementation of `truebed.iso9283`."""
     test = read_test(data)
     return play_test(test) if out is None else play_iso9283(test, out)
 
@@ -45,7 +45,7 @@ def written(
     *,
     overwrite: bool,
 ) -> tuple[str, ...]:
-    """What `truebed.write_robot` does."""
+    """Implementation of `truebed.write_robot`."""
     arm = robot if isinstance(robot, Robot) else load_robot(robot)
     model = found.model if isinstance(found, CalibratedRobot) else found
     own = RobotModel(model.chain, model.joint_errors)  # what the laboratory placed stays there

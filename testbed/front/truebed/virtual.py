@@ -1,4 +1,4 @@
-"""The virtual laboratory in a script's hands: what it measures, and how far off a result is."""
+"""The virtual laboratory for scripts: measurements of a hidden robot, and errors of a result."""
 
 from dataclasses import dataclass
 from hashlib import sha256
@@ -24,7 +24,7 @@ from testbed.studies.trial.compare import true_step
 
 
 class HasModel(Protocol):
-    """What was identified: of `calib.identify`, `calib.calibrate` or `truebed.identify`."""
+    """A result with an identified model, as of `calib.identify` or `truebed.identify`."""
 
     @property
     def model(self) -> RobotModel:
@@ -33,23 +33,23 @@ class HasModel(Protocol):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class VirtualLaboratory:
-    """A robot whose true geometry is secret, a tracker that measures it, poses to choose from.
+    """A robot with a hidden true geometry, a tracker that measures it, and poses to choose from.
 
-    The truth answers one question only: how far off a result is. Every random number comes from a
-    stream of the scenario's seed with a name, so that a method that draws more moves no other's.
+    The truth is used only to compute the error of a result. Every random number comes from a named
+    stream of the scenario's seed, so that drawing more of one kind changes no other.
     """
 
     inside: Laboratory
-    """What stands behind this door: rooms of `testbed`, whose names may change."""
+    """The laboratory of `testbed` behind this interface; its names may change."""
     noise: tuple[str | int, ...] = ()
-    """Names before those of the noise's streams, of another robot than the scenario's."""
+    """First names of the streams of noise, for another robot than the scenario's."""
 
     def __repr__(self) -> str:
         return f"VirtualLaboratory({self.scenario!r}, {len(self.poses)} poses)"
 
     @property
     def scenario(self) -> Scenario:
-        """What it was opened with."""
+        """The scenario that it was opened with."""
         return self.inside.scenario
 
     @property
@@ -59,12 +59,12 @@ class VirtualLaboratory:
 
     @property
     def free(self) -> Parameters:
-        """The numbers of it that the scenario lets an estimator move."""
+        """Parameter table of `nominal`, with the numbers free that the scenario frees."""
         return self.inside.free("whitened")
 
     @property
     def poses(self) -> Array:
-        """(N, n) candidates to choose from: joints that hit nothing and are seen [rad, m]."""
+        """(N, n) candidate joint values, without collision and seen by the tracker [rad, m]."""
         return self.inside.pool_q
 
     @property
@@ -78,8 +78,13 @@ class VirtualLaboratory:
         Parameters
         ----------
         kind : {"whitened", "paper"}
-            Rows over their stated noise, columns scaled; or those of Wen et al. 2022, of full poses
-            seen from one station.
+            Rows whitened by the stated noise, with scaled columns; or the rows of Wen et al. 2022,
+            for full poses measured from one station.
+
+        Raises
+        ------
+        InputError
+            A3: there is no such kind, or this laboratory does not measure poses as in the paper.
         """
         if kind not in ("whitened", "paper"):
             raise refuse("kind", kind, "whitened or paper", code="A3")
@@ -90,39 +95,39 @@ class VirtualLaboratory:
         return self.inside.design_blocks(kind)
 
     def rng(self, *names: str | int) -> np.random.Generator:
-        """Random numbers of your own, the same whenever asked for by the same names.
+        """Random generator for your own use; the same names give the same numbers.
 
-        The laboratory draws none of its own from them, whatever the names.
+        The laboratory itself never draws from it, whatever the names.
         """
         return stream(self.scenario.seed, "own", *names)
 
     def another(self, *names: str | int) -> Self:
-        """Another robot of the same kind with the same candidates, drawn under these names.
+        """Laboratory with another random robot of the same kind and the same candidates.
 
-        So is the noise with which it is read: a name given to `measure` draws other noise here.
+        The names seed the robot and its noise: a name given to `measure` draws other noise there.
         """
         robot = self.inside.with_robot(self.scenario.truth, *names)
         return type(self)(robot, ("another", *names))
 
     def measure(self, poses: ArrayLike, name: str, *, repeat: int = 0) -> Measurements:
-        """What the tracker reads, with the noise that it states.
+        """Measurements by the tracker, with the covariances that it states.
 
         Parameters
         ----------
         poses : (m,) array_like of int, (N,) array_like of bool, or (m, n) array_like
-            Places among the candidates or a mask of them, or joints of your own [rad, m]; visited
+            Indices of candidates or a mask of them, or joint values of your own [rad, m]; visited
             in this order.
         name : str
-            Names the noise: the same name at the same poses reads the same, at others it draws
-            other noise.
+            Seeds the noise: the same name and poses read the same, other poses have other noise.
         repeat : int
-            Number of the visit, from 0; each has noise of its own, and scatter of the robot, and
-            begins when as many visits of these poses have ended.
+            Number of the visit, from 0. Each has its own noise of tracker and robot, and begins
+            when as many visits of these poses have ended.
 
         Raises
         ------
         InputError
-            A place that is none, or joints that the robot cannot take or the tracker not see.
+            A1, A3: there is no such candidate, or the robot cannot take a pose, or the tracker
+            cannot see it.
         """
         given = np.asarray(poses)
         if given.dtype == np.bool_ and given.shape == (len(self.poses),):
@@ -145,14 +150,14 @@ class VirtualLaboratory:
         return lab.measure(q, np.arange(len(q)), *names, repeat=visit, start=start)
 
     def errors(self, found: RobotModel | HasModel, q: ArrayLike | None = None) -> Array:
-        """True minus predicted tool points (m, 3), the mean of many moves, world axes [m].
+        """True minus predicted tool points (m, 3), world axes, without scatter of single moves [m].
 
         Parameters
         ----------
         found : RobotModel, or a result that has one as ``model``
-            Of `calib.identify`, `calib.calibrate`, `truebed.identify`; or `nominal`.
+            Result of `calib.identify`, `calib.calibrate` or `truebed.identify`; or `nominal`.
         q : (m, n) array_like, optional
-            Joints; the held-out poses by default [rad, m].
+            Joint values [rad, m]; the held-out poses by default.
         """
         model = found if isinstance(found, RobotModel) else getattr(found, "model", None)
         if not isinstance(model, RobotModel):
@@ -166,34 +171,36 @@ class VirtualLaboratory:
         return np.asarray(target_points(true, target) - target_points(said, target))
 
     def mean_error(self, found: RobotModel | HasModel, q: ArrayLike | None = None) -> float:
-        """Mean length of these errors [m]."""
+        """Mean length of `errors` [m]; arguments as there."""
         return float(point_distances(self.errors(found, q), np.zeros(3)).mean())
 
     def true_step(self, found: Identification, seen: Measurements) -> Array:
-        """True minus nominal values (f,) of the estimated numbers, as the estimate keeps them.
+        """True minus nominal values (f,) of the numbers that were estimated [m, rad].
+
+        Numbers that were not kept are expressed by those that were, as in the estimate.
 
         Parameters
         ----------
         found : Identification
-            Its ``step`` is to be compared with this, its ``covariance`` with the difference.
+            Estimate whose ``step`` and ``covariance`` are compared with this.
         seen : Measurements
-            What it was identified from.
+            Table that it was identified from.
         """
         return true_step(self.inside.setting, found, seen, self.inside.truth.unmodelled)
 
     def _places(self, places: Index) -> Index:
-        """Places among the candidates, if they are."""
+        """Checked indices of candidates."""
         wrong = (places < 0) | (places >= len(self.poses))
         if wrong.any():
             raise refuse("poses", int(places[wrong][0]), f"0 to {len(self.poses) - 1}", code="A3")
         return places.astype(np.int64)
 
     def _joints(self, **named: ArrayLike) -> Array:
-        """Joints (m, n) of this robot, under the name that an error calls them by."""
+        """Checked joint values (m, n) of this robot; an error calls them by the name given."""
         return check(f"m {self.nominal.chain.n_joints}", **named)[0]
 
     def _reachable(self, q: ArrayLike) -> Array:
-        """Joints (m, n) that the robot can take, and where the tracker sees it."""
+        """Checked joint values (m, n) that the robot can take where the tracker sees it."""
         q = self._joints(poses=q)
         fault = self.inside.candidates().first_fault(q, box=False)
         if (fault >= 0).any():
@@ -204,13 +211,13 @@ class VirtualLaboratory:
 
 
 def _digest(q: Array) -> str:
-    """What tells poses (m, n) from others: who measures one at a time has noise anew each time."""
-    # of both zeros one, and of joints that another machine rounds elsewhere
+    """Hash of joint values (m, n), so that poses measured one at a time have noise of their own."""
+    # equal for both zeros, and for joint values that differ by rounding of the machine
     return sha256((np.round(q, 9) + 0.0).tobytes()).hexdigest()
 
 
 def _visit(repeat: int) -> int:
-    """The number of a visit, if it is one; of Python, as streams are named."""
+    """Checked number of a visit, as a Python int, which names streams."""
     whole = isinstance(repeat, int | np.integer) and not isinstance(repeat, bool)
     if not whole or repeat < 0:
         raise refuse("repeat", repeat, "a whole number, 0 or larger", code="A3")
@@ -218,7 +225,7 @@ def _visit(repeat: int) -> int:
 
 
 def opened(scenario: Scenario) -> VirtualLaboratory:
-    """The laboratory of a scenario, with its robot drawn."""
+    """The laboratory of a scenario, with its true robot drawn."""
     where = f'scenario "{scenario.name}"'
     robot_of(scenario, where)
     try:

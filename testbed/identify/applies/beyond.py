@@ -39,17 +39,20 @@ def beyond_words(calibration: Calibration) -> tuple[str, ...]:
     if min(test.position.mean, test.median if few else np.inf) < FARTHER * left_out:
         return far
     text = (
-        f"Held-out poses are missed {significant(test.position.mean / left_out, 2)} times as far "
-        f"as training poses left out in turn ({fixed(test.position.mean * MM, 3)} against "
+        f"The error at held-out poses is {significant(test.position.mean / left_out, 2)} times "
+        f"that at training poses left out in turn ({fixed(test.position.mean * MM, 3)} against "
         f"{fixed(left_out * MM, 3)} mm): "
     )
-    there, mend = "they lie where the training says little", "identify from poses there as well"
+    there, mend = "they lie where training poses say little", "add training poses there"
     if joints := _ahead(calibration):
-        return (*far, f"{text}{there} ({joints} beyond its poses); {mend}, and the radius shrinks")
+        return (
+            *far,
+            f"{text}{there} ({joints} beyond the training poses); {mend}, and the radius shrinks",
+        )
     return (
         *far,
-        f"{text}no joint goes beyond its training poses; either {there}, and {mend}; or the robot "
-        "was another one then: bumped, otherwise loaded, or not this one",
+        f"{text}no joint goes beyond its training poses; either {there} ({mend}), or the robot "
+        "had changed by then: it was bumped, carried another load, or is not the same robot",
     )
 
 
@@ -61,11 +64,11 @@ def far_words(calibration: Calibration) -> tuple[str, ...]:
     if point.radius_mean < WIDER * gross.radius_without:
         return ()
     far = gross.held_out_sentences
-    more = f" ({len(far) - 1} more like it)" if len(far) > 1 else ""
+    more = f" (and {len(far) - 1} more like it)" if len(far) > 1 else ""
     return (
-        f"Shots that are far off make the radius as wide as it is, "
-        f"{significant(gross.radius_without * UM)} um without them: {far[0]}{more}; if a shot is "
-        "found to be bad, take its row out or shoot it again",
+        "Readings that are far off enlarge the radius, which would be "
+        f"{significant(gross.radius_without * UM)} um without them: {far[0]}{more}; if a reading "
+        "proves to be bad, remove its row or measure it again",
     )
 
 
@@ -89,14 +92,14 @@ def simpler_words(calibration: Calibration) -> tuple[str, ...]:
         return ()
     count = len(more)
     text = (
-        f"Geometry alone misses the {count} held-out poses by less than the model taken: "
+        f"At the {count} held-out poses, geometry alone has smaller errors than the chosen model: "
         f"{fixed(simpler.mean() * MM, 4)} against {fixed(taken.mean() * MM, 4)} mm on average"
     )
     if count > 1 and (error := float(more.std(ddof=1)) / np.sqrt(count)) > 0:
         size = float(more.mean()) / error
         text += f", {significant(size, 2)} standard errors of the difference, pose by pose: "
-        text += "chance may do that" if size < CHANCE else "more than chance makes likely"
-    return (f"{text}; --model geometric takes it",)
+        text += "this may be chance" if size < CHANCE else "more than chance makes likely"
+    return (f"{text}; --model geometric uses geometry alone",)
 
 
 def map_words(model: RobotModel, measured: Array, q: Array) -> tuple[str, ...]:
@@ -121,7 +124,7 @@ def map_words(model: RobotModel, measured: Array, q: Array) -> tuple[str, ...]:
                 f"{named('target', far)} {'turns' if len(far) == 1 else 'turn'} joint {i + 1} up "
                 f"to {fixed(float(away.max()) * DEG, 0)} deg beyond what was measured ({ends} "
                 f"deg), more than half a wave of its joint errors ({fixed(half * DEG, 1)} deg): "
-                "what they are there no pose has told; identify from poses there as well"
+                "no measurement shows these errors there; add training poses there"
             )
     return tuple(said)
 

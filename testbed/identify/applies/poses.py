@@ -24,8 +24,8 @@ def warnings_of(
         texts.append(f"the fit {result.status.value}")
     if result.p_value > 1 - RED:
         texts.append(
-            "the residuals are smaller than the noise of readings and joints together explains: "
-            "one of the two is stated too large"
+            "the residuals are smaller than the stated noise of readings and joints together: one "
+            "of the two is stated too large"
         )
     return tuple(texts)
 
@@ -40,8 +40,8 @@ def _still(fit: FittedModel, train: Measurements) -> tuple[str, ...]:
     many = len(still) > 1
     return (
         f"joint{'s' * many} {', '.join(map(str, still))} moved by less than "
-        f"{np.degrees(LEAST_TURN):.0f} deg or {1e3 * LEAST_SLIDE:.0f} mm: nothing here says how "
-        f"well the result holds where {'they stand' if many else 'it stands'} otherwise",
+        f"{np.degrees(LEAST_TURN):.0f} deg or {1e3 * LEAST_SLIDE:.0f} mm: nothing here shows how "
+        f"well the result holds where {'they have' if many else 'it has'} other values",
     )
 
 
@@ -55,15 +55,17 @@ def _condition(fit: FittedModel) -> tuple[str, ...]:
     held = result.prior is not None and bool(own.terms or own.springs is not None)
     if result.reduction.condition <= ILL_CONDITIONED or held:
         return ()
-    alike = f"the poses are much alike: condition {significant(result.reduction.condition, 2)}; "
-    more = "; vary the wrist and the tool's orientation more"
+    alike = (
+        f"the poses are too much alike (condition {significant(result.reduction.condition, 2)}): "
+    )
+    more = "; vary the wrist and the orientation of the tool more"
     if result.prior is not None:
-        return (f"{alike}the prior of the links holds what they do not tell{more}",)
+        return (f"{alike}the prior of the links determines what they do not{more}",)
     lengths = result.parameters.is_length[result.parameters.free_index]
     worst = result.least_known
     unit, scale = shown_in(result.names[worst], bool(lengths[worst]))
     value = scale * float(result.standard_uncertainty[worst])
     return (
-        f"{alike}least known is {result.names[worst]}, U = {significant(2 * value, 2)} {unit} "
+        f"{alike}{result.names[worst]} is known least well, U = {significant(2 * value, 2)} {unit} "
         f"from the stated noise{more}",
     )

@@ -22,20 +22,20 @@ def reach_section(calibration: Calibration, delivered: Delivered) -> Section:
     blocks.append(Points(sentences(held_out_words(calibration))))
     belief = calibration.proof.belief
     if belief is None:
-        blocks.append(Text("No statement is believed, so none applies anywhere."))
+        blocks.append(Text("No statement can be believed, so none applies anywhere."))
     else:
         here = belief.proven.applies(calibration.stated_q)
         room = room_words(calibration.nominal.chain.kinds)
-        steps = ", and at the steps at which it stood" if belief.proven.step.any() else ""
+        steps = " and on one of the steps at which it stood" if belief.proven.step.any() else ""
         blocks.append(
             Text(
-                f"Over the {len(calibration.stated_q)} poses behind the radius, transfer g "
-                f"lies between {_ends(here.transfer)}, leverage h between {_ends(here.leverage)}, "
-                f"each with mean one. A target is inside what was proven where both are at most "
-                f"{WARNED:g} and every joint is within {room} of its proven range{steps}; up to "
-                f"{REFUSED:g} it is at the edge, its region grown with g; beyond that it is "
-                "outside, and no region is stated. Neither g nor h accounts for a payload, another "
-                "tool or another temperature."
+                f"Over the {len(calibration.stated_q)} poses on which the radius rests, transfer g "
+                f"lies between {_ends(here.transfer)} and leverage h between "
+                f"{_ends(here.leverage)}; the mean of each is one. A target is inside what was "
+                f"proven if both are at most {WARNED:g} and every joint is within {room} of its "
+                f"proven range{steps}. Up to {REFUSED:g} it is at the edge, and its region grows "
+                "with g. Beyond that it is outside, and no region is stated. Neither g nor h "
+                "accounts for a payload, another tool or another temperature."
             )
         )
     if delivered.targets is not None:
@@ -56,12 +56,12 @@ def joint_table(calibration: Calibration) -> Table:
         limits = calibration.limits[k] * scale if len(calibration.limits) else np.zeros(0)
         rows.append((*cells, *_range(limits)))
     return Table(
-        caption="The calibrated region of the joints",
+        caption="Joint ranges that were calibrated and proven",
         head=("joint", "unit", "identified from", "to", "proven from", "to", "limit", "to"),
         rows=tuple(rows),
         align="llrrrrrr",
-        note="proven: over the held-out poses. Nothing was tested where no joint was: what a model "
-        "leaves out may grow there. Limits are those of the robot's description.",
+        note="proven: over the held-out poses. Beyond these ranges nothing was tested, and errors "
+        "that the model leaves out may be larger. Limits are those of the robot's description.",
     )
 
 
@@ -81,7 +81,7 @@ def workspace_table(calibration: Calibration) -> Table:
         head=("coordinate", "identified from", "to", "proven from", "to"),
         rows=tuple(rows),
         align="lrrrr",
-        note="By the robot's description, tool and all.",
+        note="Computed from the robot's description, including its tool.",
     )
 
 
@@ -104,7 +104,7 @@ def target_table(found: TargetStatement) -> Table:
         rows=tuple(rows),
         align="rlrrrrll",
         size="small",
-        note="R95: 3-D radius, 95 %; a dash: no region is stated there."
+        note="R95: 3-D radius, 95 %. A dash: no region is stated there."
         + (f" {more} more targets are in the table beside the program." if more > 0 else ""),
     )
 

@@ -98,8 +98,8 @@ def beyond_training(calibration: Calibration) -> tuple[str, ...]:
     if not far:
         return ()
     return (
-        "the held-out poses go where nothing was identified from "
-        f"({listed(far)}): what is stated is stated of that place",
+        f"the held-out poses go beyond the training poses ({listed(far)}): all statements are "
+        "about the region of the held-out ones",
     )
 
 

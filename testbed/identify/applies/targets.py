@@ -109,18 +109,18 @@ def tool_words(calibration: Calibration) -> tuple[str, ...]:
         return ()
     if places_are_found(calibration.measurements):
         return (
-            f"R95 at targets is of the {FILE_TOOL}: how the flange stands to the targets that were "
-            "measured is in no reading, the tolerances of the last link say it; [tool_in_use] "
-            "states another tool",
+            f"R95 at targets is for the {FILE_TOOL}: no reading shows how the flange stands to the "
+            "measured targets, which is known only within the tolerances of the last link; for "
+            "another tool, state [tool_in_use]",
         )
     if not point.any():
         return ()
     away = significant(1e3 * float(np.linalg.norm(point)), 2)
     return (
-        f"R95 at targets is of the {FILE_TOOL}, {away} mm from the target that was measured: how "
-        "the flange stands to that target is in no reading, the tolerances of the links say it; "
-        '[tool_in_use] states another tool, and tool = "fixed" under [identification] says that '
-        "the file's tool is what was measured",
+        f"R95 at targets is for the {FILE_TOOL}, {away} mm from the measured target: no reading "
+        "shows how the flange stands to that target, which is known only within the tolerances of "
+        "the links; for another tool, state [tool_in_use]; if the tool of the file was measured, "
+        'write tool = "fixed" under [identification]',
     )
 
 
@@ -182,17 +182,17 @@ def target_words(found: TargetStatement) -> tuple[str, ...]:
         said.append(f"no radius is stated at {counted(int(left.sum()), 'target')} left as written")
     if not found.reaches:
         said.append(
-            f"the statement does not reach there, {outside} of {m} targets lie outside: {MEASURE}"
+            f"nothing can be stated there, as {outside} of {m} targets lie outside: {MEASURE}"
         )
     elif outside:
         said.append("no region is stated outside")
     if n:
         text = f"R95 (3-D radius, 95 %) of the mean is {_span(found.radius_mean[found.stated])} um"
         if len(found.radius_move):
-            text += f", of one move {_span(found.radius_move[found.stated])} um,"
+            text += f", for a single move {_span(found.radius_move[found.stated])} um,"
         grown = ""
         if (found.transfer[found.stated] > 1).any():
-            grown = "; it is grown where transfer is above 1"
+            grown = "; it grows where transfer is above 1"
         said.append(f"{text} at {n} of {counted(m, 'target')}{grown}")
     return tuple(said)
 

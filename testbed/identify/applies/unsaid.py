@@ -21,10 +21,10 @@ MOST_ROWS = 64
 LASTING = ("payload", "temperature")
 """What stays for a whole program, so that its part is no matter of chance from pose to pose."""
 WORDS = {
-    "approach": "from which side each joint comes",
+    "approach": "the side from which each joint comes",
     "torque": "what the drives report",
     "payload": "the payload",
-    "temperature": "how warm the arm is",
+    "temperature": "the temperature of the arm",
 }
 
 
@@ -122,7 +122,7 @@ def unsaid_words(calibration: Calibration) -> tuple[str, ...]:
     spread = unsaid_spread(model, q, AS_USUAL, seen, target.place(model))
     radius = common_radius(widened_by(belief.regions(q, target=target), spread))
     return (
-        f"R95 is of poses of which one knows {listed([WORDS[name] for name in names])}; where "
-        "nobody does, anywhere among those of the measurements, it is "
+        f"R95 is for poses of which you know {listed([WORDS[name] for name in names])}; if you do "
+        "not, and only know that they are like those of the measurements, R95 is "
         f"{significant(radius * UM)} um",
     )

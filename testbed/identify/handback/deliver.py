@@ -151,8 +151,8 @@ def _geometric_words(calibration: Calibration) -> str:
     fits = (calibration.fits[0], calibration.fit)
     one, two = (mm((fit.test or fit.train).position.mean) for fit in fits)
     return (
-        f"{GEOMETRIC}/ holds the geometric model, fitted without joint terms: for what reads URDF "
-        f"or MJCF it is the better one; mean error {one} mm, with joint terms {two} mm"
+        f"{GEOMETRIC}/ has the geometric model, fitted without joint terms: use it for whatever "
+        f"reads URDF or MJCF; its mean error is {one} mm, with joint terms {two} mm"
     )
 
 

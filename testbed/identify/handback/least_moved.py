@@ -20,8 +20,8 @@ from calib.measurement.observations import Measurements
 from calib.measurement.prediction import predict, tool_poses
 
 RULE = (
-    "of all robots with the same tool poses at every joint vector, the one is handed out whose "
-    "link numbers lie nearest to nominal, each counted in its tolerance; base and tool take up "
+    "many sets of numbers give the same tool pose at every joint vector; the one handed back has "
+    "link numbers nearest to nominal, each relative to its tolerance, and base and tool take up "
     "the rest"
 )
 FRAME = 10.0

@@ -78,12 +78,12 @@ def link_belief(
     if session.link_sd is not None:
         return LinkBelief(sd, prior, "the session states it")
     if plain.status is not Status.CONVERGED and (away := farthest(plain, sd)):
-        return LinkBelief(sd, prior, f"without it the fit does not end, and {away}")
+        return LinkBelief(sd, prior, f"without it the fit does not converge, and {away}")
     lacking = _lost(plain, start, train, parameters, prior) or _poor(
         plain, prior, (max(1.0, factor) ** 2 * plain.covariance, scatter)
     )
     if session.in_use is not None and not lacking:
-        lacking = "another tool will be used, and the links carry it"
+        lacking = "another tool will be used, whose position depends on the links"
     return LinkBelief(sd, prior, lacking)
 
 
@@ -105,7 +105,7 @@ def farthest(fit: Identification, sd: Array) -> str:
     length = fit.parameters.is_length[fit.parameters.free_index]
     value = float(in_units(fit.step, length)[worst])
     return (
-        f"{fit.names[worst]} runs away, {significant(abs(value), 2)} "
+        f"{fit.names[worst]} runs away to {significant(abs(value), 2)} "
         f"{unit_of(bool(length[worst]))} from nominal"
     )
 
@@ -132,7 +132,7 @@ def _lost(
     lost = [name for name in told if name in prior.names and name not in seen]
     if not lost:
         return ""
-    return f"these readings do not tell {listed(lost)}, which full poses at these joints would"
+    return f"these readings do not determine {listed(lost)}, which full poses at these joints would"
 
 
 def _poor(plain: Identification, prior: Prior, spreads: tuple[Array, Array]) -> str:
@@ -154,7 +154,7 @@ def _poor(plain: Identification, prior: Prior, spreads: tuple[Array, Array]) -> 
     length = plain.parameters.is_length[plain.parameters.free_index]
     u = float(in_units(np.sqrt(np.diag(spreads[k])), length)[worst])
     return (
-        f"without it {plain.names[worst]} is known to no better than U = {significant(2 * u, 2)} "
+        f"without it, {plain.names[worst]} is known no better than U = {significant(2 * u, 2)} "
         f"{unit_of(bool(length[worst]))}"
     )
 

@@ -8,8 +8,8 @@ from testbed.report.page import Block, Points, Section, Table, Text
 from testbed.units import UM, significant
 
 SPRUNG = (
-    "A compliance, a moment or a tilt has no U of its own: measurements tell what springs bend "
-    "together, and one number of them stands for what the model lacks as well."
+    "A compliance, a moment or a tilt has no U of its own: measurements only show what all springs "
+    "bend together, and a single one of these numbers also absorbs what the model lacks."
 )
 
 
@@ -18,10 +18,10 @@ def hand_back_section(calibration: Calibration) -> Section:
     blocks: list[Block] = [
         Points(hand_back_words(calibration)),
         Text(
-            "held by: measurements, where the readings tell it to within U; "
-            "prior, where its nominal value and its tolerance say more than the readings do; only "
-            "together with others, where these could stand for it and no prior holds them: it has "
-            "no U; nominal, where base or tool take it up and it stays."
+            "held by: measurements, if the readings determine the number to within U; prior, if "
+            "its nominal value and its tolerance say more than the readings do; only together with "
+            "others, if these could replace it and no prior holds them (it then has no U); "
+            "nominal, if base or tool take its part and it keeps its value."
             + f" {SPRUNG}"
             * (calibration.fit.identification.model.joint_errors.springs is not None)
         ),
@@ -31,19 +31,19 @@ def hand_back_section(calibration: Calibration) -> Section:
         ends = [
             (name, *(significant(float(size) * UM) for size in (np.median(at), at.max())))
             for name, at in (
-                ("target that was measured", found.measured_at_poses),
+                ("measured target", found.measured_at_poses),
                 (found.tool.name, found.at_poses),
             )
         ]
         blocks += [
             Table(
-                caption="The tool in use beside the target that was measured",
+                caption="The tool in use compared with the measured target",
                 head=("point", "R95 µm, median", "R95 µm, largest"),
                 rows=tuple(ends),
                 align="lrr",
                 strong=(1,),
-                note=f"Over the {len(found.at_poses)} poses that the statement is of; R95: 3-D "
-                "radius of the mean of many moves, 95 %. Pose by pose in tool_in_use.csv.",
+                note=f"Over the {len(found.at_poses)} poses of the statement. R95: 3-D radius of "
+                "the mean of many moves, 95 %. tool_in_use.csv has it for every pose.",
             ),
         ]
     return Section("handback", "What is handed back", tuple(blocks))

@@ -117,8 +117,8 @@ def hand_back_words(calibration: Calibration) -> tuple[str, ...]:
     said = [RULE, *_why_and_beyond(calibration)]
     numbers = handed_numbers(calibration)
     for how, text in (
-        (PRIOR, "the prior holds {}: the measurements tell less of them than nominal values do"),
-        (LOOSE, "nothing holds {} to within their tolerance: measure more poses, or state a "
+        (PRIOR, "the prior holds {}: the measurements say less about them than the nominal values"),
+        (LOOSE, "nothing determines {} to within their tolerance: measure more poses, or state a "
                 "[prior]"),
     ):  # fmt: skip
         named = [one.row.name for one in numbers if one.held_by == how and one.tolerance]
@@ -140,13 +140,16 @@ def _why_and_beyond(calibration: Calibration) -> list[str]:
     """Why links have a prior, and which numbers moved further than their tolerance."""
     given, result, said = calibration.handback, calibration.fit.identification, []
     if not calibration.converged and (away := farthest(result, given.tolerance)):
-        said.append(f"the fit did not end: {away}")
+        said.append(f"the fit did not converge: {away}")
     if given.why:
         said.append(
             f"the links have a prior of {_widths(given.tolerance)} ({given.stated_by}): {given.why}"
         )
     far = [one for one in handed_numbers(calibration) if one.is_far]
-    for alone, why in ((True, "say so"), (False, "tell them only together with others")):
+    for alone, why in (
+        (True, "confirm it"),
+        (False, "determine them only together with others"),
+    ):
         some = [one for one in far if (one.held_by == BEYOND) == alone]
         told = [
             f"{one.row.name} by {significant(abs(one.row.delta), 2)} {one.row.unit}"
@@ -154,7 +157,7 @@ def _why_and_beyond(calibration: Calibration) -> list[str]:
         ]
         if told:
             said.append(
-                f"{counted(len(some), 'number')} moved further than the tolerance, and the "
+                f"{counted(len(some), 'number')} changed by more than the tolerance, and the "
                 f"measurements {why}: {_some(told, len(some))}"
             )
     return said
@@ -182,17 +185,17 @@ def tool_words(calibration: Calibration) -> tuple[str, ...]:
         return tuple(filter(None, [calibration.handback.tool_refused]))
     x, y, z = (1e3 * each for each in found.worst)
     text = (
-        f"for {found.tool.name}, at ({x:.6g}, {y:.6g}, {z:.6g}) mm in the flange's frame, the mean "
+        f"for {found.tool.name}, at ({x:.6g}, {y:.6g}, {z:.6g}) mm in the flange frame, the mean "
         f"tip lies within R95 = {significant(found.radius_mean * UM)} um of the predicted one "
         f"(3-D radius, {100 * found.probability:g} %"
     )
     if np.isfinite(found.radius_move):
-        text += f"; of one move {significant(found.radius_move * UM)} um"
+        text += f"; for a single move {significant(found.radius_move * UM)} um"
     text += ")"
     if any(found.tool.box):
-        text += "; that is the worst corner of the box stated"
+        text += "; that is the worst corner of the stated box"
     return (
         text,
-        "in it is how well nominal links are believed between the target that was measured and the "
-        "flange: measure a target on that tool to know more",
+        "this includes how far the links between the measured target and the flange may be from "
+        "nominal: to know more, measure a target on that tool",
     )

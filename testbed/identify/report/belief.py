@@ -16,10 +16,10 @@ def belief_section(calibration: Calibration) -> Section | None:
     if found := statements_of(calibration):
         blocks.append(
             Table(
-                caption="Statements on the tool point at a new pose like the "
+                caption="What can be stated about the tool point at a new pose, like the "
                 f"{len(calibration.stated_q)} "
                 f"{'identified from' if calibration.elsewhere else 'judged here'}",
-                head=("statement", f"R95{FIXED}µm", "what it holds", "status"),
+                head=("statement", f"R95{FIXED}µm", "what it contains", "status"),
                 rows=tuple(
                     (
                         one.name,
@@ -31,8 +31,8 @@ def belief_section(calibration: Calibration) -> Section | None:
                 ),
                 align="lrll",
                 strong=tuple(k for k, one in enumerate(found) if one.key.startswith("region")),
-                note="R95: 3-D radius about the predicted point, 95 %. Noise: of the measurements, "
-                "as stated.",
+                note="R95: 3-D radius about the predicted point, 95 %. Noise: that of the "
+                "measurements, as stated.",
             )
         )
     if proof.questions.names:
@@ -46,8 +46,10 @@ def questions_table(calibration: Calibration) -> Table:
     when = f"tested on the rows in the order of {calibration.order_told_by}"
     if drifting is not None and drifting.void:
         when = "not tested, because neighboring poses were measured one after another"
+    elif drifting is not None and drifting.of_visits:
+        when = f"tested on visits of the same poses, in the order of {calibration.order_told_by}"
     elif not calibration.order_told_by:
-        when = "cannot be told from noise, because the order of the rows is not known"
+        when = "not tested, because the order of the rows is not known"
     answers = ("not shown", "shown")
     rows = [
         (name, probability(p), probability(adjusted), answers[name in asked.said])
@@ -59,7 +61,7 @@ def questions_table(calibration: Calibration) -> Table:
         head=("question", "p", "p for all (Holm)", "answer"),
         rows=tuple(rows),
         align="lrrl",
-        note="p: probability of such readings if there is nothing to find. shown: below 0.01 over "
-        "all questions; not shown is no proof, since no test detects a misfit below the noise. "
-        f"drift: {when}. Last row: chi-square against the stated noise alone, after Fisher.",
+        note="p: probability of such readings if there is nothing to find. shown: below 0.01 for "
+        "all questions together. not shown is no proof, as no test detects a misfit below the "
+        f"noise. drift: {when}. Last row: chi-square against the stated noise alone (Fisher).",
     )

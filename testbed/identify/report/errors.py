@@ -16,12 +16,12 @@ from testbed.units import counted, sentences, significant
 
 def accuracy_section(calibration: Calibration) -> Section:
     """The whole distribution before and after."""
-    poses = "Held-out poses" if calibration.split.is_test.any() else "Poses identified from"
+    poses = "Held-out poses" if calibration.split.is_test.any() else "Training poses"
     again = calibration.measurements.rows(calibration.is_judged)
-    several = ", of a pose of several rows the root mean square" * (len(again) > again.n_poses)
+    several = " (root mean square if a pose has several rows)" * (len(again) > again.n_poses)
     caption = (
-        f"{poses} by the size of their error{several}; dashed: the means, R95: the believed "
-        "radius. What lies beyond an axis is counted in its outer bar."
+        f"{poses} by the size of their error{several}. Dashed: the means. R95: the believed "
+        "radius. The outer bar counts all that lies beyond the axis."
     )
     drawn = plots.histogram(calibration)
     figure = Figure(caption, drawn, phone=on_phone(plots.histogram, calibration))
@@ -35,16 +35,16 @@ def joint_section(calibration: Calibration) -> Section | None:
         return None
     blocks: list[Block] = [
         Text(
-            "Joint errors are what no length or angle of the links can describe: sag, and waves of "
-            "gears and encoders; a joint map has all waves up to 32 a turn."
+            "Joint errors are errors that no length or angle of the links can describe: sag, and "
+            "waves of gears and encoders. A joint map contains all waves up to 32 per turn."
         ),
     ]
     blocks += choice_tables(choice.offered, choice.steps)
     if found is not None and choice.chosen == "extended":
         blocks.append(
             Figure(
-                "What each joint turns beside its command; the band holds 2 u. Where a joint was "
-                "not moved, only the prior holds it. joint_map.csv has the numbers.",
+                "How far each joint turns beyond its command; the band is 2 u. Where a joint was "
+                "not moved, only the prior determines the curve. The numbers are in joint_map.csv.",
                 joint_maps(found.joints, found.angle, found.turn, found.u),
                 "half",
             )
@@ -55,7 +55,7 @@ def joint_section(calibration: Calibration) -> Section | None:
 def residual_section(calibration: Calibration) -> Section:
     """Where the errors are: by joint, in time, over the workspace."""
     low, high = plots.shade_steps(calibration)
-    shown = "held-out rows" if calibration.split.is_test.any() else "rows identified from"
+    shown = "held-out rows" if calibration.split.is_test.any() else "training rows"
     medians = plots.has_medians(calibration)
     temperature = calibration.conditions.temperature
     warmed = temperature is not None and bool(np.ptp(temperature) > 0)
@@ -69,14 +69,14 @@ def residual_section(calibration: Calibration) -> Section:
     blocks: list[Block] = [
         Figure(
             f"Errors of the {shown} against each joint, before and after"
-            f"{'; lines: running medians' * medians}. A wave that is left in one joint suggests "
+            f"{'; lines: running medians' * medians}. A wave that remains in one joint suggests "
             f"that this joint does not turn as modeled.{plots.thinned(calibration)}",
             plots.by_joint(calibration),
         ),
         by_order,
         Figure(
-            f"Where the errors after calibration are, from pale, below {mm(low)} mm, to dark, "
-            f"above {mm(high)} mm, equally many rows in each shade; square: the base.",
+            f"Errors after calibration over the workspace, from pale (below {mm(low)} mm) to dark "
+            f"(above {mm(high)} mm), with equally many rows in each shade. Square: the base.",
             plots.over_workspace(calibration),
         ),
     ]
@@ -93,9 +93,9 @@ def outlier_section(calibration: Calibration) -> Section:
     if outliers.sentences:
         rows = counted(len(outliers.sentences), "training row")
         part = (
-            "They took no part in the identification; --loss squared keeps them."
+            "They were left out of the identification; --loss squared keeps them."
             if outliers.left_out.any()
-            else "They took part as the chosen loss weighs them."
+            else "They were used, weighted by the chosen loss."
         )
         do = "does" if len(outliers.sentences) == 1 else "do"
         blocks = [
@@ -104,18 +104,19 @@ def outlier_section(calibration: Calibration) -> Section:
         ]
     if outliers.held_out_sentences:
         blocks += [
-            Text("Held-out rows with large errors; all of them count in every figure:"),
+            Text("Held-out rows with large errors. All of them count in every figure:"),
             Points(sentences(outliers.held_out_sentences)),
         ]
     against = (
         "against the stated noise (chance of any false alarm 1 %)."
         if outliers.noise_factor <= HONEST
         else f"against the scatter of the residuals, which is "
-        f"{significant(outliers.noise_factor, 2)} times the stated noise; only gross errors are "
-        "named then."
+        f"{significant(outliers.noise_factor, 2)} times the stated noise, so only gross errors are "
+        "named."
     )
     judged = (
-        f"Outliers are sought by a robust fit, {against} A row that the richest model offered, "
-        "fitted without it, predicts is no outlier: there the model fails, and a warning says so."
+        f"Outliers are found by a robust fit and judged {against} A row is no outlier if the "
+        "richest model offered, fitted without it, predicts it: then the chosen model fails "
+        "there, and a warning says so."
     )
     return Section("outliers", "Outliers", (*blocks, Text(judged)))

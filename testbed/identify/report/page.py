@@ -26,7 +26,7 @@ from testbed.report.apart import left_nominal
 from testbed.report.glossary import glossary_section
 from testbed.report.page import Block, Page, Points, Section, Table, Text, record_section
 from testbed.store.layout import RECORDING
-from testbed.units import UM, counted, listed, sentences, typeset
+from testbed.units import UM, counted, listed, sentence, sentences, typeset
 
 KINDS = {"pose": "position and orientation", "point": "position", "distance": "a distance"}
 """What a reading of each kind measures."""
@@ -72,7 +72,7 @@ def page_of(calibration: Calibration, delivered: Delivered, versions: Mapping[st
     return Page(
         banner=notice(calibration),
         title=f"Calibration of {source.robot}: {source.name}",
-        subtitle=f"{calibration.split.sentence}.",
+        subtitle=sentence(calibration.split.sentence),
         believable=calibration.believable,
         mark=mark(calibration),
         verdict=typeset(" ".join((verdict(calibration), *decided[:1]))),
@@ -88,19 +88,19 @@ def headline(calibration: Calibration) -> Table:
     """Before and after, every model."""
     chosen = 1 + [fit.model for fit in calibration.fits].index(calibration.choice.chosen)
     held = calibration.split.is_test.any()
-    where = "held-out rows, never used for identification" if held else "the rows identified from"
+    where = "held-out rows, never used for identification" if held else "the training rows"
     head, rows = headline_cells(calibration)
     return Table(
-        caption=f"Errors at {where}: seen minus predicted",
+        caption=f"Errors at {where}: measured minus predicted",
         head=head,
         rows=rows,
         strong=(chosen,),
         size="small",
-        note="Measuring noise is in the errors; a pose of several rows counts once, by their root "
-        "mean square, so that the mean of the rows of split.csv may be another one. First row: the "
+        note="The errors include measuring noise. A pose with several rows counts once, by their "
+        "root mean square, so the mean over the rows of split.csv may differ. First row: the "
         "links as described, with base, tool and fixtures fitted to the training poses. training "
-        "mean: at the rows identified from. χ²/dof: residuals against the stated noise. cond.: of "
-        "the scaled Jacobian of the kept numbers. rank: directions that the data tell apart.",
+        "mean: at the training rows. χ²/dof: residuals against the stated noise. cond.: condition "
+        "of the scaled Jacobian of the kept numbers. rank: directions that the data tell apart.",
     )
 
 
@@ -108,16 +108,17 @@ def delivered_section(delivered: Delivered) -> Section:
     """The files to use, each with its proof."""
     blocks: list[Block] = [
         Text(
-            "robot/: the identified robot, robot.toml with every term, URDF and MJCF with the "
-            "geometric part, joint_origins.yaml for ROS. dh_table.csv: every number old and new. "
-            "joint_map.csv, where there is one: what each joint turns beside its command. "
-            "split.csv: every row with its errors and its place against what was proven."
+            "robot/: the identified robot, as robot.toml with all terms, as URDF and MJCF with the "
+            "geometric part, and joint_origins.yaml for ROS. dh_table.csv: old and new value of "
+            "every number. joint_map.csv, if there is one: how far each joint turns beyond its "
+            "command. split.csv: every row with its errors, and whether it lies inside what was "
+            "proven."
         ),
         Points(sentences(delivered.robot)),
     ]
     if delivered.program:
         blocks += [Text("Corrected program:"), Points(sentences(delivered.program))]
-    return Section("files", "What comes with this report", tuple(blocks))
+    return Section("files", "Files that come with this report", tuple(blocks))
 
 
 def data_section(calibration: Calibration) -> Section:
@@ -146,7 +147,7 @@ def data_section(calibration: Calibration) -> Section:
         ("How they were read:", source.probe),
         ("Assumed of the robot:", source.robot_notes),
         (f"Masked, {counted(len(source.masked), 'note')}:", source.masked),
-        ("Drift:", source.drift or ("no drift nest was measured: only the errors over time can "
+        ("Drift:", source.drift or ("no drift nest was measured, so only the errors over time can "
                                     "show whether something moved",)),
     ):  # fmt: skip
         if texts:

@@ -30,15 +30,15 @@ def parameter_section(calibration: Calibration) -> Section:
         played = calibration.proof.bootstrap
         unsettled = played is None or not played.settled
         how = "where linear propagation does not hold: " + (
-            "a rough size only, because virtual calibrations did not settle"
+            "only a rough size, because virtual calibrations did not converge"
             if unsettled
             else "from the spread of virtual calibrations"
         )
     elif calibration.refuted:
         how = (
             "from the scatter of the residuals between poses, because a test refutes the stated "
-            "noise: it says how well the numbers of this model are known from poses like these, "
-            "not that the model is right"
+            "noise: U shows how well poses like these determine the numbers of this model, not "
+            "that the model is right"
         )
     drawn = drawn_waves(result.model.joint_errors.terms)
     shown = [
@@ -47,24 +47,25 @@ def parameter_section(calibration: Calibration) -> Section:
     waves = sum(one.row.name.startswith("harmonic") for one in shown)
     blocks: list[Block] = [
         Text(
-            f"U = 2 u covers one number with 95.4 %, {how}; misfit hidden by the noise is in the "
-            "region of the tool point, not in U. The numbers are correlated: use them as one set. "
-            "A number that others can replace stays near its old value."
+            f"U = 2 u contains one number with 95.4 % probability, {how}. U does not include "
+            "misfit hidden by the noise; the region of the tool point does. The numbers are "
+            "correlated: use them as one set. A number that others can replace stays near its old "
+            "value."
         ),
         Table(
-            caption=f"Base, links, tool: {result.parameters.n_free} numbers estimated in all"
+            caption=f"Base, links, tool: {counted(result.parameters.n_free, 'number')} estimated"
             + (", joint terms included" if calibration.choice.chosen == "extended" else ""),
             head=("number", "unit", "old", "new", "delta", ONE_NUMBER, "held by"),
             rows=tuple(map(_cells, shown)),
             align="llrrrrl",
             size="small",
             on_paper=len(shown) - waves if are_last(shown, waves) else None,
-            note="Numbers that stay as they were are in dh_table.csv. old: the nominal links, and "
-            "base and tool as fitted to them. base, tool: position and rotation vector in the "
-            "measuring frame and in the flange. held by: see What is handed back."
+            note="dh_table.csv also has the numbers that did not change. old: the nominal links, "
+            "and base and tool as fitted to them. base, tool: position and rotation vector, in the "
+            "measuring frame and in the flange frame. held by: see What is handed back."
             + (
                 f" {counted(len(drawn), 'number')} of joint maps are drawn under Joint errors "
-                "instead and stand in dh_table.csv."
+                "instead, and listed in dh_table.csv."
                 if drawn
                 else ""
             )
@@ -107,7 +108,7 @@ def fixture_table(calibration: Calibration) -> Table:
         for axis in POINT_AXES
     }
     return Table(
-        caption="What stood beside the robot",
+        caption="Reflectors, anchors, stations and tools as found",
         head=("number", "unit", "value", ONE_NUMBER),
         rows=tuple(
             _row(called.get(name, name), float(value), float(u[first + k]), length)
@@ -117,8 +118,8 @@ def fixture_table(calibration: Calibration) -> Table:
         ),
         align="llrr",
         size="small",
-        note="Reflectors in the tool frame, anchors and stations in that of the first station, "
-        "tools in that of the flange; U along and about a frame's own axes.",
+        note="Reflectors are given in the tool frame, anchors and stations in the frame of the "
+        "first station, tools in the flange frame; U along and about the axes of each frame.",
     )
 
 

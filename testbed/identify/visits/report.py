@@ -24,8 +24,8 @@ def handed_out(calibration: Calibration) -> tuple[str, ...]:
         return ()
     lead = calibration.visits[0].name
     return (
-        "base and tool of the robot handed out, and the stated radius, are those of session "
-        f'"{lead}"',
+        "base and tool of the robot that is handed back, and the stated radius, are those of "
+        f'session "{lead}"',
     )
 
 
@@ -45,7 +45,7 @@ def visit_section(calibration: Calibration) -> Section | None:
     if not calibration.visits:
         return None
     used = Table(
-        caption="Sessions of this robot; link numbers are one set for all of them",
+        caption="Sessions of this robot; all of them share one set of link numbers",
         head=("session", "rows", "poses", "base", "tool", "uncertainty", "conditions", "date"),
         rows=tuple(
             (
@@ -62,20 +62,20 @@ def visit_section(calibration: Calibration) -> Section | None:
         ),
         align="lrllllll",
         size="small",
-        note="station2, tool2 ...: numbers under Parameters. Frames of a held-out session are "
-        "fitted to some of its poses with the robot held; its other poses judge.",
+        note="station2, tool2 ...: see Parameters for their numbers. The frames of a held-out "
+        "session are fitted to some of its poses while the robot is held; its other poses judge.",
     )
     errors = Table(
-        caption="Errors of each session: seen minus predicted",
+        caption="Errors of each session: measured minus predicted",
         head=("session", "rows that", "rows", "before mean mm", "mean mm", "p95 mm", "max mm",
               "mean deg", "R95 there µm"),
         rows=tuple(_error_cells(calibration, *each) for each in _parts(calibration)),
         align="llrrrrrrr",
         size="small",
-        note="A pose of several rows counts once. before: nominal links, and all frames fitted as "
-        "far as they are free. R95 there: "
-        "radius that holds a true point of the target with 95 % probability (3-D) in the frames of "
-        "this session, at these poses; what is uncertain of its frames is in it.",
+        note="A pose with several rows counts once. before: nominal links, with all free frames "
+        "fitted. R95 there: radius that contains the true point of the target with 95 % "
+        "probability (3-D) in the frames of this session, at these poses; it includes the "
+        "uncertainty of these frames.",
     )  # fmt: skip
     (said,) = handed_out(calibration)
     text = Text(f"{said[0].upper()}{said[1:]}.")
@@ -127,7 +127,7 @@ def visit_words(calibration: Calibration) -> tuple[str, ...]:
             f"{fixed(mean * MM, 4)} mm after"
         )
         if (radius := radius_there(calibration, rows)) is not None and not calibration.elsewhere:
-            said[-1] += f"; R95 there, its frames included, = {significant(radius * UM)} um"
+            said[-1] += f"; R95 there is {significant(radius * UM)} um, its frames included"
     return (*said, *handed_out(calibration))
 
 

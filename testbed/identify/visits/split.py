@@ -45,12 +45,12 @@ def split_of_session(
         f"{_poses(table, split.is_test)} held out"
     ]
     said += [
-        f"{visit.frame_poses} more of {visit.name}, drawn at random (seed {seed}), fit its frames"
+        f"{visit.frame_poses} more of {visit.name} to fit its frames, drawn at random (seed {seed})"
         for visit in judges
         if visit.frame_poses
     ]
     if known.any():
-        said.append(f"left out of proof, at joints that identify: {_poses(table, known)}")
+        said.append(f"{_poses(table, known)} no proof, because they are at training joints")
     return replace(split, is_train=frozen(used, np.bool_), sentence="; ".join(said))
 
 

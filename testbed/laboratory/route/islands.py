@@ -1,5 +1,7 @@
 """Which postures are known to be connected by free ways, and which were searched for in vain."""
 
+from collections.abc import Iterator
+
 import numpy as np
 
 
@@ -31,10 +33,11 @@ class Islands:
         """Whether a way between the islands of two postures was searched for in vain."""
         return bool(self._apart[a, b])
 
-    def pairs(self, *, apart: bool) -> list[tuple[int, int]]:
+    def pairs(self, *, apart: bool) -> Iterator[tuple[int, int]]:
         """Pairs of postures, the smaller number first: those that are apart, or all."""
-        among = self._apart if apart else np.ones_like(self._apart)
-        return [(int(a), int(b)) for a, b in np.argwhere(np.triu(among, 1))]
+        for a, among in enumerate(self._apart):
+            others = np.flatnonzero(among[a + 1 :]) if apart else np.arange(len(among) - a - 1)
+            yield from ((a, int(other) + a + 1) for other in others)
 
     def join(self, a: int, b: int) -> None:
         """There is a way between two postures."""

@@ -46,6 +46,20 @@ def travel_times(q_from: ArrayLike, q_to: ArrayLike, speeds: Array) -> Array:
     return np.asarray((np.abs(np.asarray(q_to) - np.asarray(q_from)) / speeds).max(axis=-1))
 
 
+def times_between(q: Array, speeds: Array) -> Array:
+    """`travel_times` (m, m) between every two of the postures q (m, n) [s].
+
+    Joint by joint: never m x m x n numbers at once, which of thousands of postures are gigabytes.
+    """
+    out, apart = (np.zeros((len(q), len(q))) for _ in range(2))
+    for joint, speed in zip(q.T, speeds, strict=True):
+        np.subtract.outer(joint, joint, out=apart)
+        np.abs(apart, out=apart)
+        apart /= speed
+        np.maximum(out, apart, out=out)
+    return out
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Way:
     """How the robot gets from one posture to another."""

@@ -11,7 +11,7 @@ from calib.arrays import Array, Index, frozen
 from calib.errors import refuse
 from calib.geometry.chain import joint_vectors
 from testbed.laboratory.route.islands import Islands
-from testbed.laboratory.route.moves import RESOLUTION, Mover, Way, travel_times
+from testbed.laboratory.route.moves import RESOLUTION, Mover, Way, times_between, travel_times
 from testbed.laboratory.route.tours import best_tour
 from testbed.laboratory.simulator import Simulator
 from testbed.robots.catalog import Robot
@@ -147,7 +147,7 @@ def measuring_route(
     between = robot.limits if ranges is None else np.asarray(ranges, dtype=np.float64)
     mover = Mover(simulator, between, speeds, robot.controller)
     offered = stops if vias is None else np.vstack([stops, joint_vectors(chain, vias)])
-    times = travel_times(stops[:, None], stops[None], speeds)
+    times = times_between(stops, speeds)
     given = np.arange(len(stops))
     ways, islands = dict[tuple[int, int], Way](), Islands(len(stops))
     tour = best_tour(times, given)

@@ -79,11 +79,11 @@ def _best_turn(times: Array, tour: Index) -> tuple[float, Index]:
     step = D[np.arange(n - 1), np.arange(1, n)]
     after = np.append(step, 0.0)  # from the last point of a piece to what follows it
     # [i, k]: piece i..k, both ends included
-    joined = np.zeros((n, n))
-    joined[1:, :-1] = D[1:, 1:]  # new neighbors i and k + 1
     gain = np.full((n, n), -np.inf)
-    gain[1:] = step[:, None] + after[None, :] - D[:-1] - joined[1:]
-    gain[np.tril_indices(n)] = -np.inf
+    np.add(step[:, None], after[None, :], out=gain[1:])
+    gain[1:] -= D[:-1]
+    gain[1:, :-1] -= D[1:, 1:]  # new neighbors i and k + 1
+    gain[np.tri(n, dtype=bool)] = -np.inf
     i, k = np.unravel_index(int(np.argmax(gain)), gain.shape)
     changed = tour.copy()
     changed[i : k + 1] = tour[i : k + 1][::-1]
@@ -101,9 +101,9 @@ def _best_move(times: Array, tour: Index) -> tuple[float, Index]:
         last = first + size - 1
         gone = D[first - 1, first]
         gone[:-1] += step[last[:-1]] - D[first[:-1] - 1, last[:-1] + 1]
-        added = np.stack([_added(D, step, *ends) for ends in ((first, last), (last, first))], 1)
-        after = np.argmin(added, axis=2)
-        gain = gone[:, None] - np.take_along_axis(added, after[:, :, None], axis=2)[:, :, 0]
+        cheapest = [_cheapest(D, step, *ends) for ends in ((first, last), (last, first))]
+        after, added = (np.stack(both, axis=1) for both in zip(*cheapest, strict=True))
+        gain = gone[:, None] - added
         k, turned = divmod(int(np.argmax(gain)), 2)
         if gain[k, turned] > best:
             best, i, behind = float(gain[k, turned]), int(first[k]), int(after[k, turned])
@@ -113,6 +113,13 @@ def _best_move(times: Array, tour: Index) -> tuple[float, Index]:
     return best, out
 
 
+def _cheapest(D: Array, step: Array, head: Index, tail: Index) -> tuple[Index, Array]:
+    """Place (k,) of the tour behind which each of k pieces adds least time, and that time (k,)."""
+    added = _added(D, step, head, tail)
+    after = np.argmin(added, axis=1)
+    return after, added[np.arange(len(head)), after]
+
+
 def _added(D: Array, step: Array, head: Index, tail: Index) -> Array:
     """Time (k, n) that k pieces add behind each place of the tour without them; inf inside them.
 
@@ -120,7 +127,10 @@ def _added(D: Array, step: Array, head: Index, tail: Index) -> Array:
     between places of the tour, `step` (n - 1,) those between neighbors.
     """
     added = D[head]
-    added[:, :-1] += D[tail, 1:] - step
+    ahead = D[tail, 1:]
+    ahead -= step
+    added[:, :-1] += ahead
+    del ahead
     first, last = np.minimum(head, tail), np.maximum(head, tail)
     row, before = np.arange(len(first)), first - 1
     # where a piece was taken out, what followed it follows; nothing follows the last one

@@ -10,7 +10,6 @@ import numpy as np
 from calib.arrays import Array, Bool, frozen
 from calib.errors import refuse
 from calib.geometry.chain import Chain, forward
-from calib.geometry.frames import inverse
 from calib.geometry.inverse import spread
 from calib.geometry.model import RobotModel
 from testbed import bounds
@@ -27,20 +26,18 @@ from testbed.robots.assumed import (
 )
 from testbed.robots.describe.description import Body, Description, plain_name
 from testbed.robots.describe.floor import floor_of
+from testbed.robots.describe.parts import parts_of
 from testbed.robots.describe.xml_gate import FileOptions, read_xml
-from testbed.robots.meshes.files import check_files, read_mesh
 from testbed.robots.placements import LIMIT, difference, link_poses
-from testbed.robots.robot import Robot, Visual, body_name
+from testbed.robots.robot import Robot, body_name
 
 FULL_TURN, FULL_SLIDE = 2 * np.pi, 1.0
 """Limits of joints that have none: to both sides of zero [rad, m]."""
-UNTESTED = "boxes, cylinders and balls are not read, and what it would hit is not tested"
+UNTESTED = "what it would hit is not tested"
 LOCKED = 1e-6
 """Half the range that a joint gets whose limits are equal [rad or m]."""
 PROOFS = 33
 """Poses at which the chain is compared with the other reader, the first in mid-range."""
-FLAT = 1e-4
-"""A mesh this thin, as a share of its size, encloses nothing."""
 
 
 def read_description(path: Path, options: FileOptions) -> Robot:
@@ -75,7 +72,7 @@ def robot_of(description: Description) -> Robot:
         moved = f"what joint {name} moves"
         _check(description, moved, "mass", [mass], bounds.MASS, "kg")
         _check(description, moved, "moment of inertia", moments, bounds.INERTIA, "kg m2")
-    visuals = _visuals(description.bodies, frames, notes)
+    visuals, primitives, flat = parts_of(description, frames, notes)
     name = plain_name(description.name or description.path.stem, default="robot")
     robot = Robot(
         name=name,
@@ -89,7 +86,7 @@ def robot_of(description: Description) -> Robot:
         inertias=frozen(inertias),
         repeatability=frozen(np.where(turns, TURN_SCATTER, SLIDE_SCATTER)),
         visuals=visuals,
-        base_offset=floor_of(visuals, chain, limits),
+        base_offset=floor_of((*visuals, *primitives), chain, limits),
         exclusions=_exclusions(description),
         free_sets=MappingProxyType({}),
         sources=MappingProxyType(
@@ -103,10 +100,17 @@ def robot_of(description: Description) -> Robot:
         ),
         joint_names=description.joint_names,
         agreement=agreement,
+        primitives=primitives,
+        unread=tuple(
+            k for k, body in enumerate(description.bodies) if k and (body.unread or k in flat)
+        ),
     )
-    if bare := [description.joint_names[k - 1] for k in robot.shapeless]:
-        named = ", ".join(bare)
-        notes.append(f"no mesh that collides is given for what {named} moves: {UNTESTED}")
+    lacking = {"no shape that collides is given for": robot.shapeless}
+    lacking["a shape that collides is not read of"] = robot.partly
+    for what, links in lacking.items():
+        if links:
+            named = ", ".join(description.joint_names[k - 1] for k in links)
+            notes.append(f"{what} what {named} moves: {UNTESTED}")
     robot = _without_constant_contacts(robot, notes)
     scatter = f"the repeatability of the joints is assumed ({TURN_SCATTER * 1e6:g} urad"
     notes.append(scatter + (f", sliding {SLIDE_SCATTER * 1e6:g} um)" if not turns.all() else ")"))
@@ -234,38 +238,6 @@ def _masses(
     return masses, np.array(centers), np.array(inertias)
 
 
-def _visuals(bodies: Sequence[Body], frames: Array, notes: list[str]) -> tuple[Visual, ...]:
-    """Every mesh in the frame of its body, checked; each with a different name."""
-    visuals: list[Visual] = []
-    names: set[str] = set()
-    files = dict.fromkeys(shape.file for body in bodies for shape in body.shapes)
-    check_files(*files)
-    flat = {file: _is_flat(read_mesh(file)[0]) for file in files}
-    for link, (body, frame) in enumerate(zip(bodies, frames, strict=True)):
-        for shape in body.shapes:
-            if flat[shape.file]:
-                notes.append(f"mesh {shape.file.name} is flat and is left out")
-                continue
-            name, count = plain_name(shape.file.stem, default="part"), 1
-            if name in names:
-                name = plain_name(f"{body.name}_{name}", default="part")
-            stem = name
-            while name in names:
-                count += 1
-                name = f"{stem}_{count}"
-            names.add(name)
-            affine = np.round(inverse(frame) @ shape.affine, 12) + 0.0  # no rounding errors
-            rows = tuple(map(tuple, affine.tolist()))
-            visuals.append(Visual(shape.file, shape.rgb, shape.collides, link, name, rows))
-    return tuple(visuals)
-
-
-def _is_flat(vertices: Array) -> bool:
-    """Whether a mesh encloses nothing."""
-    size = np.linalg.svd(vertices - vertices.mean(axis=0), compute_uv=False)
-    return bool(len(vertices) < 4 or size[-1] <= FLAT * size[0])
-
-
 def _exclusions(description: Description) -> tuple[tuple[str, str], ...]:
     """Neighbors, and what the file never tests."""
     pairs = {(i, i + 1) for i in range(len(description.bodies) - 1)}
@@ -274,8 +246,8 @@ def _exclusions(description: Description) -> tuple[tuple[str, str], ...]:
 
 
 def _without_constant_contacts(robot: Robot, notes: list[str]) -> Robot:
-    """The robot with those pairs of bodies excluded whose hulls touch at every pose."""
-    if not any(visual.collides for visual in robot.visuals):
+    """The robot with those pairs of bodies excluded whose shapes touch at every pose."""
+    if not any(part.collides for part in robot.parts):
         return robot
     from testbed.robots.write.mjcf import always_touching
 
@@ -283,5 +255,5 @@ def _without_constant_contacts(robot: Robot, notes: list[str]) -> Robot:
     if not pairs:
         return robot
     listed = ", ".join(f"{a} and {b}" for a, b in pairs)
-    notes.append(f"hulls that touch at every pose are never tested: {listed}")
+    notes.append(f"shapes that touch at every pose are never tested: {listed}")
     return replace(robot, exclusions=(*robot.exclusions, *pairs))

@@ -1,8 +1,8 @@
 """What a URDF or an MJCF describes, before it becomes a chain: axes, bodies, shapes."""
 
 import re
-from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +11,7 @@ from calib.arrays import Array
 from calib.errors import refuse
 from calib.geometry.chain import Chain, JointKind
 from testbed.robots.describe.axes import chain_from_axes
+from testbed.robots.parts import Form
 from testbed.strict import choice_of, some
 
 TOOL_NAMES = ("tool0", "tool")
@@ -22,22 +23,22 @@ HELD_ELSEWHERE = (
 """What to do with a joint on the way to the tool that others move."""
 MOST_JOINTS = 64
 """Of an arm, base to tip: far more than any has; what is computed grows with their square."""
-GRAY = (0.7, 0.7, 0.7)
-"""Color of what has none."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Shape:
-    """One mesh of a body."""
+    """One mesh or plain shape of a body."""
 
-    file: Path
-    """Where it lies."""
+    source: Path | Form
+    """The file of a mesh, or the shape itself."""
     affine: Array
-    """(4, 4) places in the file to places in the world at joint zero, scale included [m]."""
+    """(4, 4) its own places to places in the world at joint zero, a mesh's scale included [m]."""
     rgb: tuple[float, float, float]
     """Color, 0 to 1."""
     collides: bool
     """Whether it takes part in collision tests."""
+    drawn: bool = True
+    """Whether it is seen."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -53,7 +54,9 @@ class Body:
     inertia: Array = field(default_factory=lambda: np.zeros((3, 3)))
     """(3, 3) about the center, world axes [kg m^2]."""
     shapes: tuple[Shape, ...] = ()
-    """What is drawn."""
+    """What is drawn or collides."""
+    unread: bool = False
+    """Whether the file has a shape that collides and cannot be read, and nothing drawn for it."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -97,6 +100,26 @@ class Description:
         return chain_from_axes(self.points, self.axes, self.kinds, self.T_world_tip)
 
 
+def shapes_of(
+    drawn: Sequence[Shape | None], solid: Sequence[Shape | None]
+) -> tuple[list[Shape], bool]:
+    """What is drawn and what collides as one list, and whether a solid shape is missing from it.
+
+    None is a shape that cannot be read. Where a solid one cannot, what is drawn stands for it;
+    where nothing is drawn that can be read, what collides is drawn.
+    """
+    unread = any(one is None for one in solid)
+    seen, hulls = (
+        {(one.source, one.affine.tobytes()): one for one in some if one is not None}
+        for some in (drawn, solid)
+    )
+    out = [replace(one, collides=unread or key in hulls) for key, one in seen.items()]
+    out += [
+        replace(one, collides=True, drawn=not seen) for key, one in hulls.items() if key not in seen
+    ]
+    return out, unread and not seen
+
+
 def choose_tip(
     tip: str | None, ends: Iterable[str], known: Iterable[str], path: Path
 ) -> tuple[str, str]:
@@ -132,7 +155,7 @@ def choose_tip(
             return name, f"the arm is taken to end at {name}; it also has {others}"
     message = f"the arm has {len(ends)} ends: {some(ends)}"
     raise refuse(
-        "tip", ends, "a serial arm, which ends once", code="R16", message=message,
+        "tip", ends, "it must be a serial arm, with one end", code="R16", message=message,
         fix="name the end that is calibrated as the tip", where=str(path),
     )  # fmt: skip
 

@@ -7,28 +7,24 @@ import numpy as np
 from calib.arrays import Array
 from calib.geometry.chain import Chain
 from testbed.robots.meshes.files import read_mesh
-from testbed.robots.robot import Visual
-from testbed.robots.room import leading_slides, reach
-
-LEANS, ROOM = 0.5, 1.0
-"""Cosine up to which a z axis is not upright; how far a floor that is none lies away [m]."""
+from testbed.robots.parts import Primitive, Visual
+from testbed.robots.room import LEANS, beyond_rail
 
 
-def floor_of(visuals: Sequence[Visual], chain: Chain, limits: Array) -> float:
+def floor_of(parts: Sequence[Visual | Primitive], chain: Chain, limits: Array) -> float:
     """Height of the floor in the base frame [m]: where the base ends, else the world's z = 0.
 
-    A slide along the ground has its z axis there: nothing across it is a floor, which then lies
-    beyond all that the arm reaches.
+    An arm on a rail has none: it lies beyond all that the arm reaches.
     """
-    up = float(chain.T_world_base[2, 2])
-    if leading_slides(chain) and abs(up) <= LEANS:
-        return -float(np.abs(limits[0]).max() + reach(chain, limits) + ROOM)
-    lowest = []
-    for visual in visuals:
-        if visual.link == 0:
-            affine = np.array(visual.affine)
-            heights = read_mesh(visual.file)[0] @ affine[2, :3] + affine[2, 3]
-            lowest.append(float(heights.min()))
+    if (beyond := beyond_rail(chain, limits)) is not None:
+        return beyond
+    up, lowest = float(chain.T_world_base[2, 2]), []
+    for part in parts:
+        up_of_part, height = np.array(part.affine)[2, :3], part.affine[2][3]
+        if part.link == 0 and isinstance(part, Visual):
+            lowest.append(height + float((read_mesh(part.file)[0] @ up_of_part).min()))
+        elif part.link == 0 and isinstance(part, Primitive):
+            lowest.append(height - part.form.support(up_of_part))
     if lowest:
         return min(lowest)
     return float(-chain.T_world_base[2, 3] / up) if up > LEANS else 0.0

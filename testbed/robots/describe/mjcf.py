@@ -14,17 +14,20 @@ from calib.arrays import Array
 from calib.errors import InputError, refuse
 from calib.geometry.chain import JointKind
 from calib.geometry.frames import inverse, transform
+from testbed.bounds import SHAPE
 from testbed.robots.describe.description import (
     Body,
     Description,
     Shape,
     check_count,
     choose_tip,
+    shapes_of,
 )
 from testbed.robots.describe.mjcf_alone import require_alone, taken
 from testbed.robots.describe.mjcf_gate import Gated, gate
 from testbed.robots.describe.xml_gate import SOURCE, FileOptions, angle_notes, place_of
 from testbed.robots.foreign import foreign
+from testbed.robots.parts import Form
 from testbed.robots.write.mjcf import (
     at_zero,
     called,
@@ -158,13 +161,18 @@ def _body(name: str, ids: list[int], model: Any, data: Any, gated: Gated) -> Bod
             inertia += (R * model.body_inertia[body]) @ R.T
             inertia += model.body_mass[body] * (away @ away * np.eye(3) - np.outer(away, away))
     geoms = np.flatnonzero(np.isin(model.geom_bodyid, ids)).tolist()
-    collides = {k: bool(model.geom_contype[k] or model.geom_conaffinity[k]) for k in geoms}
-    meshes = [k for k in geoms if _is_file(model, k, gated)]
-    drawn = [k for k in meshes if model.geom_group[k] < HIDDEN] or meshes
-    if not any(collides[k] for k in drawn):  # other shapes stand for them
-        collides |= dict.fromkeys(drawn, any(collides.values()))
-    shapes = tuple(_shape(model, data, k, collides[k], gated) for k in drawn)
-    return Body(name, mass, center, inertia, shapes)
+    found = {k: _shape(model, data, k, gated) for k in geoms if not _is_ground(model, k)}
+    shown = [one for k, one in found.items() if model.geom_group[k] < HIDDEN]
+    solid = [one for k, one in found.items() if model.geom_contype[k] or model.geom_conaffinity[k]]
+    shapes, unread = shapes_of(shown if any(shown) else list(found.values()), solid)
+    return Body(name, mass, center, inertia, tuple(shapes), unread)
+
+
+def _is_ground(model: Any, geom: int) -> bool:
+    """Whether a geom is a plane, which only the world has: no part of an arm."""
+    import mujoco
+
+    return bool(model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_PLANE)
 
 
 def _is_file(model: Any, geom: int, gated: Gated) -> bool:
@@ -176,24 +184,50 @@ def _is_file(model: Any, geom: int, gated: Gated) -> bool:
     return bool(is_mesh and mesh >= 0 and model.mesh(mesh).name in gated.files)
 
 
-def _shape(model: Any, data: Any, geom: int, collides: bool, gated: Gated) -> Shape:
-    """A mesh file at its place: MuJoCo moves a mesh to its center, here it is moved back."""
+def _shape(model: Any, data: Any, geom: int, gated: Gated) -> Shape | None:
+    """A mesh file or a plain shape at its place; None of what is neither."""
+    source: Path | Form | None
+    affine = transform(data.geom_xmat[geom].reshape(3, 3), data.geom_xpos[geom])
+    if _is_file(model, geom, gated):
+        name = model.mesh(int(model.geom_dataid[geom])).name
+        source, affine = gated.files[name], affine @ _from_file(model, geom, gated, name)
+    else:
+        source = _form(model, geom)
+    if source is None:
+        return None
+    own, material = model.geom_rgba[geom], int(model.geom_matid[geom])
+    plain = np.allclose(own, [0.5, 0.5, 0.5, 1.0])
+    color = model.mat_rgba[material] if material >= 0 and plain else own
+    # MuJoCo keeps colors in single precision
+    red, green, blue = np.clip(np.asarray(color[:3], dtype=np.float64), 0, 1).round(6)
+    return Shape(source, affine, (float(red), float(green), float(blue)), collides=False)
+
+
+def _form(model: Any, geom: int) -> Form | None:
+    """A plain shape: MuJoCo has half edges and half lengths."""
+    import mujoco
+
+    kind, (a, b, c) = mujoco.mjtGeom(int(model.geom_type[geom])), model.geom_size[geom].tolist()
+    forms = {
+        mujoco.mjtGeom.mjGEOM_BOX: Form("box", (2 * a, 2 * b, 2 * c)),
+        mujoco.mjtGeom.mjGEOM_CYLINDER: Form("cylinder", (a, 2 * b)),
+        mujoco.mjtGeom.mjGEOM_CAPSULE: Form("capsule", (a, 2 * b)),
+        mujoco.mjtGeom.mjGEOM_SPHERE: Form("sphere", (a,)),
+    }
+    form = forms.get(kind)
+    return form if form is not None and min(form.size) >= SHAPE.least else None
+
+
+def _from_file(model: Any, geom: int, gated: Gated, name: str) -> Array:
+    """Places in a mesh's file to those of its geom: MuJoCo moves a mesh to its center."""
     import mujoco
 
     mesh = int(model.geom_dataid[geom])
     R = np.empty(9)
     mujoco.mju_quat2Mat(R, model.mesh_quat[mesh])
     T_mesh = transform(R.reshape(3, 3), model.mesh_pos[mesh])
-    T_geom = transform(data.geom_xmat[geom].reshape(3, 3), data.geom_xpos[geom])
-    name = model.mesh(mesh).name
-    affine = T_geom @ inverse(T_mesh) @ np.diag([*model.mesh_scale[mesh], 1.0])
-    affine = affine @ inverse(_reference(gated, name))
-    own, material = model.geom_rgba[geom], int(model.geom_matid[geom])
-    plain = np.allclose(own, [0.5, 0.5, 0.5, 1.0])
-    color = model.mat_rgba[material] if material >= 0 and plain else own
-    # MuJoCo keeps colors in single precision
-    red, green, blue = np.clip(np.asarray(color[:3], dtype=np.float64), 0, 1).round(6)
-    return Shape(gated.files[name], affine, (float(red), float(green), float(blue)), collides)
+    own = inverse(T_mesh) @ np.diag([*model.mesh_scale[mesh], 1.0])
+    return np.asarray(own @ inverse(_reference(gated, name)))
 
 
 def _reference(gated: Gated, name: str) -> Array:

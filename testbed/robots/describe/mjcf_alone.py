@@ -11,7 +11,7 @@ DRIVEN = ("joint", "jointinparent")
 """Attributes of actuators that name the joint they drive."""
 KEPT = ("connect", "weld", "joint")
 """Constraints that MuJoCo resolves; what others join is not in the text that it is handed."""
-ALONE = "hinge or slide joints, each moving on its own"
+ALONE = "joints must be hinges or slides that move independently"
 
 
 def taken(root: Any) -> dict[str, list[Any]]:
@@ -100,7 +100,9 @@ def _ring(model: Any, joints: list[int], path: Path) -> InputError | None:
         if not hand and carried[ends[0]] != carried[ends[1]]:
             names = sorted(called(model, "body", end) for end in ends)
             message = f"<{tag}> closes a ring at body {', '.join(names)}"
-            return refuse(tag, allowed="a serial arm", code="R16", message=message, where=str(path))
+            return refuse(
+                tag, allowed="it must be a serial arm", code="R16", message=message, where=str(path)
+            )
     return None
 
 

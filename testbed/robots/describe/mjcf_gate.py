@@ -133,7 +133,7 @@ def _whole(path: Path, trail: list[Path], folder: Path, seen: set[Path]) -> Any:
         elif not found.is_relative_to(folder):
             problem = f"include {name} lies outside {folder}"
         elif found in seen:
-            problem = f"include {name} is there twice, or within itself"
+            problem = f"include {name} appears twice, or within itself"
         elif len(seen) >= MOST_FILES:
             problem = f"more than {MOST_FILES} files are included"
         elif sum(one.stat().st_size for one in (*seen, found)) > LARGEST:

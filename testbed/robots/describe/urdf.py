@@ -13,17 +13,20 @@ from calib.arrays import Array
 from calib.errors import refuse
 from calib.geometry.chain import JointKind
 from testbed.robots.describe.description import (
-    GRAY,
     HELD_ELSEWHERE,
     Body,
     Description,
     Shape,
     check_count,
     choose_tip,
+    shapes_of,
 )
 from testbed.robots.describe.urdf_checks import check_urdf, mesh_files
+from testbed.robots.describe.urdf_shapes import form_of
 from testbed.robots.describe.xml_gate import FileOptions, read_xml
 from testbed.robots.foreign import foreign
+from testbed.robots.parts import Form
+from testbed.robots.shapes import GRAY
 from testbed.strict import some
 
 UNIT = 1e-6
@@ -178,7 +181,7 @@ def _moves(joint: Any, path: Path) -> bool:
         return False
     if joint.mimic is not None or joint.type not in ("revolute", "continuous", "prismatic"):
         kind = f"a mimic joint of {joint.mimic.joint}" if joint.mimic is not None else joint.type
-        allowed = "revolute, continuous, prismatic or fixed, each moving on its own"
+        allowed = "joints must be revolute, continuous, prismatic or fixed, and move independently"
         message = f"joint {joint.name} is {kind}"
         fix = HELD_ELSEWHERE if joint.mimic is not None else ""
         raise refuse(
@@ -235,9 +238,12 @@ def _body(
     some_collide: bool,
     colors: dict[str, Any],
 ) -> Body:
-    """Links fixed to each other as one body, in the root link at joint zero."""
+    """Links fixed to each other as one body, in the root link at joint zero.
+
+    Unless `some_collide` in the file, what is drawn does.
+    """
     mass, moment, center = 0.0, np.zeros((3, 3)), np.zeros(3)
-    shapes: list[Shape] = []
+    shapes, unread = list[Shape](), False
     parts = []
     for link in links:
         own = link.inertial
@@ -245,41 +251,36 @@ def _body(
             T = poses[link.name] if own.origin is None else poses[link.name] @ own.origin
             inertia = np.zeros((3, 3)) if own.inertia is None else own.inertia
             parts.append((float(own.mass), T[:3, 3], T[:3, :3] @ inertia @ T[:3, :3].T))
-        drawn = link.visuals if _meshes(link.visuals) else link.collisions
-        hulls = {part.geometry.mesh.filename for part in _meshes(link.collisions)}
-        # where the same mesh is drawn and collides, other drawn ones are trim
-        own = hulls & {part.geometry.mesh.filename for part in _meshes(drawn)}
-        for part in _meshes(drawn):
-            collides = bool(link.collisions) or not some_collide
-            collides = part.geometry.mesh.filename in own if own else collides
-            shapes += _shape(part, poses[link.name], folder, collides, colors)
+        drawn, solid = (
+            [_shape(part, poses[link.name], folder, colors) for part in some or ()]
+            for some in (link.visuals, link.collisions)
+        )
+        found, lacking = shapes_of(drawn, solid if some_collide else drawn)
+        shapes, unread = shapes + found, unread or lacking
     if parts:
         mass = sum(m for m, _, _ in parts)
         center = np.asarray(sum(m * p for m, p, _ in parts)) / mass
         for m, p, inertia in parts:  # parallel axes
             away = p - center
             moment = moment + inertia + m * (away @ away * np.eye(3) - np.outer(away, away))
-    return Body(name, mass, center, moment, tuple(shapes))
+    return Body(name, mass, center, moment, tuple(shapes), unread)
 
 
-def _meshes(parts: Sequence[Any]) -> list[Any]:
-    """Those visuals or collisions that are mesh files."""
-    return [part for part in parts or () if part.geometry.mesh is not None]
-
-
-def _shape(
-    part: Any, T: Array, folder: Path, collides: bool, colors: dict[str, Any]
-) -> list[Shape]:
-    """A mesh file at its place, or nothing if the file is missing."""
-    mesh = part.geometry.mesh
-    file = next((file for file in mesh_files(mesh.filename, folder) if file.is_file()), None)
-    if file is None:
-        return []
-    scale = 1.0 if mesh.scale is None else mesh.scale
-    affine = (T if part.origin is None else T @ part.origin) @ np.diag(
-        [*np.broadcast_to(scale, 3), 1.0]
-    )
+def _shape(part: Any, T: Array, folder: Path, colors: dict[str, Any]) -> Shape | None:
+    """A mesh file or a plain shape at its place; None if it cannot be read or is missing."""
+    source: Path | Form | None
+    shape, own = part.geometry, np.eye(4)
+    if shape.mesh is not None:
+        candidates = mesh_files(shape.mesh.filename, folder)
+        source = next((file for file in candidates if file.is_file()), None)
+        scale = 1.0 if shape.mesh.scale is None else shape.mesh.scale
+        own = np.diag([*np.broadcast_to(scale, 3), 1.0])
+    else:
+        source = form_of(part)
+    if source is None:
+        return None
+    affine = (T if part.origin is None else T @ part.origin) @ own
     material = getattr(part, "material", None)
     color = None if material is None else material.color or colors.get(material.name)
     red, green, blue = GRAY if color is None else np.clip(color.rgba[:3], 0, 1)
-    return [Shape(file, affine, (float(red), float(green), float(blue)), collides)]
+    return Shape(source, affine, (float(red), float(green), float(blue)), collides=False)

@@ -14,8 +14,8 @@ from testbed.bounds import (
     SCALE,
     SLIDE_SPEED,
     TURN_SPEED,
-    Bound,
 )
+from testbed.robots.describe.urdf_shapes import check_shapes, name_shapes
 from testbed.robots.describe.xml_gate import (
     FileOptions,
     Row,
@@ -27,12 +27,12 @@ from testbed.robots.describe.xml_gate import (
     error_at,
     mesh_path,
     missing,
+    need,
     not_local,
     outside,
 )
 from testbed.strict import choice_of, some
 
-SIZE = Bound("a size of a shape", LINK.most, 1e-9)
 NUMBERS = {
     "origin": {"xyz": Row(3, LINK, "m"), "rpy": Row(3, LIMIT, "rad")},
     "axis": {"xyz": Row(3, DIRECTION)},
@@ -57,11 +57,6 @@ NUMBERS = {
 """The numbers in each attribute."""
 ENDLESS = {"lower": Row(1), "upper": Row(1)}
 """Limits of a continuous joint are not used; some exporters write 1e16 for none."""
-SHAPES: dict[str, tuple[str, ...]] = {
-    "box": ("size",), "cylinder": ("radius", "length"), "capsule": ("radius", "length"),
-    "sphere": ("radius",), "mesh": ("filename",),
-}  # fmt: skip
-"""What a geometry may be, and what it needs; only meshes are drawn."""
 MOMENTS = ("ixx", "iyy", "izz")
 MOST_LINKS = 2000
 """Far more than any arm has; what is checked per link stays quick."""
@@ -97,8 +92,10 @@ def check_urdf(root: Any, path: Path, options: FileOptions) -> list[str]:
         check_numbers(element, path, rows)
     _check_tree(root, path)
     _check_links(root, path)
-    notes = [*_check_shapes(root, path), *_check_limits(root, path), *_without_unused(root)]
-    return notes + _check_meshes(root, path, options)
+    notes = [*check_shapes(root, path), *_check_limits(root, path), *_without_unused(root)]
+    notes += _check_meshes(root, path, options)
+    name_shapes(root)
+    return notes
 
 
 def mesh_files(name: str, folder: Path) -> list[Path]:
@@ -112,14 +109,14 @@ def mesh_files(name: str, folder: Path) -> list[Path]:
 
 def _check_tree(root: Any, path: Path) -> None:
     """R15 and R16: names that differ, known links, one root, every link below it."""
-    _need(root, path, "name")
+    need(root, path, "name")
     links, joints = root.findall("link"), root.findall("joint")
     for elements in (links, joints):
         seen: set[str] = set()
         for element in elements:
-            _need(element, path, "name")
+            need(element, path, "name")
             if (name := element.get("name")) in seen:
-                message = f"{called(element)} is there twice"
+                message = f"{called(element)} appears twice"
                 raise error_at(element, path, "R15", message, "name", name)
             seen.add(name)
     names = {link.get("name"): link for link in links}
@@ -130,16 +127,9 @@ def _check_tree(root: Any, path: Path) -> None:
         parent, child = (_joint_end(joint, end, names, path) for end in ("parent", "child"))
         if child in parent_of:
             message = f"link {child} is the child of two joints"
-            raise error_at(joint, path, "R15", message, "child", child, "a tree")
+            raise error_at(joint, path, "R15", message, "child", child, "links must form a tree")
         parent_of[child] = parent
     _check_one_root(list(names), parent_of, root, path)
-
-
-def _need(element: Any, path: Path, attribute: str) -> None:
-    """R15 and R12: what an element cannot do without."""
-    if not element.get(attribute):
-        code = "R15" if attribute == "name" else "R12"
-        raise error_at(element, path, code, f"{called(element)} has no {attribute}", attribute)
 
 
 def _joint_end(joint: Any, end: str, names: Collection[str], path: Path) -> str:
@@ -163,7 +153,7 @@ def _check_one_root(names: list[str], parent_of: dict[str, str], root: Any, path
     tops = [name for name in names if name not in parent_of]
     if len(tops) > 1:
         message = f"there are {len(tops)} root links: {some(tops)}"
-        raise error_at(root, path, "R15", message, "link", tops, "one")
+        raise error_at(root, path, "R15", message, "link", tops, "there must be one")
     sound = set(tops)
     for name in names:
         trail: dict[str, None] = {}  # in the order of the walk
@@ -173,7 +163,7 @@ def _check_one_root(names: list[str], parent_of: dict[str, str], root: Any, path
         if name in trail:
             ring = list(trail)[list(trail).index(name) :]
             message = f"links {some(ring[::-1])} form a ring"
-            raise error_at(root, path, "R15", message, "link", ring, "a tree")
+            raise error_at(root, path, "R15", message, "link", ring, "links must form a tree")
         sound |= set(trail)
 
 
@@ -192,37 +182,6 @@ def _check_links(root: Any, path: Path) -> None:
             raise error_at(inertia, path, "R11", message, smallest, allowed=allowed)
     for mesh in root.iter("mesh"):
         check_scale(mesh, path)
-
-
-def _check_shapes(root: Any, path: Path) -> list[str]:
-    """R16: drawings of something; sentences on shapes nobody knows and sizes of nothing.
-
-    What yourdfpy would stumble over becomes a ball, which is not drawn either: where a link
-    collides is in its meshes then, and that it does stays said.
-    """
-    unknown, nothing = [], []
-    for part in (*root.iterfind("link/visual"), *root.iterfind("link/collision")):
-        geometry = part.find("geometry")
-        shape = next(iter(geometry), None) if geometry is not None else None
-        if shape is None:
-            message, allowed = f"{called(part)} has no geometry", f"one of {', '.join(SHAPES)}"
-            raise error_at(part, path, "R16", message, "geometry", None, allowed)
-        if shape.tag not in SHAPES:
-            unknown.append(called(shape))
-        for attribute in SHAPES.get(shape.tag, ()):
-            _need(shape, path, attribute)
-            text = shape.get(attribute)
-            if shape.tag != "mesh" and min(map(float, text.split())) < SIZE.least:
-                nothing.append(f'{called(shape)} with {attribute}="{text}"')
-        if shape.tag not in ("box", "cylinder", "sphere", "mesh"):
-            shape.tag = "sphere"
-            shape.set("radius", "1")
-    notes = []
-    if unknown:
-        notes.append(f"no shape that is known, and left out: {some(unknown)}")
-    if nothing:
-        notes.append(f"no shape of that size: {some(nothing)}; {SIZE.allowed('m')}")
-    return notes
 
 
 def _without_unused(root: Any) -> list[str]:

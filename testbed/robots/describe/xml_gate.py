@@ -25,10 +25,10 @@ SOURCE = "{truebed}file"
 """Attribute with the file that an included element comes from, while it is checked."""
 COUNTS = {
     1: "one number",
-    2: "two numbers, spaces between them",
-    3: "three numbers, spaces between them",
+    2: "write two numbers, separated by spaces",
+    3: "write three numbers, separated by spaces",
     4: "four numbers",
-    6: "six numbers, spaces between them",
+    6: "write six numbers, separated by spaces",
 }
 MESH_ROOT = "give the folder that holds all meshes as mesh_root"
 
@@ -86,7 +86,11 @@ def parse_xml(data: bytes, *roots: str, where: str, most: int = MOST_ELEMENTS) -
     wanted = " or ".join(f"<{root.rpartition('}')[2]}>" for root in roots)
     if not data.strip():
         raise refuse(
-            "file", allowed=f"XML with root {wanted}", code="R2", message="is empty", where=where
+            "file",
+            allowed=f"it must be XML with root {wanted}",
+            code="R2",
+            message="is empty",
+            where=where,
         )
     parser = etree.XMLPullParser(
         ("start", "end"), resolve_entities=False, no_network=True, huge_tree=False, recover=False,
@@ -106,7 +110,9 @@ def parse_xml(data: bytes, *roots: str, where: str, most: int = MOST_ELEMENTS) -
         raise _refusal(data, error, where, wanted) from error
     if root.tag not in roots:
         message = f"the root element is <{root.tag}>"
-        raise refuse("root", root.tag, wanted, code="R2", message=message, where=where)
+        raise refuse(
+            "root", root.tag, f"it must be {wanted}", code="R2", message=message, where=where
+        )
     return root
 
 
@@ -148,7 +154,10 @@ def _refusal(data: bytes, error: Exception, where: str, wanted: str) -> InputErr
     if "depth" in text.lower():
         return _too_deep(where, line)
     if not data.lstrip(b"\xef\xbb\xbf\xff\xfe\xfe\xff\x00 \t\r\n").startswith(b"<"):
-        message, allowed = f"is not XML (it begins with {data[:16]!r})", f"XML with root {wanted}"
+        message, allowed = (
+            f"is not XML (it begins with {data[:16]!r})",
+            f"it must be XML with root {wanted}",
+        )
         return refuse("file", allowed=allowed, code="R2", message=message, where=where)
     message, fix = f"not well-formed XML: {text}", "the file may be cut off there"
     return refuse("file", code="R1", message=message, fix=fix, where=f"{where}:{line}")
@@ -228,6 +237,13 @@ def check_numbers(element: Any, path: Path, rows: Mapping[str, Row]) -> None:
             raise error_at(element, path, "R11", shown, attribute, text, allowed)
 
 
+def need(element: Any, path: Path, attribute: str) -> None:
+    """R15 and R12: what an element cannot do without."""
+    if not element.get(attribute):
+        code = "R15" if attribute == "name" else "R12"
+        raise error_at(element, path, code, f"{called(element)} has no {attribute}", attribute)
+
+
 def check_scale(mesh: Any, path: Path) -> None:
     """R11: no mesh is flattened."""
     text = mesh.get("scale", "1")
@@ -241,7 +257,7 @@ def check_range(element: Any, path: Path, field: str, joint: str, span: tuple[fl
     lower, upper = span
     if lower > upper:
         message = f"{joint} has lower {lower:g} above upper {upper:g}"
-        raise error_at(element, path, "R14", message, field, span, "lower below upper")
+        raise error_at(element, path, "R14", message, field, span, "lower must be below upper")
     if lower == upper:
         return f"{joint} cannot move: lower and upper are both {lower:g}"
     return ""
@@ -275,5 +291,5 @@ def outside(mesh: Any, path: Path, field: str, name: str, folder: Path) -> Input
 
 def missing(mesh: Any, path: Path, field: str, name: str, folder: Path) -> InputError:
     """R7: a mesh that is not there."""
-    allowed, fix = f"a file below {folder}", f"{MESH_ROOT}, or allow missing meshes"
+    allowed, fix = f"it must be a file below {folder}", f"{MESH_ROOT}, or allow missing meshes"
     return error_at(mesh, path, "R7", f"mesh {name} is missing", field, name, allowed, fix)

@@ -15,9 +15,10 @@ from testbed.bounds import SCALE
 from testbed.gates.paths import real
 from testbed.robots.describe.xml_gate import parse_xml
 from testbed.robots.foreign import foreign
+from testbed.robots.meshes.forms import form_mesh
 from testbed.robots.meshes.plain_obj import plain_obj
 from testbed.robots.meshes.solids import corner_normals
-from testbed.robots.robot import IN_PLACE, Visual
+from testbed.robots.parts import IN_PLACE, Primitive, Visual
 
 COLLADA = "{http://www.collada.org/2005/11/COLLADASchema}COLLADA"
 """Root of a DAE file."""
@@ -57,12 +58,12 @@ def load_mesh(path: str | Path) -> Mesh:
     return Mesh(frozen(vertices), frozen(faces, np.int64), frozen(normals))
 
 
-def part_mesh(visual: Visual) -> Mesh:
+def part_mesh(part: Visual | Primitive) -> Mesh:
     """Mesh of a part in the frame of its link [m]."""
-    found = load_mesh(visual.file)
-    if visual.affine == IN_PLACE:
+    found = load_mesh(part.file) if isinstance(part, Visual) else Mesh(*form_mesh(part.form))
+    if part.affine == IN_PLACE:
         return found
-    affine = np.array(visual.affine)
+    affine = np.array(part.affine)
     mirrors = np.linalg.det(affine[:3, :3]) < 0
     normals = np.linalg.solve(affine[:3, :3].T, found.normals.T).T  # they stay normal to a scale
     return Mesh(
@@ -86,7 +87,10 @@ def check_files(*paths: Path) -> None:
         if not real(path, field="mesh").is_file():
             raise refuse("file", code="R7", message="no such mesh file", where=where)
         if (kind := path.suffix.lower()[1:]) not in FORMATS:
-            message, allowed = f"is no mesh that can be read ({kind})", " or ".join(FORMATS)
+            message, allowed = (
+                f"is not a mesh that can be read ({kind})",
+                f"formats read: {', '.join(FORMATS)}",
+            )
             fix = "save it in one of these formats"
             raise refuse("file", kind, allowed, code="R9", message=message, fix=fix, where=where)
         size = path.stat().st_size

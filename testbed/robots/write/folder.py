@@ -16,8 +16,9 @@ from testbed.gates.paths import real
 from testbed.robots.catalog import ROBOT_FILE, load_robot
 from testbed.robots.describe.urdf import load_urdf, urdf_poses, way_to
 from testbed.robots.meshes.files import Mesh, part_mesh
+from testbed.robots.parts import IN_PLACE, Visual
 from testbed.robots.placements import LIMIT, agreement, difference
-from testbed.robots.robot import IN_PLACE, Robot, Visual, reflector_frames
+from testbed.robots.robot import Robot, reflector_frames
 from testbed.robots.write.identified import require_name
 from testbed.robots.write.mjcf import frames_of, load_mjcf, mjcf_poses, mjcf_text
 from testbed.robots.write.ros import ros_files

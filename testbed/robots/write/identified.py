@@ -13,6 +13,7 @@ from calib.geometry.chain import Chain
 from calib.geometry.frames import inverse
 from calib.geometry.model import RobotModel
 from testbed.robots.describe.axes import reach, regauged
+from testbed.robots.parts import Affine, Primitive, Visual
 from testbed.robots.placements import difference, link_poses
 from testbed.robots.robot import Reflector, Robot
 
@@ -96,16 +97,20 @@ def _rehung(robot: Robot, new: Chain) -> Robot:
     position, rotation = difference(moves, still)
     if position <= SHIFT and rotation <= TURN:
         return robot
-    visuals = tuple(
-        replace(v, affine=tuple(map(tuple, (moves[v.link] @ np.array(v.affine)).tolist())))
-        for v in robot.visuals
-    )
+
+    def moved(part: Visual | Primitive) -> Affine:
+        return tuple(map(tuple, (moves[part.link] @ np.array(part.affine)).tolist()))
+
     centers, inertias = [], []
     for T, center, moments in zip(moves[1:], robot.centers, robot.inertias, strict=True):
         centers.append(T[:3, :3] @ center + T[:3, 3])
         inertias.append(np.diagonal((T[:3, :3] * moments) @ T[:3, :3].T))
     return replace(
-        robot, visuals=visuals, centers=frozen(np.array(centers)), inertias=frozen(inertias)
+        robot,
+        visuals=tuple(replace(one, affine=moved(one)) for one in robot.visuals),
+        primitives=tuple(replace(one, affine=moved(one)) for one in robot.primitives),
+        centers=frozen(np.array(centers)),
+        inertias=frozen(inertias),
     )
 
 

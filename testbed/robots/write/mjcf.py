@@ -13,15 +13,15 @@ from calib.errors import InputError, refuse
 from calib.geometry.chain import Chain
 from calib.geometry.frames import slide, transform
 from testbed.robots.foreign import foreign
-from testbed.robots.meshes.files import part_mesh, read_mesh
+from testbed.robots.meshes.files import read_mesh
 from testbed.robots.placements import placements, quaternion_wxyz
-from testbed.robots.robot import IN_PLACE, Robot, Visual, body_name, reflector_frames
-
-COLLIDES, DRAWN = 2, 1
-"""Geom groups: parts whose hulls are tested for collision, parts that are only drawn."""
+from testbed.robots.robot import Robot, body_name, reflector_frames
+from testbed.robots.write.mjcf_parts import add_part, placed
 
 
-def build_spec(chain: Chain, robot: Robot | None = None, *, meshes: bool = True) -> Any:
+def build_spec(
+    chain: Chain, robot: Robot | None = None, *, meshes: bool = True, plain_boxes: bool = False
+) -> Any:
     """Body tree of any chain as a `mujoco.MjSpec`: revolute and prismatic, all 12 + 5 n numbers.
 
     Bodies ``base`` (fixed) and ``link1`` ... ``linkn`` stand in the world, joints ``joint1`` ...,
@@ -34,7 +34,11 @@ def build_spec(chain: Chain, robot: Robot | None = None, *, meshes: bool = True)
     robot : Robot, optional
         Gives limits, masses, parts and collision exclusions; without it bodies are bare.
     meshes : bool
-        Whether the robot's parts are added; colliding parts are tested as their convex hulls.
+        Whether the robot's parts are added; meshes that collide are tested as convex hulls.
+    plain_boxes : bool
+        Whether boxes are boxes to MuJoCo, as in a file for others. To be tested they go in as the
+        hull of their corners: MuJoCo's own tests of boxes do not find a capsule that lies inside,
+        nor every box that is nearer than a clearance.
 
     Returns
     -------
@@ -48,11 +52,11 @@ def build_spec(chain: Chain, robot: Robot | None = None, *, meshes: bool = True)
     spec.compiler.degree = False  # degrees are the default
     spec.compiler.savecompiled = False  # the compiled form is written with six digits
     frames, flange, tool = placements(chain)
-    base = spec.worldbody.add_body(name=body_name(0), **_pose(chain.T_world_base))
+    base = spec.worldbody.add_body(name=body_name(0), **placed(chain.T_world_base))
     bodies = [base]
     parent = spec.worldbody
     for i, frame in enumerate(frames):
-        parent = parent.add_body(name=body_name(i + 1), **_pose(frame))
+        parent = parent.add_body(name=body_name(i + 1), **placed(frame))
         slides = chain.kinds[i] == "prismatic"
         joint = parent.add_joint(
             name=f"joint{i + 1}",
@@ -66,12 +70,12 @@ def build_spec(chain: Chain, robot: Robot | None = None, *, meshes: bool = True)
         parent.inertia = robot.inertias[i] if robot else np.full(3, 0.01)
         parent.explicitinertial = True
         bodies.append(parent)
-    parent.add_site(name="flange", **_pose(flange))
-    parent.add_site(name="tool", **_pose(tool))
+    parent.add_site(name="flange", **placed(flange))
+    parent.add_site(name="tool", **placed(tool))
     if robot and meshes:
         spec.modelfiledir = str(robot.folder.resolve())
-        for visual in robot.visuals:
-            _add_part(spec, bodies[visual.link], visual, robot.folder)
+        for part in robot.parts:
+            add_part(spec, bodies[part.link], part, robot.folder, plain_boxes)
         for first, second in robot.exclusions:
             spec.add_exclude(bodyname1=first, bodyname2=second)
     return spec
@@ -121,7 +125,7 @@ def set_geometry(model: Any, chain: Chain) -> None:
 
 
 def always_touching(robot: Robot, q: Array) -> tuple[tuple[str, str], ...]:
-    """Pairs of bodies whose hulls touch at every one of the joint values q (m, n) [rad, m]."""
+    """Pairs of bodies whose shapes touch at every one of the joint values q (m, n) [rad, m]."""
     import mujoco
 
     model = compile_spec(build_spec(robot.model.chain, robot), robot)
@@ -144,46 +148,13 @@ def mjcf_text(robot: Robot, *, comment: str = "") -> str:
     Reflectors are sites beside those of flange and tool.
     """
     chain = robot.model.chain
-    spec = build_spec(chain, robot)
+    spec = build_spec(chain, robot, plain_boxes=True)
     last, tool = spec.body(body_name(chain.n_joints)), placements(chain).tool
     for reflector, name in zip(robot.reflectors, reflector_frames(robot), strict=True):
-        last.add_site(name=name, **_pose(tool @ slide(*reflector.place)))
+        last.add_site(name=name, **placed(tool @ slide(*reflector.place)))
     compile_spec(spec, robot)
     head = f"<!-- {comment.replace('--', '-')} -->\n" if comment else ""
     return head + str(spec.to_xml())
-
-
-def _pose(T: Array) -> dict[str, Array]:
-    """MuJoCo's keywords for a frame (4, 4)."""
-    return {"pos": T[:3, 3], "quat": quaternion_wxyz(T[:3, :3])}
-
-
-def _add_part(spec: Any, body: Any, visual: Visual, folder: Path) -> None:
-    """Add one drawn part, weightless; its hull collides if the part does."""
-    import mujoco
-
-    if visual.affine == IN_PLACE and visual.file.suffix.lower() == ".obj":
-        spec.add_mesh(name=visual.name, file=visual.file.relative_to(folder).as_posix())
-    else:  # other formats and places go in as numbers
-        found = part_mesh(visual)
-        places, index = np.unique(found.vertices, axis=0, return_inverse=True)
-        faces = index.reshape(-1)[found.faces]
-        spec.add_mesh(
-            name=visual.name,
-            uservert=places.astype(np.float32).ravel(),
-            userface=faces.astype(np.int32).ravel(),
-            inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL,
-        )
-    body.add_geom(
-        name=visual.name,
-        type=mujoco.mjtGeom.mjGEOM_MESH,
-        meshname=visual.name,
-        rgba=[*visual.rgb, 1.0],
-        contype=int(visual.collides),
-        conaffinity=int(visual.collides),
-        group=COLLIDES if visual.collides else DRAWN,
-        mass=0.0,
-    )
 
 
 def mjcf_poses(model: Any, joints: list[int], tip: tuple[int, int], q: Array) -> Array:

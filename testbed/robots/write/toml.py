@@ -1,6 +1,5 @@
 """A robot as robot.toml: every number so that reading it back gives the same bits, or the next."""
 
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -10,7 +9,8 @@ from calib.errors import one_line
 from calib.geometry.frames import transform_step
 from calib.geometry.joint_errors import JointTerm
 from testbed.robots.coupled import controller_table
-from testbed.robots.robot import Reflector, Robot, Visual, Workspace
+from testbed.robots.robot import Reflector, Robot, Workspace
+from testbed.robots.shapes import shapes_table
 from testbed.robots.springs import springs_table
 from testbed.robots.units import Unit, degrees, millimeters, millionths
 from testbed.strict import toml_lines, toml_value
@@ -28,6 +28,9 @@ def robot_toml(robot: Robot, *, comment: str = "") -> str:
         "name": _text(robot.name),
         "title": _text(robot.title),
         "floor_mm": millimeters(robot.base_offset),
+        "mounting_height_mm": None
+        if robot.mounting_height is None
+        else millimeters(robot.mounting_height),
         "never_collide": [[_number(a), _number(b)] for a, b in robot.exclusions],
     }
     both = zip(errors.terms, errors.coefficients, strict=False)
@@ -53,7 +56,7 @@ def robot_toml(robot: Robot, *, comment: str = "") -> str:
     lines += toml_lines(model)
     if robot.free_sets:
         lines += toml_lines({"free_sets": {key: list(v) for key, v in robot.free_sets.items()}})
-    return "\n".join(lines + toml_lines(_parts(robot.visuals, robot.folder))) + "\n"
+    return "\n".join(lines + toml_lines(_parts(robot))) + "\n"
 
 
 def _frame(T: Array) -> dict[str, Any]:
@@ -130,21 +133,25 @@ def _term(term: JointTerm, value: float, kind: str) -> dict[str, Any]:
     }
 
 
-def _parts(visuals: tuple[Visual, ...], folder: Path) -> dict[str, Any]:
-    """[colors] and [[parts]]."""
-    names = {rgb: f"color{k}" for k, rgb in enumerate(dict.fromkeys(v.rgb for v in visuals), 1)}
+def _parts(robot: Robot) -> dict[str, Any]:
+    """[colors], [[parts]] and [[shapes]]."""
+    used = dict.fromkeys(part.rgb for part in robot.parts)
+    names = {rgb: f"color{k}" for k, rgb in enumerate(used, 1)}
     parts = [
         {
             "name": _text(visual.name),
             "link": visual.link,
-            "file": _text(visual.file.relative_to(folder).as_posix()),
+            "file": _text(visual.file.relative_to(robot.folder).as_posix()),
             "color": names[visual.rgb],
             "collides": visual.collides,
+            **({} if visual.drawn else {"drawn": False}),
         }
-        for visual in visuals
+        for visual in robot.visuals
     ]
+    shapes = shapes_table(robot.primitives, names)
     colors = {"colors": {name: [float(x) for x in rgb] for rgb, name in names.items()}}
-    return {**colors, "parts": parts} if parts else {}
+    lists = {"parts": parts or None, "shapes": shapes or None}
+    return {**colors, **lists} if names else {}
 
 
 def _text(text: str) -> str:

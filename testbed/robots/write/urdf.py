@@ -10,8 +10,9 @@ import numpy as np
 from calib.arrays import Array
 from calib.errors import refuse
 from calib.geometry.frames import slide
+from testbed.robots.parts import Primitive, Visual
 from testbed.robots.placements import placements, rpy, tidy
-from testbed.robots.robot import Robot, Visual, reflector_frames
+from testbed.robots.robot import Robot, reflector_frames
 
 NO_EFFORT_LIMIT = 1000.0
 """URDF wants an effort limit [N m or N]; ours is not known."""
@@ -79,10 +80,9 @@ def urdf_bytes(
     # MuJoCo needs other names for what collides
     hull = "_hull" if for_mujoco else ""
     by_name = {link.name: link for link in out.links}
-    for visual in robot.visuals:
-        file = visual.file.relative_to(robot.folder).as_posix()
-        path = f"package://{package}/{file}" if package else file
-        _add_part(by_name[_link_name(visual.link)], visual, path, palette, hull)
+    for part in robot.parts:
+        link = by_name[_link_name(part.link)]
+        _add_part(link, part, _geometries(part, robot, package), palette, hull)
     out.materials = list(palette.values())
     _add_fixed(out, _link_name(chain.n_joints), "flange", flange)
     _add_fixed(out, "flange", "tool0", tidy(chain.T_flange_tool))
@@ -139,19 +139,47 @@ def _inertial(robot: Robot, i: int) -> Any:
     )
 
 
-def _add_part(link: Any, visual: Visual, path: str, palette: dict[Any, Any], hull: str) -> None:
-    """A drawn part, its mesh at a path, and that again as collision shape if it collides."""
+def _geometries(
+    part: Visual | Primitive, robot: Robot, package: str | None
+) -> list[tuple[str, Any, Array]]:
+    """What a part is to URDF, which has no capsules: endings of names, shapes and their poses."""
     from yourdfpy import urdf as y
 
-    color = "color_" + "".join(f"{round(255 * x):02x}" for x in visual.rgb)
+    if isinstance(part, Visual):
+        file = part.file.relative_to(robot.folder).as_posix()
+        path = f"package://{package}/{file}" if package else file
+        return [("", y.Geometry(mesh=y.Mesh(filename=path)), np.eye(4))]
+    (kind, (first, *rest)), T = part.form, np.array(part.affine)
+    if kind == "box":
+        return [("", y.Geometry(box=y.Box(size=np.array(part.form.size))), T)]
+    if kind == "sphere":
+        return [("", y.Geometry(sphere=y.Sphere(radius=first)), T)]
+    rod = y.Geometry(cylinder=y.Cylinder(radius=first, length=rest[0]))
+    ball = y.Geometry(sphere=y.Sphere(radius=first))
+    ends = [
+        (f"_end{k}", ball, T @ slide(0.0, 0.0, sign * rest[0] / 2))
+        for k, sign in enumerate((-1, 1), 1)
+    ]
+    return [("", rod, T), *(ends if kind == "capsule" else [])]
+
+
+def _add_part(
+    link: Any,
+    part: Visual | Primitive,
+    geometries: list[tuple[str, Any, Array]],
+    palette: dict[Any, Any],
+    hull: str,
+) -> None:
+    """A part as what is drawn, and again as collision shape if it collides."""
+    from yourdfpy import urdf as y
+
+    color = "color_" + "".join(f"{round(255 * x):02x}" for x in part.rgb)
     material = palette.setdefault(
-        visual.rgb, y.Material(name=color, color=y.Color(rgba=np.array([*visual.rgb, 1.0])))
+        part.rgb, y.Material(name=color, color=y.Color(rgba=np.array([*part.rgb, 1.0])))
     )
-    shape = y.Geometry(mesh=y.Mesh(filename=path))
-    link.visuals.append(
-        y.Visual(name=visual.name, origin=np.eye(4), geometry=shape, material=material)
-    )
-    if visual.collides:
-        link.collisions.append(
-            y.Collision(name=visual.name + hull, origin=np.eye(4), geometry=shape)
-        )
+    for ending, shape, T in geometries:
+        name = part.name + ending
+        if part.drawn:
+            link.visuals.append(y.Visual(name=name, origin=T, geometry=shape, material=material))
+        if part.collides:
+            link.collisions.append(y.Collision(name=name + hull, origin=T, geometry=shape))

@@ -52,7 +52,7 @@ def section(campaign: Campaign) -> Section:
             phone=on_phone(attained, found),
         ),
         Figure(
-            "What a statement costs: radius of the ball with the volume of the region, mean over "
+            "How large a statement is: radius of the ball with the volume of the region, mean over "
             "robots and poses. Open: falls short, so its small radius is worth nothing.",
             sharpness(studies, found),
         ),
@@ -84,12 +84,12 @@ def believable_sentence(found: tuple[Cell, ...]) -> str:
             each = [f"{w} with the {m} model" for w, m in zip(where, MODELS, strict=True)]
             phrases.append(f"{NAMES[statement]} {' and '.join(each)}")
         if left := list(dict.fromkeys(c.truth for c in made if c.outcome == "undecided")):
-            phrases[-1] += f" (so few robots leave it open on {listed(left)} robots)"
+            phrases[-1] += f" (too few robots to decide on {listed(left)} robots)"
     if refused:
         other = phrases[0].replace("every robot", "every other robot")
         phrases[0] = f"{other} (nothing is stated on {listed(list(dict.fromkeys(refused)))} robots)"
     first = phrases[0].replace(" on ", " keeps its promise on ", 1)
-    return f"At {percent(found[0].level)} {first}. Of the others: {'; '.join(phrases[1:])}."
+    return f"At {percent(found[0].level)}, {first}. Of the others: {'; '.join(phrases[1:])}."
 
 
 def on(kept: list[str], truths: list[str]) -> str:
@@ -114,23 +114,23 @@ def consequences(studies: tuple[CoverageStudy, ...], found: tuple[Cell, ...]) ->
         if rows:
             said.append(
                 f"The parameters alone of the {model} model fall short on "
-                f"{listed([c.truth for c in rows])} robots: their region holds "
-                f"{span([c.share.value for c in rows])} of the true points. The program itself "
-                "says so, from residuals and validation poses, on "
+                f"{listed([c.truth for c in rows])} robots: their region contains "
+                f"{span([c.share.value for c in rows])} of the true points. truebed itself "
+                "detects this, from residuals and validation poses, on "
                 f"{span([warned[c.truth, model] for c in rows])} of these robots."
             )
     sound = [warned[c.truth, c.model] for c in regions if c.kept]
     if sound:
         said.append(
-            f"Where the parameters alone hold, a test contradicts them on {span(sound)} of the "
-            "robots."
+            f"Where the parameters alone keep their promise, a test contradicts them on "
+            f"{span(sound)} of the robots."
         )
     balls = [c for c in found if c.statement == "conformal"]
     radii = span_of([c.radius for c in balls])
     said.append(
-        f"The conformal ball holds {span([c.share.value for c in balls])} without knowing what "
-        f"the errors are made of; it costs a radius of {radii}{NARROW}µm and measured poses that "
-        "the calibration may not use."
+        f"The conformal ball contains {span([c.share.value for c in balls])} without any "
+        f"assumption about the errors; its price is a radius of {radii}{NARROW}µm, and measured "
+        "poses that the calibration may not use."
     )
     said += [climbing(studies), obeyed(studies)]
     said += [text for study in studies for text in unnoticed(study, found)]
@@ -154,9 +154,9 @@ def width(found: tuple[Cell, ...]) -> str:
     low, high = (percent(value) for value in (min(part), max(part)))
     of = low if low == high else f"{low.removesuffix(f'{NARROW}%')} to {high}"
     return (
-        f"The believed region holds {span([c.share.value for c in made])} of the true points, by "
-        f"kind and model; its radius is {of} of that of the ball, which contains the measuring "
-        "noise."
+        f"The believed region contains {span([c.share.value for c in made])} of the true points, "
+        f"depending on kind and model; its radius is {of} of that of the ball, which includes the "
+        "measuring noise."
     )
 
 
@@ -174,14 +174,14 @@ def obeyed(studies: tuple[CoverageStudy, ...]) -> str:
     each = []
     for study in studies:
         mean, (_, without) = advised(study), followed(study)
-        nothing = f", nothing to believe on {counted(without, 'robot')}" if without else ""
+        nothing = f", no region on {counted(without, 'robot')}" if without else ""
         if mean is not None:
             each.append(f"{attained_share(mean)} ({study.truth}{nothing})")
         else:
-            each.append(f"nothing to believe ({study.truth})")
+            each.append(f"no region ({study.truth})")
     return (
-        "Whoever uses the chosen model and believes its region where there is one finds "
-        f"{listed(each)} of the points inside."
+        "If you use the chosen model and believe its region wherever one is stated, it contains "
+        f"{listed(each)} of the points."
     )
 
 
@@ -201,9 +201,9 @@ def unnoticed(study: CoverageStudy, found: tuple[Cell, ...]) -> tuple[str, ...]:
         for name in ("model", BELIEVED)
     )
     return (
-        f"No test can see everything: on {percent(float(quiet.mean()))} of {study.truth} robots "
-        "none contradicts the parameters alone of the chosen model, and these hold "
-        f"{share_of(alone)} there; the believed region holds {share_of(region)}.",
+        f"No test can detect everything: on {percent(float(quiet.mean()))} of {study.truth} robots "
+        "no test contradicts the parameters alone of the chosen model, and these contain "
+        f"{share_of(alone)} there; the believed region contains {share_of(region)}.",
     )
 
 
@@ -215,14 +215,13 @@ def procedure(campaign: Campaign) -> str:
         f"{counted(study.before.size, 'robot')} of each kind were drawn and calibrated with the "
         f"{counted(len(trial.selection), 'pose')} of {trial.name}, one visit each. On each robot "
         f"{validation} validation poses were measured, and its noise-free tool point was compared "
-        f"with what is stated at {study.judged} further poses; both were drawn anew for each "
-        "robot, as the pool is, and none is in the pool. Robots of all kinds come from the same "
-        "random numbers and meet the same noise and poses, but for "
-        "those that are measured and used in parts. The geometric model has every free number "
-        "that can be told apart, without a prior; the extended model adds sag and "
-        "harmonics, all under the weak prior. Poses of one robot share its parameter error, so a "
-        "robot counts once: bands are Student's t over robots, and no narrower than poses drawn by "
-        "themselves would make them."
+        f"with what is stated at {study.judged} further poses. Both were drawn anew for each "
+        "robot, as is the pool, and none is in the pool. Robots of all kinds come from the same "
+        "random numbers and meet the same noise and poses, except for those that are measured and "
+        "used in parts. The geometric model has every free number that can be told apart, without "
+        "a prior; the extended model adds sag and harmonics, all under the weak prior. All poses "
+        "of a robot share its parameter error, so a robot counts once: bands are Student's t over "
+        "robots, and no narrower than independent poses would make them."
     )
 
 

@@ -21,7 +21,7 @@ KindName = Literal[
 elsewhere than measured, noise that remembers, another load at use, single moves."""
 KINDS: tuple[KindName, ...] = get_args(KindName)
 SLIGHT = ("slight", "shift", "one_move")
-"""Kinds that are wrong by less than any test sees."""
+"""Kinds whose misfit is 0.25 to 0.75 of the noise, which tests of one robot often miss."""
 DEFAULT: tuple[KindName, ...] = ("rigid", "wen2022", "soft", "elastic", "unmodelled", "slight")
 
 
@@ -33,9 +33,10 @@ class CoverageSettings(ManyRobots):
 
     truths: Annotated[tuple[KindName, ...], Field(min_length=1, max_length=len(KINDS))] = DEFAULT
     """Kinds of robots, whatever this scenario's [truth] says: its presets as they ship, and
-    "slight" (wrong by less than any test sees), "hidden" (the station's own errors, drawn as it
-    states them), "shift" (measured in one part, used in another), "drifting" (noise that
-    remembers), "loaded" (a payload at use only), "one_move" (judged where a single move ends)."""
+    "slight" (a misfit of 0.25 to 0.75 of the noise, which tests often miss), "hidden" (the
+    station's own errors, drawn as it states them), "shift" (measured in one part, used in another),
+    "drifting" (noise that is correlated in time), "loaded" (a payload at use only), "one_move"
+    (judged where a single move ends)."""
     validation_poses: Annotated[int, Field(ge=1, le=5000)] = 40
     """Measured on each robot beside its calibration; drawn anew for each as the pool is."""
     level: Annotated[float, Field(ge=0.5, le=0.999)] = 0.95

@@ -96,13 +96,13 @@ def _measure(shown: ShownTrial) -> Chapter:
         text=(
             f"#### 2 Measure: {shown.trial.name}",
             f"- the tracker measures {measurements.n_poses} poses",
-            "- blue: the chosen poses; dark: where the target was seen",
-            f"- vermilion arrows: seen minus nominal, drawn {shown.arrows} times",
+            "- blue: the chosen poses; dark: where the target was measured",
+            f"- vermilion arrows: measured minus nominal, drawn {shown.arrows} times larger",
             shown.ghost_words,
         ),
         draw=partial(cell.draw_measured, shown),
         lines=numbered("pose", len(seen), (f"{mm:.2f} mm off" for mm in seen)),
-        charts=(Chart("measure", "Seen minus predicted [mm] by pose number", curves),),
+        charts=(Chart("measure", "Measured minus predicted [mm] by pose number", curves),),
     )
 
 
@@ -130,7 +130,7 @@ def _identify(shown: ShownTrial) -> Chapter:
             f"#### 3 Identify: {shown.estimate.mode}",
             f"- {found.parameters.n_free} numbers from {len(found.residual)} equations",
             f"- {found.status.value}",
-            "- the ghost closes in on what the model cannot know",
+            "- the ghost shrinks to what the model cannot describe",
             "- parameters: error over stated uncertainty moves into the gray 95 % band",
         ),
         draw=draw,
@@ -164,11 +164,11 @@ def _evaluate(shown: ShownTrial) -> Chapter:
         motion=visit(shown.setting.test_q),
         text=(
             f"#### 4 Evaluate {shown.trial.name}: {count} held-out poses",
-            f"- vermilion, blue: error before and after, both drawn {shown.arrows} times",
-            f"- ellipsoids: {whose} 95 % regions of the mean, drawn {shown.regions} times",
+            f"- vermilion, blue: error before and after, both drawn {shown.arrows} times larger",
+            f"- ellipsoids: {whose} 95 % regions of the mean, drawn {shown.regions} times larger",
             f"- blue where the truth is inside: {held} of {count}",
             *one_move,
-            f"- ghost: what is left of the deviation, drawn {shown.ghost} times",
+            f"- ghost: the remaining deviation, drawn {shown.ghost} times larger",
         ),
         draw=partial(cell.draw_held_out, shown),
         lines=numbered("pose", count, before_after(judged.before, judged.after)),
@@ -188,5 +188,7 @@ def summary(campaign: Campaign, verdict: str, *, own: bool) -> str:
         judged = estimate.comparison
         held = f"{int(estimate.inside.sum())}/{len(estimate.inside)}"
         before, after = judged.accuracy_before.mean * 1e3, judged.accuracy_after.mean * 1e3
-        lines.append(f"- {trial.name}: {before:.3f} to {after:.3f} mm, {held} regions hold")
+        lines.append(
+            f"- {trial.name}: {before:.3f} to {after:.3f} mm, {held} regions contain the truth"
+        )
     return "\n".join(lines)

@@ -78,7 +78,9 @@ class ShownTrial:
     def ghost_words(self) -> str:
         """What the ghost is, for a chapter before the model knows."""
         bent = ", bent by its weight" if self.arm else ""
-        return f"- purple ghost: the true robot{bent}, its deviation drawn {self.ghost} times"
+        return (
+            f"- purple ghost: the true robot{bent}, its deviation drawn {self.ghost} times larger"
+        )
 
 
 def show(campaign: Campaign, trial: Trial) -> ShownTrial:

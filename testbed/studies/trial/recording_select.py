@@ -59,9 +59,13 @@ def select_chapter(shown: ShownTrial, sets: RandomSets | None) -> Chapter:
         text=(
             f"#### 1 Select: {shown.trial.method}, {criterion}",
             f"- gray: {len(pool)} candidates; blue: the set of {len(selection.indices)} poses",
-            *(("- vermilion leaves; the robot shows what comes in",) if count > 1 else ()),
             *(
-                (f"- a first search, then the better ends of {selection.searches} searches",)
+                ("- vermilion: poses that leave the set; the robot shows those that enter",)
+                if count > 1
+                else ()
+            ),
+            *(
+                (f"- a first search, then the better results of {selection.searches} searches",)
                 if count > 1
                 else ()
             ),

@@ -64,7 +64,7 @@ def headline_table(campaign: Campaign) -> Table:
     rotation = "rotation deg, " * turns
     return Table(
         caption=f"Tool position error on {counted(len(first.before), 'held-out pose')} against the "
-        "noise-free truth, and what is stated of it",
+        "noise-free truth, and the uncertainty that is stated",
         head=heads(
             f"trial, estimator, poses, mean mm, p95 mm, max mm, {rotation}fitted mm, u mm, "
             "inside 95 %, χ²/dof, believable"
@@ -73,10 +73,10 @@ def headline_table(campaign: Campaign) -> Table:
         align="ll" + "r" * (len(rows[0]) - 3) + "l",
         strong=(1,),
         on_paper=printed(len(rows)),
-        note="fitted: mean at the poses fitted to, noise included. u: of the mean tool point (3-D, "
-        "k = 1), as believed. inside: share of true points in the 95 % region. χ²/dof: residuals "
+        note="fitted: mean at the training poses, noise included. u: believed u of the mean tool "
+        "point (3-D, k = 1). inside: share of true points in the 95 % region. χ²/dof: residuals "
         "against the stated noise. default: weighted rows, all distinguishable numbers. paper: 24 "
-        "numbers, base and tool taken as known, unweighted rows; its u as that fit claims.",
+        "numbers, base and tool assumed known, unweighted rows; u is what that fit claims.",
     )
 
 
@@ -97,9 +97,9 @@ def accuracy_is_not_belief(campaign: Campaign) -> str:
                 held = float(one.inside.mean())
                 share = f"only {percent(held)}" if held else "none"
                 return (
-                    'A "no" judges the stated uncertainty, not the accuracy: with '
-                    f"{trial.name} the {SHORT[one.mode]} estimator errs less on average "
-                    f"({mean * MM:.4f} against {other * MM:.4f} mm), but its 95 % regions hold "
+                    'A "no" is about the stated uncertainty, not about the accuracy: with '
+                    f"{trial.name} the {SHORT[one.mode]} estimator has the smaller mean error "
+                    f"({mean * MM:.4f} against {other * MM:.4f} mm), but its 95 % regions contain "
                     f"{share} of the true points."
                 )
     return ""
@@ -164,8 +164,8 @@ def truth_table(campaign: Campaign) -> Table:
         size="small",
         on_paper=printed(len(rows)),
         note="From the covariance of the fit alone, except believed. NEES / rank: 1 is expected. "
-        "too narrow: numbers whose intervals held the truth less often than in 999 of 1000 honest "
-        "studies, the worst named.",
+        "too narrow: numbers whose intervals contained the truth less often than in 999 of 1000 "
+        "honest studies; the worst are named.",
     )
 
 

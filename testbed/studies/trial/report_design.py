@@ -64,8 +64,8 @@ def design_section(campaign: Campaign) -> Section:
     blocks: list[Block] = [
         Points(tuple(said)),
         Figure(
-            "The pool (gray) and the chosen poses: designed sets as blue dots, random sets as "
-            f"vermilion triangles{plots.only(campaign.trials, plots.MOST_VIEWS)}.",
+            "The pool (gray) and the chosen poses. Blue dots: designed sets. Vermilion triangles: "
+            f"random sets{plots.only(campaign.trials, plots.MOST_VIEWS)}.",
             plots.pose_space(campaign),
             "half" if len(campaign.trials) == 1 else "full",
         ),
@@ -126,7 +126,7 @@ def beaten_table(sets: Sequence[RandomSets]) -> Table:
         for one in sets
     ]
     return Table(
-        caption="Each designed set beside random sets of the same size, in its own figure",
+        caption="Each designed set against random sets of the same size, by its own criterion",
         head=heads("trial, criterion, this set, random: mean, best, beaten, ahead by sd"),
         rows=tuple(rows),
         align="llrrrrr",

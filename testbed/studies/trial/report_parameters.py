@@ -115,9 +115,9 @@ def parameter_table(
         rows=tuple(rows),
         align="llrrrrrrll",
         size="small",
-        note="error: true minus identified. U = 2 u, if the model lacks nothing; s: scatter of "
-        f"repeats (type A), its 95 % interval t s with Student's t = {fixed(factor, 2)} of "
+        note="error: true minus identified. U = 2 u, if the model lacks nothing. s: scatter of "
+        f"repeats (type A); its 95 % interval is t s with Student's t = {fixed(factor, 2)} for "
         f"{freedom} {'degree' if freedom == 1 else 'degrees'} of freedom. Base and tool: "
-        "displacements along and about their axes. true: seen through the numbers that were "
+        "displacements along and about their axes. true: expressed in the numbers that were "
         "estimated.",
     )

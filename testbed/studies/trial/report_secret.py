@@ -16,8 +16,8 @@ MEANINGS = {
     "backlash": "play of the gears",
     "thermal": "links that grow warm",
     "elastic": "drives and links that give way under load",
-    "motion": "friction, and what still swings after a move; beyond the arm at rest",
-    "repeatability": "scatter of every new approach",
+    "motion": "friction, and swinging after a move, beyond the arm at rest",
+    "repeatability": "scatter from approach to approach",
 }
 """What each term of the truth stands for."""
 
@@ -41,8 +41,9 @@ def secret_section(campaign: Campaign) -> Section:
         rows=tuple(rows),
         align="llr",
         strong=(len(rows) - 1,),
-        note="True minus nominal tool position, root mean square over the held-out poses. Terms "
-        f"add as vectors; beyond their sum {millimetres(validation.interaction_rms, 2)} mm.",
+        note="True minus nominal tool position, root mean square over the held-out poses. The "
+        "terms add as vectors; all together differ from their sum by "
+        f"{millimetres(validation.interaction_rms, 2)} mm.",
     )
     return Section(
         "secret",
@@ -66,6 +67,6 @@ def secret_words(rows: list[tuple[str, str, str]]) -> str:
     )
     unmodelled = [row for row in rows[:-1] if row[0] not in ("geometry", "frames", "repeatability")]
     if not unmodelled:
-        return f"{text} All of it can be described by a geometric model."
+        return f"{text} A geometric model can describe all of it."
     texts = ", ".join(f"{row[0].replace('_', ' ')} {row[2]} mm" for row in unmodelled)
-    return f"{text} A geometric model cannot describe: {texts}."
+    return f"{text} A geometric model cannot describe these: {texts}."

@@ -66,8 +66,8 @@ def _lacking(estimate: Estimate, against: list[str]) -> tuple[str, ...]:
     if min(found.p_value, statement.held_out.p_value) >= ALARM:
         return ()
     return (
-        "the model lacks something, as the next lines show; the stated region has room for it, and "
-        "it is the region that the truth judges",
+        "the model lacks something, as the next lines show; the stated region allows for it, and "
+        "this region is what the truth judges",
     )
 
 
@@ -113,8 +113,8 @@ def truth_says(estimate: Estimate) -> tuple[list[str], list[str]]:
         share = float(statement.attained[statement.names.index("region")])
         say(
             share >= statement.honest,
-            f"the believed region holds the true mean tool point at {_percent(share)} of "
-            f"{JUDGES} (honest regions: {_percent(statement.honest)} or more on 999 of 1000 "
+            f"the believed region contains the true mean tool point at {_percent(share)} of "
+            f"{JUDGES} (an honest region: at {_percent(statement.honest)} or more, on 999 of 1000 "
             "robots)",
         )
     if played is None:
@@ -130,7 +130,7 @@ def truth_says(estimate: Estimate) -> tuple[list[str], list[str]]:
         share = float(played.region_coverage.mean())
         say(
             bool(share >= played.coverage_band[0]),
-            f"regions as large as the believed one held the true mean tool point in "
+            "regions as large as the believed one contained the true mean tool point in "
             f"{_percent(share)} of all replications and held-out poses",
         )
     for good, sentence in parameters_alone(played):
@@ -155,14 +155,14 @@ def parameters_alone(played: Replications) -> tuple[tuple[bool, str], ...]:
     covered = played.parameter_coverage
     outside = int(((covered < low) | (covered > high)).sum())
     text = (
-        f"95 % intervals held the true parameter in {_percent(covered.min())} to "
+        f"95 % intervals contained the true parameter in {_percent(covered.min())} to "
         f"{_percent(covered.max())} of {played.count} replications"
     )
     if outside:
         text += f"; {outside} of {len(covered)} lie outside {_percent(low)} to {_percent(high)}"
     share = float(played.tool_coverage.mean())
     third = (
-        f"95 % regions held the true tool point in {_percent(share)} of all replications and "
+        f"95 % regions contained the true tool point in {_percent(share)} of all replications and "
         "held-out poses"
     )
     return first, (outside == 0, text), (bool(low <= share), third)
@@ -185,7 +185,8 @@ def measured_says(estimate: Estimate) -> tuple[str, ...]:
         )
         if lack is not None and lack.p_value < ALARM:
             said.append(
-                f"the model misses more than repeats scatter (F = {lack.ratio:.1f}, p < 0.001)"
+                "the errors of the model exceed the scatter of repeats "
+                f"(F = {lack.ratio:.1f}, p < 0.001)"
             )
     return tuple(said)
 
@@ -227,7 +228,7 @@ def next_step(campaign: Campaign) -> str:
     quoted = errors if statement is None else quotable(statement, errors)
     if judge(trial, estimate).contradicted:
         believed = statement is not None and statement.point is not None
-        return f"Do not quote what is stated; quote {errors if believed else quoted}."
+        return f"Do not quote the stated uncertainty; quote {errors if believed else quoted}."
     outliers = 0 if statement is None else len(statement.outlier_poses)
     if outliers and found.loss == "squared":
         return (
@@ -241,13 +242,14 @@ def next_step(campaign: Campaign) -> str:
             'Set model = "choose" under [identification], so that the evidence decides about sag '
             "and harmonics, and free what may have moved"
             if statement is None or statement.model == "geometric"
-            else "Sag and harmonics are in the model already; look for play, warmth and frames "
-            "held fixed that moved"
+            else "Sag and harmonics are in the model already; look for backlash, warming, and "
+            "frames that were held fixed but moved"
         )
         return (
-            f"The residuals are {significant(float(factor), 2)} times what the noise explains, so "
-            f"the model lacks something that the robot has. {wider}. Until then quote {quoted}. "
-            "More poses do not help: they shrink the part of the noise, not what the model lacks."
+            f"The residuals are {significant(float(factor), 2)} times as large as the noise "
+            f"explains, so the model lacks something that the robot has. {wider}. Until then quote "
+            f"{quoted}. More poses do not help: they reduce the part of the noise, not what the "
+            "model lacks."
         )
     return f"Quote {quoted}. {more_poses(statement)}"
 
@@ -269,7 +271,7 @@ def more_poses(statement: Statement | None) -> str:
         return "Four times as many poses would halve the noise part."
     noise = np.isin(statement.sources, NOISE)
     if [name for name in statement.sources if name not in NOISE] == ["prior"]:
-        return "How much more poses would help, only a fit without the prior can say."
+        return "Only a fit without the prior can show how much more poses would help."
     part = float(np.sqrt((statement.source_u[noise] ** 2).sum()))
     return (
         f"Four times as many poses would halve the noise part, {micrometres(part, 2)} µm of "
@@ -288,5 +290,5 @@ def quotable(statement: Statement, errors: str) -> str:
     radius = micrometres(point.radius_mean, 3)
     words = f"{radius} µm (3-D radius, 95 %) for the mean of many moves"
     if np.isfinite(point.radius_move):
-        words += f" and {micrometres(point.radius_move, 3)} µm for where one move ends"
+        words += f" and {micrometres(point.radius_move, 3)} µm for the end of a single move"
     return f"{words}, at poses like the {'held-out ones' if point.held_out else 'measured ones'}"

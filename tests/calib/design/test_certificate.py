@@ -200,6 +200,17 @@ def test_the_sentence_is_no_better_than_the_number():
     assert found.proof.startswith("D-efficiency at least 0.9")
 
 
+@pytest.mark.parametrize("name", ["A", "E"])
+def test_what_no_set_changes_is_rounded_up_by_less_than_a_hundredth_of_a_percent(name: str):
+    problem = Problem.of_blocks(whitened_pool(200), 20, name)
+    found = certify(problem, random_selection(200, 20, np.random.default_rng(1)))
+    assert found is not None
+    printed = float(found.sentence.split("more than ")[1].split(" %")[0])
+    change = 100 * abs(found.figure_bound / found.figure - 1)
+    assert change > 5  # far from where smaller and larger factors change alike
+    assert -1e-9 < printed - change < 0.01 + 1e-9
+
+
 @pytest.mark.parametrize(
     ("free", "m", "random", "bar"),
     [

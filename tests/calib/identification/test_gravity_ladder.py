@@ -13,6 +13,7 @@ from calib.geometry.model import RobotModel
 from calib.geometry.parameters import parameters_of
 from calib.identification.climb import climb
 from calib.identification.identify import Status, identify
+from calib.identification.joint_models import against_gravity
 from calib.identification.ladders import ladders_of
 from calib.identification.least_squares import solve
 from calib.identification.levels import Level, joined, with_errors
@@ -268,6 +269,22 @@ def test_the_climb_has_the_numbers_and_the_evidence_of_whole_fits(which):
     assert wide.n_numbers == len(solved.step)
 
 
+@pytest.mark.parametrize(("m", "misfit", "seed"), [(31, 4e-4, 0), (31, 5e-5, 2), (45, 4e-4, 2)])
+def test_springs_of_an_arm_that_misses_more_than_noise_converge(m, misfit, seed):
+    """Compliance times weight, and residuals of that misfit: plain steps leave 99 % of the way."""
+    ladder, waves = ladders_of(NOMINAL)
+    level = ladder.levels[6]
+    assert level.name == "springs and bearings"
+    rng = np.random.default_rng([seed, m, 5])
+    true, q = sagging(seed, level), POOL[rng.choice(len(POOL), m, replace=False)]
+    T = true.poses(q)
+    T[:, :3, 3] += misfit * rng.normal(size=(m, 3)) + SIGMA_POSITION * rng.normal(size=(m, 3))
+    table = poses(q, T, sd=(SIGMA_POSITION, SIGMA_ROTATION))
+    _, found = extended_by(NOMINAL, table, PARAMETERS, [level, waves.levels[1]], prior=PRIOR)
+    assert found.status is Status.CONVERGED
+    assert found.iterations < 150
+
+
 def test_springs_of_an_arm_without_closed_form_are_found_and_serve_it():
     """Seven axes, nobody states a mass, one robot: most of what its sag leaves is gone."""
     nominal, rng = IIWA, np.random.default_rng(3)
@@ -329,6 +346,16 @@ def test_springs_that_bend_against_their_load_are_told_aloud(up):
     assert f"spring2.z by {-value:.1f} mdeg (U = {2 * u:.1f}) at {load:.3g} N m" in told[0]
     assert "gravity points elsewhere than stated" in told[0]
     assert told[0] in found.summary()
+
+
+@pytest.mark.parametrize(("bend", "named"), [(-2.1, True), (-1.9, False), (1.0, False)])
+def test_a_spring_bends_against_its_load_from_two_standard_uncertainties_on(bend, named):
+    wide = with_errors(NOMINAL, ladders_of(NOMINAL)[0].levels[2].errors)
+    own, sd = wide.joint_errors.springs.names[:1], 1e-5
+    step = np.zeros(wide.n_numbers)
+    step[wide.names.index(own[0])] = bend * sd
+    errors = wide.moved(step).joint_errors
+    assert bool(against_gravity(errors, own, np.diag([sd**2]))) is named
 
 
 def test_a_slow_approach_ends_where_scipy_ends_and_sooner(monkeypatch):

@@ -97,7 +97,7 @@ def test_sag_that_the_model_lacks_is_seen_whatever_the_noise_is_called():
     found = fitted(repeated(3, sag=0.02 * DEG))
     assert found.lack_of_fit is not None
     assert found.lack_of_fit.p_value < 1e-6
-    assert "the model misses more than the measurements scatter" in found.notes[-1]
+    assert "the errors of the model exceed the scatter of the measurements" in found.notes[-1]
 
 
 def test_noise_stated_too_small_is_not_the_models_fault():

@@ -71,7 +71,7 @@ def test_a_robot_with_joint_errors_of_its_own_is_called_so():
     """What its file holds stays, whether the measurements ask for more or not."""
     truth = rigid_truth(np.random.default_rng(4))
     choice = choose(tx60(), seen(truth, 29, 4), parameters_of(tx60(), WEN24))
-    assert "do not ask for joint errors (log" in choice.sentence
+    assert "do not support joint errors (log" in choice.sentence
     own = sentence_of(choice.climb, bent(4))
     assert own == choice.sentence.replace("joint errors", "joint errors beyond the robot's own")
 

@@ -221,6 +221,30 @@ def test_the_covariance_of_a_weighted_fit_is_the_sandwich():
     np.testing.assert_allclose(K @ K.T, expected, rtol=1e-10, atol=1e-14)
 
 
+def test_gross_errors_scatter_as_they_are_seen_to_in_the_covariance():
+    """Huber keeps a part of them: the sandwich written out, rows of the table in turn."""
+    _, table, bad = spoiled(21, m=40)
+    found = identify(tx60(), table, parameters_of(tx60(), WEN24), loss="huber")
+    at = linearize(found.model, table)
+    A = at.A[:, [found.model.names.index(name) for name in found.names]]
+    H, moved, blank = np.zeros((24, 24)), np.zeros((24, 24)), np.zeros((24, 24))
+    suspect = inspect(tx60(), found, table).suspect
+    assert set(bad) <= set(np.flatnonzero(suspect))
+    for k, (rows, r) in enumerate(zip(A.reshape(40, 6, 24), at.r.reshape(40, 6), strict=True)):
+        size = float(np.sqrt(np.mean(r**2)))
+        weight = min(1.0, 1.5 / size)
+        H += weight * rows.T @ rows
+        blank += weight**2 * rows.T @ rows
+        moved += (weight * (size if suspect[k] else 1.0)) ** 2 * rows.T @ rows
+    wanted, as_stated = (np.linalg.solve(H, np.linalg.solve(H, M).T) for M in (moved, blank))
+    u = np.sqrt(np.diag(wanted))
+    # both by normal equations, of a condition whose square leaves nine digits
+    np.testing.assert_allclose(
+        found.covariance / np.outer(u, u), wanted / np.outer(u, u), atol=1e-9
+    )
+    assert (np.diag(wanted) > 1.02 * np.diag(as_stated)).any()
+
+
 @pytest.mark.parametrize("with_prior", [False, True], ids=["data alone", "prior"])
 @pytest.mark.parametrize("points", [False, True], ids=["poses", "poses and points"])
 def test_outlier_score_is_what_the_fit_gains_without_the_observation(points, with_prior):

@@ -172,3 +172,15 @@ def test_groups_of_many_cycles_tell_the_same_uncertainty_as_single_ones():
     x = np.random.default_rng(5).standard_normal((1500, 3))
     # delta method of RP for equal scatter: n u^2 = 3.27; 500 groups tell u to 4 %
     assert float(repeatability(x).uncertainty) == pytest.approx((3.27 / 1500) ** 0.5, rel=0.15)
+
+
+def test_the_floor_of_ad_is_what_scatter_alone_reads_whatever_the_instrument_shares():
+    rng = np.random.default_rng(12)
+    ends = np.array([[[0, 0, 0]], [[0.5, 0, 0]]])
+    first, second = rng.normal(scale=1e-5, size=(2, 30, 3)) + ends
+    alone = distance_accuracy(first, second, 0.5)
+    both = distance_accuracy(first, second, 0.5, common=2e-5)
+    assert both.floor == alone.floor
+    assert both.uncertainty == pytest.approx(np.hypot(alone.uncertainty, 2e-5), rel=1e-12)
+    # mean |x| of a normal number of that standard deviation
+    assert alone.floor == pytest.approx(alone.uncertainty * np.sqrt(2 / np.pi), rel=1e-12)

@@ -136,3 +136,10 @@ def test_a_cycle_that_strays_is_found_and_normal_ones_are_not():
     far = straying_cycle(x)
     assert (far.pose, far.cycle) == (3, 11)
     assert far.strays
+
+
+def test_of_normal_cycles_one_set_in_twenty_has_one_that_strays_so_far():
+    """Bonferroni over ten cycles is nearly exact; 0.005 is a standard deviation of 2000 sets."""
+    rng = np.random.default_rng(17)
+    far = [straying_cycle(rng.normal(size=(1, 10, 3))).p_value < 0.05 for _ in range(2000)]
+    assert np.mean(far) == pytest.approx(0.049, abs=0.015)

@@ -13,6 +13,7 @@ from calib.errors import InputError
 from calib.geometry.parameters import parameters_of
 from calib.uncertainty.adaptive import adaptive, fewest_draws
 from calib.uncertainty.budget import Budget, Contribution, effective_dof
+from calib.uncertainty.regions import coverage_factor
 from calib.uncertainty.validation import first_order, validate
 from tests.reference import tx60
 
@@ -326,3 +327,19 @@ def test_draws_too_few_for_the_asked_coverage_are_refused():
         adaptive(lambda n, _: np.full((n, 1), np.nan), rng)
     with pytest.raises(InputError, match="depend on each other"):
         adaptive(lambda n, r: np.repeat(r.standard_normal((n, 1)), 2, 1), rng)
+
+
+@pytest.mark.parametrize(
+    ("off", "error", "outcome"),
+    [(0.055, 0.02, "undecided"), (0.055, 0.004, "not validated"), (0.045, 0.004, "validated")],
+)
+def test_a_difference_within_the_error_of_monte_carlo_is_not_held_against_first_order(
+    off, error, outcome
+):
+    """Two digits of u = 1: the tolerance is 0.05, and Monte Carlo has to be known to 0.01."""
+    run = adaptive(lambda M, rng: rng.standard_normal((M, 1)), np.random.default_rng(0), digits=1)
+    exact = dataclasses.replace(
+        run, mean=np.zeros(1), covariance=np.eye(1), factor=coverage_factor(1),
+        error=np.full(4, error),
+    )  # fmt: skip
+    assert validate([off], [[1.0]], exact).outcome == outcome

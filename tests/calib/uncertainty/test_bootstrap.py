@@ -140,7 +140,7 @@ def test_a_covariance_twice_too_small_is_noticed():
     # a few do not decide: they are counted in the scatter all the same
     few = Bootstrap(run.names, run.estimates, run.chi_square, run.covariance, run.dof, 5)
     assert few.agrees
-    assert few.sentence.endswith("; 5 of them did not settle")
+    assert few.sentence.endswith("; 5 of them did not converge")
 
 
 def test_fits_that_two_steps_leave_unsettled_take_more():
@@ -220,3 +220,12 @@ def test_bad_requests_are_refused():
         bootstrap(*args, prior_precision=-np.eye(24))
     with pytest.raises(InputError, match="rank 30"):
         bootstrap(fit.model, table, parameters_of(tx60()), np.random.default_rng(0))
+
+
+@pytest.mark.parametrize(("ratio", "agrees"), [(0.81, True), (1.19, True), (1.21, False)])
+def test_a_scatter_agrees_within_four_standard_errors(ratio, agrees):
+    """Of 200 replicates a standard deviation is known to 5 %."""
+    z = np.random.default_rng(0).normal(size=(200, 1))
+    z = (z - z.mean()) / z.std(ddof=1)
+    found = Bootstrap(("a",), ratio * z, np.ones(200), np.eye(1), 10, 0)
+    assert found.agrees is agrees

@@ -54,7 +54,7 @@ def test_noise_that_nothing_measured_tells_is_misfit_in_the_region_and_noise_in_
     assert found.belief.misfit.p_value == plain.belief.misfit.p_value
     assert found.belief.misfit.upper > 1.5 * plain.belief.misfit.upper
     assert found.point.radius_mean > plain.point.radius_mean
-    assert "all of it counts as misfit" in found.belief.misfit.sentence
+    assert "all of that scatter counts as misfit" in found.belief.misfit.sentence
     nothing = (0.0 * train.covariance, 0.0 * test.covariance)
     again = judge(fit, test, train=train, circumstances=Circumstances(doubted=nothing))
     assert again.belief.misfit.upper == plain.belief.misfit.upper
@@ -181,7 +181,7 @@ def test_all_visits_tell_the_noise_where_only_the_first_identify():
     assert told.repeated
     # 174 degrees of freedom: 5 % of the scale, and what the residuals say of it
     assert told.noise_scale == pytest.approx(1 / 1.5, rel=0.15)
-    assert "taken on trust" not in told.sentence
+    assert "is untested" not in told.sentence
 
 
 def test_words_are_short_in_a_shell_and_whole_in_a_summary():
@@ -214,3 +214,15 @@ def test_a_stage_of_nanometers_is_not_said_to_be_right_to_nothing():
     assert f"lies within {1e6 * judged.conformal.radius:.2g} um with 95 %" in judged.summary()
     assert f"radius: {1e6 * judged.point.radius_mean:.2g} um" in repr(judged)
     assert " 0 um" not in judged.summary() + repr(judged)
+
+
+def test_the_question_of_another_frame_is_asked_twice_and_counted_so():
+    """Of a motion of the base and an offset of the target: Bonferroni."""
+    fit, train, test = measured_tables()
+    made = judge(fit, test, train=train)
+    p = dict(zip(made.questions.names, made.questions.p_values, strict=True))["another frame"]
+    assert p == min(1.0, 2 * min(made.frame.p_base, made.frame.p_tool))
+    moved = dataclasses.replace(test, position=test.position + np.array([12e-6, 0, 0]))
+    made = judge(fit, moved, train=train)
+    p = dict(zip(made.questions.names, made.questions.p_values, strict=True))["another frame"]
+    assert 0 < p == 2 * min(made.frame.p_base, made.frame.p_tool) < 0.5

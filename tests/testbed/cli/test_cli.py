@@ -263,7 +263,7 @@ def test_every_verb_has_help_and_no_verb_is_a_stub(truebed):
         assert truebed(verb, "--help").exit_code == 0
     # what a verb does is a whole sentence, also at 80 columns
     for text in (listed, truebed("new", "--help").stdout):
-        said = text.partition("Commands:")[2].split("Begin with")[0].strip().splitlines()
+        said = text.partition("Commands:")[2].split("Start with")[0].strip().splitlines()
         assert all(line.rstrip(" |│").endswith(".") and ".." not in line for line in said), said
 
 

@@ -123,7 +123,7 @@ def test_a_step_of_a_recording_cut_short_is_refused_as_one_of_no_recording(path,
     whole = path.read_bytes()
     cut = tmp_path / "cut.rrd"
     cut.write_bytes(whole[: int(part * len(whole))])
-    with pytest.raises(InputError, match=r"cut\.rrd: is no recording, or is not whole"):
+    with pytest.raises(InputError, match=r"cut\.rrd: is not a recording, or is incomplete"):
         viewer.picture(cut, tmp_path / "a.png", step=3)
 
 

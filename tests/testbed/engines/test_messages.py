@@ -10,10 +10,11 @@ from pathlib import Path
 
 import pytest
 
-from calib.errors import CalibError, MachineError
+from calib.errors import CalibError, MachineError, TooFewPosesError
 from testbed.engines import choice, kit
 from testbed.engines.choice import crowded, engine_of, slice_of, workers_of
 from testbed.engines.kit import require_alike
+from testbed.strict import Fault, one_error
 
 GOLDEN = Path(__file__).parents[2] / "golden" / "engine_messages.txt"
 OURS = {"truebed": "0.1.0", "numpy": "2.4.0", "source code": "0123456789ab"}
@@ -65,7 +66,21 @@ def test_enough_cores_need_no_word_and_auto_takes_them_all():
     assert [crowded(1), crowded(2), workers_of("auto"), workers_of("12")] == ["", "", 2, 12]
 
 
-def test_an_error_of_ours_goes_from_process_to_process_whole():
-    error = MachineError("x is 1", code="F3", where="here", field="x", value=1, fix="mend it")
-    other = pickle.loads(pickle.dumps(error))
-    assert (type(other), vars(other)) == (MachineError, vars(error))
+@pytest.mark.parametrize(
+    "error",
+    [
+        MachineError("x is 1", code="F3", field="x", value=1, fix="mend it"),
+        TooFewPosesError("3 poses are few", least=6, count=3),
+        one_error([Fault(("x",), "x is 1"), Fault(("y",), "y is 2")], ""),
+    ],
+    ids=lambda error: type(error).__name__,
+)
+def test_an_error_of_ours_goes_whole_from_process_to_process_and_to_its_place(error):
+    placed = error.located("here")
+    assert (type(placed), vars(placed)) == (type(error), vars(error) | {"where": "here"})
+    assert error.where == ""
+    assert placed.located("there") is placed
+    for each in (error, placed):
+        other = pickle.loads(pickle.dumps(each))
+        assert (type(other), vars(other)) == (type(each), vars(each))
+        assert other.args == (str(each),)

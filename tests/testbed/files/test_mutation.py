@@ -43,6 +43,15 @@ RAPID = "\n".join(
     f"CONST jointtarget p{k + 1} := [[{','.join(f'{v:.9f}' for v in np.degrees(row))}],[9E9,9E9]];"
     for k, row in enumerate(DATA.q)
 )
+DEG = np.degrees(DATA.q)
+KRL = "DEF A()\n" + "\n".join(
+    f"PTP {{{','.join(f'A{k + 1} {v:.9f}' for k, v in enumerate(row))}}} C_PTP" for row in DEG
+)
+TP = "/POS\n" + "\n".join(
+    f"P[{j}]{{\nGP1:\n{', '.join(f'J{k + 1}= {v:.9f} deg' for k, v in enumerate(row))}\n}};"
+    for j, row in enumerate(DEG, 1)
+)
+UR = "def a():\n" + "\n".join(f"movej([{','.join(map(str, row))}], a=1)" for row in DATA.q)
 PROGRAM = (
     'match = "order"\n[joints]\nfile = "cal.txt"\nformat = "rapid"\n'
     f'[points]\nfile = "smr.txt"\nformat = "sa"\n{SIGMAS}'
@@ -74,7 +83,13 @@ FILES = {
         | {"session.toml": VISITS},
         "session.toml", None,
     ),
-    "rapid": ({"cal.txt": RAPID, "smr.txt": SA, "session.toml": PROGRAM}, "session.toml", None),
+    **{
+        name: (
+            {"cal.txt": text, "smr.txt": SA, "session.toml": PROGRAM.replace("rapid", name)},
+            "session.toml", None,
+        )
+        for name, text in (("rapid", RAPID), ("krl", KRL), ("fanuc", TP), ("urscript", UR))
+    },
 }  # fmt: skip
 PIECES = (
     b",",

@@ -99,7 +99,7 @@ def test_the_right_reading_passes_and_its_margin_is_told(tmp_path):
     found.raise_if_wrong()
     assert found.stated.position < 1.0e-3
     assert found.best.misfit.score > 20 * found.stated.score
-    assert found.sentence.startswith("base and tool alone leave 0.")
+    assert found.sentence.startswith("with only base and tool fitted, the errors are 0.")
     assert not found.warnings
     assert 0.88 < found.spread < 1.26
 

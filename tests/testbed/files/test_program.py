@@ -66,6 +66,9 @@ def test_joint_targets_bring_the_real_robot_where_the_program_meant(tmp_path, re
     # written with six digits
     assert [float(row["before_mm"]) for row in out] == pytest.approx(1e3 * missed, rel=1e-5)
     assert "3 of 3 targets corrected" in found.sentences[0]
+    # searches end at rounding, which is no figure to print
+    assert found.left.max() < 1e-9
+    assert found.sentences[0].endswith(" mm before and less than 0.000001 mm after")
 
 
 FORMS = {
@@ -172,7 +175,7 @@ def test_joints_that_contradict_their_pose_leave_the_target_as_written(tmp_path,
     out = cells(tmp_path / "out.csv")
     assert [float(out[1][name]) for name in head] == rows[1]
     np.testing.assert_array_equal(found.left[1:], found.before[1:])
-    said = next(text for text in found.sentences if "are not those of their poses" in text)
+    said = next(text for text in found.sentences if "do not belong to their poses" in text)
     assert said.startswith("2 of 3 targets are left as written")
     assert "the first in line 4: " in said
 
@@ -461,6 +464,6 @@ def test_a_program_of_an_arm_of_four_joints_is_corrected_and_says_what_stays_tur
     # what is written is rounded to 0.1 um
     np.testing.assert_allclose(there[:, :3, 3], want[:, :3, 3], atol=1e-7 if poses else 1e-9)
     tilt = np.degrees(np.linalg.norm(np.cross(there[:, :3, 2], want[:, :3, 2]), axis=1)).max()
-    said = [one for one in found.sentences if "cannot turn its tool in every way" in one]
+    said = [one for one in found.sentences if "cannot orient its tool freely" in one]
     assert len(said) == 1
-    assert f"up to {tilt:.2g} deg is left" in said[0]
+    assert f"up to {tilt:.2g} deg of the rotation remains" in said[0]

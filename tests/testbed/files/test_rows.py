@@ -79,7 +79,7 @@ def test_an_order_that_is_none_is_said_and_not_used(tmp_path):
     assert session.measurements.conditions.approach is None
     why = dict(session.rows_say.unsaid)["approach"]
     assert why.startswith("the column order of ")
-    assert why.endswith("is no order: lines 2 and 22 both have 0, at other joints")
+    assert why.endswith("is not an order: lines 2 and 22 both have 0, at other joints")
     assert why in session.notes
 
 
@@ -113,8 +113,8 @@ def test_held_out_rows_that_say_less_are_taken_at_the_mean(tmp_path):
     joined = with_test(one, two)
     both = joined.measurements.conditions
     assert [text for text in joined.warnings if "drives" in text] == [
-        "the held-out rows have no torques of the drives, the others have: they are taken at the "
-        "mean of these"
+        "the held-out rows have no torques of the drives, unlike the others: the mean of these is "
+        "used"
     ]
     np.testing.assert_allclose(both.torque[M:], np.tile(LOADS.mean(axis=0), (M, 1)), atol=1e-12)
 
@@ -124,12 +124,12 @@ def test_held_out_rows_that_say_less_are_taken_at_the_mean(tmp_path):
     [
         ({"payload_x_mm": np.zeros(M)}, "", "none for payload_y, payload_z"),
         ({f"payload_{a}_mm": np.zeros(M) for a in "xyz"}, "", "none for payload_kg"),
-        ({"payload_kg": np.full(M, 2500.0)}, "", "numbers beyond sense"),
+        ({"payload_kg": np.full(M, 2500.0)}, "", "implausible numbers"),
         ({"payload_kg": np.full(M, 80.0)}, "", "payload_kg is 80, and the moving parts of"),
         ({"torque2_Nm": np.zeros(M)}, "", "none for torque1"),
         ({"torque1_Nm": np.zeros(M)}, "", "has the torque of 1 joint"),
         ({"torque1_Nm": np.zeros(M), "current1_A": np.zeros(M)}, "", "torques and currents"),
-        ({"torque1_Nm": np.zeros(M), "torque1_Nmm": np.zeros(M)}, "", "are both there"),
+        ({"torque1_Nm": np.zeros(M), "torque1_Nmm": np.zeros(M)}, "", "are both present"),
         ({}, "[gear]\nratio = { joint1 = 0 }\n", r"gear.*joint1.*greater than 0|joint1"),
         ({}, "[gear]\nratio = { joint9 = 100 }\n", r"\[gear\] ratio names joint9"),
         ({}, "[conditions]\npayload_center_mm = [0, 0, 50]\n", "payload_center_mm needs"),

@@ -59,7 +59,7 @@ def test_shifted_joints_are_named_though_held_out_poses_seem_to_identify(tmp_pat
     table["pose_id"] = np.arange(len(order))
     moved = {k: (v[:-1] if k in JOINTS else v[1:]) for k, v in table.items()}
     read = session(tmp_path, moved | {"split": ["identify"] * 23 + ["test"] * 12})
-    with pytest.raises(InputError, match="at joints that identify, too"):
+    with pytest.raises(InputError, match="at the same joints as a training pose"):
         split_of_session(read, train=None, held_out=None, seed=0)
     with pytest.raises(InputError, match=r"row k-1 belongs to pose k"):
         calibrate(ROBOT, read)
@@ -75,7 +75,7 @@ def test_a_value_beyond_a_limit_is_warned_of_and_many_are_refused(tmp_path):
         'line 6: q3_deg = "500"; its limits are -142.5 to 142.5 deg'
     ]
     table["q3_deg"][:] = 500.0
-    with pytest.raises(InputError, match=r"17 % of .*; mend these cells, or check the robot"):
+    with pytest.raises(InputError, match=r"17 % of .*; correct these cells, or check the robot"):
         session(tmp_path, table)
     rad = {k.replace("deg", "rad") if k in JOINTS[3:5] else k: v for k, v in visits().items()}
     with pytest.raises(InputError, match=r"if q4, q5 are deg, name the columns q4_deg \.\.\."):

@@ -104,7 +104,7 @@ def test_a_stated_split_through_one_stop_is_refused(tmp_path):
     assert session.is_test.sum() == R
     words[0] = "test"
     session = read(tmp_path, repeats(split=list(words)))
-    with pytest.raises(InputError, match="at joints that identify, too"):
+    with pytest.raises(InputError, match="at the same joints as a training pose"):
         split_of_session(session, train=None, held_out=None, seed=0)
 
 

@@ -5,6 +5,7 @@ from datetime import UTC, datetime, timedelta, timezone
 import numpy as np
 import pytest
 
+from calib.errors import InputError
 from testbed.files.read import ReadOptions, read_session
 from tests.testbed.files.made import ROBOT, columns, csv, made, with_spread
 
@@ -110,3 +111,88 @@ def test_numbers_without_a_unit_are_said_to_be_taken_as_seconds(tmp_path):
     (said,) = session.warnings
     assert said.endswith("numbers without a unit and taken as seconds; call their column time_s if "
                          "they are")  # fmt: skip
+
+
+SHOTS = 29
+RATE = 10.0
+
+
+def logged(folder, *, moves=2.0, stands=3.0, late=0.04, zone="", stop=None):
+    """A log of joints ten times a second, and shots in the middle of each stop by the same clock.
+
+    Between stops all joints move evenly. The tracker saw the moment `late` seconds beside a line of
+    the log; with `stop`, that shot was taken halfway on the way there.
+    """
+    data = made(m=SHOTS)
+    period = moves + stands
+    times = np.arange(0.0, SHOTS * period, 1 / RATE)
+    stop_of, into = np.minimum(times // period, SHOTS - 1).astype(int), times % period
+    share = np.clip(into / moves, 0.0, 1.0)[:, None]
+    before = data.q[np.maximum(stop_of - 1, 0)]
+    q = before + share * (data.q[stop_of] - before)
+    shots = np.arange(SHOTS) * period + moves + stands / 2 + late
+    if stop is not None:
+        shots[stop] -= moves / 2 + stands / 2
+    begin = datetime(2026, 3, 1, 14, 5, tzinfo=UTC).replace(tzinfo=None)
+
+    def written(seconds):
+        return [(begin + timedelta(seconds=float(one))).isoformat() + zone for one in seconds]
+
+    log = {"time": written(times)}
+    log |= {f"q{j + 1}_deg": np.degrees(column) for j, column in enumerate(q.T)}
+    (folder / "log.csv").write_text(csv(log))
+    seen = with_spread(columns(data, ids=False)) | {"euler": ["XYZ"] * SHOTS}
+    seen = {name: column for name, column in seen.items() if not name.startswith("q")}
+    (folder / "shots.csv").write_text(csv({"time": written(shots)} | seen))
+    return data
+
+
+def by_time(folder, within=0.2, match="time", more=""):
+    """The session of both files, matched by their times."""
+    file = folder / "session.toml"
+    file.write_text(
+        f'match = "{match}"\nmatch_within_s = {within}\n{more}'
+        '[joints]\nfile = "log.csv"\n[frames]\nfile = "shots.csv"\n'
+    )
+    return read_session(file, ROBOT)
+
+
+@pytest.mark.parametrize("zone", ["", "Z"])
+def test_shots_get_the_joints_of_a_log_at_their_moment(tmp_path, zone):
+    data = logged(tmp_path, zone=zone)
+    session = by_time(tmp_path)
+    np.testing.assert_allclose(session.measurements.q, data.q, atol=1e-12)
+    assert session.measurements.n_poses == SHOTS
+    assert any("matched by time with log.csv, up to 0.04 s apart" in one for one in session.notes)
+
+
+def test_a_shot_on_the_way_or_without_joints_near_it_is_refused(tmp_path):
+    logged(tmp_path, stop=7)
+    with pytest.raises(
+        InputError, match=r"shots.csv:9: within 0.2 s .* joint \d differs by"
+    ) as one:
+        by_time(tmp_path)
+    assert one.value.code == "M31"
+    logged(tmp_path)
+    with pytest.raises(InputError, match=r"no joints within 0.01 s of 29 readings .*0.04 s away"):
+        by_time(tmp_path, within=0.01)
+    logged(tmp_path, zone="Z")
+    text = (tmp_path / "shots.csv").read_text().replace("Z,", ",")
+    (tmp_path / "shots.csv").write_text(text)
+    with pytest.raises(InputError, match="dates with time zones"):
+        by_time(tmp_path)
+    (tmp_path / "shots.csv").write_text(text.replace("time,", "moment,", 1))
+    with pytest.raises(InputError, match="has no times that can be read"):
+        by_time(tmp_path)
+
+
+def test_more_joints_than_shots_are_told_of_their_times_and_a_reach_without_them_is_odd(tmp_path):
+    logged(tmp_path)
+    with pytest.raises(InputError, match='or let match = "time" hold their times'):
+        by_time(tmp_path, match="order")
+    data = columns(made(m=SHOTS))
+    (tmp_path / "log.csv").write_text(csv({k: v for k, v in data.items() if k[0] in "pq"}))
+    shots = {k: v for k, v in with_spread(data).items() if not k.startswith("q")}
+    (tmp_path / "shots.csv").write_text(csv(shots | {"euler": ["XYZ"] * SHOTS}))
+    said = by_time(tmp_path, match="pose_id").warnings
+    assert any("match_within_s changes nothing" in one for one in said)

@@ -63,7 +63,7 @@ def test_a_cell_that_is_no_number_is_named_whatever_its_column(name, tmp_path):
         error = caught.value
         assert (error.code, error.where, error.field) == ("M25", str(tmp_path / "a.csv"), name)
         assert f'1 of 29 rows has cells that are not numbers (line 18 {name} "{cell}"' in str(error)
-        assert str(error).endswith("mend them or add --drop-invalid. [M25]")
+        assert str(error).endswith("correct them or add --drop-invalid. [M25]")
 
 
 @pytest.mark.parametrize("name", [*NUMBERS, *covariance_names()])

@@ -141,8 +141,8 @@ def test_a_file_of_more_than_a_megabyte_is_not_read(told, tmp_path, verb):
 @pytest.mark.parametrize("verb", VERBS)
 def test_what_is_no_toml_is_said_the_same_way_by_every_reader(told, verb):
     assert told(verb, b"a = ") == [
-        ": is not TOML: Invalid value (at end of document); mend that line; strings need quotes, "
-        "numbers and true/false do not. [S38]"
+        ": is not TOML: Invalid value (at end of document); correct that line; strings need "
+        "quotes, numbers and true/false do not. [S38]"
     ]
     assert told(verb, b"a = '\xfc'") == [
         ": byte 5 is not UTF-8; TOML is UTF-8 text; save the file as UTF-8. [S38]"

@@ -172,7 +172,7 @@ def test_what_looks_like_a_workbook_and_is_none_stays_refused_as_text(tmp_path):
         read_session(tmp_path / "a.xlsx", ROBOT)
     (tmp_path / "a.csv").write_text(csv(table()))
     (tmp_path / "s.toml").write_text('[frames]\nsheet = "A"\n')
-    with pytest.raises(InputError, match=r'has no sheet "A": it is no workbook'):
+    with pytest.raises(InputError, match=r'has no sheet "A": it is not a workbook'):
         read_session(tmp_path / "a.csv", ROBOT, config=tmp_path / "s.toml")
 
 

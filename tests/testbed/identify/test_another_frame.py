@@ -35,12 +35,12 @@ def test_a_moved_station_is_no_proof(tmp_path, size):
     found = judged_by(tmp_path, moved(visit(0, 20, seed=5), *size))
     said = verdict(found)
     assert found.elsewhere
-    assert said.startswith("The held-out rows stand in another frame: ")
-    assert "state a session of their own" in said
+    assert said.startswith("The held-out rows are off as a whole by ")
+    assert "describe them as a session of their own" in said
     assert "falls from" not in said
     if size[1] > 0.1:
         assert f"{size[1]:.3g} deg" in said
-    assert "Find out first" in next_step(found)
+    assert "First find out" in next_step(found)
     assert found.proof.belief.n_guards == 0
 
 
@@ -110,9 +110,9 @@ def test_a_station_pushed_halfway_is_named_with_the_poses_between_which_it_was(t
     said = reasons(found)[0]
     assert said.startswith(f"Between pose {names[0]} and pose {names[1]} something moved: ")
     assert abs(found.moved.size / 200e-6 - 1) < 0.15  # a few poses of 17 um on each side
-    assert f"stand {found.moved.size * 1e6:.0f} um off as one piece" in said
+    assert f"are {found.moved.size * 1e6:.0f} um off as a whole" in said
     assert "[[session]]" in said
-    assert next_step(found).startswith("Find out first what moved")
+    assert next_step(found).startswith("First find out what moved")
     # what it advises mends it
     data = pushed(0.2)
     halves = {"a": Made(data.q[:STEP], data.T[:STEP], data.truth),
@@ -125,6 +125,19 @@ def test_a_station_pushed_halfway_is_named_with_the_poses_between_which_it_was(t
     assert apart.proof.point.radius_mean < 0.4 * found.proof.point.radius_mean
 
 
+def test_a_probe_that_turned_in_its_seat_is_told_by_its_turn(tmp_path):
+    """The point that is seen stays where it was: micrometers alone would say that nothing moved."""
+    data = visit(0, 60, seed=8)
+    T = data.T.copy()
+    T[STEP:] = T[STEP:] @ step_transform(np.radians([0, 0, 0, 0.1, -0.2, 0.2]))
+    written(tmp_path, {"a": Made(data.q, T, data.truth)}, head=ONE)
+    found = calibrate(ROBOT, read_session(tmp_path, ROBOT), SPLIT)
+    said = reasons(found)[0]
+    assert found.moved.what == "target"
+    assert float(said.partition("turned by ")[2].split()[0]) == pytest.approx(0.3, rel=0.02)
+    assert "um off on the tool, turned by " in said
+
+
 def test_rows_of_an_unknown_order_are_not_asked_and_a_still_station_is_not_accused(tmp_path):
     written(tmp_path, {"a": pushed(0.2)}, head=f'{ONE}\n[identification]\norder = "unknown"\n')
     assert calibrate(ROBOT, read_session(tmp_path, ROBOT), SPLIT).moved is None
@@ -132,3 +145,29 @@ def test_rows_of_an_unknown_order_are_not_asked_and_a_still_station_is_not_accus
     still.mkdir()
     written(still, {"a": visit(0, 60, seed=8)}, head=ONE)
     assert calibrate(ROBOT, read_session(still, ROBOT), SPLIT).moved is None
+
+
+@pytest.mark.parametrize("part", ["tool", "base"])
+def test_a_tool_or_base_that_is_the_same_by_the_file_alone_is_named(tmp_path, part):
+    """By 0.15 mm: too little to refuse, and enough to make the radius several times as wide."""
+    own = visit(1, 40, seed=3, **{part: 0})
+    data = {"a": visit(0, 40, seed=2), "b": moved(own, 0.15, 0.0, tool=part == "tool")}
+    sessions = session("a"), session("b", f'{part} = "same as a"')
+    found = calibrate(ROBOT, read_session(written(tmp_path, data, *sessions), ROBOT), SPLIT)
+    said = reasons(found)[0]
+    assert said.startswith('From session "b" on something differs from "a": ')
+    assert found.moved.size == pytest.approx(0.15e-3, rel=0.15)  # some tens of poses of 17 um
+    assert f'write {part} = "free" in the [[session]]' in said
+    # what it advises mends it
+    free = written(tmp_path / "free", data, session("a"), session("b"))
+    mended = calibrate(ROBOT, read_session(free, ROBOT), SPLIT)
+    assert mended.moved is None
+    assert mended.proof.point.radius_mean < 0.7 * found.proof.point.radius_mean
+
+
+@pytest.mark.parametrize("part", ["tool", "base"])
+def test_a_tool_or_base_that_is_the_same_is_not_accused(tmp_path, part):
+    data = {"a": visit(0, 40, seed=2), "b": visit(1, 40, seed=3, **{part: 0})}
+    sessions = session("a"), session("b", f'{part} = "same as a"')
+    found = calibrate(ROBOT, read_session(written(tmp_path, data, *sessions), ROBOT), SPLIT)
+    assert found.moved is None

@@ -41,12 +41,12 @@ def calibration(
 
 def test_poses_missed_far_more_than_training_poses_left_out_are_told_with_their_joints():
     (text,) = beyond_words(calibration(7e-4, held_out=12))
-    assert "missed 7.0 times as far" in text
+    assert "held-out poses is 7.0 times that at training poses" in text
     assert "0.700 against 0.100 mm" in text
     # training ends at the pose before the last twelve; joint 3 goes 4 deg, which is no other place
     train = Q[:18]
     ahead = np.degrees(Q[18:, 0].max() - train[:, 0].max())
-    assert f"(joint 1 goes {ahead:.0f} deg, joint 2 goes 100 mm beyond its poses)" in text
+    assert f"(joint 1 goes {ahead:.0f} deg, joint 2 goes 100 mm beyond the training poses)" in text
 
 
 def test_poses_in_the_same_place_are_not_said_to_lie_elsewhere():
@@ -54,7 +54,7 @@ def test_poses_in_the_same_place_are_not_said_to_lie_elsewhere():
     same = SimpleNamespace(q=np.zeros((30, 3)))
     (text,) = beyond_words(calibration(7e-4, measurements=same))
     assert "no joint goes beyond its training poses; either they lie where" in text
-    assert text.endswith("bumped, otherwise loaded, or not this one")
+    assert text.endswith("it was bumped, carried another load, or is not the same robot")
 
 
 def test_one_shot_far_off_is_named_and_the_place_is_not_blamed():
@@ -62,7 +62,7 @@ def test_one_shot_far_off_is_named_and_the_place_is_not_blamed():
     far = ("held-out pose 7 is missed by 10 mm, 100 times the median", "held-out pose 9 is missed")
     bumped = {"median": 1.1e-4, "radii": (9e-3, 3e-4)}
     (text,) = beyond_words(calibration(30e-4, far=far, **bumped))
-    assert f"as wide as it is, 300 um without them: {far[0]} (1 more like it)" in text
+    assert f"would be 300 um without them: {far[0]} (and 1 more like it)" in text
     assert "joint" not in text
     (alone,) = beyond_words(calibration(30e-4, far=far[:1], **bumped))
     assert "like it" not in alone
@@ -73,7 +73,7 @@ def test_one_shot_far_off_is_named_and_the_place_is_not_blamed():
     assert beyond_words(calibration(30e-4, far=far, median=1.1e-4, radii=(3.5e-4, 3e-4))) == ()
     # all of them off by as much as the typical one: that is the place, whatever else is far off
     (place,) = beyond_words(calibration(30e-4, median=9e-4, far=far, radii=(9e-3, 8.5e-3)))
-    assert "times as far as training poses" in place
+    assert "times that at training poses left out" in place
 
 
 @pytest.mark.parametrize(
@@ -139,13 +139,13 @@ def test_that_geometry_alone_is_better_at_held_out_poses_is_said_with_its_chance
     simpler = np.array([40e-6, 44e-6, 42e-6, 42e-6])
     taken = simpler + np.array([-1e-6, 3e-6, -1e-6, 3e-6])
     (text,) = simpler_words(two_models(simpler, taken))
-    assert "misses the 4 held-out poses by less than the model taken: 0.0420 against 0.0430" in text
-    assert "0.87 standard errors of the difference, pose by pose: chance may do that" in text
-    assert text.endswith("--model geometric takes it")
+    assert "has smaller errors than the chosen model: 0.0420 against 0.0430" in text
+    assert "0.87 standard errors of the difference, pose by pose: this may be chance" in text
+    assert text.endswith("--model geometric uses geometry alone")
     (text,) = simpler_words(two_models(simpler, simpler + np.array([4e-6, 5e-6, 6e-6, 5e-6])))
     assert "more than chance makes likely" in text
     assert simpler_words(two_models(taken, simpler)) == ()
     assert simpler_words(two_models(simpler, taken, elsewhere=True)) == ()
     assert simpler_words(two_models(simpler, taken, choice=GEOMETRIC)) == ()
     one = two_models(simpler[:1], taken[:1] + 2e-6)
-    assert simpler_words(one)[0].endswith("mm on average; --model geometric takes it")
+    assert simpler_words(one)[0].endswith("mm on average; --model geometric uses geometry alone")

@@ -23,8 +23,8 @@ WORDS = {
     "nothing": (
         Conditions(),
         SetUp(),
-        "The payload, the tool and the temperature of the measurements are not stated: what is "
-        "said holds as long as nothing differs.",
+        "The payload, the tool and the temperature during the measurements are not stated: the "
+        "results hold as long as they stay the same.",
     ),
     "all": (
         Conditions(PAYLOAD, TOOLS, WARMTH),
@@ -39,14 +39,14 @@ WORDS = {
     "a tool alone": (
         Conditions(tool=TOOLS),
         SetUp(),
-        "Measured with the tool probe. The payload and the temperature of the measurements are "
-        "not stated: what is said holds as long as nothing differs.",
+        "Measured with the tool probe. The payload and the temperature during the measurements are "
+        "not stated: the results hold as long as they stay the same.",
     ),
     "all but warmth": (
         Conditions(PAYLOAD, TOOLS),
         SetUp(stations=("S1",)),
         "Measured with a payload of 2.5 kg and the tool probe from station S1. The temperature "
-        "of the measurements is not stated: what is said holds as long as nothing differs.",
+        "during the measurements is not stated: the results hold as long as it stays the same.",
     ),
 }
 
@@ -84,9 +84,9 @@ def test_who_judges_under_other_conditions_is_said():
     ending = ": they judge the calibration under other conditions than those it was made under"
     said = held_out_warnings(Conditions(payload, tool, warmth), SetUp(), ~is_test, is_test)
     assert [text.removesuffix(ending) for text in said] == [
-        "1 held-out row carries 5 kg; the rows identified from carried 0 kg",
-        "3 held-out rows have the tool gripper; the rows identified from had probe",
-        "3 held-out rows are at 26 degC; the rows identified from were at 20 to 21.14 degC",
+        "1 held-out row carries 5 kg; the training rows had a payload of 0 kg",
+        "3 held-out rows have the tool gripper; the training rows had the tool probe",
+        "3 held-out rows are at 26 degC; the training rows were at 20 to 21.14 degC",
     ]
     wide = SetUp(tolerance=Tolerance(5.0, 5.0))
     (only,) = held_out_warnings(Conditions(payload, tool, warmth), wide, ~is_test, is_test)

@@ -74,7 +74,7 @@ def test_what_all_readings_share_no_number_of_poses_lowers():
         (5000, "guarded", ["robot as it was: PASS", "robot corrected: PASS"]),
         (200, "guarded", ["robot as it was: FAIL", "robot corrected: PASS (20 pass"]),
         (40, "guarded", ["robot corrected: UNDECIDED (", "no smaller tolerance can be decided now",
-                         "times as many poses", "times quieter (of each pose the mean of "]),
+                         "times as many poses", "times less noise (the mean of "]),
         (0.01, "guarded", ["UNDECIDED", "Neither more poses nor quieter readings would decide it"]),
         (5000, "simple", ["robot corrected: PASS (20 pass, simple acceptance)"]),
         (40, "simple", ["robot corrected: UNDECIDED (", "times as many poses"]),
@@ -97,4 +97,4 @@ def test_no_decision_is_said_too():
         decision=Decision(1e-3, "guarded"),
     )
     words = decision_words(none, DELIVERED)
-    assert words == ("Tolerance 1000 um: UNDECIDED: no region of the tool point is believed.",)
+    assert words == ("Tolerance 1000 um: UNDECIDED: no region of the tool point can be believed.",)

@@ -167,7 +167,7 @@ def test_who_reads_urdf_gets_the_geometric_fit_not_the_geometric_part_of_another
     # degrees in the file: back to the last bit or the one before
     np.testing.assert_allclose(found.model.chain.links, geometric.chain.links, rtol=1e-15)
     assert not found.model.joint_errors.terms
-    assert "robot_geometric/ holds the geometric model" in (out / layout.REPORT).read_text()
+    assert "robot_geometric/ has the geometric model" in (out / layout.REPORT).read_text()
 
 
 def test_the_split_table_has_every_row_with_its_errors(out):

@@ -61,8 +61,8 @@ def test_three_reflectors_of_unknown_place_are_enough():
         assert apart == pytest.approx(np.linalg.norm(PLACES[i] - PLACES[j]), abs=1e-4)
     # of what was measured, the least known is stated: its region is that of its readings
     target, belief = found.target, found.proof.belief
-    (said,) = (text for text in found.warnings if "no region contains an error of that" in text)
-    assert f"the tool point that is stated is {'ABC'[target.reflector]}, the least" in said
+    (said,) = (text for text in found.warnings if "no region includes errors of that" in text)
+    assert f"all statements are about {'ABC'[target.reflector]}, the least" in said
     rows = [table.rows(table.reflector == k) for k in range(3)]
     radii = [distance_radius(widened(belief.seen_regions(one))).mean() for one in rows]
     own = distance_radius(widened(belief.regions(rows[0].q, target=target)))
@@ -140,5 +140,5 @@ def test_distances_to_known_points_are_judged_as_distances():
     assert kind(found) == "mean distance error"
     assert "orientation" not in verdict(found)
     # no proof looks at the joints of distances: the split does
-    with pytest.raises(InputError, match="90 of 90 held-out poses stand at joints that identify"):
+    with pytest.raises(InputError, match="90 of 90 held-out poses stand at the same joints"):
         calibrate(robot(), with_test(session, session))

@@ -54,7 +54,9 @@ def test_what_loud_angles_pull_the_tool_point_by_is_in_the_region():
         *found, at, points = measured(robot, LEAN)
         judgement = belief_of(*found)
         assert judgement.belief.turned > LEAN / 3
-        assert any("The angles are up to" in one for one in judgement.trust.sentences)
+        assert any(
+            "The measured angles are off by up to" in one for one in judgement.trust.sentences
+        )
         shares.append(judgement.belief.regions(at).holds(points).mean())
     # without it the mean of these is 0.74, the least 0.23; of 30 it is 0.978 +- 0.006
     assert np.mean(shares) > 0.95

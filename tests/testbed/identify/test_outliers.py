@@ -104,17 +104,15 @@ def test_a_good_shot_that_the_model_misses_is_told_as_the_models_fault():
         np.full(53, 1e-4),
     )  # fmt: skip
     (told,) = model_words(LookedAt(1.0, shots, [4, 9, 20]), seen, found.fit, names)
-    assert told.startswith("the model misses a region: pose P5 is missed by up to 0.284 mm, ")
+    assert told.startswith("the model fails in a region: it misses pose P5 by up to 0.284 mm, ")
     assert "P10" not in told
     assert "P21" not in told
-    assert told.endswith("whether this shot is bad")  # nothing else was read at that pose
+    assert told.endswith("whether this one is bad")  # nothing else was read at that pose
     q, place, turned = train.q.copy(), far.copy(), train.rotation.copy()
     q[5], place[5], turned[5] = q[4], train.position[4], train.rotation[4]
     twice = replace(seen, q=q, position=place, rotation=turned)  # read again, and well
     (again,) = model_words(LookedAt(1.0, shots, [4, 9, 20]), twice, found.fit, names)
-    assert again.endswith(
-        "; beside pose P5 another reading of the same pose fits: look there first"
-    )
+    assert again.endswith("; for pose P5, another reading of the same pose fits: check there first")
     (bad,) = bad_words(LookedAt(1.0, shots, [4, 9]), seen, names)
     assert bad.startswith("pose P10 does not fit the others: the richest model offered, fitted ")
     assert "misses it by 0.0100 mm and 0.0057 deg, where 0.010 mm and 0.0057 deg is typical" in bad
@@ -147,9 +145,9 @@ def test_far_held_out_rows_are_named_but_stay():
     far = replace(found.fit.misses, position=position)
     table, is_test, belief = found.measurements, found.split.is_test, found.proof.belief
     (told,) = held_out_outliers(far, table, is_test, belief, names)
-    assert told.startswith(f"held-out pose P{row + 1} is missed by 400 mm")
+    assert told.startswith(f"held-out pose P{row + 1} is off by 400 mm")
     place = belief.proven.applies(table.q[row : row + 1]).place[0]
-    assert ("look at its shot" in told) == (place == "inside")
+    assert ("check its reading" in told) == (place == "inside")
     q = table.q.copy()
     q[row, 2] = 2 * belief.proven.high[2]
     (told,) = held_out_outliers(far, replace(table, q=q), is_test, belief, names)
@@ -170,7 +168,7 @@ def test_a_held_out_row_that_is_wrong_among_others_of_its_pose_is_a_shot_to_be_l
     names = [f"pose {k // 3}, target {k % 3}" for k in rows]
     told = held_out_outliers(errors, table, is_test, None, names)
     assert [text.split(": ")[1].split(";")[0] for text in told] == 3 * [
-        "another reading of that pose fits, so look at its shot"
+        "another reading of that pose fits, so check this one"
     ]
     misses[8] = 12e-5  # now all of pose 2: the arm or its model may be to blame
     told = held_out_outliers(errors, table, is_test, None, names)

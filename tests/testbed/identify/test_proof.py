@@ -61,7 +61,7 @@ def test_repeats_tell_how_well_joints_come_back(factor):
     found, by = told(visited(factor), arm)
     # an upper 95 % limit from 120 numbers: above the truth in 19 of 20 cases, by 11 % at most usual
     assert factor < found < 1.35 * factor
-    assert by.startswith("repeats find")
+    assert by.startswith("repeats show")
 
 
 def test_without_enough_repeats_or_apart_from_the_instrument_the_description_tells():
@@ -157,7 +157,7 @@ def test_held_out_rows_in_another_frame_are_said_and_prove_nothing():
     assert found.elsewhere
     assert not found.believable
     assert mark(found) == ELSEWHERE
-    assert "was to be tested there, and was not." in verdict(found)
+    assert "the held-out poses should have tested it, and could not." in verdict(found)
     assert np.linalg.norm(found.proof.frame.shift - [2e-4, 0, 0]) < 3e-5
     # what is stated then rests on the rows identified from, and on no guard
     assert found.proof.belief.n_guards == 0
@@ -185,11 +185,11 @@ def test_of_one_point_nothing_is_said_of_another():
     one, other = (
         tables.points(q, xyz, sd=1e-5, offset=place) for place in ([0, 0, 0], [0.1, 0, 0])
     )
-    assert "of that point, and nothing of the tool's orientation" in said(one)
+    assert "about that point, none about the tool's orientation" in said(one)
     assert said(joined([one, other])) == said(sound_session().measurements) == ""
     found = tables.points(q, xyz, sd=1e-5, reflector=0)
-    assert "that is stated is B; where the flange lies" in said(found, reflector=0)
-    assert "where the tool point lies beside them" in said(joined([one, found]))
+    assert "are about B; how the flange lies" in said(found, reflector=0)
+    assert "how the tool point lies relative to them" in said(joined([one, found]))
 
 
 CORNERS = np.array([[2.0, 0.0, 0.5], [2.0, 1.0, 0.5], [0.0, 2.0, 0.5]])
@@ -211,10 +211,10 @@ def distances_from(places):
 
 @pytest.mark.parametrize(
     ("places", "base", "said"),
-    [(CORNERS[:1], "free", "one point let the whole robot turn about it:"),
-     (CORNERS[:2], "free", "two points let the whole robot turn about both:"),
-     (CORNERS[[0, 1, 0]], "free", "two points let the whole robot turn about both:"),
-     (RAIL, "free", "3 points that lie on one line let the whole robot turn about that line:"),
+    [(CORNERS[:1], "free", "one point leave a turn of the whole robot about it undetermined:"),
+     (CORNERS[:2], "free", "two points leave a turn of the whole robot about both undetermined:"),
+     (CORNERS[[0, 1, 0]], "free", "two points leave a turn of the whole robot about both"),
+     (RAIL, "free", "3 points that lie on one line leave a turn of the whole robot about that"),
      (bent_rail(1e-4), "free", "3 points that lie on one line"),
      (bent_rail(1e-2), "free", ""),
      (CORNERS, "free", ""), (np.concatenate([RAIL, CORNERS[2:]]), "free", ""),
@@ -268,7 +268,7 @@ def test_rows_of_unknown_order_are_not_asked_for_a_drift():
     assert found.proof.drifting is None
     assert found.order_told_by == ""
     note = questions_table(found).note
-    assert "drift: cannot be told from noise" in note
+    assert "drift: not tested, because the order of the rows is not known" in note
 
 
 def test_a_drift_is_not_asked_for_on_a_tour_and_that_is_said():
@@ -277,7 +277,7 @@ def test_a_drift_is_not_asked_for_on_a_tour_and_that_is_said():
     found = calibrate(robot(), replace(session, time=time), Options(seed=1))
     assert found.proof.drifting.void
     assert "drift" not in found.proof.questions.names
-    assert "Whether the readings drift cannot be told: " in found.proof.trust.sentence
+    assert "Whether the readings drift cannot be decided, " in found.proof.trust.sentence
     assert "drift: not tested, because neighboring poses" in questions_table(found).note
 
 

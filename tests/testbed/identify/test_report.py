@@ -97,14 +97,14 @@ def test_what_is_believed_is_said_before_anything_else():
     shown, point = page(real), real().proof.point
     assert shown.believable
     assert shown.mark == GUARDED == mark(sound())
-    radius = f"R95 (3-D radius, 95 %) = {point.radius_mean * 1e6:.0f} um"
-    assert f"For the mean tool point {radius} can be believed" in plain(shown.verdict)
+    radius = f"R95 (3-D radius, 95 %) of the mean tool point is {point.radius_mean * 1e6:.0f} um"
+    assert f"{radius}; it can be believed" in plain(shown.verdict)
     assert plain(shown.reasons[0]).startswith(
         f"The mean tool point lies within {micrometres(point.radius_mean)} um"
     )
     # five times the stated noise, less what 56 numbers learn from 360 equations
     assert any(re.match(r"The residuals are [45]\.\d times", text) for text in shown.reasons)
-    assert not any("times what the stated noise" in text for text in reasons(sound()))
+    assert not any("times as large as the stated noise" in text for text in reasons(sound()))
 
 
 def test_the_verdict_and_the_headline_are_the_held_out_figures():
@@ -192,7 +192,7 @@ def test_where_few_rows_miss_most_the_next_step_is_a_second_visit_and_not_that_i
     for source, said in (("", True), ("noise", False)):
         tails = LongTails(3.0, 1e-6, 4, 14, 60, source)
         step = next_step(replace(found, proof=replace(found.proof, tails=tails)))
-        assert ("Visit every pose twice" in step) == said
+        assert ("Measure every pose twice" in step) == said
         assert "it is not noise" not in step or source
 
 
@@ -200,7 +200,7 @@ def test_only_repeats_tell_that_what_is_left_is_no_noise():
     found = real()
     assert found.refuted
     assert found.fit.identification.lack_of_fit is None  # each pose was measured once
-    assert "Only poses measured again tell whether that is noise." in next_step(found)
+    assert "Only repeated poses can show whether what is left is noise." in next_step(found)
     identification = replace(found.fit.identification, lack_of_fit=LackOfFit(9.0, 1e-9, 60.0, 90))
     fits = [replace(found.fit, identification=identification) if one is found.fit else one
             for one in found.fits]  # fmt: skip
@@ -224,8 +224,8 @@ def test_what_is_quoted_is_not_said_of_files_that_lack_the_joint_errors():
     assert found.choice.chosen == "extended"
     step = next_step(found)
     alone = f"{1e3 * found.fits[0].test.position.mean:.4f} mm"
-    assert step.startswith("Send the corrected targets (--program CSV), or load robot/robot.toml:")
-    assert f"takes robot_geometric/, whose mean position error is {alone}." in step
+    assert step.startswith("Send targets corrected by --program CSV, or load robot/robot.toml:")
+    assert f"take robot_geometric/, whose mean position error is {alone}." in step
     assert next_step(sound()).startswith("Load the identified robot from robot/, or send")
 
 
@@ -237,27 +237,27 @@ def without(found, **parts):
 def test_what_may_be_quoted_follows_from_what_is_believed():
     found = sound()
     assert "Quote R95 (3-D radius, 95 %) = " in next_step(found)
-    assert "um for one move" in next_step(found)
+    assert "um for a single move" in next_step(found)
     alone = without(found, belief=replace(found.proof.belief, n_guards=0))
     assert "no held-out pose guards it" in next_step(alone)
     none = without(found, belief=None, point=None, trust=Trust("none", True, ("Why",)))
     assert "Quote the held-out radius" in next_step(none)
-    assert "Quote no uncertainty with it" in next_step(without(none, conformal=None))
+    assert "Do not quote an uncertainty" in next_step(without(none, conformal=None))
     (fit,) = [one for one in none.fits if one is none.fit]
     stopped = replace(fit, identification=replace(fit.identification, status=Status.LIMIT))
     left = replace(none, fits=tuple(stopped if one is fit else one for one in none.fits))
-    assert next_step(left).startswith("The fit did not settle: measure poses that tell its numbers")
+    assert next_step(left).startswith(
+        "The fit did not converge. Before you use the identified robot"
+    )
     apart = without(found, frame=replace(found.proof.frame, p_base=1e-9))
-    assert next_step(apart).startswith("Find out first why")
+    assert next_step(apart).startswith("First find out why")
 
 
 def test_what_no_held_out_pose_can_show_is_said_to_be_in_no_figure():
     """A scale of the instrument, say, would make a sentence untrue that did not say so."""
     found, parts = sound(), shared_session()
-    assert any(
-        "instrument are in no figure: the session states none" in text for text in reasons(found)
-    )
-    assert not any("are in no figure" in text for text in reasons(parts))
+    assert any("No figure includes systematic errors" in text for text in reasons(found))
+    assert not any("No figure includes" in text for text in reasons(parts))
     for one, ending in ((found, ", but no systematic errors"), (parts, ", and systematic errors")):
         promise = next(each.promise for each in statements_of(one) if each.key == "region_mean")
         assert promise.endswith(ending)

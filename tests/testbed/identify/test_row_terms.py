@@ -105,12 +105,12 @@ def test_targets_far_from_the_mean_warmth_are_less_certain(tmp_path, monkeypatch
     assert radii["mean"][0] > 1.3 * np.median(radii["mean"][1:])
     assert f"those at {used:.4g} degC, the mean of the measurements" in sentences["unsaid"]
     assert "those at 27.9 degC" in sentences["hot"]
-    assert "each target is taken as approached from the one before it" in sentences["hot"]
+    assert "each target is assumed to be approached from the one before it" in sentences["hot"]
 
 
 def test_the_verdict_says_what_its_radius_takes_as_known():
     (text,) = unsaid_words(found())
-    assert "knows from which side each joint comes and how warm the arm is; where nobody" in text
+    assert "know the side from which each joint comes and the temperature of the arm; if" in text
     radius = float(text.split()[-2])
     # the play of six joints at a meter: some 100 um, three times the region where it is known
     assert radius > 2e6 * found().proof.point.radius_mean

@@ -119,7 +119,7 @@ def test_the_report_and_the_results_have_both_columns_and_the_words():
 
 def test_a_session_that_states_none_is_told_that_none_is_counted():
     none = replace(calibrated(), shared=None)
-    assert "states no systematic part" in shared_section(none).blocks[0].text
+    assert "states no systematic errors" in shared_section(none).blocks[0].text
     assert "shared" not in headline(none, NOTHING)
     plain = session_of(table_of(true_model(), pool_r(30)))
     assert plain.systematic is None

@@ -36,7 +36,7 @@ def test_a_third_is_held_out_or_what_a_radius_needs_and_fifteen_poses_stay():
     for count, out in ((90, 30), (40, 19), (34, 19), (27, 12), (20, 5), (8, 0)):
         split = split_of(table_of(model, pool_r(count)), None)
         assert int(split.is_test.sum()) == out, count
-    assert "nothing tests this result" in split.sentence
+    assert "nothing tests the result" in split.sentence
 
 
 def test_the_draw_hangs_on_the_seed_alone_and_is_counted_as_asked():
@@ -51,7 +51,7 @@ def test_the_draw_hangs_on_the_seed_alone_and_is_counted_as_asked():
 def test_all_poses_identify_where_that_is_asked_and_nothing_is_proven():
     split = split_of(repeated(), None, held_out=0)
     assert split.is_train.all()
-    told = "all 40 poses identify, as --held-out 0 asks: none is held out, so nothing tests this"
+    told = "all 40 poses identify, as --held-out 0 asks: none is held out, so nothing tests the"
     assert split.sentence == f"{told} result"
 
 

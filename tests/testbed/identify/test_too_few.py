@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from calib.errors import InputError, refuse
+from calib.errors import InputError, TooFewPosesError
 from testbed.cli import app
 from testbed.files.read import read_session
 from testbed.identify.calibrate import Options, calibrate
@@ -71,7 +71,7 @@ def test_where_a_split_leaves_too_few_the_fix_is_the_split(options, least, how, 
 
 def test_a_split_that_the_data_state_is_told_too_and_more_poses_only_where_none_are_left(tmp_path):
     def said(poses, **options):
-        error = refuse("measurements", 2, code="M27", message="m", fix="measure at least 6")
+        error = TooFewPosesError("m", least=6, count=2)
         table = read_session(file_of(tmp_path, poses), ROBOT).measurements
         return with_poses_held_out(error, table, **options).fix
 

@@ -156,7 +156,7 @@ def test_results_say_which_session_is_which(three, found):
     blocks = visit_section(found).blocks
     assert [len(block.rows) for block in blocks[1:]] == [3, 4]
     assert 'are those of session "a"' in terminal_text(found, told)
-    assert "10 more of c, drawn at random (seed 0), fit its frames" in found.split.sentence
+    assert "10 more of c to fit its frames, drawn at random (seed 0)" in found.split.sentence
     text = split_csv(found)
     assert [text.count(f",{part},") for part in ("identify", "frames", "test")] == [70, 10, 40]
     again = record_from(record_bytes("k", found, "s"), "k", Calibration, "s")
@@ -223,7 +223,7 @@ def test_a_calibrated_robot_is_placed_anew_by_frames_alone(tmp_path):
     assert {name.split(".")[0] for name in result.names} == {"base", "tool"}
     assert np.array_equal(result.model.chain.links, made().truth.chain.links)
     assert abs(result.chi_square - result.dof) < 5 * np.sqrt(2 * result.dof)
-    assert verdict(found).startswith("With frames fitted alone")
+    assert verdict(found).startswith("With only the frames fitted")
     assert "Do not use" not in next_step(found)
     with pytest.raises(InputError, match='--model is "extended"'):
         calibrate(robot, read, Options(model="extended"))
@@ -277,7 +277,7 @@ def test_a_session_that_does_not_stand_where_it_is_said_to_is_called_by_its_name
         ROBOT,
     )  # fmt: skip
     found = calibrate(ROBOT, read, GEOMETRIC)
-    assert verdict(found).startswith("The held-out rows of session c stand in another frame: ")
+    assert verdict(found).startswith("The held-out rows of session c are off as a whole by ")
 
 
 def test_one_file_in_two_sessions_is_refused(tmp_path):
@@ -298,7 +298,7 @@ def test_a_held_out_pose_at_joints_that_identify_judges_nothing(tmp_path):
         split = split_of_session(read, train=None, held_out=None, seed=seed)
         assert not split.is_test[-1]
         assert not split.is_train[-1]
-        assert "left out of proof, at joints that identify: 1" in split.sentence
+        assert "1 no proof, because they are at training joints" in split.sentence
 
 
 def test_the_stated_target_is_one_that_the_first_session_saw(tmp_path):

@@ -169,7 +169,7 @@ def test_a_drift_is_read_and_said_and_its_absence_is_too(tmp_path):
     P1 = result.of("dAP")[0]
     assert P1.value / UM == pytest.approx(50, abs=3 * 4 * np.sqrt(2 / 10))
     assert "The robot drifts (p = 0.001" in verdict(result)
-    assert f"AP by up to {show(P1.value, P1)} um (pose P1)" in verdict(result)
+    assert f"AP changes by up to {show(P1.value, P1)} um (pose P1)" in verdict(result)
     assert "AP of pose P1 changes by" in " ".join(reasons(result))
     passed = played(tmp_path, later, "[iso9283]\nlimits_um = {AP = 900}\n")
     assert mark(passed) == "✓ PASS at the stated limits (it drifts)"
@@ -212,7 +212,7 @@ def test_cycles_that_follow_each_other_or_stray_are_said_and_widen_the_limits(tm
         for row in pose_rows(n=30, sd=2.0)
     ]
     slow, calm = played(tmp_path, rows), played(tmp_path, pose_rows(n=30, sd=20.0))
-    assert "Cycles are like those before them (p = 0.001" in " ".join(reasons(slow))
+    assert "Successive cycles are correlated (p = 0.001" in " ".join(reasons(slow))
     assert "Cycles are like those" not in " ".join(reasons(calm))
     wide, usual = (one.of("AP")[0].upper - one.of("AP")[0].lower for one in (slow, calm))
     assert wide > 2 * usual
@@ -313,7 +313,7 @@ def test_a_fitted_frame_takes_a_rigid_motion_and_nothing_else(tmp_path):
     assert "best fit over 5 points" in other.frame
     limited = played(tmp_path, moved, '[iso9283]\nframe = "fitted"\nlimits_um = {AP = 900}\n')
     assert "PASS" in decisions(limited)[0].sentence
-    assert "in the frame that was fitted to these same readings" in decisions(limited)[0].sentence
+    assert "in the frame that was fitted to the same readings" in decisions(limited)[0].sentence
 
 
 def test_stated_noise_turns_with_the_readings(tmp_path):
@@ -383,7 +383,7 @@ def test_so_many_cycles_decide_as_they_were_said_to(tmp_path):
 
 def test_few_cycles_are_no_figures_of_the_standard(tmp_path):
     result = played(tmp_path, pose_rows(n=10))
-    assert mark(result) == "? Fewer cycles than ISO 9283:1998 asks for"
+    assert mark(result) == "? Measured with fewer cycles than ISO 9283:1998 asks for"
     assert "these are not the standard's figures" in " ".join(reasons(result))
     assert mark(played(tmp_path, pose_rows())).startswith("✓ Measured with as many cycles")
 

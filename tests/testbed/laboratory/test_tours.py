@@ -1,11 +1,13 @@
 """Tours: the best single change is found, and many points take no hours."""
 
 import time
+import tracemalloc
 
 import numpy as np
 import pytest
 
 from testbed.laboratory.route import tours
+from testbed.laboratory.route.moves import times_between, travel_times
 from testbed.laboratory.route.tours import best_tour, length
 
 
@@ -50,3 +52,25 @@ def test_six_hundred_points_take_seconds_and_no_longer_way_than_from_neighbor_to
     nearest = tours.nearest_neighbors(times, int(np.argsort(times[0, 1:], kind="stable")[0]) + 1)
     assert length(times, tour) < 0.97 * length(times, nearest)
     assert length(times, best_tour(times, tour)) <= length(times, tour)
+
+
+def test_a_thousand_poses_take_a_few_tables_of_times_and_not_one_for_each_joint():
+    """Times between all of them have the bits of moves taken one by one."""
+    rng = np.random.default_rng(4)
+    n, joints = 500, 7
+    q, speeds = rng.normal(size=(n, joints)), rng.uniform(0.5, 3.0, joints)
+    table = n * n * 8
+    tracemalloc.start()
+    try:
+        times = times_between(q, speeds)
+        peak = tracemalloc.get_traced_memory()[1]
+        tracemalloc.reset_peak()
+        before = tracemalloc.get_traced_memory()[0]
+        best_tour(times, np.arange(n))
+        searched = tracemalloc.get_traced_memory()[1] - before
+    finally:
+        tracemalloc.stop()
+    np.testing.assert_array_equal(times, travel_times(q[:, None], q[None], speeds))
+    # the table and one more; in the search its order, what is added and two in passing
+    assert peak < 2.1 * table
+    assert searched < 4.1 * table

@@ -19,14 +19,14 @@ from tests.planned import quick_plan
 from tests.testbed.robots.described_cases import ARMS
 
 PLACE = {False: [0.0, 0.0, 0.0], True: [-2e3, 0.0, 0.0]}
-BALL = '<collision><geometry><sphere radius="0.05"/></geometry></collision></link>'
+SOLID = "<collision><geometry><{}/></geometry></collision></link>"
+CONE, BALL = SOLID.format("cone"), SOLID.format('sphere radius="0.05"')
 
 
 @pytest.mark.parametrize(
-    ("shape", "sight"), [("</link>", False), (BALL, True)], ids=["none", "no mesh"]
+    ("shape", "sight"), [("</link>", False), (CONE, True)], ids=["none", "no known one"]
 )
-def test_an_arm_without_meshes_is_not_called_free_of_collisions(tmp_path, shape, sight):
-    """Balls, boxes and cylinders of a URDF are not read: nothing of such an arm hits anything."""
+def test_an_arm_without_shapes_is_not_called_free_of_collisions(tmp_path, shape, sight):
     (tmp_path / "arm.urdf").write_text(ARMS["scara"].replace("</link>", shape))
     small = {
         "robot": str(tmp_path / "arm.urdf"), "plan.poses": 8, "plan.held_out": 0,
@@ -46,14 +46,35 @@ def test_an_arm_without_meshes_is_not_called_free_of_collisions(tmp_path, shape,
     assert "whether the robot hits anything or hides the target was not tested" in said
     numbers = plan_numbers(made, robot)
     assert np.isnan(numbers["clearance_mm"]["smallest"])  # null in the file
-    assert "add meshes" in numbers["untested"][0]
+    assert "add shapes" in numbers["untested"][0]
+
+
+def test_an_arm_of_plain_shapes_is_tested_like_one_of_meshes(tmp_path):
+    """No caution is left, its moves are free of a wall, and a link between its shapes is named."""
+    (tmp_path / "arm.urdf").write_text(ARMS["scara"].replace("</link>", BALL))
+    small = {
+        "robot": str(tmp_path / "arm.urdf"), "plan.poses": 8, "plan.held_out": 0,
+        "plan.goal.poses": 5, "pool.size": 30, "identification.estimators": ["whitened"],
+        "cell.obstacle": [
+            {"kind": "box", "size_mm": [1e2, 2e3, 2e3], "position_mm": [-6e2, 0.0, 0.0]}
+        ],
+    }  # fmt: skip
+    made = plan(changed(load_scenario("quick"), small))
+    assert made.shapeless == made.unread == ()
+    assert all("acceptance_deg" in said for said in untested(made))  # of the scene alone
+    assert mark(made).startswith("! Every pose is free of collisions")
+    assert made.tour.clearance >= 0.01
+    partly = replace(made, unread=(2,))
+    said, _ = untested(partly)
+    assert said.startswith("Warning: whether link 2 hits anything was tested in part only")
+    assert "but whether link 2 hits anything was tested in part only and" in mark(partly)
 
 
 @pytest.mark.parametrize(
     ("bare", "words"),
     [
         ((3,), "whether link 3 hits anything or hides the target was not tested, since the robot's "
-               "file gives it a mesh"),
+               "file gives it a shape"),
         ((2, 5), "whether link 2 and link 5 hit anything or hide the target was not tested"),
     ],
 )  # fmt: skip
@@ -86,4 +107,5 @@ def test_an_arm_on_a_wall_is_not_said_to_clear_the_floor_of_the_room():
     floor = Obstacle("obstacle 1", slide(0.5, 0.0, -0.05), np.array([4.0, 4.0, 0.1]))
     beside = Obstacle("obstacle 1", slide(3.0, 0.0, -0.05), np.array([4.0, 4.0, 0.1]))
     assert untested(replace(hung, obstacles=(floor,))) == ()
+    assert untested(replace(hung, mounted=True)) == ()
     assert untested(replace(hung, obstacles=(beside,))) == untested(hung)

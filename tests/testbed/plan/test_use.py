@@ -45,7 +45,7 @@ def test_who_measures_is_told_to_do_it_as_the_robot_will_be_used():
     assert use_words(used()) == ()
     said = (
         "Measure with a payload of 5 kg and the tool gripper at -3.5 degC, as the robot will be "
-        "used: no statement reaches other conditions than those of the measurements"
+        "used: no statement will hold under other conditions than those of the measurements"
     )
     assert use_words(used(**USE)) == (said,)
     assert f"{said}." in reasons(used(**USE))
@@ -57,10 +57,10 @@ def test_poses_measured_already_under_other_conditions_are_warned_of():
     under = Conditions(np.zeros(3), ("probe",) * 3)
     made = replace(used(**USE), measured_under=under)
     assert use_words(made)[:-1] == (
-        "Warning: the goal carries 5 kg; the poses measured already carried 0 kg; they count here "
-        "as if nothing differed",
-        "Warning: the goal has the tool gripper; the poses measured already had probe; they count "
-        "here as if nothing differed",
+        "Warning: the goal carries 5 kg; the poses measured already had a payload of 0 kg; they "
+        "count here as if nothing differed",
+        "Warning: the goal has the tool gripper; the poses measured already had the tool probe; "
+        "they count here as if nothing differed",
     )
     same = replace(used(**USE), measured_under=Conditions(np.full(3, 5.2), ("gripper",) * 3))
     assert len(use_words(same)) == 1
@@ -100,13 +100,18 @@ def test_a_session_finds_the_conditions_in_the_plan_that_was_measured(tmp_path):
 @pytest.mark.parametrize(
     ("column", "cell", "said"),
     [
-        ("payload_kg", "", 'payload_kg is ""; it must be a number; mend or remove that row. [M25]'),
-        ("payload_kg", "-1", "payload_kg is -1; a payload is 0 kg or more; mend it. [M25]"),
-        ("payload_kg", "1e4", "payload_kg is 10000; a payload is at most 1000 kg; mend it. [V9]"),
-        ("temperature_degC", "nan", 'temperature_degC is "nan"; it must be a number; mend or '
+        (
+            "payload_kg",
+            "",
+            'payload_kg is ""; it must be a number; correct or remove that row. [M25]',
+        ),
+        ("payload_kg", "-1", "payload_kg is -1; a payload is 0 kg or more; correct it. [M25]"),
+        ("payload_kg", "1e4", "payload_kg is 10000; a payload is at most 1000 kg; correct it. [V9]")
+        ,
+        ("temperature_degC", "nan", 'temperature_degC is "nan"; it must be a number; correct or '
          "remove that row. [M25]"),
         ("temperature_degC", "-2e3", "temperature_degC is -2000; a temperature (in degC, not in "
-         "kelvin) is at most 150 degC; mend it. [V9]"),
+         "kelvin) is at most 150 degC; correct it. [V9]"),
         ("tool", "", "tool is empty; fill the cell. [M25]"),
     ],
 )  # fmt: skip

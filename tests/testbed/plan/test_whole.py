@@ -214,7 +214,7 @@ def test_what_is_assumed_of_a_robot_is_said_with_the_promise_that_rests_on_it(tm
     }  # fmt: skip
     made = plan(changed(load_scenario("quick"), small))
     robot = load_robot(tmp_path / "scara.urdf")
-    told = "rests on what the robot's file leaves open: the repeatability of the joints is assumed"
+    told = "leaves open, and the plan assumes: the repeatability of the joints is assumed"
     for said in (
         " ".join(terminal_text(made).split()),
         " ".join(read(plan_report_html(made, robot, versions=VERSIONS)).text),

@@ -147,7 +147,7 @@ def test_a_robot_to_fill_in_is_told_as_such(tmp_path):
         "robot has no lengths: all d and a are 0; write the link numbers. [S37]\n"
     )
     out.write_text(out.read_text().replace("d_mm = 0.0", "d_mm = 100.0"))
-    assert "a robot, robot: 7 joints, links of 700 mm in all" in call("check", out).stdout
+    assert "a robot, robot: 7 joints, link lengths of 700 mm in total" in call("check", out).stdout
 
 
 def test_an_arm_whose_axes_meet_where_it_ends_is_no_robot_to_fill_in(tmp_path):
@@ -161,7 +161,7 @@ def test_an_arm_whose_axes_meet_where_it_ends_is_no_robot_to_fill_in(tmp_path):
         )
         done = call("check", tmp_path / "arm.urdf")
         assert (done.exit_code, done.stderr) == (0, "")
-        assert "a robot description, one: 1 joint, links of 0 mm in all" in done.stdout
+        assert "a robot description, one: 1 joint, link lengths of 0 mm in total" in done.stdout
 
 
 def test_a_table_without_link_numbers_is_refused(tmp_path):
@@ -258,16 +258,16 @@ def test_check_tells_sessions_and_tables(tmp_path):
     said = call("check", tmp_path / "a.csv", "--robot", "staubli_tx60").stdout
     assert "a.csv: a table, 29 rows" in said
     assert "29 rows of 29 poses; commanded joints; uncertainties from" in said
-    assert "base and tool alone leave 0." in said
+    assert "with only base and tool fitted, the errors are 0." in said
     (tmp_path / "b.csv").write_text(poses_csv().replace("q1_deg", "J1"))
     said = call("check", tmp_path / "b.csv", "--robot", "staubli_tx60").stdout
     own = len(poses_csv().splitlines()[0].split(","))
-    assert f"columns: J1 as q1, {own - 1} under names of this program\n" in said
+    assert f"columns: J1 as q1, {own - 1} with the names that truebed uses\n" in said
     assert "identify needs a session.toml: truebed new session" in said
     (tmp_path / "session.toml").write_text('[frames]\nfile = "a.csv"\n')
     said = call("check", tmp_path).stdout
     assert "a session of frames" in said
-    assert "name the robot by --robot" in said
+    assert "name the robot with --robot" in said
     (tmp_path / "session.toml").write_text(
         'robot = "staubli_tx60"\n[joints]\nfile = "a.csv"\n[frames]\nfile = "a.csv"\n'
     )

@@ -68,7 +68,7 @@ def test_points_and_distances_are_proposed_as_one_session(tables, rows, match, b
     assert told.get("match") == match
     assert "; the distances beside them leave 0." in said
     assert "unused" not in said
-    assert "to mend" not in said
+    assert "to fix" not in said
     session = read_session(tmp_path / "session.toml", ROBOT)
     seen = session.measurements
     assert len(seen) == rows
@@ -117,7 +117,7 @@ def test_distances_that_do_not_go_with_the_points_are_left_aside_in_words(
     said, text = proposed(tmp_path, [tmp_path / "p.csv"], "--robot", ROBOT.name)
     assert "ranges" not in tomllib.loads(text)
     words = " ".join(said.split())
-    assert f"The distances in p.csv are left aside: in one session with the others, {why}" in (
+    assert f"The distances in p.csv are not used: in one session with the others, {why}" in (
         words.replace("no reading of them ", "")
     )
 

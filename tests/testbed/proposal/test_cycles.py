@@ -60,7 +60,7 @@ def test_foreign_columns_are_mapped_and_a_running_number_is_no_name_of_a_pose(
     ]
     written(tmp_path / "a.csv", head, lines, ";")
     said = proposed(tmp_path, monkeypatch)
-    assert "positions: no column says its unit; taken as mm" in said
+    assert "positions: no column states its unit; assumed: mm" in said
     found = read_test(session_file(tmp_path)).visits
     assert found.pose == plain.pose
     # both are read from the same decimal digits, in m and in mm
@@ -100,5 +100,5 @@ def test_a_cycle_that_is_not_whole_is_to_be_mended(tmp_path, monkeypatch):
     lines = (tmp_path / "a.csv").read_text().splitlines()
     (tmp_path / "a.csv").write_text("\n".join(lines[:77] + lines[78:]))
     said = proposed(tmp_path, monkeypatch)
-    assert "to mend" in said
+    assert "to fix" in said
     assert "[M31]" in said

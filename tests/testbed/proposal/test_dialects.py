@@ -123,7 +123,7 @@ DIALECTS = {
 def test_a_dialect_is_proposed_as_it_was_meant(text, tmp_path):
     (tmp_path / "m.csv").write_text(text, encoding="utf-8")
     said, _ = proposed(tmp_path, [tmp_path / "m.csv"], "--robot", UR10.name)
-    assert "to mend" not in said
+    assert "to fix" not in said
     table = read_session(tmp_path / "session.toml", UR10).measurements
     # fifteen digits are written, of gon as well
     np.testing.assert_allclose(table.q, DATA.q, rtol=0, atol=2e-12)
@@ -157,7 +157,7 @@ def test_names_of_points_in_two_files_are_those_of_poses(text, tmp_path):
                                              {"name": NAMES} | joints("J{}")))  # fmt: skip
     files = [tmp_path / "points.txt", tmp_path / "joints.csv"]
     said, _ = proposed(tmp_path, files, "--robot", UR10.name)
-    assert "to mend" not in said
+    assert "to fix" not in said
     table = read_session(tmp_path / "session.toml", UR10).measurements
     assert len(np.unique(table.reflector)) == 1
     np.testing.assert_allclose(table.q, DATA.q[SHUFFLED], rtol=0, atol=1e-12)

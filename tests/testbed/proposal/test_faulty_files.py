@@ -152,12 +152,12 @@ def test_what_identify_will_refuse_stands_in_the_session(name, tmp_path):
     content, told = MENDED[name]
     done, out = proposal(tmp_path, content(), *TX60)
     assert done.exit_code == 0, done.stderr
-    (line,) = (line for line in done.stdout.splitlines() if line.startswith("  to mend"))
+    (line,) = (line for line in done.stdout.splitlines() if line.startswith("  to fix"))
     assert told in line
     assert "a.csv: " in line
     text = out.read_text()
     assert "# To be mended before identify takes these files:" in text
-    assert line.removeprefix("  to mend  ") in text
+    assert line.removeprefix("  to fix   ") in text
     tomllib.loads(text)
     refused = CliRunner().invoke(app, ["check", str(out), *TX60])
     assert (refused.exit_code, told in refused.stderr) == (2, True)
@@ -168,7 +168,7 @@ def test_cells_are_looked_at_without_a_robot_too(name, tmp_path):
     content, told = MENDED[name]
     done, _ = proposal(tmp_path, content())
     assert done.exit_code == 0
-    assert re.search(rf"  to mend  .*{re.escape(told)}", done.stdout)
+    assert re.search(rf"  to fix   .*{re.escape(told)}", done.stdout)
 
 
 def test_a_joint_beyond_its_limits_and_the_row_that_is_left_out_are_told(tmp_path):
@@ -179,14 +179,16 @@ def test_a_joint_beyond_its_limits_and_the_row_that_is_left_out_are_told(tmp_pat
         "1 joint value lies outside the limits of staubli_tx60, the first is in line 5: "
         'q3_deg = "500"; its limits are -142.5 to 142.5 deg' in done.stdout
     )
-    assert "to mend" not in done.stdout
+    assert "to fix" not in done.stdout
 
 
 @pytest.mark.parametrize("content", [table, foreign])
 def test_too_few_rows_are_said_to_be_too_few_and_not_of_another_robot(content, tmp_path):
     done, _ = proposal(tmp_path, content(5), *TX60)
     assert done.exit_code == 0
-    assert re.match(r"5 different poses in .*a\.csv, too few to try readings of", done.stdout)
+    assert re.match(
+        r"5 different poses in .*a\.csv, too few to try interpretations of", done.stdout
+    )
     assert "is it the robot" not in done.stdout
     (tmp_path / "session.toml").unlink()
     if content is table:  # a unit shows in three poses already
@@ -198,14 +200,16 @@ def test_only_what_no_file_says_is_called_assumed(tmp_path):
     """Columns qw to qz say which number is which; four without names do not."""
     done, _ = proposal(tmp_path, table(), *TX60)
     assumed = [line for line in done.stdout.splitlines() if line.startswith("  assumed")]
-    assert assumed == ["  assumed  transforms: taken as those of the tool in the tracker"]
+    assert assumed == ["  assumed  transforms: assumed to be those of the tool in the tracker"]
     (tmp_path / "session.toml").unlink()
     own = {k: v for k, v in table().items() if k in (*JOINTS, *SEEN)}
     bare = "\n".join(csv(own).splitlines()[1:])
     (tmp_path / "b.csv").write_text(bare)
     words = ["new", "session", str(tmp_path / "b.csv"), "--out", str(tmp_path / "session.toml")]
     said = CliRunner().invoke(app, [*words, *TX60]).stdout
-    assert "assumed  rotations: no name says the order of the quaternions; taken as x y z w" in said
+    assert (
+        "assumed  rotations: no name states the order of the quaternions; assumed: x y z w" in said
+    )
 
 
 def test_a_part_that_fits_is_not_said_to_be_all_rows(tmp_path):
@@ -213,5 +217,5 @@ def test_a_part_that_fits_is_not_said_to_be_all_rows(tmp_path):
     slipped = {k: np.concatenate([v[:15], v[16:]]) if k in SEEN else v[:-1] for k, v in own.items()}
     done, _ = proposal(tmp_path, slipped, *TX60)
     assert done.exit_code == 0
-    assert "in the best of 3 parts of the rows, and more than that in all of them" in done.stdout
-    assert re.search(r"to mend  .*a\.csv:17: from line 17 on, row k-1 belongs", done.stdout)
+    assert "in the best of 3 parts of the rows, and larger in all of them" in done.stdout
+    assert re.search(r"to fix   .*a\.csv:17: from line 17 on, row k-1 belongs", done.stdout)

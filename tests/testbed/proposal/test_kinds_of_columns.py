@@ -112,6 +112,26 @@ def test_places_that_a_controller_computes_are_no_second_target(other, measured,
     np.testing.assert_allclose(seen.position, points() / 1e3, rtol=0, atol=1e-12)
 
 
+@pytest.mark.parametrize(
+    ("measured", "sent", "away"),
+    [("{}m", "{}", ""), ("{}m", "{}n", ""), ("{}a", "{}n", ""), ("{}", "{}n", ""),
+     ("{}M", "{}N", "{}D"), ("{}a [mm]", "{} [mm]", "")],
+)  # fmt: skip
+def test_letters_behind_the_axes_tell_the_measured_place_from_the_nominal_one(
+    measured, sent, away, tmp_path
+):
+    """Nominal places stand first and fit as well: it is their names that tell."""
+    table = joints(*(f"J{k}" for k in range(1, 7)))
+    table |= places(*(sent.format(axis) for axis in "XYZ"), values=WISHED)
+    table |= places(*(measured.format(axis) for axis in "XYZ"))
+    if away:
+        table |= places(*(away.format(axis) for axis in "XYZ"), values=AWAY)
+    proposed(tmp_path, write(tmp_path, a__csv=csv(table)), "--robot", ROBOT.name)
+    seen = read_session(tmp_path / "session.toml", ROBOT).measurements
+    assert len(seen) == M
+    np.testing.assert_allclose(seen.position, points() / 1e3, rtol=0, atol=1e-12)
+
+
 RZYX = ("Rz", "Ry", "Rx")
 
 
@@ -158,7 +178,7 @@ def test_turns_that_controllers_call_by_letters_are_read_beside_the_joints(maker
     robot = ("--robot", ROBOT.name) if tried else ()
     files = write(tmp_path, a__csv=csv({name: table[name] for name in reversed(table)}))
     said, _ = proposed(tmp_path, files, *robot)
-    assert "taken as ZYX" in said
+    assert "assumed: ZYX" in said
     session = read_session(tmp_path / "session.toml", ROBOT)
     assert session.measurements.is_pose.all()
     np.testing.assert_allclose(session.measurements.rotation, R, rtol=0, atol=1e-12)
@@ -184,8 +204,8 @@ def test_distances_from_fixed_points_are_proposed(unit, tmp_path):
     (file,) = write(tmp_path, a__csv=csv(table))
     said, text = proposed(tmp_path, [file], "--robot", ROBOT.name)
     assert "anchors: no file says where A, B, C stand" in said
-    assert ("distances: no column says its unit; taken as mm" in said) == (not unit)
-    assert re.search(r"alone leave [01]\.\d+ mm", text)
+    assert ("distances: no column states its unit; assumed: mm" in said) == (not unit)
+    assert re.search(r"errors are [01]\.\d+ mm", text)
     told = tomllib.loads(text)
     assert told["ranges"]["anchors_mm"] == dict.fromkeys("ABC", "free")
     assert told["uncertainty"] == {"distance_um": 30}

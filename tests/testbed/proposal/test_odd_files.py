@@ -104,7 +104,7 @@ ODD = {
 def test_an_odd_file_is_proposed_as_it_was_meant(text, tmp_path):
     (tmp_path / "m.csv").write_bytes(text.encode())
     said, _ = proposed(tmp_path, [tmp_path / "m.csv"], "--robot", UR10.name)
-    assert "to mend" not in said
+    assert "to fix" not in said
     table = read_session(tmp_path / "session.toml", UR10).measurements
     # fifteen digits are written
     np.testing.assert_allclose(table.q, DATA.q, rtol=0, atol=1e-12)
@@ -132,7 +132,7 @@ def test_several_targets_in_a_row_are_points_of_one_pose(form, names, lengths, t
         table[name] = [cells[0], "", *cells[2:]]
     (tmp_path / "m.csv").write_text(csv(table))
     said, _ = proposed(tmp_path, [tmp_path / "m.csv"], "--robot", UR10.name)
-    assert "to mend" not in said
+    assert "to fix" not in said
     assert "unused" not in said
     read = read_session(tmp_path / "session.toml", UR10)
     assert read.name == "m"  # as the file is called
@@ -179,7 +179,7 @@ def test_names_and_order_that_agree_are_one_reading(tmp_path):
     (tmp_path / "points.txt").write_text("\n".join(["// from the tracker", *points]))
     files = [tmp_path / "joints.csv", tmp_path / "points.txt"]
     said, _ = proposed(tmp_path, files, "--robot", UR10.name)
-    assert "too little to tell them apart" not in said
+    assert "too close to tell them apart" not in said
     assert "the k-th reading belongs" not in said
     session = read_session(tmp_path / "session.toml", UR10)
     assert session.name == tmp_path.name  # as their folder is called

@@ -178,7 +178,9 @@ def test_what_is_proposed_is_read_as_it_was_meant(kind, tmp_path):
         np.testing.assert_allclose(table.rotation, data().T[:, :3, :3], rtol=0, atol=2e-8)
     probe(ROBOT, session).raise_if_wrong()
     assert re.search(
-        r"^# base and tool of a nominal staubli_tx60 alone leave [01]\.\d+ mm", text, re.MULTILINE
+        r"^# with only base and tool fitted to a nominal staubli_tx60, errors are [01]\.\d+ mm",
+        text,
+        re.MULTILINE,
     )
     assert tomllib.loads(text)["robot"] == "staubli_tx60"
     assert call("check", tmp_path).exit_code == 0
@@ -197,7 +199,7 @@ def test_what_is_proposed_identifies(kind, tmp_path):
 @pytest.mark.parametrize("kind", [leica, semicolons, headerless, rapid], ids=lambda k: k.__name__)
 def test_without_a_robot_units_are_by_size_and_that_is_said(kind, tmp_path):
     said, text = proposed(tmp_path, kind(tmp_path))
-    assert said.startswith("no robot was named: units and conventions are by size and by custom.")
+    assert said.startswith("no robot was named: units and conventions are guessed from")
     assert "no robot was named" in text
     table = read_session(tmp_path / "session.toml", ROBOT).measurements
     np.testing.assert_allclose(table.q, data().q, rtol=0, atol=2e-11)
@@ -267,14 +269,16 @@ def test_nothing_is_written_over_another_or_where_nothing_is_understood(tmp_path
 
 def test_another_robot_fits_no_reading_and_a_missed_shot_still_shows_it(tmp_path):
     said, _ = proposed(tmp_path, headerless(tmp_path), "--robot", "universal_ur10")
-    assert re.search(r"none of \d+ readings of these files fits a nominal universal_ur10: is", said)
+    assert re.search(
+        r"none of \d+ interpretations of these files fits a nominal universal_ur10: is", said
+    )
     (tmp_path / "session.toml").unlink()
     rows = (tmp_path / "a.csv").read_text().splitlines()
     cells = [row.split(",") for row in rows]
     slipped = [",".join([*one[:6], *other[6:]]) for one, other in pairwise(cells)]
     (tmp_path / "a.csv").write_text("\n".join([*rows[:20], *slipped[20:]]))
     said, _ = proposed(tmp_path, [tmp_path / "a.csv"], "--robot", "staubli_tx60")
-    assert re.search(r"alone leave [01]\.\d+ mm", said)
+    assert re.search(r"errors are [01]\.\d+ mm", said)
 
 
 def test_files_of_one_kind_are_stations(tmp_path):
@@ -316,7 +320,7 @@ def test_a_column_of_stations_is_read_by_other_names_and_files_come_before_one_t
     alike = [csv(each | {"Station": ["AT960"] * M}) for each in (one, two)]
     files = write(tmp_path, one__csv=alike[0], two__csv=alike[1])
     said, text = proposed(tmp_path, files, "--robot", "staubli_tx60")
-    assert "to mend" not in said
+    assert "to fix" not in said
     assert "station" not in tomllib.loads(text)["points"]["columns"]
 
 
@@ -333,7 +337,7 @@ def test_files_of_one_head_with_joints_of_their_own_are_visits(tmp_path):
     assert read.fixtures.counts == (0, 0, 2, 2)
     told = CliRunner().invoke(app, ["check", str(tmp_path / "session.toml")]).stdout
     assert "3 sessions of one robot: a, b, c" in told
-    assert told.count("base and tool alone leave") == 3
+    assert told.count("with only base and tool fitted, the errors are") == 3
 
 
 @pytest.mark.parametrize("targets", [1, 3])
@@ -447,11 +451,11 @@ def test_a_few_distances_do_not_win_over_many_points(backwards, tmp_path):
     told = tomllib.loads(text)
     assert (told["points"]["file"], told["ranges"]["file"]) == ("a.csv", "b.csv")
     assert "unused" not in said
-    assert "to mend" not in said
+    assert "to fix" not in said
     (tmp_path / "session.toml").unlink()
     said, text = proposed(tmp_path, [tmp_path / "b.csv"], "--robot", "staubli_tx60")
     sentence = "b.csv: 20 different poses give 20 equations for 24 parameters"
-    assert f"to mend  {tmp_path}/{sentence}" in said
+    assert f"to fix   {tmp_path}/{sentence}" in said
     done = call("identify", "staubli_tx60", tmp_path / "session.toml", "--out", tmp_path / "out")
     assert sentence in done.stderr
 

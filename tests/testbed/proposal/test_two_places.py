@@ -53,8 +53,8 @@ def test_where_the_robot_was_sent_is_no_second_target_whatever_it_is_called(labe
     table |= named("{label} {axis}", seen, points())
     (tmp_path / "a.csv").write_text(csv(table), encoding="utf-8")
     said, _ = proposed(tmp_path, [tmp_path / "a.csv"], "--robot", ROBOT.name)
-    assert f"{wished} X, {wished} Y, {wished} Z are left aside" in said
-    assert "too little to tell them apart" not in said
+    assert f"{wished} X, {wished} Y, {wished} Z are not used" in said
+    assert "too close to tell them apart" not in said
     table = read_session(tmp_path / "session.toml", ROBOT).measurements
     assert len(table) == M
     # fifteen digits are written
@@ -80,7 +80,7 @@ def test_two_readings_of_one_reflector_are_told_and_one_is_taken(tmp_path):
     (tmp_path / "a.csv").write_text(csv(table), encoding="utf-8")
     said, _ = proposed(tmp_path, [tmp_path / "a.csv"], "--robot", ROBOT.name)
     assert "from each other, where no two reflectors can, and are not used" in said
-    assert "too little to tell them apart" in said
+    assert "too close to tell them apart" in said
     assert len(read_session(tmp_path / "session.toml", ROBOT).measurements) == M
 
 
@@ -144,7 +144,7 @@ def test_a_file_of_where_the_robot_was_sent_is_left_aside(names, tmp_path):
         (tmp_path / f"{name}.csv").write_text(csv(table))
     files = sorted(tmp_path.glob("*.csv"))
     said, _ = proposed(tmp_path, files, "--robot", ROBOT.name)
-    assert "nominal.csv, X, Y, Z are left aside: they are a controller's own poses" in said
+    assert "nominal.csv, X, Y, Z are not used: they are a controller's own poses" in said
     table = read_session(tmp_path / "session.toml", ROBOT).measurements
     np.testing.assert_allclose(table.position, points() / 1e3, rtol=0, atol=1e-12)
 

@@ -194,7 +194,7 @@ def test_an_unknown_robot_is_answered_with_the_likely_one():
             'name = "wrist"\nlink = 9',
             "wrist is on link 9; the last is 6",
         ),
-        ('name = "wrist_caps"', 'name = "wrist"', "part wrist is there twice"),
+        ('name = "wrist_caps"', 'name = "wrist"', "part wrist appears twice"),
         ('"meshes/wrist.obj"', '"../wrist.obj"', "must stay inside the model's folder"),
         ('"meshes/wrist.obj"', '"/etc/passwd"', "must stay inside the model's folder"),
         ('"meshes/wrist.obj"', '"meshes/none.obj"', "no mesh meshes/none.obj; python -m testbed"),

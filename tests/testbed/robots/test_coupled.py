@@ -10,12 +10,16 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from calib.errors import InputError
+from calib.geometry.chain import Chain
 from calib.geometry.frames import inverse
+from calib.geometry.model import RobotModel
 from calib.measurement.accuracy import rotation_errors
+from testbed.files.alternatives import Interpretation
 from testbed.files.probe import probe
 from testbed.files.programs.correct import correct_program
 from testbed.files.read import read_session
 from testbed.files.rotations import in_form
+from testbed.files.rows.ratios import ratios_that_fit
 from testbed.files.rows.shifts import as_read, misfit_of
 from testbed.laboratory.joint_lists import from_deg, read_joints
 from testbed.proposal.data import look_at
@@ -151,7 +155,9 @@ def test_an_arm_with_a_held_joint_is_corrected_by_its_motors_alone(tmp_path):
     found = correct_program(path, HELD, real, tmp_path / "h_out.csv")
     assert found.corrected.all()
     assert any("as the joints 1, 2, 3, 5, 6 of" in text for text in found.sentences)
-    assert any("an arm of 5 free joints cannot turn its tool" in text for text in found.sentences)
+    assert any(
+        "an arm with 5 free joints cannot orient its tool" in text for text in found.sentences
+    )
     rows = list(csv.DictReader((tmp_path / "h_out.csv").read_text().splitlines()))
     motors = np.radians([[float(row[f"J{k}"]) for k in (1, 2, 3, 5, 6)] for row in rows])
     out, T = HELD.controller.read(motors, 6), nominal.poses(q)
@@ -279,3 +285,76 @@ def test_ratios_of_gears_are_found_from_a_table_that_does_not_know_them(tmp_path
     # joints are 0.04 deg off on a range of 5 rad, as the readings of 14 poses show them
     assert np.abs(found.controller.matrix - right.controller.matrix).max() < 1e-3
     assert left(found, session(tmp_path, table, found)) < 1.5e-3
+
+
+@pytest.mark.parametrize("last", [False, True], ids=["slide before turn", "turn before slide"])
+@pytest.mark.parametrize("pitch_mm", [20.0, -16.0])
+def test_a_spindle_that_rises_as_it_turns_is_found(tmp_path, pitch_mm, last):
+    """The quill of a SCARA on a screw and a spline: what J4 turns also moves it."""
+    slide, turn = (3, 2) if last else (2, 3)
+    kinds = ["revolute"] * 4
+    kinds[slide] = "prismatic"
+    links = np.zeros((4, 5))
+    links[0, 1:3], links[1, 2:4] = [0.35, 0.2], [0.3, np.pi]  # d and a; a and alpha
+    chain = Chain(links, tuple(kinds))
+    limits = np.tile([-3.0, 3.0], (4, 1))
+    robot = replace(ROBOT, model=RobotModel(chain), limits=limits)
+    rng = np.random.default_rng(3)
+    q = rng.uniform(-2.2, 2.2, (20, 4))
+    q[:, slide] = rng.uniform(0, 0.15, 20)
+    real = RobotModel(chain.moved(2e-4 * rng.normal(size=chain.n_numbers)))
+    point = (real.poses(q) @ [0.04, 0.02, 0.05, 1.0])[:, :3]
+    J = q.copy()
+    J[:, slide] -= 1e-3 * pitch_mm * q[:, turn] / (2 * np.pi)
+    read = Interpretation(J, point, None)
+    stated = misfit_of(robot.model, read)
+    found = min(ratios_that_fit(robot, read, stated), key=lambda one: one[1].score)
+    assert found[1].score < 0.2 * stated.score
+    assert "mm/deg" in found[0].condition
+    (line,) = re.findall(r'"(q[^"]*)"', found[0].fix)
+    table = ControllerTable(joints=(line,)).controller(chain.kinds)
+    # its robot is 0.2 mm and 2e-4 rad off: a few of these on 4 rad of J4
+    assert np.abs(table.to_arm(J) - q).max() < 1.5e-3
+    assert_allclose(table.to_arm(J), found[0].q, atol=1e-12)
+
+
+def test_a_joint_that_its_limits_show_to_be_counted_the_other_way_is_named(tmp_path):
+    """As the slide of a gantry or the elbow of seven axes, whose range is on one side of zero."""
+    limits = WIDE.limits.copy()
+    limits[2] = np.radians([-170, 0])
+    robot = replace(ROBOT, limits=limits)
+    data = made(robot=replace(robot, name="one_sided"))
+    assert data.q[:, 2].max() < 0
+    table = with_spread(in_radians(data))
+    session(tmp_path, table, robot)
+    turned = table | {"q3_rad": -table["q3_rad"]}
+    with pytest.raises(InputError, match="lie outside the limits") as caught:
+        session(tmp_path, turned, robot)
+    assert 'if q3 is counted the other way, write joints = ["q3 = -J3"]' in caught.value.fix
+    # which is as good as it says
+    told = with_controller("q3 = -J3", robot=robot)
+    assert_allclose(session(tmp_path, turned, told).measurements.q, data.q, atol=1e-12)
+    # a column of other numbers fits neither way
+    with pytest.raises(InputError) as caught:
+        session(tmp_path, table | {"q3_rad": 2.0 + table["q3_rad"]}, robot)
+    assert "the other way" not in caught.value.fix
+
+
+def test_a_table_without_the_column_of_one_joint_may_be_of_an_arm_whose_rods_hold_it(tmp_path):
+    table = with_spread(columns(made()))
+    del table["q4_deg"]
+    with pytest.raises(InputError, match=r"under \[controller\]: joints = \[\"q4 = ") as caught:
+        session(tmp_path, table, ROBOT)
+    assert caught.value.code == "M35"
+    del table["q5_deg"]
+    with pytest.raises(InputError, match="no column for 2") as caught:
+        session(tmp_path, table, ROBOT)
+    assert "rods" not in caught.value.fix
+
+
+def test_counts_of_encoders_are_no_joints(tmp_path):
+    table = with_spread(columns(made()))
+    table |= {f"q{k}_deg": 40_000 * table[f"q{k}_deg"] for k in (1, 2)}
+    with pytest.raises(InputError, match="implausible numbers") as caught:
+        session(tmp_path, table, ROBOT)
+    assert caught.value.fix == "check the unit of q1_deg; counts of an encoder are no angles"

@@ -384,7 +384,9 @@ def test_meshes_of_an_mjcf_lie_where_mujoco_has_them(tmp_path):
     base, upper = robot.visuals
     assert (base.link, upper.link) == (0, 2)
     assert base.rgb == (0.1, 0.2, 0.8)
-    assert base.collides  # its hull is another geom of the body
+    assert not base.collides  # its hull is another geom of the body
+    (hull,) = robot.primitives
+    assert (hull.link, hull.form.kind, hull.drawn, hull.collides) == (0, "box", False, True)
     model = mujoco.MjModel.from_xml_path(str(tmp_path / "arm.xml"))
     data = mujoco.MjData(model)
     data.qpos[:] = 0

@@ -5,12 +5,21 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from calib.errors import InputError
 from calib.geometry.frames import inverse, transform
 from testbed.laboratory.simulator import Simulator
+from testbed.recording.story import floor_height
 from testbed.robots.catalog import load_robot
-from testbed.robots.robot import Robot, workspace_of_reach
+from testbed.robots.meshes.files import part_mesh
+from testbed.robots.placements import link_poses
+from testbed.robots.robot import STAND, Robot, workspace_of_reach
 from testbed.robots.room import BESIDE, from_arm, reach
+from testbed.robots.write.folder import write_robot_folder
+from testbed.robots.write.toml import robot_toml
+from testbed.scenario.hashes import robot_hash
 from tests.testbed.robots.described_cases import ARMS, block, urdf
+from tests.testbed.robots.robot_cases import TX60
+from tests.testbed.robots.test_minimal import robot_file
 
 PART = (
     '<visual><geometry><mesh filename="block.stl"/></geometry></visual>'
@@ -86,3 +95,115 @@ def test_a_gantry_has_no_floor_where_its_beam_begins(tmp_path):
     robot = load_robot(tmp_path / "arm.urdf")
     at_zero = robot.model.poses(np.zeros((1, 6)))[0, :3, 3]
     assert Simulator(robot, robot.model.chain).above_floor(at_zero) > 1.0
+
+
+HUNG = """mounting_height_mm = 1500.0
+
+[base]
+position_mm = [0.0, 0.0, 2100.0]
+rotation_vector_deg = {}
+"""
+ON_WALL, DOWN = [0.0, 90.0, 0.0], [180.0, 0.0, 0.0]
+
+
+def mounted(folder, turn=ON_WALL, head=HUNG):
+    """The TX60 as a robot.toml whose base hangs 1.5 m above a floor at 0.6 m in the world."""
+    text = (TX60.folder / "robot.toml").read_text()
+    for name in {part.file.name for part in TX60.visuals}:
+        (folder / "meshes").mkdir(exist_ok=True)
+        (folder / "meshes" / name).write_bytes((TX60.folder / "meshes" / name).read_bytes())
+    start, _, rest = text.partition("[sources]")
+    start = start.replace('drawing = "staubli_tx60"\n', "")
+    head, table, base = head.format(turn).partition("[base]")
+    rest = rest.replace("[workspace]", "[forgotten]")
+    rest = rest[: rest.index("[forgotten]")] + rest[rest.index("# center_mm") :]
+    (folder / "robot.toml").write_text(f"{start}{head}[sources]{rest}\n{table}{base}")
+    return load_robot(folder / "robot.toml")
+
+
+def lowest_points(robot, q):
+    """Height (m,) in the world of the lowest corner of all that collides and moves [m]."""
+    T = link_poses(robot.model.chain, q)
+    heights = [
+        (T[:, part.link, 2, :3] @ part_mesh(part).vertices.T).min(axis=1) + T[:, part.link, 2, 3]
+        for part in robot.parts
+        if part.collides and part.link
+    ]
+    return np.min(heights, axis=0)
+
+
+@pytest.mark.parametrize("turn", [ON_WALL, DOWN], ids=["wall", "ceiling"])
+def test_a_base_that_hangs_has_the_level_floor_of_the_room_below_it(turn, tmp_path):
+    """And the surface that it hangs on: against the corners of all moving parts, by hand."""
+    robot = replace(mounted(tmp_path, turn), mounting_height=0.4)
+    chain, floor = robot.model.chain, 2.1 - 0.4
+    assert chain.T_world_base[2, 2] < 0.1
+    assert mounted(tmp_path, turn).mounting_height == 1.5
+    q = np.random.default_rng(3).uniform(*robot.limits.T, (300, 6))
+    without = replace(robot, mounting_height=None)
+    bare, both = (Simulator(one, chain) for one in (without, robot))
+    low = lowest_points(robot, q)
+    sure = np.abs(low - floor) > 1e-6  # MuJoCo keeps vertices in single precision
+    assert 30 < (low < floor).sum() < 270
+    before, found = bare.contacts(q), both.contacts(q)
+    np.testing.assert_array_equal(found.floor[sure], (before.floor | (low < floor))[sure])
+    np.testing.assert_array_equal(found.itself, before.itself)
+    near = Simulator(robot, chain, clearance=0.05).contacts(q).floor
+    wide = Simulator(without, chain, clearance=0.05).contacts(q).floor
+    sure = np.abs(low - floor - 0.05) > 1e-6
+    np.testing.assert_array_equal(near[sure], (wide | (low < floor + 0.05))[sure])
+    apart = np.minimum(bare.clearances(q, most=3.0), low - floor)
+    free = apart > 0
+    np.testing.assert_allclose(both.clearances(q, most=3.0)[free], apart[free], atol=1e-6)
+    # what lies below it is seen by no tracker
+    point = np.array([0.5, 0.0, floor - 0.01])
+    assert both.above_floor(point) == pytest.approx(-0.01, abs=1e-12)
+    assert not both.sees(q[:20], point, np.zeros(3)).any()
+
+
+def test_a_tracker_below_a_base_that_hangs_stands_on_the_floor_that_is_stated(tmp_path):
+    robot = mounted(tmp_path)
+    place = workspace_of_reach(robot)
+    station = in_the_room(robot, place.station_mm)
+    assert station[2] == pytest.approx(0.6 + STAND, abs=0.02)  # rounded to 10 mm
+    chain = robot.model.chain
+    beam = (inverse(chain.T_world_base) @ [*station, 1.0])[:3]
+    assert from_arm(chain, robot.limits, beam) >= reach(chain, robot.limits) + BESIDE
+    assert floor_height(chain, robot) == pytest.approx(0.6)
+    # what would lie below the floor is no place to work at
+    low = workspace_of_reach(replace(robot, mounting_height=0.3))
+    center, half = np.array(low.box_center_mm) / 1e3, np.array(low.box_size_mm) / 2e3
+    up = robot.model.chain.T_world_base[2, :3]
+    assert center @ up - half @ np.abs(up) > -0.3
+
+
+def test_how_a_base_is_mounted_is_written_and_read_again(tmp_path):
+    robot = mounted(tmp_path)
+    (tmp_path / "out").mkdir()
+    write_robot_folder(robot, tmp_path / "out")
+    back = load_robot(tmp_path / "out")
+    assert back.mounting_height == robot.mounting_height == 1.5
+    assert robot_hash(back) == robot_hash(robot)
+    assert robot_hash(replace(robot, mounting_height=1.6)) != robot_hash(robot)
+    assert "mounting_height" not in robot_toml(TX60)
+
+
+@pytest.mark.parametrize("height", ["0.0", "-1500.0", "nan", "1e9", '"high"', "true"])
+def test_a_height_that_no_base_has_is_refused(height, tmp_path):
+    with pytest.raises(InputError, match="mounting_height_mm") as caught:
+        mounted(tmp_path, head=HUNG.replace("1500.0", height))
+    assert "\n" not in str(caught.value)
+
+
+def test_a_rail_of_a_robot_toml_has_no_floor_across_it_unless_one_is_stated(tmp_path):
+    slide = '[[joints]]\nkind = "prismatic"\ntheta_deg = 0\nd_mm = 0\na_mm = 0\nalpha_deg = -90\n'
+    slide += "lower_mm = -2000\nupper_mm = 2000\n"
+    base = "[base]\nrotation_vector_deg = [-90.0, 0.0, 0.0]\n"
+    file = robot_file(tmp_path, (200, 300, 0), (0, 400, 90))
+    head, links = file.read_text().split("[[joints]]", 1)
+    text = f"{head}{{}}{base}{slide}[[joints]]{links}"
+    file.write_text(text.format(""))
+    assert load_robot(file).base_offset < -2.7
+    file.write_text(text.format("floor_mm = -100.0\n"))
+    assert load_robot(file).base_offset == -0.1
+    assert load_robot(robot_file(tmp_path, (200, 300, 0))).base_offset == 0.0

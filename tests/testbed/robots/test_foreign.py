@@ -148,7 +148,7 @@ def test_a_mesh_of_a_robot_toml_that_nobody_can_draw_is_named(text, tmp_path):
     """MuJoCo opens it first; the file is told, not an element of a model nobody has seen."""
     path = tmp_path / "part.obj"
     path.write_text(text)
-    part = Visual(path, (0.5, 0.5, 0.5), True, 1, "part")
+    part = Visual((0.5, 0.5, 0.5), True, 1, "part", file=path)
     robot = replace(TX60, folder=tmp_path, visuals=(part,))
     error = refused(lambda: Simulator(robot, robot.model.chain))
     assert error.where == str(path)

@@ -200,14 +200,14 @@ MESH = '<link name="arm"><visual><geometry><mesh filename="{}"/></geometry></vis
         ('xyz="0 0 0.1"', 'xyz="nan 0 0"', "R11", ":8: <origin> in joint turn has xyz="),
         ('xyz="0 0 0.1"', 'xyz="1e400 0 0"', "R11", "finite"),
         ('lower="-1"', 'lower="-inf"', "R11", ":10: <limit> in joint turn"),
-        ('xyz="0 0 0.1"', 'xyz="0,0,0.1"', "R12", "three numbers, spaces between them"),
+        ('xyz="0 0 0.1"', 'xyz="0,0,0.1"', "R12", "three numbers, separated by spaces"),
         ('xyz="0 0 0.1"', 'xyz="0 0.1"', "R12", ":8:"),
         ('rpy="0 0 0"', 'rpy="0 zero 0"', "R12", "zero"),
         ('<axis xyz="0 0 1"/>', '<axis xyz="0 0 0"/>', "R13", ":9: joint turn has a zero axis"),
         ('lower="-1"', 'lower="2"', "R14", "lower 2 above upper 1"),
         ('<limit lower="-1" upper="1" effort="1" velocity="1"/>', "", "R14", "no <limit>"),
-        ('<link name="arm"/>', '<link name="arm"/><link name="arm"/>', "R15", "arm is there twice"),
-        ('name="fix"', 'name="turn"', "R15", ":12: joint turn is there twice"),
+        ('<link name="arm"/>', '<link name="arm"/><link name="arm"/>', "R15", "arm appears twice"),
+        ('name="fix"', 'name="turn"', "R15", ":12: joint turn appears twice"),
         (
             '<link name="arm"/>',
             '<link name="arm"/><link name="x"/>',
@@ -337,19 +337,26 @@ def test_words_for_simulators_and_drivers_play_no_part(other, tmp_path):
     assert arm.joint_names == read_text(GOOD, tmp_path).joint_names
 
 
-@pytest.mark.parametrize("shape", ['box size="1 1 1"', 'capsule radius="1" length="1"', "cone"])
-def test_a_link_collides_by_its_mesh_whatever_shape_says_that_it_does(shape, tmp_path):
+COLLIDING = {'box size="1 1 1"': True, 'capsule radius="1" length="1"': True, "cone": False}
+"""Whether it is read."""
+
+
+@pytest.mark.parametrize("shape", COLLIDING)
+def test_a_link_collides_by_its_own_shape_and_by_its_mesh_where_that_is_not_read(shape, tmp_path):
     (tmp_path / "a.stl").write_bytes(block())
     mesh = MESH.format("a.stl").removesuffix("</link>")
     link = f"{mesh}<collision><geometry><{shape}/></geometry></collision></link>"
     arm = read_text(GOOD.replace('<link name="arm"/>', link), tmp_path)
-    assert [part.collides for body in arm.bodies for part in body.shapes] == [True]
+    parts = [(part.drawn, part.collides) for body in arm.bodies for part in body.shapes]
+    assert parts == ([(True, False), (False, True)] if COLLIDING[shape] else [(True, True)])
+    assert not any(body.unread for body in arm.bodies)
     other = GOOD.replace('<link name="arm"/>', MESH.format("a.stl")).replace(
         '<link name="base"/>',
         f'<link name="base"><collision><geometry><{shape}/></geometry></collision></link>',
     )
-    arm = read_text(other, tmp_path)
-    assert [part.collides for body in arm.bodies for part in body.shapes] == [False]
+    base, upper = read_text(other, tmp_path).bodies
+    assert [part.collides for part in upper.shapes] == [False]
+    assert base.unread == (not COLLIDING[shape])
 
 
 def test_many_odd_things_are_told_in_few_words(tmp_path):

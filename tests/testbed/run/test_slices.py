@@ -35,8 +35,8 @@ only. [D42]
 HERE/versions: was begun with other versions: NUMPY; merge folders of one run only. [D42]
 HERE/foreign: its 5 pieces under parts/ are of another scenario; leave it out, or play its slice \
 again. [D42]
-merge is given one folder; two folders or more; to go on with one: truebed run FOLDER --out FOLDER \
---resume. [C41]"""
+merge was given one folder; it needs two or more; to continue that run, type: truebed run FOLDER \
+--out FOLDER --resume. [C41]"""
 NO_SLICES = (
     "x.toml: --slice is given, and no study of many robots is on; studies of many robots are "
     "played in slices; leave --slice out. [C41]"

@@ -227,8 +227,8 @@ def test_an_edited_preset_beside_the_numbers_of_another_is_refused(first, other,
     for file in (lie, old(lie)):
         line = refused(file)
         assert line.startswith(f'x.toml: [truth] preset is "{other}", but ')
-        assert f'those of "{first}"; delete them, and the new name fills them in' in line
-        assert f'; write "{first}" again; or ' in line
+        assert f'those of "{first}"; delete them, so that the new name fills them in' in line
+        assert f'; or write "{first}" again; or ' in line
     # what the sentence says helps: each of the three ways out
     keys = named_in(line, other)
     while " more beside " in line:  # of many, some at a time
@@ -254,7 +254,7 @@ def test_the_way_out_is_one_that_there_is():
     lie = edited(text, (preset("rigid"), preset("soft")))
     assert "; or add TABLE.KEY of what shall stay to given, at the end." in refused(lie)
     assert refused(old(lie)).endswith(
-        '; or write [origin] at the end, and below it given = ["TABLE.KEY"] of what shall stay. '
+        '; or write [origin] at the end, and below it given = ["TABLE.KEY"] with what shall stay. '
         "[S37]"
     )
     before = read.parse_scenario(old(text), declared_tables, where="old", finished=True)
@@ -311,7 +311,7 @@ def test_a_key_that_is_gone_may_still_be_named_and_a_run_opens_whatever_is_named
     assert list(parse_scenario(gone, where="x").fixtures.reflectors_mm) == ["A", "B"]
     slip = edited(text, ('"fixtures.reflectors_mm.C"', '"fixtures.reflector_mm.C"'))
     assert refused(slip).endswith(
-        'given has "fixtures.reflector_mm.C", which is no key of a scenario; did you mean '
+        'given has "fixtures.reflector_mm.C", which is not a key of a scenario; did you mean '
         '"fixtures.reflectors_mm"? [S37]'
     )
     opened = read.parse_scenario(slip, declared_tables, where="x", finished=True)
@@ -395,7 +395,9 @@ def test_a_change_leaves_what_it_was_given_alone():
     changed(base, {"truth": truth, "truth.harmonic_mdeg": 1.0})
     assert truth == {"preset": "soft"}
     assert base.given == before
-    with pytest.raises(InputError, match=r'"trial\.0\.poses" cannot be changed: trial is no table'):
+    with pytest.raises(
+        InputError, match=r'"trial\.0\.poses" cannot be changed: trial is not a table'
+    ):
         changed(base, {"trial.0.poses": 3})
 
 

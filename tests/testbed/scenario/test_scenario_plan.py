@@ -143,7 +143,7 @@ def test_files_start_from_the_scenario_and_stay_below_it(tmp_path):
         ({"plan": {"goal": {"weights": [1]}}}, 'it belongs to kind = "list"'),
         ({"plan": {"goal": {"kind": "list"}}}, "neither of joints_deg and tool_mm_deg; give one"),
         ({"plan": {"goal": {"kind": "list", "joints_deg": [ZERO], "weights": [1.0, 2.0]}}},
-         "weights has 2 entries; 1 belong there, one per pose"),
+         "weights has 2 entries; there must be 1, one per pose"),
         ({"plan": {"goal": {"kind": "path", "joints_deg": [ZERO]}}}, "a path has two corners"),
         ({"plan": {"method": "fedrov"}}, 'did you mean "fedorov"?'),
         ({"plan": {"poses": 3, "target_um": 2}}, "one decides; remove the other"),

@@ -25,39 +25,39 @@ def warnings_of(
     if held_out < need:
         warnings.append(
             f"too few held-out poses were measured ({held_out}) for a {100 * LEVEL:g} % radius "
-            f"that needs no model of the error: {need} are the fewest; write [test] poses = {need} "
-            "or more"
+            f"that needs no model of the error: at least {need} are needed; write [test] poses = "
+            f"{need} or more"
         )
     if held_out < FEWEST:
         warnings.append(
-            f"too few held-out poses were measured ({held_out}) to show a discrepancy: {FEWEST} "
-            "are the fewest for a covariance"
+            f"too few held-out poses were measured ({held_out}) to show a discrepancy: a "
+            f"covariance needs at least {FEWEST}"
         )
     if outliers and result.loss == "squared":
-        some = "a shot" if outliers == 1 else f"{outliers} shots"
+        some = "one reading" if outliers == 1 else f"{outliers} readings"
         warnings.append(
-            f"{some} of the calibration may pull at the result; measure again what does not fit, "
+            f"{some} of the calibration may distort the result; repeat what does not fit, "
             'or write loss = "cauchy" in [identification]'
         )
     if len(set_aside):
         poses = ", ".join(map(str, set_aside))
         warnings.append(
-            f"the shots of held-out poses {poses} were grossly wrong and are set aside; measure "
-            "them again"
+            f"the readings of held-out poses {poses} were grossly wrong and are left out; repeat "
+            "them"
         )
     if shared > 0:
         warnings.append(
-            "what the tracker gets wrong the same way in both visits shows at no held-out pose: "
-            f"{1e6 * shared:.0f} um for it are added to the conformal radius in the table"
+            "held-out poses cannot show errors of the tracker that are the same at both visits: "
+            f"{1e6 * shared:.0f} um for these are added to the conformal radius in the table"
         )
     if unseen:
         warnings.append(
-            f"no held-out pose of this tracker can show its {' or its '.join(unseen)}: what they "
-            "leave is in the believed region by the sizes that the tracker states of itself"
+            f"no held-out pose of this tracker can show its {' or its '.join(unseen)}: the "
+            "believed region includes these errors in the size that the tracker states"
         )
     if result.prior is not None:
         warnings.append(
-            "the estimate rests on a prior as well: its intervals hold over robots like those that "
+            "the estimate also rests on a prior: its intervals hold over robots like those that "
             "the prior describes, not over repeats of one"
         )
     return (*warnings, *shared_waves(result))

@@ -139,10 +139,10 @@ def statement_table(campaign: Campaign, statements: list[tuple[Trial, Statement]
         size="small",
         on_paper=printed(len(rows)),
         note="believed: mean of many moves, with misfit up to its limit, shared errors and drift. "
-        "parameters alone: for a complete model and noise as stated; "
-        f"{REFUTED}: contradicted. with discrepancy: if model errors are alike everywhere. "
+        "parameters alone: right if the model is complete and the noise is as stated; "
+        f"{REFUTED}: contradicted. with discrepancy: right if model errors are alike everywhere. "
         "conformal ball: for a further reading with its noise; needs no model. inside: share of "
-        "true points; one robot's points share its error, so 95 % may be missed by chance.",
+        "true points; the points of one robot share its error, so chance alone may miss 95 %.",
     )
 
 
@@ -162,8 +162,8 @@ def question_table(statements: list[tuple[Trial, Statement]]) -> Table:
         align="l" + "r" * (len(asked) + 1) + "l",
         size="small",
         note="p: probability of such readings if nothing is wrong, adjusted (Holm). all "
-        "readings: residuals and held-out errors against the stated noise (Fisher). Nothing found "
-        "is no proof.",
+        "readings: residuals and held-out errors against the stated noise (Fisher). That nothing "
+        "is found proves nothing.",
     )
 
 
@@ -174,7 +174,7 @@ def answer(statement: Statement) -> str:
     for name in found.said:
         by = ""
         if name == "another frame" and frame is not None and not frame.found:
-            by = " in part" if frame.in_part else " by less than the region holds"
+            by = " in part" if frame.in_part else " by less than the region allows for"
         seen.append(f"{name}{by}")
     if not seen and not found.agree:
         return "larger than the noise"
@@ -199,7 +199,7 @@ def reasons(statement: Statement, *, brief: bool = False) -> tuple[str, ...]:
     if point is not None and np.isnan(point.u_move):
         texts.insert(
             0,
-            "where one move ends is not stated: the joints have no repeatability error here",
+            "nothing is stated about single moves: the joints have no repeatability error here",
         )
     lack = statement.lack_of_fit
     if lack is not None and not statement.trust.refuted:
@@ -210,7 +210,8 @@ def reasons(statement: Statement, *, brief: bool = False) -> tuple[str, ...]:
     belief = statement.belief
     if belief is not None and (factor := belief.misfit.larger_noise) > 1:
         texts.append(
-            f"readings and repeats show {factor:.2f} times the stated noise: the region has it"
+            f"readings and repeats show {factor:.2f} times the stated noise, which the region "
+            "includes"
         )
     texts += [*statement.outliers, *statement.warnings]
     return tuple(map(written, texts))

@@ -46,8 +46,8 @@ def test_a_bumped_joint_is_no_other_frame(joint, degrees):
     all_of_it = rms_length(seen.position - p)
     said = found.trust.sentences[0]
     assert found.point.radius_mean > all_of_it
-    assert f" of {1e6 * all_of_it:.0f} um (rms) of the held-out errors; the rest, " in said
-    assert said.endswith("it does not: joints, payload or the model changed")
+    assert f" of the held-out errors of {1e6 * all_of_it:.0f} um (rms), but not the rem" in said
+    assert said.endswith(": joints, payload or the model changed")
     assert not any("another frame" in text for text in found.trust.sentences)
     if not found.frame.at_tool:
         rest = rms_length(left_by_station(seen.position, p))

@@ -17,6 +17,7 @@ from calib.uncertainty.judgement import judge
 from calib.uncertainty.statement.applicability import (
     BEYOND,
     REFUSED,
+    Applicability,
     lacking,
     proven_at,
     steps_of,
@@ -166,6 +167,14 @@ def test_a_set_that_lies_outside_is_not_reached():
     assert proven.applies(near[:0]).reaches
 
 
+@pytest.mark.parametrize(("outside", "reached"), [(5, True), (6, False)])
+def test_a_statement_reaches_a_set_of_which_a_quarter_lies_outside(outside, reached):
+    transfer = np.where(np.arange(20) < outside, 9.1, 8.9)
+    found = Applicability(transfer, np.ones(20), np.zeros((20, 6), bool))
+    assert (found.place == "outside").sum() == outside
+    assert found.reaches is reached
+
+
 def test_joints_beyond_their_range_are_named_one_by_one():
     rng = np.random.default_rng(8)
     q = kinds.joints("tx60", rng, 40)
@@ -250,7 +259,7 @@ def test_between_steps_a_gear_may_do_what_no_reading_shows_and_it_is_said():
         for share, there in ((on, q[60:]), (between, off)):
             e = true(there)[:, :3, 3] - found.belief.model.poses(there)[:, :3, 3]
             share.append((np.linalg.norm(e, axis=1) <= found.point.radius_mean).mean())
-    told = "Joints 1, 2, 3, 4, 5, 6 stood at steps of 15 deg only: an error that repeats with the"
+    told = "Joints 1, 2, 3, 4, 5, 6 stood only at steps of 15 deg: no reading shows an error that"
     assert all(told in each for each in words)
     # the radius is what it promises at steps, and nothing like it between them
     assert np.mean(on) >= 0.95
@@ -265,5 +274,5 @@ def test_joints_that_keep_a_step_are_named_with_their_own():
     q[:, 2] = on_steps(rng, 40)[:, 2]
     q[:, [1, 5]] = 2 * np.round(q[:, [1, 5]] * 18 / np.pi / 2) * np.pi / 18
     proven = proven_at(fitted(exact(TX60, q)), exact(TX60, q), q)
-    said = "joints 2, 6 stood at steps of 20 deg only and joint 3 stood at steps of 15 deg only: "
+    said = "joints 2, 6 stood only at steps of 20 deg and joint 3 stood only at steps of 15 deg: "
     assert steps_words(proven).startswith(said)

@@ -102,12 +102,12 @@ def test_every_sentence():
     data = Conditions(np.zeros(3), ("probe",) * 3, np.array([20.1, 21.34, 20.5]))
     one = Conditions(np.array([0, 5.0]), ("probe", "gripper"), np.array([20.0, 31.0]))
     assert departure(data, one, 2).sentences == (
-        "target 2 carries 5 kg; the measurements carried 0 kg: no statement reaches there until "
-        "rows that vary the payload as far have identified a term for it",
-        "target 2 has the tool gripper; the measurements had probe: no statement reaches there "
-        "until rows are measured with that tool",
-        "target 2 is at 31 degC; the measurements were at 20.1 to 21.34 degC: no statement reaches "
-        "there until rows that vary the temperature as far have identified a term for it",
+        "target 2 carries 5 kg; the measurements had a payload of 0 kg: nothing can be stated "
+        "there until rows whose payload varies as much have identified a term for it",
+        "target 2 has the tool gripper; the measurements had the tool probe: nothing can be stated "
+        "there until rows have been measured with that tool",
+        "target 2 is at 31 degC; the measurements were at 20.1 to 21.34 degC: nothing can be "
+        "stated there until rows whose temperature varies as much have identified a term for it",
     )
     many = Conditions(
         np.linspace(0, 30, 31), ("gripper",) * 30 + ("probe",), np.array([40.0, 10.0] + [21.0] * 29)
@@ -115,29 +115,29 @@ def test_every_sentence():
     said = departure(PAYLOAD, many, 31).sentences
     assert said == (
         "targets 4, 5, 6, 7, 8, 9, 10, 11, 12, 13 and 18 more carry 3 to 30 kg; the measurements "
-        "carried 0 to 2 kg: no statement reaches there until rows that vary the payload "
-        "as far have identified a term for it",
+        "had a payload of 0 to 2 kg: nothing can be stated there until rows whose payload varies "
+        "as much have identified a term for it",
     )
     assert int(departure(PAYLOAD, many, 31).outside.sum()) == MOST_NAMED + 18
     payload, tool, warm = (
         departure(data, many, 31).clauses(partial(named, "row"), "the others").values()
     )
     assert payload.startswith("rows 2, 3,")
-    assert tool.endswith("and 20 more have the tool gripper; the others had probe")
+    assert tool.endswith("and 20 more have the tool gripper; the others had the tool probe")
     assert warm == "rows 1 and 2 are at 10 to 40 degC; the others were at 20.1 to 21.34 degC"
     two = Conditions(tool=("gripper", "welder", "probe"))
     (tools,) = departure(data, two, 3).clauses(partial(counted, "row"), "the others").values()
-    assert tools == "2 rows have the tools gripper and welder; the others had probe"
+    assert tools == "2 rows have the tools gripper and welder; the others had the tool probe"
 
 
 def test_what_only_one_side_states_is_said():
     data = Conditions(np.zeros(3), None, np.array([20.0, 21.0, 22.0]))
     targets = Conditions(np.zeros(2), ("probe", "gripper"))
     assert departure(data, targets, 2).unsaid == (
-        "the targets do not state their temperature: what is said holds where that is as in the "
-        "measurements (temperature 20 to 22 degC)",
-        "the measurements do not state their tool: nobody can tell whether a statement reaches "
-        "these targets (tool probe and gripper)",
+        "the targets do not state their temperature: the statement holds as long as that is the "
+        "same as in the measurements (temperature 20 to 22 degC)",
+        "the measurements do not state their tool: whether the statement holds at these targets "
+        "is unknown (tool probe and gripper)",
     )
 
 
@@ -181,8 +181,8 @@ def test_a_payload_of_the_same_mass_that_hangs_elsewhere_is_another_one():
     found = departure(hung(0.0, 20.0), hung(-9.0, 29.0, 31.0, 520.0), 4)
     assert found.other["payload"].tolist() == [False, False, True, True]
     assert found.sentences[0].startswith(
-        "targets 3 and 4 carry 5 kg at 31 to 520, 0, 50 mm; the measurements carried 5 kg at 0 to "
-        "20, 0, 50 mm: no statement reaches there"
+        "targets 3 and 4 carry 5 kg at 31 to 520, 0, 50 mm; the measurements had a payload of 5 kg "
+        "at 0 to 20, 0, 50 mm: nothing can be stated there"
     )
     unsaid = Conditions(payload=np.full(4, 5.0))
     assert not departure(hung(0.0), unsaid, 4).outside.any()

@@ -80,6 +80,11 @@ def test_by_no_rule_a_point_passes_whose_uncertainty_is_larger_than_the_toleranc
     for one in (found, guarded):
         assert f"{said}, R95 up to 70 um" in one.sentence
         assert one.hopeless.all()
+    # from just below R95 on, and not before
+    at_R95 = float(distance_radius(regions[:1])[0])
+    for tolerance, words in ((0.999 * at_R95, ["undecided"]), (1.001 * at_R95, ["pass"])):
+        near = conformity(np.zeros((1, 3)), regions[:1], tolerance, rule="simple")
+        assert near.outcome.tolist() == words
     # what lies out of it by more than that still fails
     far = conformity([[1e-3, 0, 0], [75e-6, 0, 0]], regions[:2], 10e-6, rule="simple")
     assert far.outcome.tolist() == ["fail", "undecided"]

@@ -87,8 +87,8 @@ def asked(k, slow, memory=20.0):
 def words(k, slow):
     """Whether it is said that readings drift, and whether a drift is in the region."""
     found = asked(k, slow)
-    return found.sentence.startswith("the readings follow their neighbors"), "is in the region" in (
-        found.sentence
+    return found.sentence.startswith("successive readings are correlated"), (
+        "the region includes a drift" in found.sentence
     )
 
 
@@ -106,14 +106,14 @@ def test_a_good_set_is_told_to_drift_once_in_a_hundred_times_and_a_drift_is_told
 
 def test_between_one_in_twenty_and_one_in_a_hundred_a_drift_is_allowed_for_and_not_told():
     found = replace(asked(0, 0.5), p_value=0.03)
-    assert found.sentence.startswith("a drift of up to ")
+    assert found.sentence.startswith("the region includes a drift of up to ")
     assert found.sentence.endswith(
-        "is in the region to be safe: that the readings follow their neighbors so (p = 0.03) "
-        "happens by chance as well, once in 20 sets without any drift"
+        "as a precaution: that successive readings agree so well (p = 0.03) also happens by "
+        "chance, in one of 20 sets without any drift"
     )
     told = replace(found, p_value=0.009).sentence
-    assert told.startswith("the readings follow their neighbors in time (p = 0.009): a drift of up")
-    assert told.endswith("measure nests, poses in random order, or a second round")
+    assert told.startswith("successive readings are correlated (p = 0.009), so the region includes")
+    assert told.endswith("measure drift nests, poses in random order, or a second round")
 
 
 def test_the_likeness_of_neighbors_is_that_of_all_pairs():
@@ -196,8 +196,9 @@ def test_a_tour_says_nothing_of_a_drift_and_that_is_said():
     assert tour.void
     assert tour.drift is None
     assert tour.sentence == (
-        "whether the readings drift cannot be told: poses near each other were measured after each "
-        "other, and what the model misses there is alike; what it leaves is not in the region"
+        "whether the readings drift cannot be decided, because neighboring poses were measured one "
+        "after another, where the model misses much the same; the region does not include one; a "
+        "second round in the same order would decide it"
     )
     assert known.void
     if known.drift is not None:

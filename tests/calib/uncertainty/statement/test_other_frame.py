@@ -8,12 +8,13 @@ import pytest
 from scipy.stats import binom, chi2
 
 from calib.errors import InputError
+from calib.geometry.fixtures import Fixtures
 from calib.geometry.parameters import parameters_of
 from calib.identification.identify import identify
 from calib.identification.prior import weak_prior
 from calib.measurement.observations import joined
 from calib.measurement.prediction import predict, predicted_positions
-from calib.uncertainty.judgement import judge
+from calib.uncertainty.judgement import Circumstances, judge
 from calib.uncertainty.statement.belief import believe
 from calib.uncertainty.statement.other_frame import other_frame
 from tests.calib import kinds
@@ -100,7 +101,7 @@ def test_half_a_metre_is_said_in_millimetres():
     _, fit, train, held_out = campaign(rng, 0.0)
     moved = shifted(held_out, [0.6, 0.1, 0.1], [0.0, 0.0, 0.3])
     found = other_frame(believe(fit, train, moved), moved, fit, train)
-    assert " mm, 17.2 deg, as one piece" in found.sentence
+    assert " mm and 17.2 deg (another base" in found.sentence
     # no derivative describes a turn of 17 deg: noise of 20 um over the poses and the fit's own
     np.testing.assert_allclose(found.turn, [0.0, 0.0, 0.3], atol=1e-4)
     went = np.sqrt(((moved.position - held_out.position) ** 2).sum(axis=1).mean())
@@ -254,3 +255,22 @@ def test_a_motion_that_the_region_holds_is_no_other_frame():
         assert 0 < again.frame.within < radius
     assert small > 0  # else a limit by size would prove nothing
     assert far == 6
+
+
+def test_the_likeliest_of_several_visits_has_a_chance_as_of_all_of_them():
+    """Three visits are three chances of a false alarm: Bonferroni."""
+    rng = np.random.default_rng(46)
+    _, _, train, held_out = campaign(rng, 5e-6, m=40, n=60)
+    visited = replace(TX60, fixtures=Fixtures(stations=np.tile(np.eye(4), (2, 1, 1))))
+    fit = identify(visited, train, parameters_of(visited, TX60.names))
+    parts = [np.arange(60) % 3 == k for k in range(3)]
+    near = shifted(held_out, [4e-6, 0.0, 0.0])
+    near = replace(near, station=np.arange(60, dtype=np.int64) % 3)
+    judged = judge(fit, near, train=train, circumstances=Circumstances(stations_are_visits=True))
+    each = [other_frame(judged.belief, near.rows(part), fit, train) for part in parts]
+    likeliest = min(each, key=lambda one: min(one.p_base, one.p_tool))
+    assert not judged.frame.found
+    assert judged.frame.station == likeliest.station
+    assert 0 < min(likeliest.p_base, likeliest.p_tool) < 1 / 3
+    assert judged.frame.p_base == pytest.approx(min(1.0, 3 * likeliest.p_base), rel=1e-9)
+    assert judged.frame.p_tool == pytest.approx(min(1.0, 3 * likeliest.p_tool), rel=1e-9)

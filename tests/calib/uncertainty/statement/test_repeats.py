@@ -9,6 +9,7 @@ from scipy.stats import chi2
 from calib.geometry.model import RobotModel
 from calib.measurement.noise import with_joint_noise
 from calib.measurement.observations import joined
+from calib.uncertainty.statement.evidence import NoiseRepeats
 from calib.uncertainty.statement.repeats import joint_scatter, noise_repeats
 from tests.calib import kinds
 
@@ -126,3 +127,14 @@ def test_good_repeats_all_count_however_wrong_the_stated_noise_is():
         noise = (root @ rng.standard_normal((80, 3, 1)))[..., 0] * (0.1, 1.0, 10.0)[k % 3]
         told = noise_repeats(TX60, replace(table, position=p + noise))
         assert told.degrees_of_freedom == 120
+
+
+def test_the_scale_of_the_noise_is_known_as_the_likelihood_of_the_repeats_curves():
+    """Standard deviation 1 / sqrt(2 nu): second differences of minus the log-likelihood."""
+    repeats = NoiseRepeats(60.0, 75.0)
+    step = 1e-3
+    low, middle, high = repeats.against(repeats.log_scale + step * np.array([-1.0, 0.0, 1.0]))
+    assert middle < min(low, high)
+    curvature = (low - 2 * middle + high) / step**2
+    # rounding: 1e-14 of some 50 over 1e-6
+    assert repeats.log_scale_sd == pytest.approx(curvature**-0.5, rel=1e-5)

@@ -111,3 +111,20 @@ def test_held_out_poses_beyond_the_radius_too_often_for_chance_widen_it():
     assert moves.radius_move / one.radius_move == pytest.approx(
         moves.radius_mean / one.radius_mean, rel=1e-12
     )
+
+
+def test_a_radius_that_held_out_errors_widen_is_their_quantile_less_the_noise():
+    """By the 39th of 40 errors, and three standard deviations of the noise taken off in squares."""
+    _, fit, train, held_out = campaign(np.random.default_rng(7), 0.0, n=40)
+    belief = believe(fit, train, held_out)
+    more = {"target": np.zeros(3), "held_out": True}
+    plain = stated_point(belief, held_out.q, **more)
+    # each of ten moved by an amount of its own, far beyond a noise twenty times as large
+    steps = np.where(np.arange(40) < 10, 100.0 + 10.0 * np.arange(40), 0.0)
+    away = steps[:, None] * np.array([plain.radius_mean, 0.0, 0.0])
+    off = replace(held_out, position=held_out.position + away, covariance=400 * held_out.covariance)
+    found = stated_point(belief, held_out.q, **more, measured=off)
+    missed = np.sort(np.linalg.norm(predict(belief.model, off).residual[:, :3], axis=1))
+    variance = np.trace(off.covariance[:, :3, :3], axis1=1, axis2=2).mean() / 3
+    expected = np.sqrt(missed[38] ** 2 - coverage_factor(3) ** 2 * variance)
+    assert found.radius_mean == pytest.approx(expected, rel=1e-9)

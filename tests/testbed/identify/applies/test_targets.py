@@ -121,9 +121,9 @@ def test_a_program_that_the_statement_does_not_reach_has_no_region(tmp_path):
     away[:, 0] = 2.9
     made, table = delivered(found, away, tmp_path)
     told = " ".join(target_words(made.targets))
-    assert "of 8 targets of the program 0 lie inside what was proven" in told
+    assert "of 8 targets of the program, 0 lie inside what was proven" in told
     if not made.targets.reaches:
-        assert "the statement does not reach there" in told
+        assert "nothing can be stated there" in told
         assert "measure 20 poses there" in told
         assert not any(row["R95_mean_um"] for row in table)
         assert all(row["why"].startswith("no region: ") for row in table)
@@ -149,7 +149,7 @@ def test_a_target_left_as_written_has_no_radius_but_what_it_misses(tmp_path):
     # the tolerance of 0.1 mm is still decided on: what it misses is known, with a region
     assert table[1]["decision"] == table[1]["decision_before"] == "fail, guard band R95"
     told = target_words(made.targets)
-    assert told[0].startswith("of 4 corrected targets of the program 4 lie inside")
+    assert told[0].startswith("of 4 corrected targets of the program, 4 lie inside")
     assert "no radius is stated at 1 target left as written" in told
     assert "at 4 of 5 targets" in told[-1]
     assert made.targets.radius_mean[1] == 0.0
@@ -368,7 +368,7 @@ def test_only_tolerances_tell_the_flange_where_another_target_was_measured(kind,
         folder.mkdir()
         q = found.stated_q[:1]
         made, _ = delivered(found, q, folder)
-        assert any("of the tool of the robot's file" in told for told in made.program)
+        assert any("for the tool of the robot's file" in told for told in made.program)
         (row,) = csv.DictReader(io.StringIO((folder / "out" / "jobs_corrected.csv").read_text()))
         sent = np.array([[float(row[f"q{k}_deg"]) * DEG for k in range(1, 7)]])
         there = RobotModel(replace(nominal, links=links)).poses(sent)
@@ -381,7 +381,7 @@ def test_only_tolerances_tell_the_flange_where_another_target_was_measured(kind,
 def test_a_tool_that_stays_as_the_file_has_it_is_the_one_that_was_measured():
     free, (_, kept) = sound(), of_its_tool()
     assert np.linalg.norm(tool_point(free)) > 0.01
-    assert "of the tool of the robot's file" in tool_words(free)[0]
+    assert "for the tool of the robot's file" in tool_words(free)[0]
     assert not kept.own_frames
     assert not tool_point(kept).any()
     assert tool_words(kept) == ()

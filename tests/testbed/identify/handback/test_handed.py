@@ -79,7 +79,7 @@ def test_the_tip_stands_in_table_result_and_report_and_comes_back():
     assert document["links_held_because"] == found.handback.why
     section = hand_back_section(found)
     (table,) = (block for block in section.blocks if isinstance(block, Table))
-    assert [row[0] for row in table.rows] == ["target that was measured", "gripper"]
+    assert [row[0] for row in table.rows] == ["measured target", "gripper"]
     assert tool_words(found)[0].startswith("for gripper, at (0, 0, 150) mm in the flange")
     assert (stated.at_poses > 20 * stated.measured_at_poses).all()
 
@@ -130,7 +130,7 @@ def test_every_number_says_what_holds_it():
     assert held["a2"] == held["alpha1"] == MEASURED
     written = {row["number"]: float(row["new"]) for row in rows}
     arm = delivered_robot(with_gripper(), robot(), with_gripper().fit)
-    assert "of all robots with the same tool poses" in arm.sources["geometry"]
+    assert "many sets of numbers give the same tool pose" in arm.sources["geometry"]
     handed = arm.model.chain.links
     for k in range(6):
         assert written[f"d{k + 1}"] == pytest.approx(1e3 * handed[k, 1], abs=1e-6)
@@ -181,7 +181,7 @@ def test_a_number_beyond_its_tolerance_is_told():
         if one.tolerance and abs(one.row.delta) > one.tolerance
     }
     assert moved
-    sentences = " ".join(text for text in told if "moved further than the tolerance" in text)
+    sentences = " ".join(text for text in told if "changed by more than the tolerance" in text)
     assert all(f"{name} by " in sentences for name in list(moved)[:6])
 
 
@@ -195,8 +195,8 @@ def test_a_number_beyond_its_tolerance_is_told_though_priors_hold_others():
     other = replace(found, fits=(fit,), handback=replace(given, by_prior=np.ones(42)))
     far = [one for one in handed_numbers(other) if one.is_far]
     assert PRIOR in {one.held_by for one in far}
-    (sentence,) = (text for text in hand_back_warnings(other) if "moved further" in text)
-    assert "tell them only together with others" in sentence
+    (sentence,) = (text for text in hand_back_warnings(other) if "changed by more than" in text)
+    assert "determine them only together with others" in sentence
 
 
 def test_a_joint_term_is_held_by_what_tells_it_and_not_by_its_weak_prior():
@@ -238,7 +238,7 @@ def test_a_number_that_nothing_holds_is_told():
     loose = [one.row.name for one in handed_numbers(other) if one.held_by == LOOSE]
     assert loose
     assert any("U exceeds the tolerance" in text for text in hand_back_warnings(other))
-    assert any(text.startswith("Nothing holds ") for text in hand_back_words(other))
+    assert any(text.startswith("Nothing determines ") for text in hand_back_words(other))
 
 
 def test_a_chosen_models_links_are_held_by_their_prior_where_they_share():

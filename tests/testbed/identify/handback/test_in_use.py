@@ -30,7 +30,7 @@ def test_the_flange_is_as_uncertain_as_its_tolerance_behind_a_target_on_it():
     Last link: theta, d, a, alpha, beta of its prior, and the shift along y that none of them is.
     """
     found = calibrated()
-    assert found.handback.why == "another tool will be used, and the links carry it"
+    assert found.handback.why == "another tool will be used, whose position depends on the links"
     belief = found.proof.belief
     point = np.array(TOOL.point)
     there = carried(belief, TOOL, point, SD)

@@ -221,7 +221,7 @@ def test_a_cube_out_of_reach_or_in_the_floor_names_the_pose(campaign):
     [
         ({"compensation.robots": 1}, "[compensation] robots is 1"),
         ({"identification.loss": "cauchy"}, "[compensation] robots plays least squares"),
-        ({"compensation.truths": ["rigid", "rigid"]}, "names one twice"),
+        ({"compensation.truths": ["rigid", "rigid"]}, "contains a name twice"),
         ({"tracker.missed": 1}, "[compensation] cycles needs every visit"),
         (
             {"tracker.measures": "point", "tracker.reflector_mm": [0.0, 0.0, 50.0]},

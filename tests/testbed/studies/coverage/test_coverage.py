@@ -274,7 +274,7 @@ def test_one_robot_with_a_statement_is_no_promise_kept():
     assert region["ci_95"] == region["joint_ci_95"] == [0.0, 1.0]
     assert followed_ == {"inside": 0.5, "ci_95": [0.0, 1.0], "nothing_to_believe": 49}
     said = believable_sentence(cells((study,)))
-    assert "At 95\u202f% the believed region cannot be judged by so few robots." in said
+    assert "At 95\u202f%, the believed region cannot be judged by so few robots." in said
 
 
 def test_bands_that_reach_twice_the_promised_misses_decide_nothing():
@@ -286,7 +286,7 @@ def test_bands_that_reach_twice_the_promised_misses_decide_nothing():
     assert {cell.outcome for cell in cells((other,))} == {"holds"}
     said = believable_sentence(cells((few, other)))
     assert "the believed region keeps its promise on soft robots only with either model" in said
-    assert "(so few robots leave it open on rigid robots)" in said
+    assert "(too few robots to decide on rigid robots)" in said
 
 
 def test_the_first_screen_has_a_tick_only_where_a_promise_was_judged_and_kept(campaign):
@@ -512,8 +512,8 @@ def test_scenes_without_the_study_say_nothing_of_it():
         ({"coverage.validation_poses": 18}, "asks for at least 19 at level = 0.95"),
         ({"coverage.validation_poses": 40, "coverage.level": 0.99}, "asks for at least 99"),
         ({"coverage.truths": ["stiff"]}, 'is "stiff"; allowed are "rigid", "wen2022"'),
-        ({"coverage.truths": []}, "at least 1 entry"),
-        ({"coverage.truths": ["soft", "soft"]}, "names one twice"),
+        ({"coverage.truths": []}, "at least 1;"),
+        ({"coverage.truths": ["soft", "soft"]}, "contains a name twice"),
         ({"coverage.level": 1.0}, "0.999 or smaller"),
         ({"coverage.robots": 1}, "robots is 1; 0 skips it"),
         ({"tracker.measures": "point"}, "needs full poses"),

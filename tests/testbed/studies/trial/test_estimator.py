@@ -224,7 +224,7 @@ def test_the_model_is_chosen_by_what_the_robot_needs_and_the_result_says_why():
     assert climbed.extended
     assert climbed.log_evidence > 30
     assert climbed.why.startswith(
-        "extended by sag and small waves: the measurements ask for it (log"
+        "extended by sag and small waves: the measurements support it (log"
     )
     assert {o.level for o in climbed.offered if o.outcome == "taken"} == {"sag", "small waves"}
     assert [step.taken for step in climbed.steps] == [True, True]

@@ -111,7 +111,7 @@ def test_parameter_rows_hold_identified_minus_nominal_and_the_stated_uncertainty
     table = report_parameters.parameter_table(campaign.setting.nominal, trial, estimate)
     assert tuple(row[0] for row in table.rows) == found.names
     factor = stats.t.ppf(0.975, len(estimate.repeated) - 1)
-    assert f"Student's t = {factor:.2f} of {len(estimate.repeated) - 1} degree" in table.note
+    assert f"Student's t = {factor:.2f} for {len(estimate.repeated) - 1} degree" in table.note
     start = {"theta3": 90.0, "d4": 310.0, "alpha1": -90.0, "a2": 290.0, "base.x": 0.0}
     for row, step, u, scatter, true in zip(
         table.rows,
@@ -312,7 +312,7 @@ def test_a_refuted_statement_beside_a_smaller_error_is_explained_where_the_verdi
             and CLEARLY * one.comparison.after.mean() < other.comparison.after.mean()
         ]
         said = page(make).verdict
-        assert ('A "no" judges' in said) == bool(pairs)
+        assert ('A "no" is about' in said) == bool(pairs)
         if pairs:
             trial, one, other = pairs[0]
             means = [1e3 * e.comparison.after.mean() for e in (one, other)]

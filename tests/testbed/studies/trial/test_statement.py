@@ -115,7 +115,7 @@ def test_on_a_rigid_robot_the_region_is_believed_and_holds_the_truth():
     assert told.radius[0] == told.point.radius_mean > told.radius[1]
     # joints of this scenario come back exactly
     assert np.isnan(told.point.u_move)
-    assert "where one move ends is not stated" in " ".join(reasons(told)).lower()
+    assert "nothing is stated about single moves" in " ".join(reasons(told)).lower()
     assert told.bootstrap.agrees
     assert told.linear.validated
     assert told.lack_of_fit.p_value > 1e-3
@@ -210,7 +210,7 @@ def test_errors_that_no_held_out_pose_can_show_are_named():
     """Target's place and range scale follow the estimate; both ways of telling them agree."""
     (said,) = [text for text in estimate(systematic()).statement.warnings if "can show its" in text]
     assert "target's place" in said
-    assert "in the believed region" in said
+    assert "the believed region includes" in said
     assert not [text for text in estimate(at960()).statement.warnings if "can show its" in text]
 
 
@@ -281,9 +281,11 @@ def test_chance_is_not_called_a_misfit_of_the_model_and_quiet_tests_are_no_proof
     told = estimate(rigid()).statement
     said = told.trust.sentence
     assert told.questions.combined > 0.05
-    assert "Nothing found is no proof." in question_table([(rigid().trials[0], told)]).note
+    assert (
+        "That nothing is found proves nothing." in question_table([(rigid().trials[0], told)]).note
+    )
     assert "show a misfit" not in said
-    assert "which is no proof" in said
+    assert "though that is no proof" in said
     assert "would have been detected; a smaller one may hide" in said
 
 
@@ -350,7 +352,7 @@ def test_too_few_held_out_poses_are_a_warning_and_no_radius(poses, missing):
     assert told.conformal is None
     assert told.trust.believe == "region"
     assert told.belief.n_guards == 0
-    assert "No held-out pose guards the factor" in " ".join(reasons(told))
+    assert "No held-out pose guards the coverage factor" in " ".join(reasons(told))
     assert f"poses like the {poses} held out" in trial_verdict(of).sentence
 
 

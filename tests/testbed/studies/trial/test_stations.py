@@ -208,7 +208,7 @@ def test_a_reflector_has_one_place_whichever_table_states_it(tmp_path, table):
         np.testing.assert_array_equal(getattr(again, name), getattr(whole, name))
     for other, told in (("[61.0, 0.0, 90.0]", r"at \(61, 0, 90\) mm"), ('"free"', "free")):
         file.write_text(before + of_it + after.replace(known, f'"A" = {other}', 1))
-        with pytest.raises(InputError, match=rf'reflector "A" is .*{told}.*; state one place'):
+        with pytest.raises(InputError, match=rf'reflector "A" is .*{told}.*; state only one'):
             read_session(tmp_path / "out", robot)
 
 

@@ -42,9 +42,9 @@ def test_residuals_unmask_sagging_joints_and_the_region_has_them():
     trial = trial_of(**{"truth.preset": "wen2022", "uncertainty.replications": 0})
     verdict = judge(trial, trial.estimates[0])
     assert verdict.believable
-    assert "the stated region has room for it" in verdict.reasons[0]
+    assert "the stated region allows for it" in verdict.reasons[0]
     assert "the residuals contradict the stated noise" in verdict.reasons[1]
-    assert "the believed region holds" in verdict.reasons[-1]
+    assert "the believed region contains" in verdict.reasons[-1]
 
 
 def test_a_model_that_nothing_contradicts_is_not_said_to_lack_something(honest):

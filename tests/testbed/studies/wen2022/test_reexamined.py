@@ -541,7 +541,7 @@ def test_one_kind_of_robots_does_not_depend_on_the_others_but_on_the_repeats():
             "statements hold, which know no systematic part",
         ),
         ({"reexamined.robots": 7}, "robots is 7 and pools is 2; .* write robots = 8"),
-        ({"reexamined.truths": ["soft", "soft"]}, "names one twice"),
+        ({"reexamined.truths": ["soft", "soft"]}, "contains a name twice"),
         ({"pool.size": 99}, "size is 99; .* write size = 100"),
         (
             {"trial": [{"name": "one", "poses": 30, "method": "random"}]},

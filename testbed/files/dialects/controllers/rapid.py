@@ -2,9 +2,10 @@
 
 import re
 from collections.abc import Iterator
+from dataclasses import replace
 
+from testbed.files.dialects.controllers.targets import ANOTHER, JointList, Target, sheet_of
 from testbed.files.refusal import refusal
-from testbed.files.text import Sheet
 from testbed.gates.text import FileText
 from testbed.units import counted
 
@@ -21,11 +22,10 @@ TOKEN = re.compile(r'"[^"]*"?|!.*|;|[^"!;]+')
 """A text, a comment, the end of a statement, or code."""
 ABSENT = 9e8
 """An external axis of 9E9 is not there."""
-Row = tuple[int, str, tuple[str, ...]]
-"""Line, name or nothing, and the axes."""
-ANOTHER = (
-    "gets another value here than its numbers: which one a move has, only the running program knows"
-)
+OF_TOOL = re.compile(r"\b(?:Move|Trigg)[JLC]\b", re.IGNORECASE)
+"""Moves to positions of the tool."""
+Axes = tuple[tuple[str, ...], tuple[tuple[str, str], ...]]
+"""Those of the robot, and those beside them."""
 ONE_EACH = "write each position as a jointtarget of its own, or its numbers into the move"
 
 
@@ -34,11 +34,8 @@ def is_rapid(text: FileText) -> bool:
     return any(DECLARED.search(line) or MOVED.search(line) for line in text.lines)
 
 
-def read_rapid(text: FileText) -> Sheet:
-    """Rows ``pose_id, q1_deg ...`` of a program, one for each target or move.
-
-    Without a name for each there is no ``pose_id``. External axes that are there become columns
-    ``eax_a ...``, of which nothing is read.
+def read_rapid(text: FileText) -> JointList:
+    """Joints of a program, one row for each move, or else for each target.
 
     Raises
     ------
@@ -46,9 +43,9 @@ def read_rapid(text: FileText) -> Sheet:
         M35: there is no joint target, a move names one that is not declared, one gets its value
         while the program runs, or the axes differ.
     """
-    declared: dict[str, Row] = {}
+    declared: dict[str, Target] = {}
     coded: dict[str, tuple[str, str]] = {}
-    listed, moves, unread = list[Row](), list[Row](), set[str]()
+    listed, moves, unread, aside = list[Target](), list[Target](), set[str](), 0
     for lines, code in _statements(text):
         wanted = [*DECLARED.finditer(code), *MOVED.finditer(code)]
         number = lines[code.count("\n", 0, wanted[0].start() if wanted else 0)]
@@ -62,34 +59,33 @@ def read_rapid(text: FileText) -> Sheet:
                 fix="end each statement with a semicolon",
             )  # fmt: skip
         if name:
-            own = [(number, name[1], axes) for axes in found]
+            own = [Target(number, name[1], axes, (), more) for axes, more in found]
             if array is not None:
                 _require_all(name[1], array, len(found), where)
-                own = [(number, f"{name[1]}{{{k}}}", axes) for k, axes in enumerate(found, 1)]
+                own = [replace(row, name=f"{name[1]}{{{k}}}") for k, row in enumerate(own, 1)]
             listed += own
-            declared |= {row[1].lower(): row for row in own}
+            declared |= {row.name.lower(): row for row in own}
             if name[3] == ":=" and not own:
                 coded[name[1].lower()] = where, "is not given by numbers"
                 unread.add(name[1].lower())
         elif move:
-            moves.append((number, *(("", found[0]) if found else _moved(move, declared, where))))
+            named = _moved(move, declared, where) if not found else None
+            own_axes = named or Target(number, "", found[0][0], (), found[0][1])
+            moves.append(replace(own_axes, line=number))
         else:
+            aside += bool(OF_TOOL.search(code))
             for one in ASSIGNED.finditer(code):
                 line = lines[code.count("\n", 0, one.start())]
                 coded.setdefault(one[1].lower(), (f"{text.where}:{line}", ANOTHER))
     rows = moves or listed
-    used = {own.partition("{")[0].lower() for _, own, _ in rows} | (set() if moves else unread)
+    used = {row.name.partition("{")[0].lower() for row in rows} | (set() if moves else unread)
     for target in filter(used.__contains__, coded):
         where, why = coded[target]
         raise refusal(where, "joints", f"{target[:40]} {why}", fix=ONE_EACH)
     if not rows:
         fix = "give a program with jointtarget or MoveAbsJ"
         raise refusal(text.where, "joints", "has no joint target", fix=fix)
-    widths = {len(axes) for _, _, axes in rows}
-    if len(widths) > 1:
-        fix = "split the file"
-        raise refusal(text.where, "joints", "has targets of different robots", fix=fix)
-    return _sheet(text, rows)
+    return JointList(sheet_of(text, rows), aside)
 
 
 def _require_all(name: str, array: str, count: int, where: str) -> None:
@@ -102,10 +98,8 @@ def _require_all(name: str, array: str, count: int, where: str) -> None:
         )  # fmt: skip
 
 
-def _moved(
-    move: re.Match[str], declared: dict[str, Row], where: str
-) -> tuple[str, tuple[str, ...]]:
-    """Name and axes of the target that a move names."""
+def _moved(move: re.Match[str], declared: dict[str, Target], where: str) -> Target:
+    """The target that a move names."""
     index = None if move[2] is None else move[2].strip()
     if index is not None and not index.isdigit():
         raise refusal(
@@ -119,7 +113,7 @@ def _moved(
             where, "joints", f'moves to "{name[:40]}", of which there is no jointtarget before',
             fix="put its declaration into the same file, before the move",
         )  # fmt: skip
-    return declared[name.lower()][1:]
+    return declared[name.lower()]
 
 
 def _statements(text: FileText) -> Iterator[tuple[list[int], str]]:
@@ -137,10 +131,11 @@ def _statements(text: FileText) -> Iterator[tuple[list[int], str]]:
     yield lines, "\n".join(code)
 
 
-def _axes(found: re.Match[str]) -> tuple[str, ...]:
-    """Axes of a target as they are written, the external ones that are there behind a bar."""
-    own = [cell.strip() for cell in found[1].split(",")]
-    return (*own, *(f"|{cell.strip()}" for cell in found[2].split(",") if not _absent(cell)))
+def _axes(found: re.Match[str]) -> Axes:
+    """Axes of a target as they are written, and the external ones that are there."""
+    others = [cell.strip() for cell in found[2].split(",") if not _absent(cell)]
+    beside = tuple((f"eax_{'abcdef'[k % 6]}", cell) for k, cell in enumerate(others))
+    return tuple(cell.strip() for cell in found[1].split(",")), beside
 
 
 def _absent(cell: str) -> bool:
@@ -149,22 +144,3 @@ def _absent(cell: str) -> bool:
         return abs(float(cell)) > ABSENT
     except ValueError:
         return False
-
-
-def _sheet(text: FileText, rows: list[Row]) -> Sheet:
-    """The rows as a table."""
-    axes = rows[0][2]
-    joints = sum(not cell.startswith("|") for cell in axes)
-    head = [f"q{k + 1}_deg" for k in range(joints)]
-    head += [f"eax_{'abcdef'[k]}" for k in range(len(axes) - joints)]
-    names = [name for _, name, _ in rows]
-    named = all(names) and len(set(names)) == len(names)
-    cells = [tuple(cell.lstrip("|") for cell in axes) for _, _, axes in rows]
-    return Sheet(
-        text.where,
-        ("pose_id", *head) if named else tuple(head),
-        tuple((name, *row) if named else row for name, row in zip(names, cells, strict=True)),
-        tuple(number for number, _, _ in rows),
-        "comma",
-        text.encoding,
-    )

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from calib.errors import InputError
-from testbed.files.dialects.rapid import is_rapid, read_rapid
+from testbed.files.dialects.controllers.rapid import is_rapid, read_rapid
 from testbed.files.read import read_session
 from testbed.gates.text import read_text
 from tests.testbed.files.made import ROBOT, columns, csv, made, with_spread
@@ -18,7 +18,7 @@ def sheet(folder, *lines):
     (folder / "a.mod").write_text("\n".join(lines))
     text = read_text(folder / "a.mod", "a.mod")
     assert is_rapid(text)
-    return read_rapid(text)
+    return read_rapid(text).sheet
 
 
 def test_declared_targets_are_rows_with_their_names(tmp_path):

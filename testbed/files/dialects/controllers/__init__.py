@@ -1,0 +1,1 @@
+"""Programs of robots as joints: RAPID, KRL, TP and URScript."""

@@ -1,0 +1,71 @@
+"""Joint positions of a TP program (FANUC) as ASCII: ``P[1]{ GP1: J1= 0.000 deg, ... };``."""
+
+import re
+
+from testbed.files.dialects.controllers.targets import JointList, Program, Target
+from testbed.files.refusal import refusal
+from testbed.gates.text import FileText
+
+POSITION = re.compile(r"\s*P\[(\d{1,6})[^\]]{0,99}\]\s*\{(.*)")
+GROUP = re.compile(r"GP(\d)\s*:")
+ENTRY = re.compile(r"\b([JE])(\d)\s*=\s*([-+]?(?:\d+\.?\d*|\.\d+)|\*+)\s*(deg|mm)?", re.IGNORECASE)
+PLACE = re.compile(r"\bX\s*=")
+MOVED = re.compile(r"\s*\d*\s*:\s*([JLCA])\s+(PR?)\[([^\]:]{1,20})")
+"""``1:J P[1:above] 20% FINE``; what stands behind // or ! is none."""
+
+
+def read_fanuc(text: FileText) -> JointList:
+    """Joints of the moves of a program, or of all its positions.
+
+    Raises
+    ------
+    InputError
+        M35: a move goes to a register, a position was never taught; what `Program.joints` refuses.
+    """
+    program = Program(text, "P[1]{ GP1: J1= ... deg, ... }")
+    moves, name, block, first = list[tuple[int, str, str, str]](), "", list[str](), 0
+    for number, line in text.content():
+        if (begun := POSITION.match(line)) is not None:
+            name, block, first = begun[1], [begun[2]], number
+        elif name:
+            block.append(line)
+        elif (move := MOVED.match(line)) is not None:
+            moves.append((number, move[1], move[2], move[3]))
+        if name and "}" in line:
+            _position(program, first, f"P{int(name)}", " ".join(block))
+            name = ""
+    for number, how, kind, own in moves:
+        if kind == "PR" or not own.strip().isdigit():
+            raise refusal(
+                program.place(number), "joints",
+                f"moves to {kind}[{own.strip()}]: what a register holds, only the controller knows",
+                fix="teach the position as P[...], or write the joints at each stop into a table",
+            )  # fmt: skip
+        if how in "JL":
+            program.move_to(number, f"P{int(own)}")
+        else:
+            program.aside.append(number)  # an arc goes through one and to the other
+    return program.joints()
+
+
+def _position(program: Program, number: int, name: str, block: str) -> None:
+    """One position: its first group is the robot."""
+    parts = GROUP.split(block.partition("}")[0])
+    group = parts[2] if len(parts) > 2 else parts[0]
+    found = ENTRY.findall(group)
+    joints = [(cell, unit.lower() or "deg") for letter, _, cell, unit in found if letter in "Jj"]
+    if any(cell.startswith("*") for _, _, cell, _ in found):
+        message = f"{name} was never taught: its joints are {found[0][2]}"
+        fix = "teach it, or take it and its moves out"
+        raise refusal(program.place(number), "joints", message, fix=fix)
+    if joints:
+        beside = [(f"E{k}", cell) for letter, k, cell, _ in found if letter in "Ee"]
+        beside += [
+            (f"GP{parts[g]} {letter}{k}", cell)
+            for g in range(3, len(parts) - 1, 2)
+            for letter, k, cell, _ in ENTRY.findall(parts[g + 1])
+        ]
+        axes, units = zip(*joints, strict=True)
+        program.declare(Target(number, name, axes, units, tuple(beside)))
+    elif PLACE.search(group):
+        program.tool.setdefault(name.lower(), number)

@@ -1,0 +1,77 @@
+"""Joint targets of a URScript program: ``movej([0.1, -1.57, ...], a=1.2)``, in radians."""
+
+import re
+from math import radians
+
+from testbed.files.dialects.controllers.targets import JointList, Program, Target
+from testbed.files.refusal import refusal
+from testbed.gates.text import FileText
+
+NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
+CELL = re.compile(rf"\s*(?:({NUMBER})|d2r\s*\(\s*({NUMBER})\s*\))\s*")
+LIST = re.compile(r"\[([^\[\]]*)\]")
+GIVEN = re.compile(r"\s*(?:global\s+|local\s+)?(\w+)(\[[^\]]{0,20}\])?\s*=(?!=)\s*(.*)")
+MOVED = re.compile(r"(?:^|[\s;:])(move[jlpc]|servoj|servoc)\s*\((?:\s*(?:q|pose)\s*=)?\s*(.*)")
+FEWEST = 4
+"""Joints of a robot; shorter lists are something else."""
+POSES = re.compile(r"p\s*\[|get_|pose_")
+
+
+def read_urscript(text: FileText) -> JointList:
+    """Joints of the calls of movej, or of the lists that get a name.
+
+    Raises
+    ------
+    InputError
+        M35: a list is computed; what `Program.joints` refuses.
+    """
+    program = Program(text, "movej([0.1, -1.57, ...])")
+    for number, whole in text.content("#"):
+        line = whole.partition("#")[0]
+        if (move := MOVED.search(line)) is not None:
+            _move(program, number, move[1], move[2])
+        elif (own := GIVEN.match(line)) is not None:
+            name, part, value = own.groups()
+            if part is None and value.startswith("["):
+                _list(program, number, name, value)
+            elif part is None and POSES.match(value):
+                program.tool.setdefault(name.lower(), number)
+            else:
+                program.again.setdefault(name.lower(), number)
+    return program.joints()
+
+
+def _list(program: Program, number: int, name: str, value: str) -> None:
+    """A list that gets a name: one of joints is all numbers."""
+    axes = _axes(value)
+    if axes and len(axes) >= FEWEST:
+        program.declare(Target(number, name, axes, ("rad",) * len(axes)))
+    else:
+        program.again.setdefault(name.lower(), number)
+
+
+def _move(program: Program, number: int, verb: str, to: str) -> None:
+    """A call of movej; the other ones go to a position of the tool."""
+    name = re.match(r"(\w+)\s*[,)]", to)
+    if verb != "movej" or POSES.match(to):
+        program.aside.append(number)
+    elif name is not None:
+        program.move_to(number, name[1])
+    elif axes := _axes(to):
+        program.moves.append(Target(number, "", axes, ("rad",) * len(axes)))
+    else:
+        raise refusal(
+            program.place(number), "joints",
+            "movej is given what is computed: its joints only the running program knows",
+            fix="write them as numbers: movej([0.1, -1.57, ...])",
+        )  # fmt: skip
+
+
+def _axes(value: str) -> tuple[str, ...]:
+    """Joints [rad] of a list of numbers, or of numbers in d2r(); empty where it is another."""
+    found = LIST.match(value)
+    cells = [CELL.fullmatch(cell) for cell in found[1].split(",")] if found else []
+    there = [one for one in cells if one is not None]
+    if len(there) < len(cells):
+        return ()
+    return tuple(one[1] or repr(radians(float(one[2]))) for one in there)

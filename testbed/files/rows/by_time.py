@@ -1,0 +1,127 @@
+"""Which joints belong to which reading by the clock: those of the moment, where the arm stood."""
+
+import numpy as np
+
+from calib.arrays import Array, Bool, Index
+from calib.errors import InputError
+from testbed.files.joints import Joints
+from testbed.files.matching import Match
+from testbed.files.readings import Readings
+from testbed.files.refusal import refusal
+from testbed.files.rows.times import Moments
+
+EQUAL = 1e-6
+"""Times are equal to a microsecond, which dates are written to; float64 of seconds since 1970 has
+a quarter of it [s]."""
+STILL, STILL_SLIDE = float(np.radians(0.005)), 5e-5
+"""Joints that were read back at a stop lie within these: 0.09 mm at a meter [rad, m]."""
+SHOWN = 8
+
+
+def by_time(
+    joints: Joints, readings: Readings, slides: Bool, within: float, *, drop: bool
+) -> tuple[Match, str]:
+    """The joints nearest in time to each reading, and how near these are, in words.
+
+    Parameters
+    ----------
+    joints, readings : Joints, Readings
+        Of two files with times by one clock.
+    slides : (n,) array of bool
+        Joints that are lengths.
+    within : float
+        How far apart a reading and its joints may be [s].
+    drop : bool
+        Leave out readings without joints, instead of refusing.
+
+    Raises
+    ------
+    InputError
+        M31: a file has no times, or times of another kind; a reading has no joints so near in time,
+        or several that differ.
+    """
+    stamps = [_moments(part) for part in (joints, readings)]
+    sent, seen = (one.seconds for one in stamps)
+    if stamps[0].kind != stamps[1].kind:
+        raise refusal(
+            readings.where, "time",
+            f"its times are {stamps[1].kind}, and those of {joints.where} are {stamps[0].kind}",
+            code="M31", allowed='match = "time" needs both by one clock',
+            fix="write both in one way",
+        )  # fmt: skip
+    order = np.argsort(sent, kind="stable")
+    times = sent[order]
+    after = np.searchsorted(times, seen).clip(1, max(len(times) - 1, 1))
+    both = np.stack([after - 1, after]).clip(0, len(times) - 1)
+    gaps = np.abs(times[both] - seen)
+    near, gap = both[gaps.argmin(axis=0), np.arange(len(seen))], gaps.min(axis=0)
+    lost = np.flatnonzero(gap > within + EQUAL)
+    warnings = tuple[str, ...]()
+    if len(lost):
+        least = float(gap[lost].min())
+        message = (
+            f"{joints.where} has no joints within {within:g} s of {_lines(readings, lost)}: the "
+            f"nearest are {least:.3g} s away"
+        )
+        if not drop or len(lost) == len(seen):
+            raise refusal(
+                readings.where, "time", message, code="M31",
+                allowed="match_within_s states how far apart they may be",
+                fix="set both clocks alike, state a larger one, or add --drop-invalid",
+            )  # fmt: skip
+        warnings = (f"{readings.where}: {message}; left out",)
+    kept = np.flatnonzero(gap <= within + EQUAL)
+    _require_still(joints.q[order], times, readings, kept, slides, within)
+    match = Match(order[near[kept]], kept, warnings)
+    most = float(gap[kept].max(initial=0.0))
+    apart = "at equal times" if most <= EQUAL else f"up to {most:.3g} s apart"
+    return match, f"{readings.where}: matched by time with {joints.where}, {apart}"
+
+
+def _moments(part: Joints | Readings) -> Moments:
+    """The moments of the rows of a file, which must be there."""
+    if part.extras.moments is None:
+        raise refusal(
+            part.where, "time", "has no times that can be read", code="M31",
+            allowed='match = "time" needs a column time, or time_s, in both files',
+            fix="name the column so, and write its times as 2026-03-01 14:05:00.0, or as seconds",
+        )  # fmt: skip
+    return part.extras.moments
+
+
+def _require_still(
+    q: Array, times: Array, readings: Readings, kept: Index, slides: Bool, within: float
+) -> None:
+    """Refuse a reading around whose moment the joints (m, n), in time, are not one pose."""
+    assert readings.extras.moments is not None  # it was asked for
+    seen = readings.extras.moments.seconds
+    low = np.searchsorted(times, seen[kept] - within - EQUAL, side="left")
+    high = np.searchsorted(times, seen[kept] + within + EQUAL, side="right")
+    most = np.where(slides, STILL_SLIDE, STILL)
+    for k in np.flatnonzero(high - low > 1):
+        spread = np.ptp(q[low[k] : high[k]], axis=0)
+        worst = int(np.argmax(spread / most))
+        if spread[worst] > most[worst]:
+            raise _moving(readings, int(kept[k]), worst, float(spread[worst]), slides, within)
+
+
+def _moving(
+    readings: Readings, row: int, joint: int, spread: float, slides: Bool, within: float
+) -> InputError:
+    """The error of a reading at which the arm did not stand, or that may be of two poses."""
+    differ = f"{1e3 * spread:.3g} mm" if slides[joint] else f"{np.degrees(spread):.3g} deg"
+    return refusal(
+        readings.place[row], "time",
+        f"within {within:g} s of this reading the joints are not one pose: joint {joint + 1} "
+        f"differs by {differ}", code="M31",
+        allowed="the arm stands where it is measured",
+        fix="state a smaller match_within_s, or number the poses in both files",
+    )  # fmt: skip
+
+
+def _lines(readings: Readings, rows: Index) -> str:
+    """Some readings in words."""
+    lines = [readings.place[row].rpartition(":")[2] for row in rows[:SHOWN]]
+    more = f" and {len(rows) - SHOWN} more" if len(rows) > SHOWN else ""
+    count = f"{len(rows)} reading{'s' if len(rows) > 1 else ''}"
+    return f"{count} (line{'s' if len(rows) > 1 else ''} {', '.join(lines)}{more})"

@@ -1,0 +1,66 @@
+"""Rows that no line names: transforms in each order, and names of poses before the numbers.
+
+Truth: the files are written here from poses that are known.
+"""
+
+import numpy as np
+import pytest
+
+from testbed.files.read import read_session
+from tests.testbed.proposal.test_odd_files import DATA, DEG, MM, UR10, M
+from tests.testbed.proposal.test_session import call, proposed
+
+MILLIMETERS = np.where(np.arange(4) == 3, np.array([[1e3], [1e3], [1e3], [1.0]]), 1.0) * DATA.T
+ROWS = MILLIMETERS.reshape(M, 16)
+COLUMNS = MILLIMETERS.transpose(0, 2, 1)
+TURNED = DATA.T[:, :3, :3].transpose(0, 2, 1).reshape(M, 9)
+INVERSE = np.linalg.inv(DATA.T).reshape(M, 16)
+NAMES = np.array([f"P{k + 1}" for k in range(M)])
+
+
+def text(*blocks, mark=" "):
+    """Lines of names and of numbers with eleven decimals."""
+    lines = ([cell for block in row for cell in (
+        [f"{v:.11f}" for v in block] if isinstance(block, np.ndarray) else [block]
+    )] for row in zip(*blocks, strict=True))  # fmt: skip
+    return "\n".join(map(mark.join, lines))
+
+
+FILES = {
+    "joints, then 4 x 4": [text(DEG, ROWS)],
+    "4 x 4, then joints": [text(ROWS, DEG, mark=",")],
+    "joints, then 3 x 4 in meters": [text(DATA.q, DATA.T.reshape(M, 16)[:, :12], mark="\t")],
+    "4 x 4 by columns": [text(DEG, COLUMNS.reshape(M, 16), mark=";")],
+    "3 x 4 by columns": [text(DEG, COLUMNS[:, :, :3].reshape(M, 12))],
+    "a number, a place, a rotation by columns": [text(np.arange(M)[:, None], DEG, MM, TURNED)],
+    "the tracker in the tool": [text(DEG, INVERSE)],
+    "in two files": [text(DEG), text(ROWS)],
+    "a name, joints, a place": [text(NAMES, DEG, MM, mark=",")],
+    "a name and joints; a name and a place": [text(NAMES, DEG), text(NAMES[::-1], MM[::-1])],
+    "a name and joints; a name and 3 x 4": [text(NAMES, DEG), text(NAMES[::-1], ROWS[::-1, :12])],
+}
+
+
+@pytest.mark.parametrize("texts", FILES.values(), ids=FILES)
+def test_rows_without_names_are_proposed_as_they_were_meant(texts, tmp_path):
+    files = [tmp_path / f"{name}.txt" for name in "ab"[: len(texts)]]
+    for file, one in zip(files, texts, strict=True):
+        file.write_text(one)
+    said, _ = proposed(tmp_path, files, "--robot", UR10.name)
+    assert "to fix" not in said
+    table = read_session(tmp_path / "session.toml", UR10).measurements
+    at = [int(np.abs(DATA.q - q).max(axis=1).argmin()) for q in table.q]
+    assert sorted(at) == list(range(M))
+    # eleven decimals of a degree, of a millimeter and, in an inverse, of a rotation of 3 m
+    np.testing.assert_allclose(table.q, DATA.q[at], rtol=0, atol=1e-11)
+    np.testing.assert_allclose(table.position, DATA.T[at, :3, 3], rtol=0, atol=1e-10)
+    if table.is_pose.any():
+        assert "taken as" in said
+        np.testing.assert_allclose(table.rotation, DATA.T[at, :3, :3], rtol=0, atol=1e-10)
+
+
+def test_a_transform_over_four_lines_is_to_be_written_into_one(tmp_path):
+    (tmp_path / "a.txt").write_text(text(MILLIMETERS.reshape(-1, 4)))
+    done = call("new", "session", tmp_path / "a.txt", "--out", tmp_path / "session.toml")
+    assert done.exit_code == 2
+    assert "has 40 transforms of four lines each" in " ".join(done.stderr.split())
