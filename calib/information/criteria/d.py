@@ -13,6 +13,7 @@ from calib.information.criteria.whitened import (
     log_det,
     log_det_of_rest,
     relative_rounding,
+    rounding_of_rest,
     squares_along,
     transpose,
     whitener,
@@ -70,8 +71,9 @@ class D(Certifiable):
 
     def drop(self, M: Array, blocks: Array) -> Array:
         """Gains log det(I - K_ii) (k,); -inf where M becomes singular."""
-        Z = blocks @ whitener(M)
-        return log_det_of_rest(identity_plus(-(Z @ transpose(Z))))
+        W = whitener(M)
+        Z = blocks @ W
+        return log_det_of_rest(identity_plus(-(Z @ transpose(Z))), rounding_of_rest(M, W))
 
     def swap(self, M: Array, leaving: Array, entering: Array) -> Array:
         """Gains (k, N) by the matrix determinant lemma for both changes at once."""
@@ -82,11 +84,11 @@ class D(Certifiable):
         Zj = np.linalg.solve(np.linalg.cholesky(T), Zj)
         gained = log_det(T)
         # log det(I - K_ii + K_ij T^-1 K_ji), pair by pair
-        left = identity_plus(-(Zi @ transpose(Zi)))
+        left, rounding = identity_plus(-(Zi @ transpose(Zi))), rounding_of_rest(M, W)
         out = np.empty((len(leaving), len(entering)))
         for i, Z in enumerate(Zi):
             X = Z @ transpose(Zj)
-            out[i] = gained + log_det_of_rest(left[i] + X @ transpose(X))
+            out[i] = gained + log_det_of_rest(left[i] + X @ transpose(X), rounding)
         return out
 
     def best_add(self, M: Array, pool: Pool, allowed: Bool, floor: float = -np.inf) -> Move:

@@ -12,6 +12,7 @@ from calib.information.criteria.linear import V, Variance, forms, v_of
 from calib.information.criteria.whitened import (
     CHUNK,
     identity_plus,
+    rounding_of_rest,
     sound,
     transpose,
     whitener,
@@ -128,7 +129,7 @@ class G(Variance):
                 Y = np.linalg.solve(np.linalg.cholesky(S), some) @ F
             else:
                 w, U = np.linalg.eigh(S)
-                good = sound(w)
+                good = sound(w, rounding_of_rest(M, W))
                 root = transpose(U) / np.sqrt(np.where(good[:, None], w, 1.0))[:, :, None]
                 Y = (root @ some) @ F
             # what each goal pose gains or loses; the worst decides

