@@ -19,6 +19,7 @@ from testbed.plan.report_goal import joint_cells, joint_head, number_section, pr
 from testbed.plan.results import pose_ids
 from testbed.plan.words import (
     PROMISED,
+    axes_words,
     certificate_word,
     headline_rows,
     next_step,
@@ -150,8 +151,8 @@ def order_section(plan: Plan) -> Section:
         rows=rows,
         align="lll" + "r" * (len(joints) + 4),
         size="small",
-        note=f"Azimuth, elevation and range of the {reading.target}, seen from the tracker in axes "
-        "parallel to the robot's base. plan.csv has every digit and every target."
+        note=f"Azimuth, elevation and range of the {reading.target}, seen from the tracker in "
+        f"{axes_words(plan)}. plan.csv has every digit and every target."
         + (starred if any(map(len, tour.vias)) else "")
         + (f" {sentence(told)}" if (told := plan.controller.sentence) else ""),
     )

@@ -24,7 +24,7 @@ from testbed.versions import number_versions
 DECIMALS = 9
 """Of joint targets: 1e-9 deg moves no arm; the pool's joints come back to within rounding."""
 READING = ("x_mm", "y_mm", "z_mm", "azimuth_deg", "elevation_deg", "range_mm")
-"""Of every target, in the tracker's axes, which are parallel to the base frame's."""
+"""Of every target, in the tracker's axes: level, and parallel to the base frame's if it is."""
 FORMAT = 1
 
 

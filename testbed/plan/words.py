@@ -90,6 +90,15 @@ def _stated(plan: Plan) -> str:
     )
 
 
+def axes_words(plan: Plan) -> str:
+    """What the tracker's axes are, which is level however the base is turned."""
+    base, axes = (T[:3, :3] for T in (plan.nominal.chain.T_world_base, plan.T_world_tracker))
+    if (axes == base).all():
+        return "axes parallel to the robot's base"
+    name = "x" if axes[:, 0] @ base[:, 0] > axes[:, 0] @ base[:, 2] else "z"
+    return f"level axes: z up, x as the {name} of the robot's base points, seen from above"
+
+
 def certificate_word(plan: Plan) -> str:
     """What the certificate is about."""
     if plan.proof.efficiency is None:

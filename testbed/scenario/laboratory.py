@@ -145,7 +145,7 @@ class PaperTracker(Settings):
     preset: Literal["paper"] = "paper"
     """The tracker as Wen et al. 2022 assume it."""
     station_mm: Point = (2600.0, -2000.0, 300.0)
-    """Beam origin in the base frame."""
+    """Beam origin in the base frame; the tracker stands level there, on a wall too."""
     measures: Literal["pose", "point"] = "pose"
     """Whole poses of a 6-D target, or positions of one reflector."""
     reflector_mm: Point = (0.0, 0.0, 0.0)
@@ -166,7 +166,7 @@ class At960Tracker(Settings):
     preset: Literal["at960"] = "at960"
     """A tracker after the data sheet of a Leica AT960."""
     station_mm: Point = (2600.0, -2000.0, 300.0)
-    """Beam origin in the base frame."""
+    """Beam origin in the base frame; the tracker stands level there, on a wall too."""
     measures: Literal["pose", "point"] = "pose"
     """Whole poses of a 6-D target, or positions of one reflector."""
     reflector_mm: Point = (0.0, 0.0, 0.0)

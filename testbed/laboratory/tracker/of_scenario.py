@@ -4,13 +4,34 @@ from typing import Any
 
 import numpy as np
 
+from calib.arrays import Array
 from calib.geometry.chain import Chain
-from calib.geometry.frames import slide
+from calib.geometry.frames import slide, transform
 from calib.uncertainty.statement.instrument import InstrumentErrors
 from testbed.laboratory.tracker.errors import NESTS, GrossErrors, StationBias, StationDrift, draw
 from testbed.laboratory.tracker.tracker import Tracker
 from testbed.scenario.laboratory import At960Tracker, PaperTracker
 from testbed.streams import stream
+
+LEVEL = 1e-9
+"""A base is level within this: what rounding leaves of its stated turn [rad]."""
+STEEP = 0.5**0.5
+"""Rise of an axis at 45 degrees."""
+
+
+def leveled(T_world_base: Array) -> Array:
+    """Axes (3, 3) in the world of an instrument that was leveled beside a base (4, 4).
+
+    z is up; x goes where the base's x goes as seen from above or, where that is steep as on a wall,
+    where the base's z goes. They are the base's own axes if it stands level.
+    """
+    R, up = T_world_base[:3, :3], np.array([0.0, 0.0, 1.0])
+    if np.abs(R[:, 2] - up).max() < LEVEL:
+        return R
+    ahead = R[:, 0] if abs(R[2, 0]) < STEEP else R[:, 2]
+    x = ahead - ahead[2] * up
+    x = x / np.linalg.norm(x)
+    return np.stack([x, np.cross(up, x), up], axis=1)
 
 
 def tracker_from(
@@ -23,13 +44,16 @@ def tracker_from(
     settings : PaperTracker or At960Tracker
         [tracker] of the scenario.
     chain : Chain
-        Nominal; its base is what the station refers to.
+        Nominal; its base is what the place of the station refers to. The tracker stands level
+        there, however the base is turned.
     seed : int, optional
         Seed of the campaign, from which systematic errors are drawn; without it there are none:
         planning does not know them.
     """
+    T, axes = chain.T_world_base, leveled(chain.T_world_base)
+    place = (T @ slide(*(np.array(settings.station_mm) / 1e3)))[:3, 3]
     at: dict[str, Any] = {
-        "T_world_tracker": chain.T_world_base @ slide(*(np.array(settings.station_mm) / 1e3)),
+        "T_world_tracker": transform(axes, place),
         "measures": settings.measures,
         "reflector": np.array(settings.reflector_mm) / 1e3,
         "acceptance": float(np.radians(settings.acceptance_deg)),
@@ -51,8 +75,8 @@ def tracker_from(
         size = bias_size(settings)
         bias = StationBias(size, draw(size, stream(seed, "station", "bias")))
     if settings.drift_um_per_sqrt_h:
-        T = chain.T_world_base  # the nests stand around the robot's base
-        nests, rate = np.array(NESTS) @ T[:3, :3].T + T[:3, 3], settings.drift_um_per_sqrt_h
+        # the nests stand around the robot's base, with the room's floor below them
+        nests, rate = np.array(NESTS) @ axes.T + T[:3, 3], settings.drift_um_per_sqrt_h
         drift = StationDrift(rate * 1e-6 / 60.0, settings.nests_s, nests)
     return Tracker(
         range_sd=_in_meters(settings.range_um),
