@@ -35,8 +35,9 @@ WRITTEN = {
     "deg": "deg", "°": "deg", "º": "deg", "degree": "deg", "degrees": "deg", "grad": "deg",
     "degré": "deg", "degrés": "deg", "gradi": "deg", "grados": "deg", "gon": "gon",
     "rad": "rad", "radian": "rad", "radians": "rad", "mdeg": "mdeg", "c": "degC", "degc": "degC",
-    "°c": "degC", "kg": "kg", "s": "s", "nm": "Nm", "n m": "Nm", "n*m": "Nm", "n·m": "Nm",
-    "nmm": "Nmm", "n mm": "Nmm", "n": "N", "a": "A", "amp": "A", "ma": "mA",
+    "°c": "degC", "kg": "kg", "s": "s", "sec": "s", "second": "s", "seconds": "s", "nm": "Nm",
+    "n m": "Nm", "n*m": "Nm", "n·m": "Nm", "nmm": "Nmm", "n mm": "Nmm", "n": "N", "a": "A",
+    "amp": "A", "ma": "mA",
 }  # fmt: skip
 """Units as people write them, in small letters."""
 QUATERNION_COLUMNS = ("qw", "qx", "qy", "qz")

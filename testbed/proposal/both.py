@@ -12,6 +12,7 @@ from testbed.files.rows.shifts import FEWEST
 from testbed.files.session import Session
 from testbed.proposal.data import Document
 from testbed.proposal.drafts import Draft
+from testbed.proposal.rows.clocks import REACH
 from testbed.robots.robot import Robot
 
 OPTICAL = ("frames", "points")
@@ -89,6 +90,8 @@ def merged(optical: Draft, ranged: Draft) -> Draft | None:
     if len(ways) > 1 or one.get("dialect") != two.get("dialect"):
         return None
     document: Document = {"match": ways.pop()} if ways else {}
+    reaches = [each[REACH] for each in (one, two) if REACH in each]
+    document |= {REACH: max(reaches)} if reaches else {}
     document |= {"joints": joints} if joints else {}
     document |= {name: one[name], "ranges": two["ranges"]}
     document |= {"dialect": one["dialect"]} if "dialect" in one else {}

@@ -11,9 +11,8 @@ from testbed.files.refusal import refusal
 from testbed.proposal.data import Document, Found, Part
 from testbed.proposal.names import targets_in_a_row
 from testbed.proposal.parts import joint_parts, seen_parts
+from testbed.proposal.rows.clocks import by_clocks, have_clocks
 
-MATCHED = 2000
-"""Rows of several files above which they are tried with their first lines, too."""
 PARTS = (1, 3)
 """Parts of the rows of which the best one counts."""
 ASSUMED = {"position_um": 30, "distance_um": 30, "rotation_mdeg": 10}
@@ -111,7 +110,10 @@ def _matched(
     document["uncertainty"] = stated
     for way in ways:
         note = ("order: the k-th reading belongs to the k-th joints",) if way == "order" else ()
-        match = {"match": way} if way else {}
+        match: Document = {"match": way} if way else {}
+        if way == "time" and joints is not None:
+            match, clocks = by_clocks(joints[0], look)
+            note = (clocks,) if clocks else ()
         yield Draft({**match, **document}, (*said, *note, *more), joints is None)
 
 
@@ -176,7 +178,10 @@ def _where(look: Found) -> Document:
 
 
 def _ways(one: Found, two: Found) -> tuple[str, ...]:
-    """pose_id where the joints have all names of the readings, else order; of an export both."""
+    """pose_id where the joints have all names of the readings, else order; of an export both.
+
+    Where both files have clocks and not as many rows, time instead of order, and else after it.
+    """
     if two.kind in ("points", "frames"):
         return ("pose_id", "order") if one.has("pose_id") else ("order",)
     sides = []
@@ -184,9 +189,11 @@ def _ways(one: Found, two: Found) -> tuple[str, ...]:
         found = look.stems.get("pose_id")
         sides.append(set(look.column(found.theirs)) if found else None)
     named, seen = sides
+    clocked = have_clocks(one, two)
+    others = ("time",) if clocked and one.rows != two.rows else ("order", "time")[: 1 + clocked]
     if named is None or seen is None:
-        return ("order",)
+        return others
     if not seen <= named and stay_apart(seen) and stay_apart(named):
         named, seen = ({written_alike(name) for name in names} for names in (named, seen))
     # readings of another kind may be those of the other poses
-    return ("pose_id",) if seen <= named else ("order",)
+    return ("pose_id",) if seen <= named else others

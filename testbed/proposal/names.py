@@ -201,7 +201,7 @@ def _meaning(name: str, head: Sequence[str], turns: Mapping[str, str]) -> Meanin
         return Meaning(name, turns[text], "" if turns[text] in QUATERNION else unit)
     for own, known in PLAIN.items():
         if text in known:
-            return Meaning(name, own, "")
+            return Meaning(name, own, unit if own == "time" else "")
     if words & SPREAD:
         return None
     drive = next((DRIVES[word] for word in DRIVES if word in words), "")

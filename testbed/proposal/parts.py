@@ -22,7 +22,7 @@ TURN = 6.4
 """Joints never turn so far where they are in radians [rad]."""
 REACH = 20.0
 """Positions never lie so far where they are in meters [m]."""
-BESIDE_JOINTS = ("pose_id", "temperature_degC", "payload_kg", "order", "time")
+BESIDE_JOINTS = ("pose_id", "temperature_degC", "payload_kg", "order", "time", "time_s")
 """What a file of joints may say besides."""
 BOTH_JOINTS = (
     "joints: no file says which ones count; the commanded ones are used, not those that were read "
@@ -175,7 +175,8 @@ def _more(look: Found) -> dict[str, str]:
     own = (
         "pose_id", "target", "station", "anchor", "time", "temperature_degC", "payload_kg", "order"
     )  # fmt: skip
-    found = {one.stem: one.theirs for one in look.meanings if one.stem in own and not one.known}
+    there = [one for one in look.meanings if one.stem in own and not one.known]
+    found = {one.stem + "_s" * (one.unit == "s"): one.theirs for one in there}
     found = {key: name for key, name in found.items() if key in PLAIN}
     if "payload_kg" in found or look.has("payload_kg"):
         centers = [look.stems[s] for s in ("payload_x", "payload_y", "payload_z") if look.has(s)]

@@ -13,6 +13,7 @@ from testbed.proposal.cycles import cycles_in
 from testbed.proposal.data import Document, Found
 from testbed.proposal.drafts import Draft, drafts_of
 from testbed.proposal.names import is_wished
+from testbed.proposal.rows.clocks import REACH
 from testbed.proposal.tried import tried_with, unnamed
 from testbed.proposal.verdict import verdict_on
 from testbed.proposal.wished import is_angle
@@ -115,7 +116,7 @@ def _of_visits(proposed: Proposed, looks: tuple[Found, ...]) -> Proposed:
         if isinstance(each, dict)
         else each
         for key, each in proposed.document.items()
-        if key != "match"
+        if key not in ("match", REACH)
     }
     stems = [Path(one.name).stem for one in alike]
     names = stems if len(set(stems)) == len(stems) else [one.name for one in alike]

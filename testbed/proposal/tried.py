@@ -1,7 +1,7 @@
 """Which draft of a session fits: each is read, and the nominal robot's base and tool fitted."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -15,16 +15,17 @@ from testbed.files.rows.shifts import FEWEST
 from testbed.files.session import Session, Sources
 from testbed.files.session_toml import SESSION_FILE, SessionFile
 from testbed.gates.mistakes import validated
-from testbed.gates.text import MAX_MB, FileText
+from testbed.gates.text import MAX_MB
 from testbed.proposal.both import Joined, is_ranged, joined_with, names_of
 from testbed.proposal.data import Found
-from testbed.proposal.drafts import MATCHED, PARTS, Draft
+from testbed.proposal.drafts import PARTS, Draft
+from testbed.proposal.rows.beginning import SEEN, beginnings
 from testbed.proposal.sent import is_of_a_controller, places_of, without_sent
 from testbed.robots.robot import Robot
 from testbed.units import counted
 
-TRIED, FITTED = 300, 60
-"""Lines of one file that readings are tried with, and rows of them that frames are fitted to."""
+FITTED = 60
+"""Rows that frames are fitted to."""
 AXES = 3
 """Equations of a position, where a distance has one."""
 GUESSED = ("M20", "M22", "M23", "V9")
@@ -78,7 +79,7 @@ def tried_with(
         No draft can be read, or none fits and what is wrong with the file is known: as `identify`
         would say it.
     """
-    texts = {(root / one.name, one.sheet): _beginning(one, looks) for one in looks}
+    texts = beginnings([draft.document for draft in drafts], looks, root)
 
     def read(draft: Draft, *, drop: bool = True) -> Session:
         settings = validated(draft.document, SessionFile, SESSION_FILE)
@@ -242,7 +243,7 @@ def _best(drafts: Sequence[Draft], sessions: Sequence[Session | None], fits: Seq
 
 def _seen(draft: Draft) -> str:
     """The files that the readings of a draft come from, and their sheet."""
-    tables = (draft.document.get(name, {}) for name in ("frames", "points", "ranges"))
+    tables = (draft.document.get(name, {}) for name in SEEN)
     return repr([(each.get("file"), each.get("files"), each.get("sheet")) for each in tables])
 
 
@@ -286,10 +287,3 @@ def _shown(score: float) -> str:
     """A misfit for people."""
     number, unit = (score * 1e3, "mm") if score < 1 else (score, "m")
     return f"{float(f'{number:.2g}'):g} {unit}"  # 600, where .2g alone has 6e+02
-
-
-def _beginning(look: Found, looks: tuple[Found, ...]) -> FileText:
-    """The text that readings are tried with: of one file, and of long ones, a part is enough."""
-    whole = len(looks) > 1 and max(one.rows for one in looks) <= MATCHED
-    lines = look.text.lines if whole else look.text.lines[:TRIED]
-    return replace(look.text, lines=lines)

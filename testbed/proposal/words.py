@@ -69,7 +69,9 @@ PLAIN = {
                          "measurement temperature"},
     "payload_kg": {"payload", "load"},
     "order": {"order", "sequence", "measuring order", "measured order"},
-    "time": {"time", "timestamp", "date time", "datetime"},
+    "time": {"time", "timestamp", "time stamp", "date time", "datetime", "utc", "utc time",
+             "local time", "measurement time", "zeit", "zeitstempel", "datum zeit",
+             "datum uhrzeit", "horodatage", "date heure", "data ora", "fecha hora", "时间", "時刻"},
 }  # fmt: skip
 TURNS = {
     "rx": "rx", "ry": "ry", "rz": "rz", "roll": "rx", "pitch": "ry", "yaw": "rz",

@@ -51,10 +51,7 @@ def by_time(
         )  # fmt: skip
     order = np.argsort(sent, kind="stable")
     times = sent[order]
-    after = np.searchsorted(times, seen).clip(1, max(len(times) - 1, 1))
-    both = np.stack([after - 1, after]).clip(0, len(times) - 1)
-    gaps = np.abs(times[both] - seen)
-    near, gap = both[gaps.argmin(axis=0), np.arange(len(seen))], gaps.min(axis=0)
+    near, gap = nearest(times, seen)
     lost = np.flatnonzero(gap > within + EQUAL)
     warnings = tuple[str, ...]()
     if len(lost):
@@ -76,6 +73,14 @@ def by_time(
     most = float(gap[kept].max(initial=0.0))
     apart = "at equal times" if most <= EQUAL else f"up to {most:.3g} s apart"
     return match, f"{readings.where}: matched by time with {joints.where}, {apart}"
+
+
+def nearest(times: Array, moments: Array) -> tuple[Index, Array]:
+    """Which of sorted times (n,) is nearest to each moment (m,), and how far it is [s]."""
+    after = np.searchsorted(times, moments).clip(1, max(len(times) - 1, 1))
+    both = np.stack([after - 1, after]).clip(0, len(times) - 1)
+    gaps = np.abs(times[both] - moments)
+    return both[gaps.argmin(axis=0), np.arange(len(moments))], gaps.min(axis=0)
 
 
 def _moments(part: Joints | Readings) -> Moments:

@@ -1,0 +1,81 @@
+"""Joints and readings of two files by their clocks: how far apart they are, and which rows meet."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from testbed.files.rows.by_time import EQUAL, nearest
+from testbed.files.rows.planned import of_stops
+from testbed.files.rows.times import Moments, moments_of
+from testbed.files.table import DataTable
+from testbed.files.text import Sheet, read_sheet
+from testbed.gates.text import FileText
+from testbed.proposal.data import Document, Found
+
+REACH = "match_within_s"
+STEPS = (1.0, 2.0, 5.0, 10.0)
+"""Of a power of ten: numbers that a reach in time is rounded up to."""
+
+
+def have_clocks(one: Found, two: Found) -> bool:
+    """Whether both files are tables with a column of times."""
+    return all(look.kind == "table" and look.has("time") for look in (one, two))
+
+
+def by_clocks(joints: Found, seen: Found) -> tuple[Document, str]:
+    """Keys of a session that matches two files by their times, and what is taken so, in words.
+
+    A reading belongs to the joints nearest in time. How far these may be is the largest distance
+    that is not longer than the step of the log, rounded up; the step itself where few are so near.
+    """
+    document: Document = {"match": "time"}
+    log, shots = (_moments(look) for look in (joints, seen))
+    if log is None or shots is None or log.kind != shots.kind or not len(log.seconds):
+        return document, ""  # reading says what is wrong with them
+    times = np.sort(log.seconds)
+    gap = nearest(times, shots.seconds)[1]
+    steps = np.diff(times)
+    step = float(np.median(steps[steps > EQUAL])) if (steps > EQUAL).any() else 0.0
+    near = gap[gap <= step + EQUAL]
+    reach = float(near.max(initial=0.0)) if 2 * len(near) > len(gap) else step
+    if reach > EQUAL:
+        document[REACH] = _rounded_up(reach)
+    most = float(gap.max(initial=0.0))
+    far = "at equal times" if most <= EQUAL else f"up to {most:.3g} s from the nearest joints"
+    return document, f"times: both clocks are taken for one; readings are {far} of {joints.called}"
+
+
+def beside_readings(joints: Found, seen: Found, lines: int, within: float) -> FileText:
+    """A log of joints without the rows that are far in time from the first lines of readings."""
+    log, shots = (_moments(look) for look in (joints, seen))
+    if log is None or shots is None or log.kind != shots.kind:
+        return joints.text
+    table, other = (of_stops(read_sheet(look.text)) for look in (joints, seen))
+    stamps = np.sort(shots.seconds[np.array(other.lines) <= lines])
+    if len(log.seconds) != len(table.rows) or not len(stamps):
+        return joints.text
+    kept = nearest(stamps, log.seconds)[1] <= within + EQUAL
+    away = {line for line, near in zip(table.lines, kept, strict=True) if not near}
+    text = joints.text
+    # an empty line keeps the numbers of the others
+    rows = tuple("" if k in away else line for k, line in enumerate(text.lines, start=1))
+    return replace(text, lines=rows)
+
+
+def _moments(look: Found) -> Moments | None:
+    """The moments of a file's rows that have one; None where they cannot be read."""
+    clock = look.stems["time"]
+    own = "time_s" if "s" in (clock.unit, clock.stem.rpartition("_")[2]) else "time"
+    cells = [cell for cell in look.column(clock.theirs) if cell]
+    comma = any("," in cell for cell in cells) and not any("." in cell for cell in cells)
+    rows = tuple((cell,) for cell in cells)
+    sheet = Sheet(look.name, (own,), rows, tuple(range(len(rows))), "comma", "")
+    table = DataTable(sheet, {own: own}, "," if comma else ".")
+    return moments_of(table, np.ones(len(rows), dtype=np.bool_))[0]
+
+
+def _rounded_up(seconds: float) -> float:
+    """The next of 1, 2 or 5 times a power of ten."""
+    power = 10.0 ** np.floor(np.log10(seconds))
+    size = next(step for step in STEPS if step * power >= seconds * (1 - 1e-9))
+    return float(f"{size * power:.3g}")

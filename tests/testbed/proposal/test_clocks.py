@@ -1,0 +1,110 @@
+"""A log of joints and a log of readings: `new session` matches them by their clocks.
+
+Truth: joints and places of each stop, from which both logs are written.
+"""
+
+import numpy as np
+import pytest
+
+from testbed.files.read import read_session
+from testbed.proposal.rows import beginning
+from testbed.proposal.rows.clocks import _rounded_up
+from tests.testbed.files.made import ROBOT, csv, made
+from tests.testbed.files.test_times import SHOTS, logged
+from tests.testbed.proposal.test_session import call, proposed
+
+DATA = made(m=SHOTS)
+STEP = 5.0
+STOPS = STEP * np.arange(SHOTS)
+
+
+def files(folder):
+    return [folder / "log.csv", folder / "shots.csv"]
+
+
+def two(folder, log, shots, rows=range(SHOTS), *, name="time_s"):
+    """One line a stop in each file, at these times [s]; the shots of some stops only."""
+    rows = list(rows)
+    joints = {f"q{j + 1}_deg": np.degrees(DATA.q[:, j]) for j in range(6)}
+    places = {f"{a}_mm": 1e3 * DATA.T[rows, k, 3] for k, a in enumerate("xyz")}
+    (folder / "log.csv").write_text(csv({name: log} | joints))
+    (folder / "shots.csv").write_text(csv({name: shots} | places))
+    return rows
+
+
+def read(folder):
+    return read_session(folder / "session.toml", ROBOT).measurements
+
+
+@pytest.mark.parametrize("most", [beginning.MATCHED, 100], ids=["whole", "a long log"])
+def test_a_log_is_matched_by_the_clock(most, tmp_path, monkeypatch):
+    monkeypatch.setattr(beginning, "MATCHED", most)
+    monkeypatch.setattr(beginning, "TRIED", min(most, 140))  # of the log these are two stops
+    logged(tmp_path)
+    said, written = proposed(tmp_path, files(tmp_path), "--robot", ROBOT.name)
+    # shots are 0.04 s beside lines of the log
+    assert 'match = "time"\nmatch_within_s = 0.05\n' in written
+    assert "times: both clocks are taken for one; readings are up to 0.04 s from the" in said
+    assert "to fix" not in said
+    assert "errors are 0." in said  # in so many of the first lines that base and tool are fitted
+    np.testing.assert_allclose(read(tmp_path).q, DATA.q, atol=1e-12)
+
+
+@pytest.mark.parametrize("name", ["time_s", "Zeitstempel (s)"])
+def test_shots_of_some_stops_get_the_joints_of_these(name, tmp_path):
+    rows = two(tmp_path, STOPS, STOPS[4:] + 1.3, range(4, SHOTS), name=name)
+    _, written = proposed(tmp_path, files(tmp_path), "--robot", ROBOT.name)
+    assert "match_within_s = 2.0\n" in written
+    np.testing.assert_allclose(read(tmp_path).q, DATA.q[rows], atol=1e-12)
+
+
+def test_of_as_many_rows_the_clock_is_asked_where_their_order_does_not_fit(tmp_path):
+    turned = np.random.default_rng(0).permutation(SHOTS)
+    two(tmp_path, STOPS, STOPS[turned], turned)
+    _, written = proposed(tmp_path, files(tmp_path), "--robot", ROBOT.name)
+    assert 'match = "time"' in written
+    assert "match_within_s" not in written  # the times are equal
+    np.testing.assert_allclose(read(tmp_path).q, DATA.q[turned], atol=1e-12)
+    two(tmp_path, STOPS, STOPS + 9e4)  # clocks that nobody set
+    (tmp_path / "session.toml").unlink()
+    _, written = proposed(tmp_path, files(tmp_path), "--robot", ROBOT.name)
+    assert 'match = "order"' in written
+
+
+@pytest.mark.parametrize(
+    ("late", "why"),
+    [
+        (3600.0, "no joints within 5 s of 25 readings"),
+        # nearer to the next stop than to its own one, and both are within the reach
+        (2.7, "within 5 s of this reading the joints are not one pose"),
+    ],
+    ids=["an hour apart", "between two stops"],
+)
+def test_clocks_that_cannot_tell_the_stop_are_refused(late, why, tmp_path):
+    two(tmp_path, STOPS, STOPS[:25] + late, range(25))
+    done = call("new", "session", *files(tmp_path), "--robot", ROBOT.name, "--out",
+                tmp_path / "session.toml")  # fmt: skip
+    assert done.exit_code == 2
+    assert why in " ".join(done.stderr.split())
+
+
+def test_joints_of_the_stop_after_do_not_pass_as_those_of_the_reading(tmp_path):
+    two(tmp_path, STOPS, STOPS[:25] + 3.1, range(25))  # 1.9 s before the next one, within 2 s
+    done = call("new", "session", *files(tmp_path), "--robot", ROBOT.name, "--out",
+                tmp_path / "session.toml")  # fmt: skip
+    assert done.exit_code == 2
+    assert "move the readings one row" in " ".join(done.stderr.split())
+
+
+def test_a_reach_is_rounded_up_to_a_plain_number():
+    wanted = {
+        0.04: 0.05,
+        0.05: 0.05,
+        0.051: 0.1,
+        1.3: 2.0,
+        2.0: 2.0,
+        7.0: 10.0,
+        0.1: 0.1,
+        1e-3: 1e-3,
+    }
+    assert {size: _rounded_up(size) for size in wanted} == wanted
