@@ -1,19 +1,19 @@
 """Lines of a text file into a sheet: a head, and rows as long as it."""
 
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 from calib.errors import InputError
 from testbed.files.columns import WRITTEN
+from testbed.files.dialects.numbers import NUMBER
 from testbed.files.refusal import refusal
+from testbed.files.rows.below import table_ends
 from testbed.gates.text import EMPTY, FileText, separator_of, split
 from testbed.report.text import unguarded
 from testbed.units import counted
 
 MOST_TITLES = 50
 """Lines that free text above a table may have."""
-NUMBER = re.compile(r"[+\u2212-]?\d[\d.,]*([eE][+-]?\d+)?")
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,9 +32,13 @@ class Sheet:
     """Lines above the one that names the columns."""
     units: tuple[str, ...] = ()
     """(c,) unit of each column, "" of one that has none, where a line below the names says them."""
+    below: tuple[tuple[int, str], ...] = ()
+    """Number and text of each line below the table that is none of its rows."""
 
 
-def read_sheet(text: FileText, *, separator: str = "", header: bool | None = None) -> Sheet:
+def read_sheet(
+    text: FileText, *, separator: str = "", header: bool | None = None, below: bool = False
+) -> Sheet:
     """Cells of a table under the line that names its columns; those that begin with # do not count.
 
     Lines above that one are titles, if each has fewer cells. A line below it that holds nothing but
@@ -49,6 +53,8 @@ def read_sheet(text: FileText, *, separator: str = "", header: bool | None = Non
     header : bool, optional
         Whether the first line names the columns; without it they are called by their numbers, from
         "1". None: it does, and most of it is no numbers.
+    below : bool
+        Whether sentences and sums may stand below the table.
 
     Raises
     ------
@@ -74,10 +80,13 @@ def read_sheet(text: FileText, *, separator: str = "", header: bool | None = Non
     head = tuple(name or f"column {k + 1}" for k, name in enumerate(head))
     width, units = len(head), _units(cells[1:2], len(head)) if header is not False else ()
     first += bool(units)
-    rows = tuple(tuple(row if any(row[width:]) else row[:width]) for row in cells[first:])
-    lines = tuple(number for number, _ in content[first:])
+    end = first + table_ends(cells[first:]) if below else len(cells)
+    rows = tuple(tuple(row if any(row[width:]) else row[:width]) for row in cells[first:end])
+    lines = tuple(number for number, _ in content[first:end])
     said = tuple(line.strip(EMPTY) for _, line in titles)
-    sheet = Sheet(text.where, head, rows, lines, separator, text.encoding, said, units)
+    sheet = Sheet(
+        text.where, head, rows, lines, separator, text.encoding, said, units, tuple(content[end:])
+    )  # fmt: skip
     _check_lengths(sheet)
     return sheet
 

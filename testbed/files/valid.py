@@ -5,6 +5,7 @@ import numpy as np
 from calib.arrays import Bool
 from testbed.files.columns import ANGLES, bound_of, unit_of
 from testbed.files.refusal import refusal
+from testbed.files.rows.below import said_below
 from testbed.files.table import Columns, DataTable
 
 SHOWN = 10
@@ -12,7 +13,7 @@ SHOWN = 10
 
 
 def valid_rows(table: DataTable, columns: Columns, *, drop: bool | None) -> tuple[Bool, list[str]]:
-    """Rows (m,) that can be computed with, and warnings that name the others, and odd ones.
+    """Rows (m,) that can be computed with, and warnings: of the others, odd ones, lines below.
 
     Parameters
     ----------
@@ -35,7 +36,7 @@ def valid_rows(table: DataTable, columns: Columns, *, drop: bool | None) -> tupl
     bounds = [bound_of(name) for name in names]
     most, least = (np.array([getattr(bound, end) for bound in bounds]) for end in ("most", "least"))
     beyond = numeric & ((size > most) | ((size < least) & (size > 0)))
-    warnings = []
+    warnings = said_below(table.where, table.sheet.below)
     for wrong, what, code in (
         (~numeric, "cells that are not numbers", "M25"),
         (beyond, "implausible numbers", "V9"),

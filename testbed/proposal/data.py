@@ -10,12 +10,12 @@ import numpy as np
 
 from calib.errors import InputError
 from testbed.files.dialects.controllers.read import Language, joints_in, language_of
-from testbed.files.dialects.numbers import number_of
+from testbed.files.dialects.numbers import NUMBER, number_of
 from testbed.files.dialects.spatial_lines import name_fields, sa_lines
 from testbed.files.refusal import refusal
 from testbed.files.rows.planned import foretold, of_stops
 from testbed.files.session import text_of
-from testbed.files.text import NUMBER, Sheet, read_sheet, titles_above
+from testbed.files.text import Sheet, read_sheet, titles_above
 from testbed.gates.paths import is_there, real
 from testbed.gates.text import MAX_MB, FileText
 from testbed.gates.workbook import is_workbook, sheet_names
@@ -76,7 +76,7 @@ class Found:
         if self.language is not None:
             table = joints_in(self.text, self.language).sheet
         else:
-            table = of_stops(read_sheet(self.text, header=False if self.kind == "bare" else None))
+            table = sheet_in(self.text, header=False if self.kind == "bare" else None)
         return tuple(row[table.head.index(name)] for row in table.rows)
 
 
@@ -145,7 +145,12 @@ def _looked(path: Path, name: str, sheet: str | None, text: FileText) -> Found:
         except InputError:
             if commented:
                 raise
-    return _of_sheet(path, name, sheet, text, "table", of_stops(read_sheet(text)))
+    return _of_sheet(path, name, sheet, text, "table", sheet_in(text))
+
+
+def sheet_in(text: FileText, *, header: bool | None = None) -> Sheet:
+    """A table as a session reads it."""
+    return of_stops(read_sheet(text, header=header, below=True))
 
 
 def _cells(line: str) -> list[str]:
@@ -194,7 +199,7 @@ def _of_lines(path: Path, name: str, sheet: str | None, text: FileText) -> Found
     comma = text.content("#", "//")[0][1]
     commented = any(line.lstrip()[:2] == "//" for line in text.lines)
     if (";" in comma or "\t" in comma) and not commented:
-        table = read_sheet(text, header=False)
+        table = read_sheet(text, header=False, below=True)
         fields, length = table.rows, ""
         lines = None
     else:

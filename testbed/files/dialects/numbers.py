@@ -7,6 +7,8 @@ import numpy as np
 
 from calib.arrays import Array
 
+NUMBER = re.compile(r"[+\u2212-]?\d[\d.,]*([eE][+-]?\d+)?")
+
 
 def floats(cells: Sequence[str]) -> Array:
     """Numbers (m,); nan where a cell is none."""

@@ -169,7 +169,10 @@ def _check_after(after: Sequence[str], room: int, where: str) -> None:
 def _table(lines: Lines, head: Sequence[str]) -> DataTable:
     """The first fields of each line under names of our own."""
     rows = tuple(fields[: len(head)] for fields in lines.fields)
-    sheet = Sheet(lines.where, tuple(head), rows, lines.lines, lines.separator, lines.encoding)
+    sheet = Sheet(
+        lines.where, tuple(head), rows, lines.lines, lines.separator, lines.encoding,
+        below=lines.below,
+    )  # fmt: skip
     return table_of(sheet, {}, decimal=".")
 
 

@@ -9,6 +9,7 @@ import numpy as np
 from testbed.files.columns import ANGLES, LENGTHS
 from testbed.files.dialects.numbers import number_of, pointed
 from testbed.files.refusal import refusal
+from testbed.files.rows.below import table_ends
 from testbed.gates.text import SEPARATORS, FileText
 
 AXES = re.compile(r"AXES\s*=\s*(\w+)\s*:(.*)", re.IGNORECASE)
@@ -36,6 +37,8 @@ class Lines:
     system: str = "CARTESIAN"
     length: str = ""
     angle: str = ""
+    below: tuple[tuple[int, str], ...] = ()
+    """Lines below the others that are none of them."""
 
 
 def sa_lines(text: FileText) -> Lines:
@@ -44,6 +47,9 @@ def sa_lines(text: FileText) -> Lines:
     content = [(number, line.strip().rstrip(",;")) for number, line in text.content("//", "#")]
     if not content:
         raise refusal(text.where, "file", "has no points")
+    between = next((each for each in ";,\t" if each in content[0][1]), None)
+    end = table_ends([list(map(str.strip, line.split(between))) for _, line in content])
+    content, below = content[:end], tuple(content[end:])
     marks = (name for name in ("semicolon", "comma")
              if all(SEPARATORS[name] in line for _, line in content))  # fmt: skip
     separator = next(marks, "space")
@@ -53,7 +59,7 @@ def sa_lines(text: FileText) -> Lines:
     if separator == "semicolon":  # where a comma before decimals leaves no other
         fields = tuple(tuple(map(_pointed, line)) for line in fields)
     numbers = tuple(number for number, _ in content)
-    lines = Lines(text.where, fields, numbers, separator, text.encoding)
+    lines = Lines(text.where, fields, numbers, separator, text.encoding, below=below)
     found = AXES.search("\n".join(comments))
     if not found:
         return lines

@@ -45,6 +45,7 @@ def one_target_a_row(sheet: Sheet, section: PointsTable) -> Sheet:
         encoding=sheet.encoding,
         titles=sheet.titles,
         units=(*(sheet.units[k] for k in kept), *[""] * 4) if sheet.units else (),
+        below=sheet.below,
     )
 
 

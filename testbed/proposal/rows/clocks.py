@@ -5,12 +5,11 @@ from dataclasses import replace
 import numpy as np
 
 from testbed.files.rows.by_time import EQUAL, nearest
-from testbed.files.rows.planned import of_stops
 from testbed.files.rows.times import Moments, moments_of
 from testbed.files.table import DataTable
-from testbed.files.text import Sheet, read_sheet
+from testbed.files.text import Sheet
 from testbed.gates.text import FileText
-from testbed.proposal.data import Document, Found
+from testbed.proposal.data import Document, Found, sheet_in
 
 REACH = "match_within_s"
 STEPS = (1.0, 2.0, 5.0, 10.0)
@@ -50,7 +49,7 @@ def beside_readings(joints: Found, seen: Found, lines: int, within: float) -> Fi
     log, shots = (_moments(look) for look in (joints, seen))
     if log is None or shots is None or log.kind != shots.kind:
         return joints.text
-    table, other = (of_stops(read_sheet(look.text)) for look in (joints, seen))
+    table, other = (sheet_in(look.text) for look in (joints, seen))
     stamps = np.sort(shots.seconds[np.array(other.lines) <= lines])
     if len(log.seconds) != len(table.rows) or not len(stamps):
         return joints.text
