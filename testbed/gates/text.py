@@ -24,8 +24,12 @@ ENCODINGS = {
     "UTF-8 with BOM": "utf-8-sig",
     "Windows-1252": "cp1252",
     "Latin-1": "latin-1",
+    "UTF-16 LE": "utf-16-le",
+    "UTF-16 BE": "utf-16-be",
 }
 """Names for people to those of Python."""
+MARKS = {"UTF-16 LE": b"\xff\xfe", "UTF-16 BE": b"\xfe\xff"}
+"""What a file in an encoding begins with, where Python neither reads nor writes it itself."""
 EMPTY = " \t\r\f\v,;"
 """What a line without content may hold."""
 ERROR = re.compile(r'\s*"?#(N/A|NV|[A-Z]+/0!|[A-Z]+!|NAME\?)"?\s*([,;\t]|$)')
@@ -96,6 +100,10 @@ def read_text(path: Path, where: str, *, max_mb: float = MAX_MB, larger: str = L
         M35 it cannot be read, M36 it is too large or packed, S39 it is another program's format.
     """
     data = _bytes(path, where, max_mb, larger)
+    digest = sha256(data).hexdigest()
+    wide = next((name for name, mark in MARKS.items() if data.startswith(mark)), "")
+    if wide:
+        data = _narrow(data, wide, where)
     for first, name in FOREIGN:
         if data.startswith(first):
             raise _refused(
@@ -103,12 +111,8 @@ def read_text(path: Path, where: str, *, max_mb: float = MAX_MB, larger: str = L
                 allowed="measurements are read from text only, and nothing is unpacked",
                 fix="save the table as CSV",
             )  # fmt: skip
-    if data.startswith((b"\xff\xfe", b"\xfe\xff")):
-        raise _refused(where, "is UTF-16 text", fix="save it as UTF-8")
     if b"\0" in data:
-        message = f"is not text: byte {data.index(0)} is zero"
-        raise _refused(where, message, code="S39", fix="save the table as CSV")
-    digest = sha256(data).hexdigest()
+        raise _no_text(data, where)
     whole = data
     data = data.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
     count = data.count(b"\n")
@@ -126,12 +130,32 @@ def read_text(path: Path, where: str, *, max_mb: float = MAX_MB, larger: str = L
             code="M36", value=len(line), allowed=f"at most {MAX_LINE} bytes a line",
             fix="save one measurement a line, a number or a name in each column",
         )  # fmt: skip
-    encoding = _encoding(data)
-    text = data.decode(ENCODINGS[encoding])
+    encoding = wide or _encoding(data)
+    text = data.decode("utf-8" if wide else ENCODINGS[encoding])
     if not text.strip():
         raise _refused(where, "is empty", fix="give a file with rows")
     lines, source = tuple(text.split("\n")), SourceFile(path, digest)
     return FileText(where, lines, encoding, source, _ends(whole))
+
+
+def _narrow(data: bytes, encoding: str, where: str) -> bytes:
+    """Bytes of UTF-16 as UTF-8, without the mark of their order."""
+    try:
+        return data[len(MARKS[encoding]) :].decode(ENCODINGS[encoding]).encode()
+    except UnicodeDecodeError as error:
+        byte = error.start + len(MARKS[encoding])
+        message = f"begins as UTF-16 text, and byte {byte} is part of no letter"
+        raise _refused(where, message, fix="save it as UTF-8") from error
+
+
+def _no_text(data: bytes, where: str) -> InputError:
+    """The error of bytes with a zero among them, as all two-byte letters without a mark have."""
+    first = data[:MAX_LINE]
+    if any(4 * first[k::2].count(0) > len(first) for k in (0, 1)):
+        message = "is UTF-16 text without the mark that says in which order its bytes are"
+        return _refused(where, message, code="S39", fix="save it as UTF-8")
+    message = f"is not text: byte {data.index(0)} is zero"
+    return _refused(where, message, code="S39", fix="save the table as CSV")
 
 
 def _encoding(data: bytes) -> str:

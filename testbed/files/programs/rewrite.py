@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from calib.arrays import Array, Bool
 from calib.errors import visible
 from testbed.files.text import Sheet
-from testbed.gates.text import ENCODINGS, SEPARATORS, FileText
+from testbed.gates.text import ENCODINGS, MARKS, SEPARATORS, FileText
 from testbed.report.text import guarded, runs
 
 QUOTED = re.compile(r' *"((?:[^"]|"")*)"')
@@ -63,7 +63,8 @@ def rewritten(
         lines[number - 1] = _line(lines[number - 1], mark, width, new, more)
     ends = (*(text.ends or "\n" * (len(lines) - 1)), "")
     whole = "".join(visible(line) + end for line, end in zip(lines, ends, strict=True))
-    return whole.encode(ENCODINGS[text.encoding], "backslashreplace")
+    begin = MARKS.get(text.encoding, b"")
+    return begin + whole.encode(ENCODINGS[text.encoding], "backslashreplace")
 
 
 def cell_spans(line: str, mark: str) -> list[tuple[int, int]]:

@@ -397,7 +397,8 @@ CASES = {
             separator=";")
     ),
     "M35 an open quote": read(TEXT.replace("XYZ", '"XYZ', 1)),
-    "M35 UTF-16": read(TEXT.encode("utf-16")),
+    "M35 UTF-16 that breaks off": read(TEXT.encode("utf-16")[:-1]),
+    "S39 UTF-16 without a mark": read(TEXT.encode("utf-16-le")),
     "M35 split misspelled": read(table(split=["identfy"] * 29)),
     "M35 a pose in both parts": read(
         table(pose_id=[1, 1, *range(2, 29)],
