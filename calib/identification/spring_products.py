@@ -1,9 +1,10 @@
-"""Springs within normal equations: columns of products of compliances and moments, and their fit.
+"""Springs in normal equations: columns for products of compliances and moments, and their fit.
 
 The bend of a spring is its compliance times its torque, and the torque is that of the stated
-moments plus what each free moment adds, and each tilt of the mounting. So bends are linear in one
+moments plus a part for each free moment and each tilt of the mounting. So bends are linear in one
 product for each spring, and one for each spring and free moment or tilt; models of few or many
-springs share these columns. What a tilt makes of a moment that is added is left to the fit itself.
+springs share these columns. The effect of a tilt on a free moment, of third order, is neglected
+here and left to the final fit.
 """
 
 from collections.abc import Callable, Sequence
@@ -19,29 +20,29 @@ from calib.geometry.joint_errors import JointErrors
 from calib.geometry.springs import SprungJoints, across
 
 STEPS = 60
-"""Most steps of a fit, halved ones counted."""
+"""Most steps of a fit; trials of one step at smaller lengths are not counted."""
 GAIN = 1e-6
-"""A step that promises less than this of the loss is the last one."""
+"""A fit ends when the next step would lower the loss by less than this."""
 
 Bowl: TypeAlias = Callable[[Array], tuple[Array, Array, Array]]
-"""A loss as in `ModelSprings.bowl`, at numbers in units of their prior sd."""
+"""Quadratic model of a loss as in `ModelSprings.bowl`, at numbers in units of their prior sd."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Products:
-    """Where the columns of the products stand: for each spring its torque, moments and tilts."""
+    """Places of the columns of the products: for each spring its torque, then moments and tilts."""
 
     first: int
-    """Column of the first one."""
+    """Column of the first product."""
     places: tuple[int, ...] = ()
     """(p,) place of each spring among the 3 n bends."""
     moments: tuple[int, ...] = ()
     """(f,) place of each moment among the 4 n of the links."""
     tilts: int = 0
-    """Two, or none."""
+    """Number of tilts: 2 or 0."""
 
     def of(self, errors: JointErrors, sd: Array) -> "ModelSprings":
-        """Those of one model whose springs' numbers have some prior sd (s,)."""
+        """The springs of one model, whose numbers have prior sd (s,)."""
         springs = errors.springs
         if springs is None:
             return ModelSprings(np.zeros(0, dtype=np.int64), np.zeros(0), 0, np.zeros(0))
@@ -54,23 +55,24 @@ class Products:
 
 
 class ModelSprings(NamedTuple):
-    """The springs of one model among the columns."""
+    """The springs of one model, and their columns."""
 
     columns: Index
-    """(p (1 + f),) spring by spring: its torque, then its moments and tilts."""
+    """(p (1 + f),) columns of the products, spring by spring: its torque, then moments and tilts.
+    """
     load: Array
-    """(p,) at which the bend of a spring is its number [N m, N]."""
+    """(p,) reference load, at which the bend of a spring is its number [N m, N]."""
     moments: int
-    """Free moments and tilts f."""
+    """Number f of free moments and tilts."""
     sd: Array
     """(p + f,) prior sd of the numbers: bends at these loads, then moments, then tilts."""
 
     def products(self, x: Array) -> Array:
-        """(p (1 + f),) at numbers in units of sd."""
+        """Products (p (1 + f),) at numbers (p + f,) in units of sd."""
         return np.outer(*self.factors(x)).ravel()
 
     def at(self, x: Array) -> tuple[Array, Array]:
-        """Products (p (1 + f),) and their slopes (p (1 + f), p + f) at numbers in units of sd."""
+        """Products (p (1 + f),), derivative (p (1 + f), p + f) by the numbers in units of sd."""
         p, f = len(self.load), self.moments
         give, more = self.factors(x)
         slopes = np.zeros((p, 1 + f, p + f))
@@ -79,10 +81,11 @@ class ModelSprings(NamedTuple):
         return self.products(x), slopes.reshape(p * (1 + f), p + f)
 
     def bowl(self, x: Array, normal: Array, pull: Array) -> tuple[Array, Array, Array]:
-        """D'N D + 1 (p + f, p + f) at x, what products of two numbers add to it, and the force.
+        """Quadratic model of half the loss at x: Gauss-Newton matrix, second-order term, force.
 
-        D are the slopes there, the force D'(pull - N y) - x (p + f,). A product is what gives times
-        what weighs, so N is contracted with one of them at a time.
+        D is the derivative of the products y at x. The matrix is D'N D + 1 (p + f, p + f); the
+        products' second derivatives add the second-order term (p + f, p + f); the force (p + f,) is
+        D'(pull - N y) - x. N is contracted with the compliances and with the moments in turn.
         """
         p, wide = len(self.load), 1 + self.moments
         give, more = self.factors(x)
@@ -101,44 +104,45 @@ class ModelSprings(NamedTuple):
         return H, bend, np.concatenate([gives * (left @ more), weighs * (give @ left)[1:]]) - x
 
     def factors(self, x: Array) -> tuple[Array, Array]:
-        """What each spring gives (p,), and what weighs on all (1 + f,)."""
+        """Compliance (p,) of each spring, and factors (1 + f,) of its loads: 1, moments, tilts."""
         p, more = len(self.load), np.ones(1 + self.moments)
         more[1:] = self.sd[p:] * x[p:]
         return self.sd[:p] * x[:p] / self.load, more
 
 
 class Bent(NamedTuple):
-    """Springs where their fit ended."""
+    """Result of a fit of springs within normal equations."""
 
     numbers: Array
-    """(p + f,) in units of their prior sd."""
+    """(p + f,) numbers in units of their prior sd."""
     products: Array
-    """(p (1 + f),)."""
+    """(p (1 + f),) products of these numbers."""
     slopes: Array
-    """(p (1 + f), p + f) of the products by the numbers."""
+    """(p (1 + f), p + f) derivative of the products by the numbers."""
     inverse: Array
-    """(p + f, p + f) of the second derivative of half the loss."""
+    """(p + f, p + f) inverse of the Gauss-Newton matrix of half the loss."""
     loss: float
-    """What the springs change of the loss, their prior included."""
+    """Change of the loss by the springs, with their prior."""
     spread: float
-    """Log determinant of that second derivative."""
+    """Log determinant of the Gauss-Newton matrix."""
 
 
 class Lowest(NamedTuple):
-    """Where a fit of springs ended."""
+    """Minimum of a loss by numbers of springs."""
 
     numbers: Array
-    """(p + f,) in units of their prior sd."""
+    """(p + f,) numbers in units of their prior sd."""
     curvature: Array
-    """(p + f, p + f) of half the loss, without what products of two numbers add to it."""
+    """(p + f, p + f) Gauss-Newton matrix of half the loss, without second derivatives of products.
+    """
     loss: float
-    """What the springs change of the loss, their prior included."""
+    """Change of the loss by the springs, with their prior."""
     spread: float
     """Log determinant of the curvature."""
 
     @property
     def inverse(self) -> Array:
-        """(p + f, p + f) of the curvature."""
+        """(p + f, p + f) inverse of the curvature."""
         if not len(self.numbers):
             return self.curvature
         return np.asarray(cho_solve(cho_factor(self.curvature), np.eye(len(self.numbers))))
@@ -150,11 +154,11 @@ def settled(springs: ModelSprings, normal: Array, pull: Array) -> Bent:
     Parameters
     ----------
     springs : ModelSprings
-        Of the model.
+        Springs of the model.
     normal : (p (1 + f), p (1 + f)) array
-        N, where all linear numbers follow the products.
+        N, after elimination of all linear numbers.
     pull : (p (1 + f),) array
-        Likewise.
+        Right-hand side after the same elimination.
     """
 
     def loss_at(x: Array) -> float:
@@ -172,16 +176,17 @@ def lowest(
     bowl: Bowl,
     enough: Callable[[Array, float], bool] | None = None,
 ) -> Lowest:
-    """So many numbers of springs where a loss is lowest, searched from zero.
+    """Minimize a loss over `count` numbers of springs, from a start at zero.
 
-    What gives and what weighs can stand for each other: along that valley the second derivative of
-    their products counts, far from its floor it misleads. Of the steps with and without it the one
-    is taken that leads lower, halved until it does.
+    Compliances and moments can replace each other. Along that valley the second derivatives of
+    their products matter, but far from its floor they mislead. So of Newton's step and the
+    Gauss-Newton step the one that leads lower is taken, halved until the loss falls. The search
+    ends early if `enough` is true of the numbers and the predicted drop of the loss.
 
-    There are other minima. Six to twelve further starts, drawn from the prior, found a lower one
-    in one fit of nine for a measured UR10 (nine sets of 100 poses) and of twenty for virtual arms
-    (22 of three kinds), most of levels that the evidence leaves behind. One choice of 31 changed by
-    it, for one that missed held-out poses by a hundredth more.
+    The loss can have other minima. Six to twelve further starts, drawn from the prior, found a
+    lower one in one fit of nine for a measured UR10 (nine sets of 100 poses) and in one of twenty
+    for 22 virtual arms of three kinds, mostly for levels that the evidence rejects. One choice of
+    31 changed, to a model with 1 % larger errors at held-out poses.
     """
     x, share, loss = np.zeros(count), 1.0, 0.0
     if not count:
@@ -205,7 +210,7 @@ def lowest(
 
 
 def newton_steps(H: Array, bend: Array, force: Array) -> list[Array]:
-    """Newton's step (k,) where that has a minimum, and the one without the bend of the products."""
+    """Newton's step (k,) if it leads to a minimum, and the Gauss-Newton step, without `bend`."""
     plain = np.asarray(dposv(H, force)[1])
     _, step, flaw = dposv(H + bend, force)
     return [plain] if flaw else [np.asarray(step), plain]
@@ -214,10 +219,11 @@ def newton_steps(H: Array, bend: Array, force: Array) -> list[Array]:
 def products_of(
     springs: Sequence[SprungJoints], q: Array, first: int, payload: Array | None = None
 ) -> tuple[Products, Array]:
-    """Columns of the products of all springs, and what multiplies their bends (m, p, 1 + f).
+    """Columns of the products of all springs, and the loads (m, p, 1 + f) of the springs.
 
-    The springs are loaded by the same arm; it is weighed as it stands stiff at joints q (m, n),
-    with a payload of each pose (m, 4) if rows state it [kg, kg m].
+    All springs belong to the same arm. Loads are torques of the rigid arm at joint values q (m, n)
+    [N m, or N along a slide], of the stated moments and then per free moment [1/kg, 1/(kg m)] and
+    per tilt [1/rad]. `payload` (m, 4) has that of each pose if the rows state it [kg, kg m].
     """
     if not springs:
         return Products(first), np.zeros((len(q), 0, 1))

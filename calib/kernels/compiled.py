@@ -1,10 +1,11 @@
-"""How loops are compiled: at import, for one signature, kept where possible.
+"""Compilation of loops: at import, for one signature, and cached if possible.
 
-The compiler keeps code beside the source, or else in the user's cache. Threads then find the loops
-ready. Fused and reordered arithmetic stays off: the same bits on every CPU and for any number of
-threads. The kept code of a loop watches its own file only, so that each file holds all the compiled
-code it calls. Where numba cannot be imported, a loop is the Python function that it is written as:
-many replicates are then played by numpy (`calib.kernels.loops`), and one pose by the interpreter.
+The compiler caches code beside the source, or else in the user's cache, so that threads find the
+loops ready. Fused and reordered arithmetic is off: results have the same bits on every CPU and for
+any number of threads. The cached code of a loop is renewed only if its own file changes, so each
+file has all the compiled code that it calls. If numba cannot be imported, a loop is the plain
+Python function: many replicates are then computed by numpy (`calib.kernels.loops`), and one pose by
+the interpreter.
 """
 
 from collections.abc import Callable
@@ -22,7 +23,7 @@ def has_compiler() -> bool:
 
 
 def compiled(*signature: Any) -> Callable[[Callable[..., None]], Callable[..., None]]:
-    """Compile at once for one signature; where the cache cannot be written, without it."""
+    """Compile at import for one signature, without a cache if none can be written."""
     options = {"nogil": True, "error_model": "numpy", "fastmath": False}
 
     def compile_(function: Callable[..., None]) -> Callable[..., None]:
@@ -38,12 +39,12 @@ def compiled(*signature: Any) -> Callable[[Callable[..., None]], Callable[..., N
 
 
 def array_in(dimensions: int, kind: str = "float64") -> Any:
-    """An input array: contiguous; a read-only signature takes writeable arrays too."""
+    """Type of an input array: contiguous, and read-only, which accepts writeable arrays too."""
     return types and types.Array(getattr(types, kind), dimensions, "C", readonly=True)
 
 
 def array_out(dimensions: int) -> Any:
-    """An array that is written."""
+    """Type of an array that the loop writes."""
     return types and types.Array(types.float64, dimensions, "C")
 
 

@@ -1,7 +1,7 @@
-"""The loops of this room in plain numpy: for work that is done before a compiler has begun.
+"""The loops of this folder in plain numpy, for small work or without numba.
 
-The same arguments and the same answers to rounding; a replicate costs three times as much, and
-nothing is compiled.
+Arguments are the same, and results are equal to rounding. A replicate costs three times as much,
+but nothing has to be compiled.
 """
 
 from typing import cast
@@ -11,13 +11,13 @@ import numpy as np
 from calib.arrays import Array, Bool, Index
 
 BLOCKS = 4
-"""Blocks of 32 replicates in one pass: its arrays then stay in the second-level cache."""
+"""Blocks of 32 replicates in one pass, whose arrays stay in the second-level cache."""
 
 
 def noisy_poses(
     normal: Array, position: Array, rotation: Array, factor: Array, observed: Array
 ) -> None:
-    """Poses observed with noise, as `calib.kernels.noisy_poses` makes them."""
+    """Poses observed with noise, as in `calib.kernels.noisy_poses`."""
     noise = np.moveaxis(factor @ normal, 2, 0)  # (6, B, m, 32)
     observed[:, :, :3] = position[:, :, None] + np.moveaxis(noise[:3], 0, 2)
     x, y, w = noise[3:]
@@ -42,7 +42,7 @@ def gradient(
     offset: Array, cosine: Array, sine: Array, slide: Array, basis: Array, joint: Index,
     turns: Bool, slope: Array, square: Array,
 ) -> None:  # fmt: skip
-    """J'W r and r'W r of many models, as `calib.kernels.replicates.gradient` fills them in."""
+    """J'W r and r'W r of many models, as in `calib.kernels.replicates.gradient`."""
     for b in range(0, len(links), BLOCKS):
         some = slice(b, b + BLOCKS)
         own = (_side_by_side(part[some]) for part in (links, base, tool, terms, observed))
@@ -65,10 +65,10 @@ def _gradient(
     offset: Array, cosine: Array, sine: Array, slide: Array, basis: Array, joint: Index,
     turns: Bool,
 ) -> tuple[Array, Array]:  # fmt: skip
-    """Slopes (12 + 5 n + k, L) and squares (L,) of L replicates, at m poses each.
+    """J'W r (12 + 5 n + k, L) and r'W r (L,) of L replicates, at m poses each.
 
-    Each pose pulls at the tool with the wrench W r; an entry of J'W r is its force along an axis
-    that slides, or its torque about one that turns. All vectors (3, m, L) stand in the world.
+    Each pose acts on the tool with the wrench W r; an entry of J'W r is its force along a sliding
+    axis, or its torque about a turning one. All vectors (3, m, L) are in the world frame.
     """
     m, L, n = len(cosine), links.shape[-1], len(turns)
     axes = [np.broadcast_to(base[k:9:3, None], (3, m, L)) for k in range(3)]
@@ -158,7 +158,7 @@ def _to_the_right(turn: Array, torque: Array) -> Array:
 
 
 def _cross(a: Array, b: Array) -> Array:
-    """Products of vectors (3, m, L)."""
+    """Cross products of vectors (3, m, L)."""
     return np.stack(
         [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
     )

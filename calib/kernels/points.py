@@ -1,7 +1,7 @@
-"""Tool points of many moved robots, postures side by side: what they scatter, and their sums.
+"""Tool points of many perturbed robots, postures side by side: their deviations and moments.
 
-The tool point is carried from tip to base. Cosines of postures and of nominal angles are given;
-those of steps come from a series, so that no trigonometric function stands in the loops.
+The tool point is transformed from tip to base. Cosines of postures and of nominal angles are given;
+those of steps come from a series, so that the loops call no trigonometric function.
 """
 
 from typing import Any
@@ -11,7 +11,7 @@ import numpy as np
 from calib.kernels.compiled import array_in, array_out, compiled, part
 
 LARGEST = 0.05
-"""Largest turn [rad] by a step that the series takes: to 1e-16 there."""
+"""Largest rotation of a step for which the series is accurate to 1e-16 [rad]."""
 
 
 @part
@@ -37,7 +37,7 @@ def _turn(x: Any, y: Any, c: float, s: float) -> None:
 
 @part
 def _turn_each(x: Any, y: Any, w: Any) -> None:
-    """The same with an angle of each own, small."""
+    """The same with a small angle w (N,) for each posture [rad]."""
     for k in range(x.shape[0]):
         q = w[k] * w[k]
         c = 1.0 - q / 2 * (1.0 - q / 12 * (1.0 - q / 30 * (1.0 - q / 56)))
@@ -49,7 +49,7 @@ def _turn_each(x: Any, y: Any, w: Any) -> None:
 
 @part
 def _add_products(to: Any, a: Any, b: Any) -> None:
-    """Add products of two rows."""
+    """Add the elementwise product of two rows to a third."""
     for k in range(to.shape[0]):
         to[k] += a[k] * b[k]
 
@@ -76,17 +76,17 @@ def points(
     Parameters
     ----------
     links : (n, 6) array
-        d is not among them: a [m]; cosine and sine of alpha and of beta; 1 where beta turns.
+        a [m]; cosine and sine of alpha and of beta; 1 where beta is used. d is in `postures`.
     steps : (n, 5, M) array
-        Of theta, d, a, alpha, beta [rad, m].
+        Steps of theta, d, a, alpha, beta [rad, m].
     tool : (3, M) array
         Tool point in the flange [m].
     base : (12, M) array
         Rows of the rotation of the base, then its origin [m]; (12, 0) where it is the world.
     shifts : (j, M, N) array
-        What joint terms add to a joint [rad, small, or m].
+        Small additions of joint terms to a joint [rad, m].
     shifted : (n,) array of int
-        Which of `shifts` a joint has; -1 for none.
+        Index into `shifts` for each joint; -1 for none.
     postures : (n, 3, N) array
         Cosine and sine of the nominal turn of each joint, its slide with d [m].
     nominal : (3, N) array
@@ -96,7 +96,7 @@ def points(
     out : (3, M, N) array
         Receives the deviations [m].
     sums : (9, N) array
-        To which those of x y z, xx yy zz, xy xz yz are added [m, m^2].
+        Sums over draws of x y z, xx yy zz, xy xz yz are added to it [m, m^2].
     """
     n, M, N = links.shape[0], tool.shape[1], nominal.shape[1]
     parts = np.empty((n, 6, M))
@@ -147,7 +147,7 @@ def points(
             x[k] -= n0[k]
             y[k] -= n1[k]
             z[k] -= n2[k]
-        # separate short loops: many pointers in one loop would stay scalar
+        # separate short loops: the compiler does not vectorize one with many pointers
         for i in range(3):
             own, total = out[i, m], sums[i]
             for k in range(N):

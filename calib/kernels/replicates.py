@@ -1,6 +1,6 @@
 """The gradient of many fits, 32 replicates side by side.
 
-The width is written out: loops of constant length compile to vector instructions.
+The number 32 is written out, since loops of constant length compile to vector instructions.
 """
 
 from typing import Any
@@ -29,7 +29,7 @@ def _turn(S: Any, i: int, j: int, P: Any, c: int) -> None:
 
 @part
 def _dot(S: Any, to: int, A: Any, a: int, b: int, c: int, V: Any, u: int, v: int, w: int) -> None:
-    """Row `to` of S: rows a b c of A times rows u v w of V, summed."""
+    """Row `to` of S becomes the sum of rows a, b, c of A times rows u, v, w of V."""
     for k in range(32):
         S[to, k] = A[a, k] * V[u, k] + A[b, k] * V[v, k] + A[c, k] * V[w, k]
 
@@ -100,7 +100,7 @@ def _frames(
 
 @part
 def _links(g: Any, S: Any, turned: Any, links: Any, basis: Any, joint: Any, turns: Any) -> None:
-    """Carry the wrench (rows 12-17 of S) from base to flange; its components are added to g."""
+    """Transform the wrench (rows 12-17 of S) from base to flange, adding its components to g."""
     n = turns.shape[0]
     for i in range(n):
         par, T, at = links[i], turned[i], 6 + 5 * i
@@ -139,7 +139,7 @@ def _tool(S: Any, H: Any) -> None:
 
 @part
 def _residual(S: Any, B: Any, observed: Any, offset: Any) -> Any:
-    """Residual (rows 30-35 of S) of one observation (12, 32); whether a reflector was aimed at."""
+    """Residual (rows 30-35 of S) of one observation (12, 32); true if it has a reflector offset."""
     # tool into the world: axes to rows 0-8 (row by row), point into the residual
     for r in range(3):
         for c in range(3):
@@ -147,7 +147,7 @@ def _residual(S: Any, B: Any, observed: Any, offset: Any) -> Any:
         _dot(S, 39, B, 3 * r, 3 * r + 1, 3 * r + 2, S, 27, 28, 29)
         for k in range(32):
             S[30 + r, k] = observed[r, k] - B[9 + r, k] - S[39, k]
-    # reflector beside the tool origin
+    # reflector away from the tool origin
     o0, o1, o2 = offset[0], offset[1], offset[2]
     lever = o0 != 0.0 or o1 != 0.0 or o2 != 0.0
     if lever:
@@ -221,10 +221,10 @@ def gradient(
     cosine: Any, sine: Any, slide: Any, basis: Any, joint: Any, turns: Any,
     slope: Any, square: Any,
 ) -> None:  # fmt: skip
-    """J'W r and r'W r of many models, each against its own table: no Jacobian is formed.
+    """J'W r and r'W r of many models, each for its own table, without forming a Jacobian.
 
-    Each pose pulls at the tool with the wrench W r. Walked from base to tip in the frames of the
-    chain, every entry of J'W r is one component of that wrench.
+    Each pose acts on the tool with the wrench W r. When this is transformed from base to tip
+    through the frames of the chain, every entry of J'W r is one of its components.
 
     Parameters
     ----------
@@ -242,13 +242,13 @@ def gradient(
     offset : (m, 3) array
         Reflector in the tool frame; zero where a pose is measured [m].
     cosine, sine, slide : (m, n) array
-        Of each joint at each posture, nominal [m].
+        Nominal cosine and sine of each joint at each posture, and its slide [m].
     basis : (m, k) array
         Values of the joint terms.
     joint, turns : (k,) array of int, (n,) array of bool
         Joint of each term; whether the joint is revolute.
     slope : (B, 12 + 5 n + k, 32) array
-        Receives J'W r, by every number of the model.
+        Receives J'W r, for every number of the model.
     square : (B, 32) array
         Receives r'W r.
 

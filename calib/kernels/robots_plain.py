@@ -1,7 +1,7 @@
-"""Whitened residuals and columns of many robots, each with a geometry of its own, in numpy.
+"""Whitened residuals and columns of many robots, each with its own geometry, in numpy.
 
-Components first, then robots, poses last: every operation runs over all robots of a block and all
-their poses in one stretch of memory.
+Arrays have components first, then robots, then poses, so that every operation covers all robots of
+a block and all their poses in contiguous memory.
 """
 
 from collections.abc import Sequence
@@ -12,12 +12,12 @@ import numpy as np
 from calib.arrays import Array, Bool, Index
 
 Link: TypeAlias = tuple[Array, ...]
-"""Cosine and sine of its turn, its slide, length a [m], cosine and sine of alpha and of beta, each
-(R or 1, m or 1); its own theta and d are in the first three."""
+"""Cosine and sine of the turn, slide and length a [m], cosine and sine of alpha and of beta, each
+(R or 1, m or 1); the first three include theta and d of the link."""
 Made: TypeAlias = tuple[int, Sequence[tuple[int, Array]]]
-"""A row of J that is a sum of others: which, and the values (R or 1, m) that multiply them."""
+"""A row of J that is a weighted sum of others: its place, then theirs with weights (R or 1, m)."""
 SMALL = 1e-4
-"""Sine of a turn below which two terms of the arc sine's series are exact."""
+"""Sine of an angle below which two terms of the arc sine's series are exact."""
 
 ALL = np.ones((3, 3), dtype=bool)
 
@@ -32,27 +32,28 @@ def system(
     Parameters
     ----------
     links : sequence of Link
-        Of each from the base on, n of them.
+        The n links from the base on.
     base, tool : (R, 3, 4) array
         Rotation and origin of base in world and tool in flange [m].
     place : (12 + 5 n,) array of int
-        Row of J that each number of base, links and tool has, -1 for none.
+        Row of J for each number of base, links and tool; -1 for none.
     made : sequence of Made
         All other rows of J.
     target : (3,) array
-        The point that is predicted, in the tool frame; its origin where poses are seen [m].
+        The point that is predicted, in the tool frame; its origin if poses are measured [m].
     seen : (12, R, m) array
         Position measured [m], then the rotation row by row.
     whitening : (6, 6, R or 1, m) array
         Lower triangles N by which residual and columns are multiplied.
     used : (6, 6) array of bool
-        Which entries of N are not zero everywhere.
+        Which entries of N are nonzero anywhere.
     logarithm : bool
-        Rotation residual Log(R_seen R'); else half the sum of axis x axis seen, whose derivative
-        is taken as the turn itself: what the paper's twelve rows come to.
+        If true the rotation residual is Log(R_seen R'); else it is half the sum of axis x measured
+        axis, with the rotation itself as its derivative, which is equivalent to the paper's twelve
+        rows.
     J : (R, f, 6 or 3, m) array
-        Receives N times the derivative of the prediction; with 3, position rows alone, as they
-        are, and nothing is compared with what was seen.
+        Receives N times the derivative of the prediction. With 3 it receives position rows alone,
+        not whitened, and no residual is computed.
     r : (6, R, m) array
         Receives N times measured minus predicted.
     point : (3, R, m) array
@@ -106,7 +107,7 @@ def system(
 def residual(
     axes: Array, origin: Array, seen: Array, whitening: Array, used: Bool, logarithm: bool
 ) -> tuple[Array, Array, Array]:
-    """Whitened residual, and what whitens its columns.
+    """Whitened residual, and the matrices that whiten its columns.
 
     Parameters
     ----------
@@ -122,7 +123,7 @@ def residual(
     N : (6, 6, R, m) array
         The whitening of all robots.
     turned : (3, 3, R, m) array
-        Its rotation block times the derivative of the rotation residual by a turn.
+        Its rotation block times the derivative of the rotation residual by a rotation of the tool.
     r : (6, R, m) array
         N times measured minus predicted.
     """
@@ -141,7 +142,7 @@ def residual(
 
 
 Screw = tuple[Array, Array | None]
-"""An axis (3, R, m or 1), and where it is turned about a point on it (3, R, m or 1)."""
+"""An axis (3, R, m or 1), and a point on it (3, R, m or 1) if it turns; None if it slides."""
 
 
 def _screws(
@@ -161,7 +162,7 @@ def _screws(
 
 
 def _times(M: Array, used: Bool, vectors: Array) -> Array:
-    """Matrices M (a, b, R, m) times vectors (k, b, R, m), where `used` (a, b) says not zero."""
+    """Matrices M (a, b, R, m) times vectors (k, b, R, m), for entries that are `used` (a, b)."""
     out = np.empty((len(vectors), len(M), *vectors.shape[2:]))
     spare = np.empty((len(vectors), *vectors.shape[2:]))
     for a, row in enumerate(used):
@@ -185,7 +186,7 @@ def _times_jacobian(N: Array, e: Array) -> Array:
 
 
 def _cross(a: Array, b: Array) -> Array:
-    """Products of vectors (k, 3, R, m)."""
+    """Cross products of vectors (k, 3, R, m)."""
     out = np.empty(np.broadcast_shapes(a.shape, b.shape))
     for k in range(3):
         i, j = (k + 1) % 3, (k + 2) % 3

@@ -1,4 +1,4 @@
-"""One tool pose at a time, compiled: for callers that have one posture now and another later."""
+"""One tool pose at a time, compiled, for callers that need poses one after the other."""
 
 import math
 from typing import Any
@@ -8,22 +8,22 @@ from calib.kernels.compiled import array_in, array_out, compiled
 
 @compiled(array_in(2), array_in(2), array_in(2), array_in(1), array_out(1), array_out(2))
 def single_pose(links: Any, frames: Any, terms: Any, q: Any, moved: Any, T: Any) -> None:
-    """Tool pose (4, 4) at joints q (n,), whose inputs are trusted.
+    """Tool pose (4, 4) at joint values q (n,); inputs are not checked.
 
     Parameters
     ----------
     links : (n, 8) array
-        theta [rad], d, a [m]; cos and sin of alpha; cos and sin of beta; 1 where the joint slides.
+        theta [rad], d, a [m]; cos and sin of alpha; cos and sin of beta; 1 if the joint slides.
     frames : (2, 16) array
         Base in the world, tool in the flange, row by row [m].
     terms : (k, n + 3) array
-        Of each joint term its joint, its coefficient, 1 for a cosine, the weights of its wave.
+        For each joint term its joint, its coefficient, 1 for a cosine, the weights of its wave.
     q : (n,) array
         Joint values [rad, m].
     moved : (n,) array
-        Receives what the terms make of them.
+        Receives the joint values with the terms added [rad, m].
     T : (4, 4) array
-        Receives the pose [m]; its last row is left alone.
+        Receives the pose [m], without its last row.
     """
     n = q.shape[0]
     for i in range(n):

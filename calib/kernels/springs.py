@@ -1,6 +1,6 @@
-"""Springs of one model fitted before the rows of one robot, step by step.
+"""Fit of the springs of one model to the rows of one robot.
 
-The same steps as `calib.identification.spring_products.lowest` takes, to the same numbers but for
+It takes the steps of `calib.identification.spring_products.lowest`, with the same results but for
 the order of sums.
 """
 
@@ -13,7 +13,7 @@ from calib.kernels.compiled import array_in, array_out, compiled, part
 
 @part
 def _solved(A: Any, L: Any, force: Any, x: Any) -> bool:
-    """Solve A x = force by the transpose of a Cholesky factor, L; whether there is one."""
+    """Solve A x = force by a Cholesky factor, whose transpose goes to L; false if there is none."""
     s = len(force)
     for j in range(s):
         for i in range(j, s):
@@ -44,7 +44,7 @@ def _solved(A: Any, L: Any, force: Any, x: Any) -> bool:
 
 @part
 def _newton(H: Any, bend: Any, force: Any, L: Any, steps: Any) -> int:
-    """Newton's step where it has one and the one without the bend, and how many; L is of H then."""
+    """Number of steps found: Newton's if there is one, and Gauss-Newton's; L is the factor of H."""
     first = 1 if _solved(H + bend, L, force, steps[0]) else 0
     _solved(H, L, force, steps[first])
     return first + 1
@@ -60,7 +60,7 @@ def _dot(a: Any, b: Any) -> float:
 
 @part
 def _factors(x: Any, gives: Any, weighs: Any, give: Any, more: Any) -> None:
-    """What each spring gives (p,), and what weighs on all (1 + f,)."""
+    """Fill the compliance (p,) of each spring and the factors (1 + f,) of its loads."""
     p = len(gives)
     for i in range(p):
         give[i] = gives[i] * x[i]
@@ -74,7 +74,7 @@ def _bent(
     x: Any, gives: Any, weighs: Any, columns: Any, loads: Any, give: Any, more: Any, each: Any,
     h: Any,
 ) -> None:  # fmt: skip
-    """What numbers x move (6 m,), and the bends (m, p) of springs that give all."""
+    """Fill the change h (6 m,) of rows by numbers x, and the loads `each` (m p,) of springs."""
     m, _, p = columns.shape
     _factors(x, gives, weighs, give, more)
     np.dot(loads, more, each)
@@ -94,27 +94,27 @@ def springs_of_rows(
     columns: Any, loads: Any, spent: Any, v: Any, gives: Any, weighs: Any, limits: Any,
     x: Any, H: Any, found: Any,
 ) -> None:  # fmt: skip
-    """Numbers of springs that leave least of rows, n = 6 m of them.
+    """Numbers of springs that minimize the loss of n = 6 m rows.
 
     Parameters
     ----------
     columns : (m, 6, p) array
-        Bends of the springs.
+        Columns of the springs' bends.
     loads : (m p, 1 + f) array
-        What multiplies them.
+        Load of each spring at each pose, by the stated moments and per free moment or tilt.
     spent : (k, n) array
-        Y: the inverse covariance of the rows is 1 - Y'Y.
+        Y; the inverse covariance of the rows is S = 1 - Y'Y.
     v : (n,) array
-        That times the rows.
+        S times the rows.
     gives, weighs : (p,), (f,) array
-        Unit of each number.
+        Compliance at a number of one for each spring, and prior sd of each moment or tilt.
     limits : (4,) array
-        Steps at most, a promise of which is the last one; a sum of squares that is enough where a
-        step promises less than so much.
+        Most steps; predicted drop of the loss below which the fit ends; sum of squares below which
+        it ends early, if the predicted drop is below the fourth limit.
     x : (p + f,) array
-        Receives the numbers.
+        Receives the numbers, in units of their prior sd.
     H : (p + f, p + f) array
-        Receives half the second derivative there, without the bend of the products.
+        Receives the Gauss-Newton matrix of half the loss at the end.
     found : (2,) array
         Receives the change of the loss, and the log determinant of H.
     """

@@ -1,4 +1,4 @@
-"""Choices of a model for many robots: each as `model_choice.choose` makes it."""
+"""Model choice for many robots at once, with the results of `model_choice.choose` for each."""
 
 from collections.abc import Sequence
 
@@ -22,14 +22,14 @@ def choose_many(
     prior: Prior | None = None,
     robots: int = 0,
 ) -> list[ModelChoice]:
-    """Choose a model of each robot as `choose` does, all of the same poses and offers.
+    """Choose a model for each robot as `choose` does, from tables of the same poses.
 
     Parameters
     ----------
     nominal, parameters, ladders, prior
-        As in `choose`, of all robots.
+        As in `choose`, the same for all robots.
     tables : sequence of Measurements
-        One of each robot.
+        One table per robot.
     robots : int
         As in `climb_many`.
     """

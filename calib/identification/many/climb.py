@@ -1,4 +1,4 @@
-"""The climb of many robots at once, each as `climb` climbs: rows where numbers are too many."""
+"""The climb of `climb` for many robots at once, which share what depends on the poses alone."""
 
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Sequence
@@ -32,13 +32,14 @@ from calib.identification.prior import Prior
 from calib.measurement.observations import Measurements
 
 BLOCK = 25
-"""Robots in one pass; a robot's bits hang on none of the others."""
+"""Robots in one pass; the result of a robot does not depend on the others, to the bit."""
 SURE = 1e-6
-"""Evidence, or part of a standard error of misses, within which rounding may decide: such a robot
-climbs alone."""
+"""Margin of a decision, in log evidence or in standard errors of the mean error, below which
+rounding could change it: such a robot climbs alone."""
 FEW_PRODUCTS = 128
-"""Products of springs up to which numpy makes their normal equations, and solves them for many
-robots at once; with more of them rows are fewer. The compiled loop takes rows of any."""
+"""Number of spring products up to which numpy fits springs of many robots at once by normal
+equations. With more products there are fewer rows than products, and each robot is fitted by its
+rows, as the compiled loop always does."""
 
 
 def climb_many(
@@ -51,22 +52,23 @@ def climb_many(
     prior: Prior,
     robots: int = 0,
 ) -> list[Climb]:
-    """Climb with each of many robots at the same poses, as `choose` has one climb.
+    """Climb with each of many robots at the same poses, with the folds that `choose` draws.
 
-    Where rows or models are not known to arrays, see `plan_of`, and where rounding may decide, a
-    robot climbs by itself; so it does for the richest model, and for the evidence of levels that
-    only a report asks for.
+    A robot climbs by itself (`climb`) if `plan_of` cannot express its rows or models as arrays, if
+    rounding could change a decision, and when the richest model, or the evidence of a level that
+    the climb did not need, is asked for later.
 
     Parameters
     ----------
     nominal, parameters, ladders, prior
-        As in `climb`, the same of all.
+        As in `climb`, the same for all robots.
     near : sequence of RobotModel
         Each robot after a fit of its geometry.
     tables : sequence of Measurements
-        What may be looked at of each.
+        Training rows of each robot.
     robots : int
-        So many climb in all, where these are some of them: the loops of many are compiled.
+        Number of robots in all, if these are only some of them; with many of them the fit of
+        springs is compiled.
     """
     many = ManyTables.alike(tables)
     plan = None
@@ -98,7 +100,7 @@ def _climb(
     robot: Climber, course: Course, near: RobotModel, parameters: Parameters, k: int,
     alone: Callable[[int], Climb],
 ) -> Climb:  # fmt: skip
-    """What the course of robot k led to."""
+    """Climb of robot k from its course; by itself if rounding could have changed a decision."""
     if course.margin < SURE:
         return alone(k)
     by_itself = cache(partial(alone, k))
@@ -113,14 +115,14 @@ def _climb(
 
 
 def robots_of(plan: ClimbPlan, rows: ClimbRows, offset: Array) -> list[Climber]:
-    """Robots of a block, whose geometry is `offset` (R, f) from what is believed."""
+    """Robots of a block, whose geometry is `offset` (R, f) from the prior mean [m, rad]."""
     metres = np.broadcast_to(rows.metres, (len(offset), *rows.metres.shape[1:]))
     parts = zip(rows.geometry, rows.bends, rows.r, offset, metres, strict=True)
     return [Climber(plan, *each) for each in parts]
 
 
 def at_their_noise(robots: Sequence[Climber]) -> list[Climber]:
-    """Robots in units of the noise that their richest model leaves."""
+    """Robots with rows in units of the noise that their richest model leaves."""
     found, turning = list(robots), list(range(len(robots)))
     richest = tuple(ladder.levels[-1] for ladder in robots[0].plan.ladders)
     for _ in range(MOST_TURNS):
@@ -138,7 +140,7 @@ def at_their_noise(robots: Sequence[Climber]) -> list[Climber]:
 
 
 def courses(robots: Sequence[Climber]) -> list[Course]:
-    """How each robot climbs; what several ask in one round is worked out together."""
+    """Course of each robot; what several robots ask for in one round is computed together."""
     walks: list[Climbing] = [climbing(robot.plan.ladders) for robot in robots]
     asked: dict[int, Question] = {k: next(walk) for k, walk in enumerate(walks)}
     ended: dict[int, Course] = {}
@@ -166,7 +168,7 @@ def _answer(robot: Climber, question: Question) -> Answer:
 
 
 def fit_all(tasks: Iterable[Task]) -> None:
-    """Fit springs of many models; numpy those of few products and one kind together."""
+    """Fit springs of many models, those with the same few products together in numpy."""
     few: dict[Level, list[Task]] = defaultdict(list)
     for task in tasks:
         robot, ground, levels, k = task

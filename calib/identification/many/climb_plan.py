@@ -1,4 +1,4 @@
-"""What robots at the same poses share in a climb: columns of terms, loads of springs, the prior."""
+"""Arrays that robots at the same poses share in a climb: terms, loads of springs, the prior."""
 
 from collections.abc import Callable, Sequence
 from typing import NamedTuple, TypeAlias
@@ -16,36 +16,39 @@ from calib.kernels.loops import spring_loop_for
 from calib.measurement.observations import Measurements
 
 MOST_ROWS = 400
-"""Rows up to which their covariance is smaller than the normal equations of a joint map."""
+"""Number of rows up to which their covariance is smaller than a joint map's normal equations."""
 
 Apart: TypeAlias = tuple[tuple[Level, ...], Level | None]
-"""Levels of terms, those of most columns first, and the one of springs if there is one."""
+"""Levels of terms, those with most columns first, and the level of springs if there is one."""
 
 
 class ClimbPlan(NamedTuple):
-    """What is the same for all robots of a climb."""
+    """Arrays that are the same for all robots of a climb."""
 
     ladders: tuple[Ladder, ...]
     terms: dict[Level, tuple[Index, Array]]
-    """Of each level of terms the joint (k,) that a term turns, and by how much (m, k) at its sd."""
+    """For each level of terms the joint (k,) that each term turns, and the turn (m, k) of a
+    coefficient of one prior sd [rad, m]."""
     fewest: dict[Level, tuple[Index, Array]]
-    """The same by no more columns of a joint than there are poses, of the same covariance."""
+    """Columns with the same covariance of the rows, at most as many per joint as there are poses.
+    """
     springs: dict[Level, tuple[ModelSprings, Index, Array]]
-    """Of each level of springs these, their places (p,) and loads (m, p, 1 + f)."""
+    """For each level of springs these, their places (p,) among the 3 n bends, and their loads
+    (m, p, 1 + f) per unit moment."""
     precision: Array
-    """(f, f) of the geometry's prior [1/m^2, 1/(m rad), 1/rad^2]."""
+    """(f, f) precision of the geometry's prior [1/m^2, 1/(m rad), 1/rad^2]."""
     mean: Array
-    """(f,) step from the nominal geometry that it believes in [m, rad]."""
+    """(f,) prior mean, as a step from the nominal geometry [m, rad]."""
     constant: float
-    """Log determinant of its precision."""
+    """Log determinant of the prior's precision."""
     part: list[Index]
-    """Poses of each part that is left out."""
+    """Indices of the poses of each part that is left out."""
     pose: Index
     """(m,) pose of each row."""
     loop: Callable[..., None] | None
-    """What fits springs, where there are enough robots for a compiled loop."""
+    """Compiled loop that fits springs; None with too few robots for it."""
     apart: dict[tuple[Level, ...], Apart]
-    """What `apart` found so far, by the levels of a model."""
+    """Results of `apart` so far, by the levels of a model."""
 
 
 def plan_of(
@@ -56,13 +59,13 @@ def plan_of(
     prior: Prior,
     robots: int = 1,
 ) -> ClimbPlan | None:
-    """What all of so many robots that climb share; None where arrays do not know it.
+    """Shared arrays for the climb of so many robots; None if arrays cannot express it.
 
-    They know full poses of one station at the same joints, each measured once, of which nothing
-    further is said, up to `MOST_ROWS` rows; a nominal chain alone; and ladders of waves, believed
-    to be zero, and of one kind of springs. All else climbs one by one, which takes five to seven
-    times as long: points and distances, stated payloads, approach, torque and temperature, joint
-    errors that the robot has.
+    They can for full poses from one station at the same joint values, each measured once, without
+    stated payloads, up to `MOST_ROWS` rows; for a nominal chain without joint errors and fixtures;
+    and for ladders of waves with prior mean zero and at most one ladder of springs. All other cases
+    climb one by one, which takes five to seven times as long: points and distances, stated
+    payloads, terms of approach, torque and temperature, and joint errors of the nominal model.
     """
     table = tables[0]
     plain = all(
@@ -105,7 +108,7 @@ def plan_of(
 
 
 def _fewest(joints: Index, values: Array) -> tuple[Index, Array]:
-    """As few columns (m, k) of each joint (k,) as give their rows the same covariance."""
+    """Columns (m, k) of joints (k,) that give the rows the same covariance, at most m per joint."""
     found = []
     for joint in np.unique(joints):
         own = values[:, joints == joint]
@@ -118,7 +121,7 @@ def _fewest(joints: Index, values: Array) -> tuple[Index, Array]:
 def _sprung(
     levels: Sequence[Level], products: Products, loads: Array
 ) -> dict[Level, tuple[ModelSprings, Index, Array]]:
-    """Of each level its springs, their places, and loads of its own."""
+    """Springs of each level, their places among the bends, and their loads."""
     wide, found = loads.shape[2] if loads.size else 1, {}
     for level in levels:
         springs = products.of(level.errors, level.sd)
@@ -129,7 +132,7 @@ def _sprung(
 
 
 def apart(plan: ClimbPlan, levels: tuple[Level, ...]) -> Apart:
-    """The levels of a model, those of terms apart from that of springs."""
+    """Levels of a model, split into those of terms and that of springs."""
     if levels not in plan.apart:
         terms = [level for level in levels if level in plan.terms]
         terms.sort(key=lambda level: -len(plan.fewest[level][0]))

@@ -1,4 +1,4 @@
-"""Rows of many robots for a climb: columns of their geometry and of every bend of every joint."""
+"""Whitened rows of many robots for a climb, with columns for geometry and for all joint bends."""
 
 from dataclasses import dataclass
 
@@ -13,7 +13,7 @@ from calib.kernels.robots_plain import system
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ClimbRows:
-    """Whitened rows of R robots at m poses, n = 6 m of them pose by pose."""
+    """Whitened rows of R robots at m poses: n = 6 m rows, pose by pose."""
 
     r: Array
     """(R, n) measured minus predicted."""
@@ -22,11 +22,11 @@ class ClimbRows:
     bends: Array
     """(R, 3 j, n) columns of the bends of each joint about x, y and z."""
     metres: Array
-    """(R or 1, m, 3, 3) what turns the rows of a position back into metres [m]."""
+    """(R or 1, m, 3, 3) inverse whitening of positions, by which rows become meters [m]."""
 
     @classmethod
     def of(cls, models: ManyModels, tables: ManyTables, free: Index) -> "ClimbRows":
-        """Of chains without joint errors; `free` are places in the full vector."""
+        """Rows for chains without joint errors; `free` (f,) are places in the full vector."""
         rows = ManyRows.of(models.like, tables, free, "whitened")
         R, j = models.links.shape[:2]
         m = tables.q.shape[1]

@@ -1,4 +1,4 @@
-"""One robot of many that climb: its rows, what models leave of them, and what they predict."""
+"""One robot of many that climb: its rows, and evidence and errors of models fitted to them."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
@@ -15,30 +15,31 @@ from calib.identification.many.settle import SprungRows
 from calib.identification.normal_equations import LEAST_FREE
 
 MANY_TERMS = 64
-"""Terms from which their products are worked out joint by joint."""
+"""Number of terms from which the products of their columns are computed joint by joint."""
 FAR_BELOW = 0.7
-"""Part of the least sum of squares that could tell of more noise than stated, below which springs
-are followed no further. Not one: a last step may still trade a little of it against the prior."""
+"""Fraction of the smallest sum of squares that could show more noise than stated; below it the fit
+of springs stops early. Less than one, since a last step may still trade a little against the prior.
+"""
 
 
 class Fitted(NamedTuple):
-    """Springs fitted on a ground, or on what is left of it."""
+    """Result of fitting springs on a `Ground` or on a `Rest` of it."""
 
     numbers: Array
     """(s,) in units of their prior sd."""
     loss: float
-    """What they change of the sum of squares of the ground, their prior included."""
+    """Change of the sum of squares of the ground, with the springs' prior."""
     spread: float
-    """Log determinant of half the second derivatives of that, as in `ManyBent`."""
+    """Log determinant of the curvature of half that loss, as in `ManyBent`."""
 
 
 Task = tuple["Climber", Ground | Rest, tuple[Level, ...], int]
-"""Springs to fit: whose, on what ground, of which model, without which part (-1: of all rows)."""
+"""Springs to fit: robot, ground, levels of the model, and part that is left out (-1: none)."""
 
 
 @dataclass(eq=False)
 class Climber:
-    """One robot of a climb and what is known of its models so far: n = 6 m rows of m poses."""
+    """One robot of a climb, n = 6 m rows of m poses, with the fits of its models so far."""
 
     plan: ClimbPlan
     geometry: Array
@@ -46,32 +47,32 @@ class Climber:
     bends: Array
     """(3 j, n) columns of the bends of each joint about x, y and z."""
     r: Array
-    """(n,) whitened, measured minus predicted after the fit of the geometry."""
+    """(n,) whitened residual after the fit of the geometry, measured minus predicted."""
     offset: Array
-    """(f,) of that fit from what is believed [m, rad]."""
+    """(f,) that fit minus the prior mean [m, rad]."""
     metres: Array
-    """(m, 3, 3) what turns the rows of a position back into metres [m]."""
+    """(m, 3, 3) inverse whitening of positions, by which rows become meters [m]."""
     scale: float = 1.0
     """Noise in units of the stated one."""
     grounds: dict[tuple[Level, ...], Ground] = field(default_factory=dict)
-    """By levels of terms in the order of `apart`."""
+    """Ground of each model of terms; keys are levels in the order of `apart`."""
     fits: dict[tuple[tuple[Level, ...], int], Fitted] = field(default_factory=dict)
-    """By levels, and the part that is left out (-1: of all rows)."""
+    """Fitted springs by levels and the part that is left out (-1: none)."""
     rows: dict[Level, SprungRows] = field(default_factory=dict)
-    """By level of springs."""
+    """Rows of the springs by their level."""
     pushed: dict[bytes, tuple[Array, Array]] = field(default_factory=dict)
-    """Columns A (n, k) of the products of springs, and A'A, by the bytes of their places."""
+    """Columns A (n, k) of the products of springs, and A'A; keys are the bytes of their places."""
     products: dict[tuple[tuple[Level, ...], bytes], tuple[Array, Array, Array, Array]] = field(
         default_factory=dict
     )
-    """These on the ground of some terms: A, Y A, A'S A and A'v, with Y, S, v as in `RowsLeft`."""
+    """A, Y A, A'S A and A'v of these on the ground of some terms; Y, S, v as in `RowsLeft`."""
 
     def at_noise(self, scale: float) -> "Climber":
-        """The same with rows in units of a noise so many times the stated one."""
+        """The same robot with rows in units of a noise `scale` times the stated one."""
         return replace(self, scale=scale, grounds={}, fits={}, rows={}, pushed={}, products={})
 
     def ground(self, terms: tuple[Level, ...]) -> Ground:
-        """All rows under geometry and some levels of terms, in the order of `apart`."""
+        """Ground of a model of geometry and some levels of terms, in the order of `apart`."""
         if terms not in self.grounds:
             if not terms:
                 self.grounds[terms] = self._bare()[0]
@@ -81,21 +82,21 @@ class Climber:
         return self.grounds[terms]
 
     def _bare(self, moved: Array | None = None) -> tuple[Ground, Array]:
-        """Geometry alone, and its step (f,), where something has `moved` the rows (n,)."""
+        """Ground and step (f,) of geometry alone, after subtracting `moved` (n,) from the rows."""
         geometry, r = self.geometry / self.scale, self.r / self.scale
         r = r if moved is None else r - moved
         return Ground.of_geometry(geometry, r, self.plan.precision, self.offset)
 
     def _columns(self, joints: Index, values: Array) -> tuple[Array, Array]:
-        """Columns (k, n) of terms that turn joints (k,) by values (m, k), and their products.
+        """Columns (k, n) of terms that turn joints (k,) by values (m, k), and A A' (k, k) of them.
 
-        Of the products (k, k) the lower triangle at least.
+        Of A A' only the lower triangle is sure to be filled.
         """
         turns = self.bends[2::3].reshape(-1, len(values), 6) / self.scale
         columns = (turns[joints] * values.T[:, :, None]).reshape(len(joints), -1)
         if len(joints) < MANY_TERMS:
             return columns, columns @ columns.T
-        # two turns meet in one number at each pose, whatever their values
+        # two joints' columns have one inner product per pose, which their terms only multiply
         products = np.empty((len(joints), len(joints)))
         for joint in np.unique(joints):
             own = np.flatnonzero(joints == joint)
@@ -117,7 +118,7 @@ class Climber:
     def normal(
         self, sprung: Level, levels: tuple[Level, ...], ground: Ground | Rest
     ) -> tuple[Array, Array]:
-        """N (k, k) and pull (k,) of the products of some springs; linear numbers follow them."""
+        """N (k, k) and pull (k,) of the products of springs, with the linear numbers eliminated."""
         terms, columns = apart(self.plan, levels)[0], self.plan.springs[sprung][0].columns.tobytes()
         key = terms, columns
         if key not in self.products:
@@ -134,7 +135,7 @@ class Climber:
         return N, pull
 
     def tasks(self, levels: tuple[Level, ...], left_out: bool) -> Iterable[Task]:
-        """Fits of springs without which a question cannot be answered."""
+        """Fits of springs that are still needed to answer a question about a model."""
         terms, sprung = apart(self.plan, levels)
         if sprung is None:
             return
@@ -161,7 +162,7 @@ class Climber:
         return (self.plan.constant - loss - spread) / 2
 
     def missed(self, levels: tuple[Level, ...]) -> Array:
-        """Mean miss of each pose by a fit to the other parts (poses,) [m]."""
+        """Mean position error (poses,) of each pose, by a fit without its part [m]."""
         terms, sprung = apart(self.plan, levels)
         pose, away = self.plan.pose, np.full(len(self.plan.pose), np.nan)
         for k, rows in enumerate(self.plan.part):
@@ -173,15 +174,15 @@ class Climber:
         return np.asarray(np.bincount(pose, away) / np.bincount(pose))
 
     def bent(self, levels: tuple[Level, ...], sprung: Level, k: int) -> Array:
-        """What the springs of a fit move (n,)."""
+        """Change (n,) of the predicted rows by the springs of a fit."""
         return self.sprung(sprung).bent(self.fits[levels, k].numbers)
 
     def noise(self, levels: tuple[Level, ...]) -> float:
-        """Noise that a model leaves, one or more, in units of the stated one.
+        """Noise that a model leaves, in units of the stated one; one or more.
 
-        Where much less is left than would tell of more noise than stated, springs are not followed
-        to their end: the loss only falls on the way there. Nor are they looked at where the loss
-        before them, never less than what is left in the end, is as low.
+        If the residual is already far too small to show more noise than stated, the fit of springs
+        stops early, since it could only reduce the loss further. Springs are not fitted at all if
+        the loss without them, an upper bound of the final residual, is small enough.
         """
         terms, sprung = apart(self.plan, levels)
         ground, least = self.ground(terms), LEAST_FREE * len(self.r)
@@ -202,7 +203,7 @@ class Climber:
         return max(1.0, self.scale * float(np.sqrt(left @ left / max(len(left) - learned, least))))
 
     def moved(self, levels: tuple[Level, ...], near: RobotModel, free: Sequence[str]) -> RobotModel:
-        """The robot with a model's numbers, beside its geometry `near` of some free numbers."""
+        """The robot after the fit of a model; its `free` numbers of geometry move from `near`."""
         terms, sprung = apart(self.plan, levels)
         under = self.ground(terms).rows
         left, moved = under.v, np.zeros(len(self.r))

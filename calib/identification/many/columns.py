@@ -1,4 +1,4 @@
-"""Where columns stand in the systems of many robots, and which of them are made of others."""
+"""Order of the columns in the systems of many robots, and which are sums of other columns."""
 
 from dataclasses import dataclass
 
@@ -17,18 +17,18 @@ class ColumnPlaces:
     """Rows of J for the numbers of a model: hidden ones that others need, then the free ones."""
 
     hidden: int
-    """How many of the first are not free."""
+    """Number of hidden rows, whose numbers are not free."""
     screws: Index
     """(S,) row of each screw, -1 for none."""
     terms: int
-    """Joint terms k; of the joint errors the numbers of the springs come after them."""
+    """Number of joint terms; the numbers of the springs follow them among the joint errors."""
     errors: tuple[tuple[int, int, Index], ...]
-    """Of each free number of the joint errors its place among them, its row, and the rows of the
-    screws that it is made of: one of a term or a spring, all springs' of what loads them."""
+    """For each free number of the joint errors its place among them, its row, and the rows of the
+    screws it is a sum of: one for a term or a spring, those of all springs for a moment or tilt."""
 
     @classmethod
     def of(cls, model: RobotModel, free: Index) -> "ColumnPlaces":
-        """Those of the numbers at places `free` (f,), in their order."""
+        """Rows for the numbers at places `free` (f,) of the full vector, in their order."""
         own, joint_errors = _screws(model)
         of_chain = free < len(own)
         screws, errors = own[free[of_chain]], (free[~of_chain] - len(own)).tolist()
@@ -45,7 +45,7 @@ class ColumnPlaces:
         )
 
     def made(self, stands: ManyStands) -> list[Made]:
-        """What the rows of joint errors are made of, where robots stand."""
+        """Rows of the joint errors as sums of other rows, at some configurations."""
         found: list[Made] = []
         for k, to, rows in self.errors:
             if stands.loads is None or k < self.terms:
@@ -56,9 +56,9 @@ class ColumnPlaces:
         return found
 
     def bend(self, loads: ManyLoads, J: Array, r: Array) -> Array | None:
-        """Minus residuals r (6, R, m) times second derivatives (R, f, f) of what is predicted.
+        """Minus residuals r (6, R, m) times the second derivatives of the prediction (R, f, f).
 
-        Of products of springs with what loads them, which bend a model most; None without any.
+        Only the largest ones, of springs with moments and tilts; None without any.
         """
         own = [(k - self.terms, to, rows) for k, to, rows in self.errors if k >= self.terms]
         if not own or own[-1][0] < loads.give.shape[1]:
@@ -72,7 +72,7 @@ class ColumnPlaces:
 
 
 def _screws(model: RobotModel) -> tuple[Index, list[Index]]:
-    """Screw of each number of the chain, and those that each of the joint errors is made of."""
+    """Screw of each number of the chain, and the screws that each joint error is a sum of."""
     chain, errors = model.chain, model.joint_errors
     if errors.springs is None:
         own = np.arange(chain.n_numbers)
@@ -86,9 +86,10 @@ def _screws(model: RobotModel) -> tuple[Index, list[Index]]:
 
 
 def bent_screws(chain: Chain) -> tuple[Index, Index]:
-    """Screws (12 + 5 n,) of the numbers of a chain whose joints give way, and (n, 3) of its bends.
+    """Screws (12 + 5 n,) of the numbers of a chain on springs, and (n, 3) of its bends.
 
-    Of the two links that `ManyModels.bent` makes of each, with their five numbers.
+    They are counted among the two links, of five numbers each, that `ManyModels.bent` makes of
+    each joint.
     """
     n = chain.n_joints
     first = 6 + 10 * np.arange(n)

@@ -1,4 +1,4 @@
-"""Extended models of many robots: those with the same levels of joint errors are one fit."""
+"""Extended models of many robots: those with the same levels of joint errors are fitted at once."""
 
 from collections.abc import Sequence
 
@@ -26,18 +26,19 @@ def extended_many(
     factors: Sequence[float],
     starts: Sequence[RobotModel | None],
 ) -> list[tuple[RobotModel, Identification]]:
-    """The model of each robot with some levels of joint errors, before its fit and after.
+    """Model of each robot with some levels of joint errors added, and its identification.
 
-    As `extended_by` of one after the other, which it is for models that arrays do not know, as
-    those of terms that follow more than the joints, and for fits that get no certificate there.
+    The results are those of `extended_by` for each robot. That function is used for models that
+    arrays cannot express, such as terms of operating conditions, and for fits that do not converge
+    here.
 
     Parameters
     ----------
     nominal, parameters, prior
-        Of all robots, as in `extended_by`.
+        As in `extended_by`, the same for all robots.
     tables, levels, factors, starts
-        Of each robot: what was measured, what is added, how many times the stated noise there is,
-        and where its fit begins, the model before it if None.
+        For each robot: its measurements, the levels to add, the actual noise in units of the stated
+        one, and the model from which its fit starts; None for the model before the fit.
     """
     found: list[tuple[RobotModel, Identification] | None] = [None] * len(tables)
     groups: dict[tuple[Level, ...], list[int]] = {}

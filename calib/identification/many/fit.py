@@ -1,7 +1,7 @@
-"""Least squares of one set of numbers for many tables at once: what `identify` finds of each.
+"""Least squares of one set of numbers for many tables at once, with the results of `identify`.
 
 Estimates, covariances and tests of R robots in a few passes over arrays. All share model, free
-numbers and prior; where they share the poses as well, the curvature where they start is made once.
+numbers and prior; if they share the poses too, the curvature at the start is computed once.
 """
 
 from dataclasses import dataclass
@@ -24,19 +24,20 @@ from calib.identification.tangent import RELATIVE_OFFSET
 from calib.shown import Shown
 
 BLOCK = 32
-"""Robots in one pass, whose columns stay in the second-level cache; part of what fixes the bits of
-a result."""
+"""Robots in one pass, whose columns stay in the second-level cache; results depend on it in their
+last bits."""
 NEAR, NEARER, NEAREST = 1e-7, 1e-9, 1e-10
-"""Relative offset from which one more step ends a fit. The step leaves the square of that; the
-smaller ones where it leaves a hundredth, in paper mode, and where a prior holds what the rows
-hardly tell, whose columns turn with the step: those of springs most."""
+"""Relative offset below which one more step ends a fit. That step leaves the square of the offset,
+but only a hundredth of it in paper mode and where a prior holds numbers that the rows hardly
+determine, since their columns turn with the step, those of springs most: limits are smaller."""
 CHORDS, SHORT = 2, 2.0
-"""Steps by the columns at the start, before any robot's own are made, and the length in standard
-uncertainties of all numbers below which a step was the last: what those columns miss stays."""
+"""Most steps with the columns at the start, before each robot's own are computed; and the length,
+in standard uncertainties of all numbers, below which such a step is the last one."""
 MOST_STEPS = 12
 """Steps after which a fit is left to `identify`; two or three are usual."""
 SLOW = 0.1
-"""Part of the way that a step by shared curvature may leave before robots take their own."""
+"""Fraction of the offset that a step by shared curvature may leave; with more left, a robot takes
+its own curvature."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -46,13 +47,13 @@ class ManyFits(Shown):
     parameters: Parameters
     """Which numbers are free."""
     models: ManyModels
-    """Where each ended."""
+    """Models at which the fits ended."""
     steps: Array
     """(R, f) estimates minus nominal [m, rad]."""
     covariance: Array
     """(R, f, f) as in `Identification` [m^2, m rad, rad^2]."""
     normal: Array
-    """(R, f, f) A'A + Lambda0 there; in paper mode H'H of the twelve rows."""
+    """(R, f, f) A'A + D'Lambda0 D there; in paper mode H'H of the twelve rows."""
     variance: Array
     """(R,) factor of the covariance: 1, or s^2 in paper mode."""
     chi_square: Array
@@ -60,13 +61,13 @@ class ManyFits(Shown):
     dof: Array
     """(R,) rows minus numbers learned from them; see `Identification.dof_effective`."""
     p_value: Array
-    """(R,) chances of a larger chi-square; nan in paper mode."""
+    """(R,) probability of a larger chi-square; nan in paper mode."""
     log_evidence: Array
     """(R,) as in `Identification`; nan without a prior."""
     certificate: Array
     """(R,) relative offset before the last step, see `tangent.Tangent.certificate`."""
     converged: Bool
-    """(R,) whether each ended with its certificate; of the others ask `identify`."""
+    """(R,) whether the certificate of each is below its limit; fit the others by `identify`."""
 
     def __len__(self) -> int:
         return len(self.models)
@@ -93,41 +94,43 @@ def fit_many(
 ) -> ManyFits:
     """Fit the free numbers to each of many tables.
 
-    Newton steps along the exact gradient: by the curvature at the start, where all tables share
-    their poses, else and where that is slow by each robot's own; until a step leaves nothing. That
-    of springs has what their products with moments and tilts bend: without it steps would be slow.
+    Newton steps with the exact gradient until the relative offset is below its limit. The curvature
+    is that at the start if all tables share their poses, and each robot's own otherwise or where
+    that is slow. With springs it has the second derivatives of their products with moments and
+    tilts, without which convergence would be slow.
 
     Parameters
     ----------
     nominal : RobotModel
-        What the estimates are counted from, and the value of every number that is not free; which
-        models there may be, `known_to_many` says.
+        Model from which estimates are counted, with the values of all numbers that are not free;
+        it has to pass `known_to_many`.
     tables : ManyTables
-        What was measured.
+        Measurements of all robots.
     parameters : Parameters
-        Free numbers, all of them estimated: none is left out that a table cannot tell.
+        Free numbers. All are estimated: there is no reduction to those that a table determines.
     mode : {"whitened", "paper"}
         Estimator, as in `identify`.
     prior : Prior, optional
-        Of all free numbers.
+        Prior of all free numbers.
     weight : (R,) array, optional
         Factor of each robot on the precision of the prior.
     start : RobotModel or ManyModels, optional
-        Where the search begins, as in `identify`, of all or of each.
+        Start of the search as in `identify`, one for all robots or one for each.
     shared : bool, optional
-        Whether fits share the curvature there, which tables of one plan may; so do several by
-        default, from one start and under one prior. No bit of a fit hangs on how many there are
-        beside it, but on this.
+        Whether fits share the curvature at the start, which needs tables at the same poses. The
+        default is true for several such tables with one start and one weight of the prior. It
+        affects the last bits of a result; the number of fits done together does not.
 
     Raises
     ------
     InputError
-        A model that arrays do not know, nothing free, no more rows than numbers without a prior.
+        A3: arrays cannot express the model; A4: `parameters` are of another model, or none is free;
+        M27: there is no prior, and there are no more rows than free numbers.
 
     References
     ----------
-    As `identify`. Normal equations square the condition: what they lose is bounded by the pivots of
-    their Cholesky factor, and the gradient that has to vanish is exact.
+    As in `identify`. Normal equations square the condition: their loss of digits is bounded by the
+    pivots of their Cholesky factor, and the gradient that has to vanish is exact.
     """
     require_match(nominal, parameters)
     if not known_to_many(nominal, ()):
@@ -158,7 +161,7 @@ def fit_rows(
     belief: ManyBeliefs | None,
     shared: bool,
 ) -> ManyFits:
-    """As `fit_many`, of rows and beliefs at hand."""
+    """`fit_many` for rows and a prior that are already prepared."""
     common = _shared(rows, start.some(slice(0, 1)), belief) if shared else None
     parts = [
         _fit_block(
@@ -170,7 +173,7 @@ def fit_rows(
 
 
 def joined_fits(parts: list[ManyFits]) -> ManyFits:
-    """The fits of all parts, in order."""
+    """Fits of all parts joined in order."""
     names = [name for name in ManyFits.__slots__ if name not in ("parameters", "models")]
     return ManyFits(
         parts[0].parameters,
@@ -180,7 +183,7 @@ def joined_fits(parts: list[ManyFits]) -> ManyFits:
 
 
 class _Shared(NamedTuple):
-    """What all tables of one plan have in common where their fits start."""
+    """Linearization at the common start of fits at the same poses."""
 
     A: Array
     """(6 m, f) whitened columns."""
@@ -189,9 +192,9 @@ class _Shared(NamedTuple):
 
 
 def _shared(rows: ManyRows, start: ManyModels, belief: ManyBeliefs | None) -> _Shared | None:
-    """Columns and curvature at the one start; None where they do not tell all numbers.
+    """Columns and curvature at the common start; None if they do not determine all numbers.
 
-    Of a table that sees what is predicted there: they hang on no robot.
+    They are computed for readings equal to the prediction, so that they depend on no robot.
     """
     first = slice(0, 1)
     belief = belief and belief.some(first)
@@ -222,7 +225,7 @@ def _fit_block(
             own = ManyCurvatures.of(at)
             step = np.where(slow[:, None], own.step(at.gradient), step)
         inside = (step * at.gradient).sum(axis=1)
-        # those that are there stay, whatever the others do: at rounding no step leads further
+        # robots that have arrived stop, whatever the others do: below rounding steps gain nothing
         left = ~(at.certificate(inside) <= near) & (inside < 0.25 * before)
         if not left.any():
             break
@@ -235,7 +238,7 @@ def _fit_block(
 def _by_chords(
     rows: ManyRows, models: ManyModels, belief: ManyBeliefs | None, shared: _Shared
 ) -> ManyModels:
-    """Models after some steps that need no columns but those at the start."""
+    """Models after some steps that use only the columns at the start."""
     going = np.ones(len(models), dtype=bool)
     for _ in range(CHORDS):
         pull = times(rows.residual_at(models), shared.A)
@@ -253,7 +256,7 @@ def _ended(
     parameters: Parameters, rows: ManyRows, models: ManyModels, at: ManyTangents,
     found: ManyCurvatures,
 ) -> ManyFits:  # fmt: skip
-    """The last step, by each robot's own curvature, and the statistics there."""
+    """Fits after a last step by each robot's own curvature, with their statistics."""
     R, f, n = at.A.shape
     data, C = found.data, found.inverses
     step = found.step(at.gradient)
@@ -266,7 +269,7 @@ def _ended(
         dof = dof + n  # the twelve rows
         variance = twelve_rows(models, rows.tables) / dof
     else:
-        # to second order in the last step, which is exact for it is so short
+        # to second order in the last step, which is short enough for that to be exact
         pull = (at.A @ at.r[:, :, None])[:, :, 0]
         chi_square = np.einsum("ri,ri->r", at.r, at.r)
         chi_square += np.einsum("rf,rf->r", step, (data @ step[:, :, None])[:, :, 0] - 2 * pull)

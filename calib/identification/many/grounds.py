@@ -1,9 +1,9 @@
-"""What a model with some joint terms leaves of a robot's rows, by a covariance of the rows.
+"""Residuals of one robot's rows under a model with joint terms, by the covariance of the rows.
 
-A joint map has hundreds of numbers and a robot a few dozen poses. Seen from the rows, terms whose
-sizes are believed beforehand are noise that is shared between poses, and the covariance of that is
-no larger with more of them. With rows in units of the noise its inverse is S = 1 - Y'Y, where each
-number, or direction of them, that the rows tell has a row in Y.
+A joint map has hundreds of numbers and a robot a few dozen poses. To the rows, terms with a prior
+are noise that is correlated between poses, and the covariance of that is no larger with more terms.
+With rows in units of the noise its inverse is S = 1 - Y'Y, where Y has a row for each number, or
+direction of numbers, that the rows inform about.
 """
 
 from collections.abc import Callable
@@ -19,12 +19,12 @@ from calib.arrays import Array, Index
 
 @dataclass(frozen=True, eq=False)
 class RowsLeft:
-    """Rows under the inverse of their covariance, S = 1 - Y'Y."""
+    """Rows weighted by the inverse of their covariance, S = 1 - Y'Y."""
 
     spent: Array
-    """(k, n) Y; the sum of its squares is how many numbers are learned."""
+    """(k, n) Y; the sum of its squares is the number of parameters learned from the rows."""
     v: Array
-    """(n,) S times what was measured, what is believed of the geometry taken off."""
+    """(n,) S times the residual at the prior mean of the geometry."""
 
     def gram(self, columns: Array) -> Array:
         """A'S A (c, c) of columns A (n, c)."""
@@ -38,33 +38,33 @@ class RowsLeft:
 
 @dataclass(frozen=True, eq=False)
 class Ground:
-    """All rows of one robot under a model of geometry and terms."""
+    """Fit of all rows of one robot by a model of geometry and terms."""
 
     loss: float
-    """Sum of squares that is left, with what the prior adds."""
+    """Residual sum of squares, with that of the prior."""
     spread: float
     """Log determinant of the normal equations, as in `NormalEquations.solved`."""
     made: Callable[[], RowsLeft]
-    """Its rows, worked out when they are asked for."""
+    """Function that computes `rows` when they are needed."""
     rests: "dict[int, Rest]" = field(default_factory=dict)
-    """By number of the part that is left out."""
+    """Results of `rest` so far, by the number of the part that is left out."""
 
     @classmethod
     def of_geometry(
         cls, X: Array, r: Array, precision: Array, offset: Array
     ) -> "tuple[Ground, Array]":
-        """Geometry alone, and the step (f,) to its least sum of squares [m, rad].
+        """Fit of geometry alone, and the step (f,) to its minimum [m, rad].
 
         Parameters
         ----------
         X : (f, n) array
-            Columns of its numbers, in units of the noise.
+            Columns of the free numbers, in units of the noise.
         r : (n,) array
-            Residual, likewise.
+            Residual in units of the noise.
         precision : (f, f) array
-            Of its prior.
+            Precision of the prior [1/m^2, 1/(m rad), 1/rad^2].
         offset : (f,) array
-            From what is believed to where X and r stand [m, rad].
+            Linearization point of X and r minus the prior mean [m, rad].
         """
         seen = X @ X.T + precision
         root = np.sqrt(np.diag(seen))
@@ -80,13 +80,14 @@ class Ground:
 
     @cached_property
     def rows(self) -> RowsLeft:
-        """Its rows."""
+        """The rows weighted by the inverse of their covariance, computed once."""
         return self.made()
 
     def widened(self, columns: Array, products: Array) -> "Ground":
-        """With further numbers of prior sd one, by their columns (k, n) and those' products (k, k).
+        """The fit with k further numbers of prior sd one.
 
-        Of the products the lower triangle counts.
+        `columns` (k, n) are theirs, and `products` (k, k) has the inner products of these columns;
+        only its lower triangle is read.
         """
         rows = self.rows
         told = rows.spent @ columns.T
@@ -103,7 +104,7 @@ class Ground:
         return Ground(float(self.loss - pulled @ pulled), float(spread), made)
 
     def rest(self, which: int, out: Index) -> "Rest":
-        """Without part number `which`, some rows (l,)."""
+        """The fit without part number `which`, whose rows are `out` (l,)."""
         if which not in self.rests:
             own = self.rows.spent[:, out]
             self.rests[which] = Rest(self.rows, out, _factor(np.eye(len(out)) - own.T @ own))
@@ -112,7 +113,7 @@ class Ground:
 
 @dataclass(frozen=True, eq=False)
 class Rest:
-    """A ground without some rows, and what it says of these.
+    """A ground without some rows, and its prediction errors of these.
 
     References
     ----------
@@ -124,34 +125,34 @@ class Rest:
     out: Index
     """(l,) rows that are left out."""
     U: Array
-    """(l, l) upper triangle of their part of S."""
+    """(l, l) upper Cholesky factor of their block of S."""
 
     @cached_property
     def new(self) -> Array:
-        """(l, n) what they add to Y; S is zero for them then."""
+        """(l, n) rows to add to Y, which make S zero for the rows left out."""
         spent = self.whole.spent
         across = -(spent[:, self.out].T @ spent)
         across[range(len(self.out)), self.out] += 1.0
         return _behind(self.U, across)
 
     def told(self, rows: Array, spent: Array) -> Array:
-        """What is new in Y times rows (n,) or columns of them (n, c), of which Y takes `spent`."""
+        """`new` times rows (n,) or columns of them (n, c), for which Y gives `spent`."""
         own = rows[self.out] - self.whole.spent[:, self.out].T @ spent
         return _behind(self.U, own)
 
     @cached_property
     def pulled(self) -> Array:
-        """(l,) their part of v in units of the triangle."""
+        """(l,) solution of U'x = v for the rows left out."""
         return _behind(self.U, self.whole.v[self.out])
 
     @cached_property
     def rows(self) -> RowsLeft:
-        """The rows that are not left out; zero for the others."""
+        """Weighted rows of the fit, with zeros for the rows left out."""
         spent = np.concatenate([self.whole.spent, self.new])
         return RowsLeft(spent, self.whole.v - self.pulled @ self.new)
 
     def left(self, bent: Array | None = None) -> Array:
-        """What the others leave (l,) of the rows, where springs bend all rows by `bent` (n,)."""
+        """Prediction errors (l,) of the rows left out; springs move all rows by `bent` (n,)."""
         found = self.pulled
         if bent is not None:
             found = found - self.told(bent, self.whole.spent @ bent)
@@ -159,7 +160,7 @@ class Rest:
 
 
 def _factor(A: Array) -> Array:
-    """Upper U with U'U = A, which is overwritten; its lower triangle counts."""
+    """Upper U with U'U = A; only the lower triangle of A is read, and A is overwritten."""
     U, flaw = dpotrf(A.T, overwrite_a=True)
     if flaw:
         raise np.linalg.LinAlgError("Matrix is not positive definite")
@@ -167,6 +168,6 @@ def _factor(A: Array) -> Array:
 
 
 def _behind(U: Array, rows: Array) -> Array:
-    """Solve U'X = rows (k,) or (k, n), which are overwritten: from the right, they lie so."""
+    """Solution X of U'X = rows (k,) or (k, n), which are overwritten; solved as X'U = rows'."""
     found = dtrsm(1.0, U, np.atleast_2d(rows.T), side=1, overwrite_b=True)
     return np.asarray(found.T.reshape(rows.shape))

@@ -1,4 +1,4 @@
-"""Tool points that many fits predict, and what their covariances state there."""
+"""Tool points that many fits predict, with their stated covariances."""
 
 import numpy as np
 
@@ -13,9 +13,9 @@ def stated_points(fits: ManyFits, q: Array, target: Array | None = None) -> tupl
     Parameters
     ----------
     fits : ManyFits
-        Identified.
+        Fits of R robots.
     q : (R or 1, m, n) array
-        Commanded joints; 1 where all are asked at the same [rad, m].
+        Commanded joint values; 1 if they are the same for all robots [rad, m].
     target : (3,) array, optional
         Point in the tool frame, its origin if left out [m].
 

@@ -1,4 +1,4 @@
-"""Springs of many models at once: the same steps as one after the other, to the same numbers."""
+"""Springs of many models fitted at once, by the steps of `spring_products.lowest` for each."""
 
 from collections.abc import Callable
 from typing import NamedTuple
@@ -17,25 +17,29 @@ from calib.identification.spring_products import (
 )
 
 AWAKE = 0.75
-"""Part of the problems that still move below which the others are left behind."""
+"""Fraction of problems still moving; below it those that have ended leave the arrays."""
 
 LITTLE = 3.0
-"""Of a loss near the number of rows: a step that promises less changes no more what is left."""
+"""Predicted drop of the loss below which a step hardly changes the residual sum of squares, which
+is near the number of rows."""
 
 
 class ManyBent(NamedTuple):
-    """Springs of Q problems where their fits ended."""
+    """Results of Q fits of springs."""
 
     numbers: Array
-    """(Q, s) in units of their prior sd."""
+    """(Q, s) numbers in units of their prior sd."""
     loss: Array
-    """(Q,) what they change of the loss, their prior included."""
+    """(Q,) change of the loss by the springs, with their prior."""
     spread: Array
-    """(Q,) log determinants of half the second derivatives without the bend of the products."""
+    """(Q,) log determinants of the Gauss-Newton matrices of half the loss."""
 
 
 def settled_many(springs: ModelSprings, normal: Array, pull: Array) -> ManyBent:
-    """As `spring_products.settled`, of N (Q, k, k) and pulls (Q, k) of one kind of springs."""
+    """`spring_products.settled` for Q problems of the same springs.
+
+    `normal` (Q, k, k) has their matrices N, and `pull` (Q, k) their vectors.
+    """
     count, s = len(pull), len(springs.sd)
     found = ManyBent(np.zeros((count, s)), np.zeros(count), np.zeros(count))
     here = _Problems(springs, np.arange(count), normal, pull)
@@ -80,7 +84,7 @@ def settled_many(springs: ModelSprings, normal: Array, pull: Array) -> ManyBent:
 
 
 class _Problems(NamedTuple):
-    """Springs of one kind, their losses and slopes."""
+    """Fits of the same springs, with their losses and derivatives."""
 
     springs: ModelSprings
     which: Index
@@ -92,7 +96,7 @@ class _Problems(NamedTuple):
         return _Problems(self.springs, self.which[which], self.normal[which], self.pull[which])
 
     def factors(self, x: Array) -> tuple[Array, Array]:
-        """What each spring gives (Q, p), and what weighs on all (Q, 1 + f)."""
+        """Compliance (Q, p) of each spring, and the factors (Q, 1 + f) of its loads."""
         p, sd = len(self.springs.load), self.springs.sd
         more = np.concatenate([np.ones((len(x), 1)), sd[p:] * x[:, p:]], axis=1)
         return sd[:p] * x[:, :p] / self.springs.load, more
@@ -106,7 +110,7 @@ class _Problems(NamedTuple):
         return np.asarray((bowl - 2 * pulled + x[:, None] @ x[:, :, None])[:, 0, 0])
 
     def bowls(self, x: Array) -> tuple[Array, Array, Array]:
-        """As `ModelSprings.bowl`, of all."""
+        """`ModelSprings.bowl` for all problems, on the first axis."""
         p, wide, many = len(self.springs.load), 1 + self.springs.moments, len(x)
         give, more = self.factors(x)
         by_more = (self.normal.reshape(many, -1, wide) @ more[:, :, None]).reshape(many, p, wide, p)
@@ -130,13 +134,13 @@ class _Problems(NamedTuple):
 
 
 class SprungRows(NamedTuple):
-    """Springs of one model before the rows of one robot, n = 6 m of them pose by pose."""
+    """Springs of one model in the rows of one robot: n = 6 m rows, pose by pose."""
 
     springs: ModelSprings
     columns: Array
-    """(m, 6, p) bends of the springs."""
+    """(m, 6, p) columns of the springs' bends."""
     loads: Array
-    """(m, p, 1 + f) what multiplies them."""
+    """(m, p, 1 + f) load of each spring by the stated moments, then per free moment and tilt."""
 
     def products(self) -> Array:
         """(n, p (1 + f)) columns of all products."""
@@ -144,13 +148,13 @@ class SprungRows(NamedTuple):
         return np.asarray(every.reshape(6 * len(every), -1))
 
     def bent(self, x: Array) -> Array:
-        """What numbers (s,) in units of their prior sd move (n,)."""
+        """Change (n,) of the rows by numbers (s,) in units of their prior sd."""
         give, more = self.springs.factors(x)
         each = (self.loads @ more) * give
         return np.asarray((self.columns @ each[:, :, None]).ravel())
 
     def slopes(self, x: Array) -> Array:
-        """Slopes (n, s) of that."""
+        """Derivative (n, s) of `bent` by these numbers."""
         p, sd = len(self.springs.load), self.springs.sd
         give, more = self.springs.factors(x)
         found = np.empty((*self.columns.shape[:2], len(sd)))
@@ -163,10 +167,10 @@ class SprungRows(NamedTuple):
     def settled(
         self, rows: RowsLeft, most: float = 0.0, loop: Callable[..., None] | None = None
     ) -> Lowest:
-        """As `spring_products.settled`, of the rows of a `Ground`.
+        """`spring_products.lowest` for the rows of a `Ground`, by a compiled `loop` if given.
 
-        Short of that it ends where the rows are left with a sum of squares below `most` and the
-        next step promises less than `LITTLE`.
+        With `most` above zero it ends early, once the residual sum of squares is below `most` and
+        the next step promises less than `LITTLE`.
         """
         springs, p, v = self.springs, len(self.springs.load), rows.v
         gives, weighs = springs.sd[:p] / springs.load, springs.sd[p:]

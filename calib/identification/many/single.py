@@ -1,4 +1,4 @@
-"""Identifications of many robots at one set of poses: each as `identify` makes it, all at once."""
+"""Identification of many robots at one set of poses at once, with the results of `identify`."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -34,20 +34,20 @@ def identify_many(
 ) -> list[Identification]:
     """Identify from each table as `identify` does, by least squares of whitened rows.
 
-    All at once where the tables are of the same poses and the model is known to arrays; what gets
-    no certificate there, and all else, one by one. What rows of these poses tell apart is judged
-    once. Of the steps only start and end are noted.
+    All robots are fitted at once if the tables have the same poses and arrays can express the model
+    (`known_to_many`). Otherwise, and where a fit does not converge, `identify` is used. The
+    reduction is computed once for these poses, and traces have only the start and the end.
 
     Parameters
     ----------
     nominal : RobotModel
         As in `identify`.
     tables : sequence of Measurements
-        One of each robot.
+        One table per robot.
     parameters : Parameters
-        Which numbers are free.
+        Free numbers.
     prior : Prior, optional
-        Of all free numbers.
+        Prior of all free numbers.
     """
     found = together(nominal, tables, parameters, prior)
     return [
@@ -65,7 +65,7 @@ def together(
     weights: Array | None = None,
     starts: Sequence[RobotModel] | None = None,
 ) -> list[Identification | None]:
-    """What `identify` finds of each; None of whom arrays say nothing.
+    """Identification of each robot as by `identify`; None where that function has to be used.
 
     Parameters
     ----------
@@ -74,7 +74,7 @@ def together(
     weights : (R,) array, optional
         Factor of each robot on the precision of the prior.
     starts : sequence of RobotModel, optional
-        Where each search begins.
+        Model from which each search starts; `nominal` by default.
     """
     many, R = ManyTables.alike(tables), len(tables)
     told = prior is None or set(prior.names) == set(parameters.free_names)
@@ -107,9 +107,9 @@ def together(
 def _reductions(
     rows: ManyRows, parameters: Parameters, prior: Prior | None, weights: Array | None
 ) -> list[Reduction]:
-    """What rows of these poses tell apart, once or by the weight of the prior.
+    """Reduction at these poses, or one for each weight of the prior.
 
-    Of a table that sees what is predicted: it hangs on no robot.
+    It is computed for readings equal to the prediction, so that it depends on no robot.
     """
     nominal = ManyModels.of(rows.like, 1)
     A = rows.some(slice(0, 1)).seeing(nominal).at(nominal).A[0].T
@@ -129,7 +129,7 @@ def _residuals(rows: ManyRows, models: ManyModels) -> Array:
 
 
 def _held(belief: ManyBeliefs, begin: ManyModels, fits: ManyFits) -> Array:
-    """Parts (2, R) of a prior in the sums of squares where fits began and ended."""
+    """Contribution (2, R) of the prior to the sums of squares at the start and the end of fits."""
     both = (belief.at(models) for models in (begin, fits.models))
     return np.array([(held.pull * held.left).sum(axis=1) for held in both])
 
@@ -143,7 +143,7 @@ def _single(
     prior: Prior | None,
     held: Array | None,
 ) -> Identification:
-    """One fit as an identification."""
+    """Fit number k as an `Identification`."""
     model, step, C = fits.models.one(k), fits.steps[k], fits.covariance[k]
     total, dof, p_value = (float(part[k]) for part in (fits.chi_square, fits.dof, fits.p_value))
     misfit = None

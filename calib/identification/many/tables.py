@@ -1,4 +1,4 @@
-"""Tables of many robots at the same number of poses, and the system that each makes of them."""
+"""Tables of many robots at the same number of poses, and the linearized equations of each."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
@@ -18,23 +18,24 @@ from calib.measurement.observations import POSE, Measurements
 from calib.shown import Shown
 
 PAPER = np.sqrt([1e6, 1e6, 1e6, 2.0, 2.0, 2.0])
-"""Root weights of position [1/m] and of half the sum of axis x axis seen [1], by which six rows
-have the normal equations of the paper's twelve; see `covariance.matrix_row_weights`."""
+"""Square roots of the weights of position [1/m] and of half the sum of axis x measured axis [1],
+with which six rows have the normal equations of the paper's twelve; see
+`covariance.matrix_row_weights`."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ManyTables(Shown):
-    """What was measured of R robots at m full poses each, from one station.
+    """Measurements of R robots at m full poses each, from one station.
 
-    What rows say beside their joints plays no part.
+    Operating conditions of the rows are not kept.
     """
 
     q: Array
-    """(R or 1, m, n) commanded joints; 1 where all visited the same [rad, m]."""
+    """(R or 1, m, n) commanded joint values; 1 if all robots have the same [rad, m]."""
     seen: Array
     """(12, R, m) position measured [m], then the rotation row by row."""
     covariance: Array
-    """(R or 1, m, 6, 6) stated with the readings [m^2, m rad, rad^2]."""
+    """(R or 1, m, 6, 6) stated covariance of the readings [m^2, m rad, rad^2]."""
 
     def __len__(self) -> int:
         return int(self.seen.shape[1])
@@ -44,13 +45,13 @@ class ManyTables(Shown):
 
     @classmethod
     def read(cls, q: Array, position: Array, rotation: Array, covariance: Array) -> "ManyTables":
-        """Of positions (R, m, 3) and rotations (R, m, 3, 3) measured [m]."""
+        """Tables of measured positions (R, m, 3) [m] and rotations (R, m, 3, 3)."""
         both = np.concatenate([position, rotation.reshape(*position.shape[:2], 9)], axis=2)
         return cls(q, np.ascontiguousarray(np.moveaxis(both, 2, 0)), covariance)
 
     @classmethod
     def of(cls, tables: Sequence[Measurements]) -> "ManyTables":
-        """Of tables of full poses from one station, all of the same length; see `alike`."""
+        """Tables of full poses from one station, all of the same length; see `alike`."""
         q, covariance = (
             np.array([getattr(table, name) for table in tables]) for name in ("q", "covariance")
         )
@@ -65,7 +66,7 @@ class ManyTables(Shown):
 
     @classmethod
     def alike(cls, tables: Sequence[Measurements]) -> "ManyTables | None":
-        """The same; None where there are none, or of other rows or lengths."""
+        """Tables as in `of`; None for no tables, different lengths, or rows of other kinds."""
         if len({len(table) for table in tables}) != 1:
             return None
         plain = all(
@@ -80,7 +81,7 @@ class ManyTables(Shown):
         return np.moveaxis(self.seen[:3], 0, 2)
 
     def one(self, k: int) -> Measurements:
-        """The table of robot k; its poses are numbered in order."""
+        """Table of robot k, with its poses numbered in order."""
         m = self.seen.shape[2]
         q, covariance = (part[0 if len(part) == 1 else k] for part in (self.q, self.covariance))
         rotation = self.seen[3:, k].T.reshape(m, 3, 3)
@@ -100,10 +101,10 @@ class ManyTables(Shown):
 
 
 def known_to_many(model: RobotModel, beside: Iterable[OperatingConditions] | None = None) -> bool:
-    """Whether arrays know a model: a chain, waves of its joints, and springs of one pass.
+    """Whether arrays can express a model: a chain, waves of its joints, and springs of one pass.
 
-    Without fixtures and lengths that grow. Payloads load springs: of a model with springs, what all
-    rows say `beside` their joints has to be told.
+    Fixtures and terms of operating conditions are not supported. With springs, the conditions
+    `beside` of all tables are needed, and none may state a payload, which would load the springs.
     """
     errors = model.joint_errors
     if model.fixtures.n_numbers or not all(term.is_wave for term in errors.terms):
@@ -115,20 +116,20 @@ def known_to_many(model: RobotModel, beside: Iterable[OperatingConditions] | Non
 
 
 class ManySystem(NamedTuple):
-    """Whitened systems of R robots at m poses each, rows by pose last."""
+    """Whitened equations of R robots at m poses each; of the 6 m rows, poses vary fastest."""
 
     r: Array
     """(R, 6 m) measured minus predicted."""
     A: Array
     """(R, f, 6 m) derivative of the prediction."""
     bend: Array | None
-    """(R, f, f) minus the residuals times its second derivatives, as far as springs and what loads
-    them have any; None of models without these."""
+    """(R, f, f) minus the residuals times the second derivatives by springs and their moments and
+    tilts; None for models without these."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ManyRows:
-    """Which rows and columns a system has: what depends on no model, made once."""
+    """Parts of the equations that depend on no model: rows, columns and whitening."""
 
     like: RobotModel
     free: Index
@@ -137,14 +138,14 @@ class ManyRows:
     tables: ManyTables
     values: JointValues
     whitening: Array
-    """(6, 6, R or 1, m) lower triangles."""
+    """(6, 6, R or 1, m) whitening matrices, lower triangular."""
     used: Bool
-    """(6, 6) which of their entries are not zero everywhere."""
+    """(6, 6) which of their entries are nonzero anywhere."""
     mode: Mode
 
     @classmethod
     def of(cls, model: RobotModel, tables: ManyTables, free: Index, mode: Mode) -> "ManyRows":
-        """Of the numbers at places `free` of models like one."""
+        """Rows for models like `model`, with columns for the numbers at places `free` (f,)."""
         places = ColumnPlaces.of(model, free)
         if mode == "paper":
             N = np.diag(PAPER)[:, :, None, None] * np.ones(tables.seen.shape[2])
@@ -167,17 +168,17 @@ class ManyRows:
         )
 
     def seeing(self, models: ManyModels) -> "ManyRows":
-        """The rows of tables that see what models predict."""
+        """The same rows with readings equal to what the models predict."""
         axes, origin = models.frames(models.stands(self.tables.q, self.values).links)
         rotation = axes.swapaxes(0, 1).reshape(9, *origin.shape[1:])
         seen = np.ascontiguousarray(np.concatenate([origin, rotation]))
         return replace(self, tables=replace(self.tables, seen=seen))
 
     def at(self, models: ManyModels) -> ManySystem:
-        """The systems at some models.
+        """The equations linearized at some models.
 
-        In paper mode they have the normal equations of the twelve rows, but another sum of squares:
-        `twelve_rows`.
+        In paper mode they have the normal equations of the twelve rows, but not their sum of
+        squares; see `twelve_rows`.
         """
         R, m, f = len(models), self.tables.seen.shape[2], len(self.free)
         J, r = np.empty((R, self.places.hidden + f, 6, m)), np.empty((6, R, m))
@@ -187,7 +188,7 @@ class ManyRows:
         return ManySystem(_by_robot(r), J[:, self.places.hidden :].reshape(R, f, 6 * m), bend)
 
     def residual_at(self, models: ManyModels) -> Array:
-        """The residual (R, 6 m) alone."""
+        """The residual (R, 6 m) at some models, without derivatives."""
         axes, origin = models.frames(models.stands(self.tables.q, self.values).links)
         seen, logarithm = self.tables.seen, self.mode == "whitened"
         return _by_robot(residual(axes, origin, seen, self.whitening, self.used, logarithm)[2])

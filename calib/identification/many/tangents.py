@@ -16,45 +16,45 @@ from calib.identification.tangent import EXACT_FIT
 from calib.information.reduction import KEEP_TOLERANCE
 
 SMALLEST_PIVOT = KEEP_TOLERANCE**2
-"""Squared part of a column outside those before it: a robot with less is left to `identify`, which
-factors rows instead of normal equations."""
+"""Smallest squared part of a column orthogonal to those before it, relative to the column; a robot
+with less is left to `identify`, which factors rows instead of normal equations."""
 
 
 def times(vectors: Array, matrices: Array) -> Array:
-    """Vectors (R, n) times matrices (n, f), shared or (R, n, f): (R, f).
+    """Products (R, f) of vectors (R, n) with one matrix (n, f), or with one each (R, n, f).
 
-    Each by itself: a product of matrices would let the bits of a row depend on how many there are.
+    One product per vector: in a product of matrices, rounding would depend on the number of rows.
     """
     return np.asarray((vectors[:, None] @ matrices)[:, 0])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ManyBeliefs:
-    """What is believed beforehand of all free numbers: the same of all robots, but for a weight."""
+    """Prior of all free numbers, the same for all robots but for a weight."""
 
     mean: Array
-    """(f,) step from the nominal model [m, rad]."""
+    """(f,) prior mean, as a step from the nominal model [m, rad]."""
     precision: Array
-    """(f, f) Lambda0, of weight one."""
+    """(f, f) Lambda0, the precision at weight one."""
     weight: Array
-    """(R or 1,) of each robot."""
+    """(R or 1,) factor on the precision for each robot."""
     free: Index
-    """(f,) places in the full vector."""
+    """(f,) places of the free numbers in the full vector."""
 
     @classmethod
     def of(cls, prior: Prior, parameters: Parameters, weight: Array | None = None) -> "ManyBeliefs":
-        """A prior of all free numbers, in their order; `weight` (R,), one if left out."""
+        """Prior of all free numbers, in their order; `weight` (R,) is one if left out."""
         order = [prior.names.index(name) for name in parameters.free_names]
         precision, own = prior.precision[np.ix_(order, order)], np.ones(1)
         weight = own if weight is None else weight
         return cls(prior.mean[order], precision, weight, parameters.free_index)
 
     def some(self, which: slice | Index) -> "ManyBeliefs":
-        """Those of some robots."""
+        """The prior of some robots."""
         return self if len(self.weight) == 1 else replace(self, weight=self.weight[which])
 
     def at(self, models: ManyModels) -> "ManyHeld":
-        """What is held of the free numbers at some models.
+        """Residual and derivative of the prior at some models.
 
         References
         ----------
@@ -68,37 +68,37 @@ class ManyBeliefs:
             turned[:, t, t], turned[:, r, r] = exp_so3(turn), right_jacobian_inverse(turn)
         frames = np.array([*range(6), *range(k, k + 6)])
         own = np.flatnonzero(np.isin(frames, self.free))
-        # in one order of memory, so that sums do not hang on how many robots there are
+        # in one memory order, so that sums do not depend on the number of robots
         left = np.ascontiguousarray(self.mean - step[:, self.free])
         D = np.ascontiguousarray(turned[:, own[:, None], own])
         return ManyHeld(left, D, np.searchsorted(self.free, frames[own]), self)
 
 
 class ManyHeld(NamedTuple):
-    """A prior at R models."""
+    """Residual of the prior, and its derivative, at R models."""
 
     left: Array
-    """(R, f) step still to go to the mean."""
+    """(R, f) prior mean minus the step so far [m, rad]."""
     D: Array
-    """(R, k, k) derivative of the step so far by a small one, of base and tool: there it turns."""
+    """(R, k, k) derivative of the step so far of base and tool by a small further step."""
     framed: Index
-    """(k,) places of their numbers among the free ones; all other steps add."""
+    """(k,) places of their numbers among the free ones; steps of all other numbers simply add."""
     belief: ManyBeliefs
 
     @property
     def pull(self) -> Array:
-        """(R, f) weighed step to the mean, as a step of the mean."""
+        """(R, f) Lambda0 (mean - x), times the weight of each robot."""
         return times(self.left, self.belief.precision) * self.belief.weight[:, None]
 
     def along(self, pull: Array) -> Array:
-        """D'pull (R, f): the same as a small step."""
+        """D'pull (R, f): the force of the prior on a small further step."""
         out = pull.copy()
         out[:, self.framed] = (pull[:, None, self.framed] @ self.D)[:, 0]
         return out
 
     @property
     def curvature(self) -> Array:
-        """(R, f, f) D'Lambda0 D: what the prior adds to normal equations."""
+        """(R, f, f) D'Lambda0 D, the prior's part of the normal equations."""
         weight = self.belief.weight[:, None, None]
         H = np.broadcast_to(self.belief.precision, (len(self.D), *self.belief.precision.shape))
         H = H * weight
@@ -108,7 +108,7 @@ class ManyHeld(NamedTuple):
 
     @property
     def spread(self) -> Array:
-        """(R,) logarithm of the determinant of the curvature."""
+        """(R,) log determinant of `curvature`."""
         of_weight = len(self.belief.free) * np.log(self.belief.weight)
         of_all = np.linalg.slogdet(self.belief.precision)[1] + of_weight
         return np.asarray(2 * np.linalg.slogdet(self.D)[1] + of_all)
@@ -116,24 +116,24 @@ class ManyHeld(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ManyTangents:
-    """Residuals and columns of R robots at their models, with those of a prior."""
+    """Residuals and columns of R robots at their models, with the prior's part of both."""
 
     r: Array
     """(R, N) whitened measured minus predicted."""
     A: Array
     """(R, f, N) whitened columns."""
     gradient: Array
-    """(R, f) A'r + D'Lambda0 (mean - x): the sum of squares falls along it."""
+    """(R, f) A'r + D'Lambda0 (mean - x), minus half the gradient of the sum of squares."""
     cost: Array
-    """(R,) r'r and the prior's part."""
+    """(R,) sum of squares r'r, with that of the prior."""
     bend: Array | None
     """(R, f, f) as in `ManySystem`."""
     held: ManyHeld | None
-    """What the prior holds; None without one."""
+    """The prior at these models; None without one."""
 
     @classmethod
     def of(cls, rows: ManyRows, models: ManyModels, belief: ManyBeliefs | None) -> "ManyTangents":
-        """At some models."""
+        """Tangent planes at some models."""
         r, A, bend = rows.at(models)
         gradient, cost = (A @ r[:, :, None])[:, :, 0], np.einsum("ri,ri->r", r, r)
         if belief is None:
@@ -150,7 +150,7 @@ class ManyTangents:
         return np.asarray(self.A @ np.swapaxes(self.A, 1, 2))
 
     def certificate(self, inside: Array) -> Array:
-        """(R,) as in `Tangent.certificate`, from squared offsets (R,)."""
+        """(R,) relative offsets as in `Tangent.certificate`, from |Q1'r|^2 (R,)."""
         f, n = self.A.shape[1:]
         over = n - f if self.held is None else n
         outside = np.maximum(self.cost - inside, np.finfo(np.float64).eps * self.cost)
@@ -160,23 +160,23 @@ class ManyTangents:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ManyCurvatures:
-    """Normal equations of R robots and their Cholesky factors, of unit diagonals."""
+    """Normal equations of R robots, and their Cholesky factors after scaling to a unit diagonal."""
 
     data: Array
     """(R, f, f) A'A."""
     normal: Array
     """(R, f, f) A'A + D'Lambda0 D."""
     scale: Array
-    """(R, f) roots of the diagonal."""
+    """(R, f) square roots of the diagonal of `normal`."""
     factor: Array
-    """(R, f, f) upper triangles; nan where there is none."""
+    """(R, f, f) upper Cholesky factors; nan if there is none."""
     bent: Array
-    """(R, f, f) the same with what bends the models, by which steps go; `factor` where that has
-    none, or is no use."""
+    """(R, f, f) the same of `normal` plus second derivatives, used for steps; equal to `factor` if
+    there are none, or if the sum is not positive definite."""
 
     @classmethod
     def of(cls, at: ManyTangents) -> "ManyCurvatures":
-        """At some models."""
+        """Normal equations of tangent planes."""
         data = at.data
         normal = data if at.held is None else data + at.held.curvature
         s = np.sqrt(np.diagonal(normal, axis1=1, axis2=2))
@@ -188,28 +188,28 @@ class ManyCurvatures:
 
     @property
     def pivots(self) -> Array:
-        """(R, f) on the diagonals of the factors."""
+        """(R, f) diagonals of the Cholesky factors."""
         return np.diagonal(self.factor, axis1=1, axis2=2)
 
     @property
     def sound(self) -> Bool:
-        """(R,) whether rounding spares their inverses."""
+        """(R,) whether the pivots are large enough for an accurate inverse."""
         return np.asarray(self.pivots.min(axis=1) ** 2 > SMALLEST_PIVOT)
 
     @property
     def spread(self) -> Array:
-        """(R,) logarithms of the determinants of the normal equations."""
+        """(R,) log determinants of the normal equations."""
         return np.asarray(2 * (np.log(self.pivots) + np.log(self.scale)).sum(axis=1))
 
     def step(self, gradient: Array) -> Array:
-        """(R, f) where the gradient (R, f) leads; nan where there is no factor."""
+        """Newton steps (R, f) for the gradient (R, f); nan if there is no factor."""
         scaled = gradient / self.scale
         each = zip(self.bent, scaled, strict=True)
         return np.array([dpotrs(one.T, g, lower=1)[0] for one, g in each]) / self.scale
 
     @property
     def inverses(self) -> Array:
-        """(R, f, f) of the normal equations."""
+        """(R, f, f) inverses of the normal equations."""
         # LAPACK fills one triangle, here the upper one
         found = np.array([dpotri(one.T, lower=1)[0].T for one in self.factor])
         lower = np.tril_indices(found.shape[1], -1)
@@ -218,7 +218,7 @@ class ManyCurvatures:
 
 
 def _factors(normal: Array, scale: Array) -> Array:
-    """Cholesky factors (R, f, f) of matrices over their scales (R, f), nan where there is none."""
+    """Cholesky factors (R, f, f) of matrices scaled by `scale` (R, f); nan if there is none."""
     with np.errstate(invalid="ignore", divide="ignore"):
         found = np.ascontiguousarray(normal / (scale[:, :, None] * scale[:, None, :]))
     for one in found:

@@ -1,8 +1,8 @@
-"""Bad shots, told from poses that a model misses: what the richest model misses too is bad.
+"""Gross errors: observations that even the richest model does not explain.
 
-A model that lacks a joint error misses good observations wherever that error is large. So none is
-called bad before two models were asked: the one that the others ask for, under a loss that no gross
-error can pull, and the richest one that is offered, fitted without it.
+A model that lacks a joint error does not fit good observations where that error is large. So an
+observation is called bad only by two models: the one that the evidence chooses, fitted with a loss
+that gross errors cannot pull, and the richest one on offer, fitted without the observation.
 """
 
 from collections.abc import Sequence
@@ -31,41 +31,43 @@ from calib.measurement.residual import linearize, table_whiteners
 from calib.shown import Shown
 
 CHANCE = 0.01
-"""Chance that a table of sound observations, whose noise is as stated, has any suspect."""
+"""Probability that a table of sound observations with noise as stated has any suspect."""
 SOONER = 10.0
-"""Times that chance at which the richest model is asked about an observation."""
+"""Factor on that probability for the limit beyond which the richest model tests an observation."""
 LONGER_TAILS = (1.2, 1.5)
-"""Variance, in units of the stated one, from which on tails are longer than those of noise, and at
-which limits are `FAR` times as far."""
+"""Variance, in units of the stated one, above which limits are raised since tails are longer than
+those of noise, and at which they are `FAR` times as large."""
 MOST = 0.1
-"""Part of the poses above which misfits are the model's fault, or the stated noise's.
+"""Fraction of the poses above which misfits are blamed on the model or the stated noise.
 
-A model misses all that is seen of a pose, so each pose counts by the part of its rows that is.
+A row counts as its share of the rows of its pose, since a model misfits all rows of a pose.
 """
 ROUNDING = 1e-9
-"""By which sums of parts miss whole poses."""
+"""Tolerance for rounding in sums of such shares."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class BadShots(Shown):
-    """Observations that no model explains, and those that a richer one does."""
+    """Observations that no model explains, and those that only a richer one explains."""
 
     bad: Index
-    """Missed by the richest model, which was fitted without them; worst first."""
+    """(b,) observations beyond the limit of the richest model, fitted without them; worst first."""
     sound: Index
-    """Missed by the model that the others ask for, and not by the richest one."""
+    """(s,) other observations beyond the limit of a robust fit."""
     too_many: bool
-    """So many are missed that the model or the stated noise is to blame: then none is bad."""
+    """Whether so many are suspect that the model or the stated noise is to blame; then none is bad.
+    """
     judge: Identification
-    """The richest model, fitted without all of them; where too many are, the one asked for."""
+    """The richest model, fitted without the observations it tests; the last robust fit if it tests
+    none or too many are suspect."""
     noise_factor: float
-    """Noise that the models leave, in units of the stated one, one or more."""
+    """Noise that the models leave, in units of the stated one; one or more."""
     asked: str
-    """The joint errors that the observations ask for; empty for geometry alone."""
+    """Names of the joint errors that the evidence chooses; empty for geometry alone."""
     misses: Array
-    """(m,) by how much `judge`, fitted without each observation, misses it [m]."""
+    """(m,) position error of each observation by `judge` fitted without it [m]."""
     turns: Array
-    """(m,) the same of orientations; zero where there are none [rad]."""
+    """(m,) the same of orientations; zero without any [rad]."""
 
     def __repr__(self) -> str:
         return f"BadShots({len(self.bad)} bad, {len(self.sound)} missed by a poorer model)"
@@ -83,25 +85,25 @@ def bad_shots(
     most: float = MOST,
     rng: np.random.Generator | None = None,
 ) -> BadShots:
-    """Ask the model that the observations want, and the richest one, which of them are bad.
+    """Find gross errors with the model that the evidence chooses, and with the richest one.
 
     Parameters
     ----------
     nominal : RobotModel
-        Where fits begin.
+        Start of all fits.
     near : RobotModel
-        The same after a fit of its geometry that gross errors do not pull.
+        The same model after a robust fit of its geometry.
     measurements : Measurements
-        What is looked at: training rows alone.
+        Training rows.
     parameters : Parameters
-        What fits free.
+        Free numbers of the fits.
     prior, ladders, rng
         As in `model_choice.choose`.
     chance : float
-        Chance that a table of sound observations has any that is called bad.
+        Probability that a table of sound observations has any that is called bad.
     most : float
-        Part of the poses from which on those missed are too many to be gross errors; of a pose that
-        several rows see, those missed count by their part.
+        Fraction of the poses above which suspects are too many to be gross errors; a row counts as
+        its share of the rows of its pose.
     """
     prior = weak_prior(parameters, nominal) if prior is None else prior
     ladders = ladders_of(nominal) if ladders is None else ladders
@@ -119,7 +121,7 @@ def bad_shots(
     usual, scatter = scatter_of(seen.score, table, found.noise_factor)
     far, used = seen.score > scatter * seen.limit, np.ones(len(table), dtype=np.bool_)
     if scatter > usual and found.taken != richest:
-        # tails of a poorer model hide what the richest one sees
+        # long tails of a poorer model hide gross errors that the richest one shows
         wide, judge = extended_by(
             nominal, table, parameters, richest, prior=prior, loss="cauchy", start=found.richest()
         )
@@ -156,16 +158,16 @@ def excess_of(
     *,
     chance: float = CHANCE,
 ) -> tuple[Array, float]:
-    """Score (m,) of each observation over its limit, and by what the scatter raised all limits.
+    """Score (m,) of each observation over its limit, and the factor by which scatter raised these.
 
     Parameters
     ----------
     nominal, result, measurements
         As in `inspect`.
     factor : float
-        How many times the stated noise there is, as far as that is in `measurements` already.
+        Factor on the stated noise that the covariances of `measurements` include already.
     chance : float
-        Chance that any of sound observations is beyond its limit.
+        Probability that any of the observations is beyond its limit if all are sound.
     """
     seen = inspect(nominal, result, measurements, chance=chance)
     _, scatter = scatter_of(seen.score, measurements, factor)
@@ -173,35 +175,35 @@ def excess_of(
 
 
 def scatter_of(score: Array, measurements: Measurements, factor: float) -> tuple[float, float]:
-    """How many times the usual variance scores (m,) have, and the same with their longer tails."""
+    """Variance of scores (m,) in usual ones, at least 1, and the same raised for longer tails."""
     usual = max(1.0, float(np.median(score / chdtri(measurements.equations, 0.5))))
     return usual, usual * mildness(max(1.0, factor) ** 2 * usual)
 
 
 def _part_of_pose(poses: Index) -> Array:
-    """(m,) which part of all that is seen of its pose each row is."""
+    """(m,) share of each row among the rows of its pose."""
     _, own, sizes = np.unique(poses, return_inverse=True, return_counts=True)
     return np.asarray(1 / sizes[own.ravel()])
 
 
 def _worst(excess: Array, part: Array, count: float) -> Index:
-    """Rows (m,) beyond a limit: the worst ones, of so many poses at most."""
+    """Rows with excess (m,) above one: the worst, up to `count` poses by the shares `part` (m,)."""
     rows = np.flatnonzero(excess > 1)
     rows = rows[np.argsort(-excess[rows], kind="stable")]
     return np.sort(rows[np.cumsum(part[rows]) <= count])
 
 
 def mildness(variance: float) -> float:
-    """Factor on limits where scores have so many times the usual variance.
+    """Factor on limits for scores of a variance in units of the usual one.
 
-    What models leave out has longer tails than noise has. The median of sound scores of a hundred
-    observations is a tenth from its expectation.
+    Model errors have longer tails than noise. Up to 1.2 the factor is one, since the median score
+    of a hundred sound observations differs by a tenth from its expectation.
     """
     return float(np.interp(variance, LONGER_TAILS, (1.0, FAR)))
 
 
 def foretold(fit: Identification, others: Measurements) -> Array:
-    """Whitened square (m,) of what a fit misses in observations that it never saw.
+    """Squared whitened prediction errors (m,) of observations that a fit did not use.
 
     References
     ----------
@@ -220,18 +222,18 @@ def foretold(fit: Identification, others: Measurements) -> Array:
 def left_out_misses(
     nominal: RobotModel, fit: Identification, table: Measurements, used: Bool
 ) -> tuple[Array, Array]:
-    """By how much (m,) a fit without it misses each row in position [m] and orientation [rad].
+    """Errors (m,) in position [m] and orientation [rad] of each row, by a fit without that row.
 
     Parameters
     ----------
     nominal : RobotModel
-        Where the fit began: its prior counts from there.
+        Start of the fit, from which its prior is counted.
     fit : Identification
-        From the rows used.
+        Fit of the rows `used`.
     table : Measurements
         All rows.
     used : (m,) array of bool
-        Rows that the fit had.
+        Rows that the fit used.
 
     References
     ----------

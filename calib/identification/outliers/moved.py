@@ -1,9 +1,9 @@
-"""Whether something moved between two readings: all later ones stand off as one piece.
+"""Whether something moved between two readings, so that all later ones are displaced together.
 
 A tracker that was pushed, a robot that was shifted on its foot, a reflector that came loose, a tool
 that slipped with all of its reflectors and a joint whose zero slipped leave a step in the readings:
-from some row on they differ by few numbers, the same in all later rows. What a model misses follows
-the poses instead, and what warms up comes slowly.
+from some row on they differ by a few numbers, which are the same in all later rows. Model misfit
+follows the poses instead, and thermal drift comes slowly.
 """
 
 from collections.abc import Iterator
@@ -24,19 +24,20 @@ from calib.measurement.residual import table_whiteners
 from calib.shown import Shown
 
 What = Literal["station", "base", "target", "tool", "joint"]
-"""The base of the robot moves before several stations alike, the tool with several targets; of one
-station, or one target, it is the same as these."""
+"""The base is offered only with several stations, the tool only with several targets: with one, a
+motion of the base looks like one of the station, and of the tool like one of the target."""
 FEWEST = 8
-"""Poses on either side of a step below which six numbers fit them too well."""
+"""Fewest poses on either side of a step; six numbers would fit fewer too well."""
 EXPLAINED = 0.8
-"""Part of what noise does not explain that one step must: a misfit has no one place in time."""
+"""Fraction of the chi-square beyond noise that a step must explain; misfit has no place in time."""
 SUDDEN = 20.0
-"""By so much more chi-square, in units of what is left, a step must explain than a slow change."""
+"""Chi-square, in units of the rest per degree of freedom, by which a step must beat a slow change.
+"""
 APART = 4.0
-"""Joints whose means before and after differ by so many standard errors kept to other places: what
-the model misses there looks like a step."""
+"""Standard errors between the means of a joint before and after the step, from which the poses lie
+elsewhere: there, model misfit looks like a step."""
 TOLD = 1e-6
-"""Part of a change that the free numbers must leave to be told from theirs."""
+"""Squared part of a change that must remain beside the free numbers to tell it from theirs."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -45,35 +46,38 @@ class Moved(Shown):
 
     what: What
     number: int
-    """Which station, target of `targets_of`, or joint; from 0, which base and tool are."""
+    """Number of the station, of the target in `targets_of`, or of the joint, from 0; 0 for base and
+    tool."""
     last: int
     """Last row of the table before the step, in time."""
     row: int
-    """First row after it."""
+    """First row after the step, in time."""
     rows: int
-    """Rows that stand off."""
+    """Number of rows that the step displaces."""
     change: Annotated[Array, "k"]
-    """(k,) shift [m] and turn [rad] of station or base about the mean point; the same of the tool
-    about the mean target, in its axes; shift of the target in these [m], and turn [rad] where its
-    rotation was measured; change of the joint [rad, m]."""
+    """(k,) shift [m] and rotation [rad] of station or base about the mean point; of the tool about
+    the mean target, in its axes; shift of the target in these axes [m], and its rotation [rad] if
+    that was measured; change of the joint [rad, m]."""
     size: float
-    """Root mean square by which it moves those readings [m]."""
+    """Root mean square displacement of those readings [m]."""
     explained: float
-    """Part of what noise does not explain in all residuals that it does."""
+    """Fraction of the chi-square beyond noise that the step explains."""
     p_value: float
-    """Chance of as large a step anywhere by chance, whatever the scale of the noise."""
+    """Probability of as large a step anywhere by chance, for noise of any scale."""
 
     def __repr__(self) -> str:
         return f"Moved({self.what} {self.number + 1}, {1e6 * self.size:.3g} um, row {self.row})"
 
 
 def moved_once(identification: Identification, table: Measurements, order: Index) -> Moved | None:
-    """The one thing that moved once between two rows of a table, if that explains its residuals.
+    """The one thing that moved between two rows of a table, if such a step explains the residuals.
+
+    None otherwise, and with distances or fewer than twice `FEWEST` poses.
 
     Parameters
     ----------
     identification : Identification
-        From `table`, by all of its rows.
+        Fit of all rows of `table`.
     table : Measurements
         Poses and points.
     order : (m,) array
@@ -83,9 +87,9 @@ def moved_once(identification: Identification, table: Measurements, order: Index
     ----------
     Fall of chi-square by columns C of the rows from k on, beside the free numbers and their basis
     Q: b' S^+ b with b = C'r and S = C'C - C'Q Q'C over these rows; F test with Bonferroni's factor
-    for all k and all kinds, and the kinds compared by BIC. The rows of a pose share what the model
-    misses there: c of them count as one, their chi-square and freedom as the c-th part (design
-    effect: Kish 1965).
+    for all k and all kinds, and the kinds compared by BIC. The rows of a pose share its misfit: c
+    of them count as one, with chi-square and degrees of freedom divided by c (design effect: Kish
+    1965).
     """
     if table.is_distance.any() or table.n_poses < 2 * FEWEST:
         return None
@@ -125,7 +129,7 @@ def moved_once(identification: Identification, table: Measurements, order: Index
 
 
 def targets_of(table: Measurements) -> tuple[Array, Index]:
-    """Targets of a table (t, k), as `Measurements.target_key` has them, and which each row saw."""
+    """Distinct targets (t, k) of a table, as in `Measurements.target_key`, and each row's (m,)."""
     targets, which = np.unique(table.target_key, axis=0, return_inverse=True)
     return targets, which.ravel()
 
@@ -133,7 +137,7 @@ def targets_of(table: Measurements) -> tuple[Array, Index]:
 def _changes(
     identification: Identification, rows: Measurements
 ) -> Iterator[tuple[What, int, Array]]:
-    """What may have moved: kind, number, and columns (m, 6, k) of the rows by its change."""
+    """Things that may have moved: kind, number, and derivative (m, 6, k) of rows by its change."""
     model = identification.model
     m, n = len(rows), model.chain.n_joints
     p, frames = predicted_positions(model, rows), model.fixtures.station_frames[rows.station]
@@ -143,7 +147,7 @@ def _changes(
     stations = np.unique(rows.station)
 
     def piece(axes: Array, places: Array) -> Array:
-        """Rows (m, 6, 6) of points (m, 3) of a piece, by its shift and turn in some axes."""
+        """Derivative (m, 6, 6) of points (m, 3) of a rigid body by its shift and rotation."""
         C = np.zeros((m, 6, 6))
         C[:, :3, :3] = axes
         C[:, :3, 3:] = -axes @ skew(places)
@@ -178,13 +182,13 @@ def _changes(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Whitened:
-    """Rows in time beside the free numbers, all in units of the noise."""
+    """Whitened rows in order of time, projected off the free numbers."""
 
     whiteners: Array
     r: Array
-    """(m, 6) residuals that the free numbers cannot follow, not even without their prior."""
+    """(m, 6) residuals orthogonal to the columns of the free numbers, whose prior is not used."""
     Q: Array
-    """(m, 6, f) what the free numbers do to the rows, orthonormal over all."""
+    """(m, 6, f) orthonormal basis of these columns over all rows."""
     square: float
     freedom: int
 
@@ -202,7 +206,7 @@ class _Whitened:
         return cls(W, r.reshape(len(rows), 6), Q, float(r @ r), freedom)
 
     def step(self, plain: Array, places: Index) -> tuple[float, int, int, Array]:
-        """Largest fall of chi-square by a step, its place, its rank and its numbers (k,)."""
+        """Largest drop of chi-square by a step, its first row, its rank and its numbers (k,)."""
         C, size = self._scaled(plain)
         after = [
             np.cumsum(one[::-1], axis=0)[::-1]
@@ -224,7 +228,7 @@ class _Whitened:
         return float(gain[best]), int(places[best]), int(told[best].sum()), change * size
 
     def slow(self, plain: Array) -> float:
-        """The largest fall of chi-square by the same change, growing with time or settling."""
+        """Largest drop of chi-square by the same change if it comes slowly: linear, or settling."""
         C, _ = self._scaled(plain)
         share = np.linspace(0, 1, len(C))
         gains = []
@@ -239,7 +243,7 @@ class _Whitened:
         return max(gains)
 
     def _scaled(self, plain: Array) -> tuple[Array, Array]:
-        """Columns in units of the noise, each of length one over all rows, and their sizes (k,)."""
+        """Whitened columns of length one over all rows, and the factors (k,) that scale them."""
         C = self.whiteners @ plain
         size = np.sqrt((C**2).sum(axis=(0, 1)))
         size = np.where(size > 0, 1 / np.where(size > 0, size, 1.0), 0.0)
@@ -247,7 +251,7 @@ class _Whitened:
 
 
 def _places(rows: Measurements) -> Index:
-    """First rows of stops, in time, that have enough poses on either side."""
+    """First rows of stops, in time, with enough poses on either side."""
     pose = rows.pose_id
     first = np.flatnonzero(np.concatenate([[False], pose[1:] != pose[:-1]]))
     count = np.arange(1, len(first) + 1)  # stops before each
@@ -255,7 +259,7 @@ def _places(rows: Measurements) -> Index:
 
 
 def _elsewhere(rows: Measurements, k: int) -> bool:
-    """Whether some joint kept to other places before row k than after."""
+    """Whether the mean of some joint differs between the poses before row k and those after."""
     q, first = np.unique(rows.q, axis=0, return_index=True)
     before, after = q[first < k], q[first >= k]
     if min(len(before), len(after)) < 2:

@@ -1,4 +1,4 @@
-"""Measurements that fit an identification badly, by pose."""
+"""Scores of observations that fit an identification badly, from residual and leverage."""
 
 from dataclasses import dataclass
 
@@ -16,17 +16,18 @@ from calib.measurement.residual import linearize
 from calib.shown import Shown
 
 UNCHECKED = 1e-9
-"""Eigenvalue of I - H below which no other observation checks that direction."""
+"""Eigenvalue of I - H up to which a direction of a row is not checked by any other row."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Outliers(Shown):
-    """How each observation fits to all others."""
+    """How well each observation fits the others."""
 
     score: Array
     """(m,) r'inv(I - H) r of its whitened residual: chi-square if the observation is sound."""
     limit: Array
-    """(m,) what a sound one exceeds so rarely that, over all m, it happens in 5 % of tables."""
+    """(m,) limit of the score: in a table of sound observations, any of them exceeds its limit with
+    the probability `chance` (5 % by default)."""
 
     def __repr__(self) -> str:
         return f"Outliers({self.suspect.sum()} of {len(self.score)} observations suspect)"
@@ -69,7 +70,7 @@ def outliers(
     row_of : (N,) array of int
         Observation of each row; rows of one observation stand together.
     chance : float
-        Chance that a sound table has any suspect at all (Bonferroni).
+        Probability that a sound table has any suspect at all (Bonferroni).
     prior : (k, f) array, optional
         Whitened rows of the prior.
     weights : (m,) array, optional
@@ -89,7 +90,7 @@ def outliers(
     if weights is None:
         D, pull = B, np.ones(len(w))
     else:
-        # what moves the estimate, as covariance: of its numbers, then seen from each row
+        # sandwich covariance: of the numbers, then of the prediction of each row
         moved, believed = w[row_of, None] * B, rows @ K
         D, pull = B @ (moved.T @ moved + believed.T @ believed), w
     score, checked = np.zeros(len(counts)), np.zeros(len(counts))
@@ -121,19 +122,19 @@ def inspect(
 ) -> Outliers:
     """Judge every observation of the table that a model was identified from.
 
-    After a plain fit one gross error spoils the scores of its neighbors: where there are some,
-    identify with a robust loss and inspect that fit.
+    After an ordinary least-squares fit, one gross error spoils the scores of its neighbors. If
+    there may be some, identify with a robust loss and inspect that fit.
 
     Parameters
     ----------
     nominal : RobotModel
-        Start of the fit: the prior counts from there.
+        Start of the fit, from which the prior is counted.
     result : Identification
-        Of the fit, in the mode *whitened*.
+        Result of the fit, in the mode *whitened*.
     measurements : Measurements
         The table it was identified from.
     chance : float
-        Chance that a sound table has any suspect at all.
+        Probability that a sound table has any suspect at all.
     """
     if result.mode != "whitened":
         message = "an identification in paper mode cannot be inspected: it knows no noise"

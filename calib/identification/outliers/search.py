@@ -1,4 +1,4 @@
-"""The search for gross errors: a fit that these cannot pull names what does not fit the others."""
+"""Search for gross errors: observations that do not fit the others, by a robust fit."""
 
 from dataclasses import dataclass
 
@@ -16,33 +16,34 @@ from calib.measurement.observations import Measurements
 from calib.shown import Shown
 
 FAR = 4.0
-"""Beyond `HONEST`, scores that count: so many times the limit, twice as far in millimetres. What a
-model leaves out has longer tails than noise has."""
+"""Factor on the limits of scores if the noise factor exceeds `HONEST`; twice the distance in
+millimeters. Model errors have longer tails than noise."""
 CALMER = 0.8
-"""Part of its typical residual to which a plain fit must calm down for a second look."""
+"""If the robust fit has less than this fraction of the plain fit's noise factor, it is repeated
+with its own."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class OutlierSearch(Shown):
-    """What does not fit the others, and the fit that shows it."""
+    """Observations that do not fit the others, and the fit that shows it."""
 
     noise_factor: float
-    """Typical residual in units of the stated noise; 1 where that was taken at its word."""
+    """Typical residual in units of the stated noise; 1 if that noise is known to be right."""
     identification: Identification
-    """The fit that judged: a robust one, unless the first had none."""
+    """The fit that was inspected: a robust one, unless the first fit had no suspects."""
     outliers: Outliers
-    """Score of each observation after it."""
+    """Score of each observation after that fit."""
     suspects: Index
-    """Observations beyond their limits, worst first."""
+    """(k,) observations beyond their limits, worst first."""
     too_many: bool
-    """So many that the model or the stated noise is to blame, not they."""
+    """Whether there are so many suspects that the model or the stated noise is to blame."""
 
     def __repr__(self) -> str:
         return f"OutlierSearch({len(self.suspects)} suspects, noise factor {self.noise_factor:.3g})"
 
     @property
     def rows(self) -> Index:
-        """Observations to leave out, worst first; none where they are too many."""
+        """(k,) observations to leave out, worst first; none if there are too many."""
         return self.suspects[:0] if self.too_many else self.suspects
 
 
@@ -56,28 +57,28 @@ def search_outliers(
     most: float = MOST_OUTLIERS,
     noise_is_known: bool = True,
 ) -> OutlierSearch:
-    """Name the observations that do not fit the others.
+    """Find the observations that do not fit the others.
 
-    One gross error spoils the scores of its neighbors in a plain fit: where there are some, they
-    are named after a Cauchy fit.
+    One gross error spoils the scores of its neighbors in an ordinary fit. If that has suspects, the
+    result comes from a fit with the Cauchy loss.
 
     Parameters
     ----------
     nominal : RobotModel
-        Where fits begin.
+        Start of all fits.
     first : Identification
-        A fit to all observations, plain or robust; in the mode *whitened*.
+        A fit to all observations, ordinary or robust, in the mode *whitened*.
     measurements : Measurements
-        What it was identified from.
+        The table it was identified from.
     parameters : Parameters, optional
-        What the robust fit frees; what `first` estimated by default.
+        Free numbers of the robust fit; those of `first` by default.
     chance : float
-        Chance that a table of sound observations, whose noise is as stated, has any suspect.
+        Probability that a table of sound observations with noise as stated has any suspect.
     most : float
-        Part of the observations from which on suspects are too many to be gross errors.
+        Fraction of the observations above which suspects are too many to be gross errors.
     noise_is_known : bool
-        Whether the stated noise is right. Else, where the residuals are much larger, observations
-        are judged against the scatter of the residuals instead, and more mildly.
+        Whether the stated noise is right. If not, and if the residuals are much larger, the scatter
+        of the residuals takes its place, and limits are `FAR` times as large.
     """
     factor = 1.0 if noise_is_known else noise_factor(first.model, measurements)
     if first.loss != "squared":
@@ -109,6 +110,6 @@ def _robust(
     first: Identification,
     factor: float,
 ) -> tuple[Identification, Measurements]:
-    """A fit that few observations cannot pull, and the table with its noise."""
+    """Fit with the Cauchy loss, and the table with its noise multiplied by `factor`."""
     table = with_noise(measurements, factor)
     return identify(nominal, table, parameters, prior=first.prior, loss="cauchy"), table

@@ -1,7 +1,7 @@
-"""Residuals with longer tails than normal noise: a few rows hold most of their squares.
+"""Residuals with longer tails than normal noise, where a few rows have most of the squares.
 
-Noise with such tails and a misfit in a few places look alike where each pose is read once. Visits
-of one pose tell them apart: a misfit stays the same.
+Noise with such tails and a misfit in a few places look alike if each pose is measured once.
+Repeated visits to a pose tell them apart, since a misfit stays the same.
 """
 
 from collections.abc import Sequence
@@ -20,37 +20,37 @@ from calib.shown import Shown
 
 Source = Literal["", "noise", "misfit"]
 LEVEL = 0.001
-"""Chance of tails so long, of normal residuals, below which they are told."""
+"""Probability of tails as long for normal residuals, below which long tails are reported."""
 NONE = 0.05
-"""The same of what visits differ by, from which on they show no such tails."""
+"""The same probability for differences between visits, from which on these have no such tails."""
 DEGREES = np.array([1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0, 12.0, 20.0, 40.0])
 """Degrees of freedom of Student's t that are tried."""
 ROUNDS = 100
-"""Steps to the scale of each of them; they come ten times nearer in five or less."""
+"""Iterations for the scale of each of them; five or fewer reduce the error ten times."""
 FEWEST = 20
-"""Poses below which no tails are asked about."""
+"""Fewest poses for a statement about tails."""
 MOST = 0.6
-"""Part of the rows that normal noise needs for half of all squares, above which tails are mild: a
-misfit that is larger in some places than in others has such."""
+"""Rows with half of all squares, as a fraction of those that normal noise needs; above it tails are
+mild, as those of a misfit that is larger in some places than in others."""
 UNCHECKED = 0.05
-"""Part of the variance of a residual, below which other rows hardly check that direction."""
+"""Variance of a whitened residual below which other rows hardly check that direction."""
 
 
 @dataclass(frozen=True, slots=True)
 class LongTails(Shown):
-    """How much longer tails of position residuals are than those of normal noise."""
+    """Position residuals with longer tails than normal noise."""
 
     degrees: float
     """Degrees of freedom of the Student's t that describes them best."""
     p_value: float
-    """Chance of describing normal residuals so much better."""
+    """Probability that Student's t describes normal residuals so much better."""
     few: int
-    """Rows that hold half of all squares, the worst ones."""
+    """Number of rows, the worst ones, that have half of all squares."""
     usual: int
-    """How many rows would, of normal noise."""
+    """Number of rows that normal noise would need for it."""
     rows: int
     source: Source
-    """What visits of one pose speak for, the noise or a misfit; empty where they do not tell."""
+    """Source that repeated visits indicate, the noise or a misfit; empty if they do not show it."""
 
     @property
     def sentence(self) -> str:
@@ -77,27 +77,28 @@ class LongTails(Shown):
 
     @property
     def remedy(self) -> str:
-        """What lets so few rows pull the numbers less, in words."""
+        """How to reduce the influence of these few rows, in words."""
         return 'with loss = "huber" or "cauchy", these few rows have less influence'
 
 
 def long_tails(
     identification: Identification, used: Measurements, others: Measurements
 ) -> LongTails | None:
-    """Whether position residuals have longer tails than normal ones of any size; None if not.
+    """Longer tails of position residuals than those of normal noise of any scale; None without any.
 
     Parameters
     ----------
     identification : Identification
-        In the mode *whitened*.
+        Result in the mode *whitened*.
     used, others : Measurements
-        What it was identified from, and what it never saw.
+        Rows it was identified from, and rows that it did not use.
 
     References
     ----------
-    r'inv(V) r of each row, V its covariance with what the estimate adds, or takes from it, against
-    the multivariate Student's t: twice the logarithm of the likelihood ratio to the normal
-    distribution, both of the best scale, is half chi2_1 where that holds.
+    r'inv(V) r of each row against the multivariate Student's t; V is the covariance of the noise
+    plus that of the estimate, or minus it for rows that were used. Twice the log likelihood ratio
+    to the normal distribution, each at its best scale, is an equal mixture of 0 and chi2_1 for
+    normal residuals.
     """
     tables = [table for table in (used, others) if len(table)]
     parts = [_squares(identification, table, 1.0 if table is others else -1.0) for table in tables]
@@ -119,16 +120,16 @@ def long_tails(
 
 
 def student(square: Array, freedom: Array, weight: Array) -> tuple[float, float]:
-    """Degrees of the t that describes squares best, and the chance of that if they are normal.
+    """Degrees of freedom of Student's t that describes squares best, and its p-value if normal.
 
     Parameters
     ----------
     square : (m,) array
         Whitened squares of observations.
     freedom : (m,) array
-        Directions in each.
+        Number of directions in each.
     weight : (m,) array
-        How many observations each counts for.
+        Number of observations that each counts for.
     """
     total = float(weight @ freedom)
     size = float(weight @ square) / total
@@ -153,9 +154,9 @@ def student(square: Array, freedom: Array, weight: Array) -> tuple[float, float]
 
 
 def _squares(identification: Identification, table: Measurements, sign: float) -> Array:
-    """Whitened squares, directions and weights (3, m) of position residuals.
+    """Whitened squares, numbers of directions and weights (3, m) of position residuals.
 
-    By `sign` the estimate is a part of them, -1, or adds to their variance, 1.
+    `sign` is -1 for rows that the estimate used, which reduces their variance, and 1 for others.
     """
     seen, free = predict(identification.model, table), identification.parameters.free_index
     root = np.linalg.cholesky(padded_covariance(table)[:, :3, :3])
@@ -167,13 +168,13 @@ def _squares(identification: Identification, table: Measurements, sign: float) -
     # directions without an entry have no residual
     checked = (variance > UNCHECKED) & ((axes**2 * seen.filled[:, :3, None]).sum(axis=1) > 0.5)
     square = np.where(checked, along**2 / np.where(checked, variance, 1.0), 0.0)
-    # rows of one pose share its misfit: they count as one
+    # rows of one pose share its misfit, and count as one
     _, pose, rows = np.unique(table.pose_id, return_inverse=True, return_counts=True)
     return np.stack([square.sum(axis=1), checked.sum(axis=1), 1 / rows[pose.ravel()]])
 
 
 def _between_visits(identification: Identification, table: Measurements) -> Array:
-    """Squares, directions and weights (3, k) of what visits of a pose and target differ by."""
+    """Squares, directions and weights (3, k) of differences between visits of a pose and target."""
     points = table.rows(~table.is_distance)
     keys = np.column_stack([points.pose_id, points.target_key])
     _, group, count = np.unique(keys, axis=0, return_inverse=True, return_counts=True)
@@ -188,7 +189,7 @@ def _between_visits(identification: Identification, table: Measurements) -> Arra
 
 
 def _of_visits(parts: Sequence[Array]) -> Source:
-    """What the differences of visits, from `_between_visits`, say of long tails."""
+    """Source of long tails by the differences between visits, from `_between_visits`."""
     square, freedom, weight = np.concatenate(parts, axis=1)
     if weight.sum() < FEWEST:
         return ""

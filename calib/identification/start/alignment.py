@@ -1,4 +1,4 @@
-"""Frames and fixtures about a robot whose flange poses are held: the problem and its refinement."""
+"""Alignment of frames and fixtures with given flange poses: the problem and its refinement."""
 
 from collections.abc import Collection
 from dataclasses import dataclass, replace
@@ -15,32 +15,33 @@ from calib.measurement.observations import GIVEN, Measurements
 from calib.measurement.prediction import Prediction, predict_at
 
 DAMPING = 0.01
-"""Weight of staying put, of a length against a length measured: with a millimeter of misfit a frame
-goes 5 cm at most along a direction that the data hardly tell, and nowhere along one they do not."""
+"""Weight of a displacement against a measured length. With a millimeter of misfit a frame moves at
+most 5 cm along directions that the data hardly determine, and not at all along undetermined ones.
+"""
 SCALE = np.array([1.0, 1.0, 1.0, *[CHARACTERISTIC_LENGTH] * 3])
-"""A radian counts like L meters in rows: the misfit here is the nominal robot's, not the device's,
-and the stated covariances do not know it."""
+"""Weight of rows: a radian counts like L meters. Errors of the nominal robot dominate here, which
+the stated covariances do not describe."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class StartProblem:
-    """A table against the flange poses that nominal links give, its targets numbered."""
+    """A table with the flange poses by nominal links, and its targets numbered."""
 
     model: RobotModel
     F: Array
     """(m, 4, 4) T_base_flange [m]."""
     measurements: Measurements
     target: Index
-    """(m,) which target a row sees; pose rows see the last one, the tool origin."""
+    """(m,) target that each row measures; for pose rows the last one, the tool origin."""
     offsets: Array
     """(k, 3) targets in the tool frame: given, or nominal for reflectors of the fixtures [m]."""
     reflector: Index
-    """(k,) which reflector of the fixtures a target is, or -1."""
+    """(k,) number of each target among the reflectors of the fixtures, or -1."""
     free_tool: bool
     known_anchor: Bool
     """(s,) anchors whose place in the world is known."""
     placed: Bool
-    """(1 + t,) stations that other rows have placed about the base: where the model has them."""
+    """(1 + t,) stations that other rows have already placed; they keep their places in `model`."""
 
     @property
     def nominal_arms(self) -> Array:
@@ -58,7 +59,7 @@ class StartProblem:
         return self.given & (not self.free_tool)
 
     def offsets_through(self, tool: Array) -> Array:
-        """Targets (k, 3) in the flange frame with the tool there (4, 4) [m]."""
+        """Targets (k, 3) in the flange frame for a tool frame T_flange_tool (4, 4) [m]."""
         return self.offsets @ tool[:3, :3].T + tool[:3, 3]
 
 
@@ -70,7 +71,7 @@ def start_problem(
     free_anchors: Collection[int],
     placed: Collection[int] = (),
 ) -> StartProblem:
-    """Number the targets of a table."""
+    """The alignment problem of a table, with its distinct targets numbered."""
     # distinct targets: by offset, or by number among the reflectors of the fixtures
     key = np.column_stack([measurements.offset, measurements.reflector])
     distinct, target = np.unique(key[~measurements.is_pose], axis=0, return_inverse=True)
@@ -88,7 +89,7 @@ def start_problem(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Alignment:
-    """Where base, tool and fixtures are, about given poses of the flange."""
+    """Base, tool and fixtures for given poses of the flange."""
 
     F: Array
     """(m, 4, 4) T_base_flange by the nominal links [m]."""
@@ -100,12 +101,12 @@ class Alignment:
 
     @property
     def is_length(self) -> Bool:
-        """(12 + f,) whether a number of base, tool, fixtures is a length."""
+        """(12 + f,) whether each number of base, tool and fixtures is a length."""
         frame = (True, True, True, False, False, False)
         return np.array((*frame, *frame, *self.fixtures.is_length))
 
     def moved(self, step: Array) -> "Alignment":
-        """After a step (12 + f,) of base, tool and fixtures, as in `RobotModel.moved`."""
+        """The alignment after a step (12 + f,) [m, rad], as in `RobotModel.moved`."""
         return replace(
             self,
             base=nearest_rigid(self.base @ step_transform(step[:6])),
@@ -135,7 +136,7 @@ class Alignment:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Moved:
-    """An alignment on its way, and how far it has come (f,)."""
+    """An alignment during refinement, and its displacement (f,) since the start [m, rad]."""
 
     alignment: Alignment
     displacement: Array
@@ -144,7 +145,7 @@ class _Moved:
 def refine(
     alignment: Alignment, measurements: Measurements, free: Index, *, most: int = 30
 ) -> Alignment:
-    """The best fit near an alignment over its numbers `free`; rows count alike, per meter."""
+    """Least-squares fit near an alignment over its numbers `free` (f,), with rows times `SCALE`."""
     damping = DAMPING * np.where(alignment.is_length[free], 1.0, CHARACTERISTIC_LENGTH)
     n = alignment.is_length.size
 
@@ -160,7 +161,7 @@ def refine(
         full[free] = step
         return _Moved(at.alignment.moved(full), at.displacement + step)
 
-    # the second time the damping counts from where the first one ended: it pulls no number off
+    # the second pass damps steps from the result of the first, so that damping adds no bias
     for _ in range(2):
         start = _Moved(alignment, np.zeros(len(free)))
         alignment = solve(evaluate, start, move=move, most=most).x.alignment

@@ -1,8 +1,7 @@
-"""Frames without a guess: rotations, shifts and points from linear algebra alone, no iterations.
+"""Closed forms for frames: rotations, shifts and points by linear algebra, without iterations.
 
-F (m, 4, 4) are the poses of the flange in the base, from the nominal links; what is looked for
-links them to what was measured. Directions that the data do not determine stay where `about` has
-them.
+F (m, 4, 4) are the poses of the flange in the base, from the nominal links. Along directions that
+the data do not determine, results keep the value of `about`.
 """
 
 from dataclasses import dataclass
@@ -13,16 +12,17 @@ from calib.arrays import Array, Bool, Index
 from calib.geometry.frames import transform
 
 FAINT = 1e-3
-"""Part of an ordinary column below which a direction counts as not measured: a nominal robot is
-wrong by a millimeter, and that divided by this part is a meter."""
+"""Fraction of an ordinary column below which a direction counts as undetermined: the error of a
+nominal robot is about a millimeter, and divided by this fraction it is a meter."""
 APART = 1e-5
-"""Gap below the largest singular value that makes it the only one: turns of some milliradians."""
+"""Smallest relative gap below the largest singular value for it to be unique; rotations of some
+milliradians give such a gap."""
 NUDGE = 1e-9
-"""Weight of the rotation to stay with, where points leave the rotation about a line open."""
+"""Weight of the rotation `about`, which decides where points leave a rotation about a line open."""
 
 
 def flange_points(F: Array, arms: Array) -> Array:
-    """Points (m, 3) of the base frame that poses F (m, 4, 4) give to `arms` (m, 3) [m]."""
+    """Points (m, 3) in the base frame from `arms` (m, 3) in the flange at poses F (m, 4, 4) [m]."""
     return np.asarray((F[:, :3, :3] @ arms[:, :, None])[:, :, 0] + F[:, :3, 3])
 
 
@@ -42,14 +42,14 @@ def nearest_rotation(M: Array) -> Array:
 
 
 def centroid(points: Array) -> Array:
-    """Mean of rows; without what `numpy.mean` asks before, which takes longer for so few."""
+    """Mean of rows, without the overhead of `numpy.mean`, which is larger for so few."""
     return np.asarray(np.add.reduce(points) / len(points))
 
 
 def fitted_frame(measured: Array, known: Array, about: Array) -> Array:
     """Transform T (4, 4) with measured (k, 3) = R known (k, 3) + t, in the least-squares sense.
 
-    Works for one point (rotation of `about` (3, 3)), two (nearest to it about the line), or more.
+    One point gives the rotation `about` (3, 3), two the rotation nearest to it about their line.
 
     References
     ----------
@@ -64,7 +64,7 @@ def fitted_frame(measured: Array, known: Array, about: Array) -> Array:
 def hand_eye_rotations(F: Array, measured: Array) -> tuple[Array, Array] | None:
     """Rotations X, Y (3, 3) with measured (m, 3, 3) = X R_F Y, from at least three poses.
 
-    None where the rotations leave them open: all alike, or all about one axis.
+    None if the rotations do not determine them: all are equal, or all are about one axis.
 
     References
     ----------
@@ -90,35 +90,35 @@ def tool_rotation(X: Array, F: Array, measured: Array) -> Array:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PointColumns:
-    """Columns of unknown points in the flange, factored once: they hang on no frame of the base."""
+    """Factored columns of unknown points in the flange, which are the same for every base frame."""
 
     F: Array
     """(m, 4, 4) poses of the flange [m]."""
     target: Index
-    """(m,) the point that a row measures."""
+    """(m,) number of the point that each row measures."""
     free: Index
-    """Of the k points, those that are looked for."""
+    """(u,) which of the k points are unknown."""
     factors: tuple[Array, Array, Array, Array] | None
-    """Of these columns, the shift taken out; see `_factored`. None where nothing is free."""
+    """Factors of the columns after eliminating the shift; see `_factored`. None if none is free."""
 
     @classmethod
     def of(cls, F: Array, target: Index, fixed: Bool) -> "PointColumns":
-        """Those at poses F (m, 4, 4) for the points that are not `fixed` (k,)."""
+        """Columns at poses F (m, 4, 4) of the points that are not `fixed` (k,)."""
         m, free, R = len(F), np.flatnonzero(~fixed), F[:, :3, :3]
         if not free.size:
             return cls(F, target, free, None)
         A: Array = np.zeros((m, 3, len(free), 3))
         for column, k in enumerate(free):
             A[target == k, :, column] = R[target == k]
-        # the shift first: whatever looks like it is its own
+        # eliminate the shift first: it takes what points could explain as well
         A = (A - centroid(A)).reshape(3 * m, -1)
         return cls(F, target, free, _factored(A))
 
     def shift_and_arms(self, X: Array, measured: Array, about: Array) -> tuple[Array, Array]:
         """Shift t (3,) and points c (k, 3) with measured (m, 3) = X (R_F c + p_F) + t.
 
-        Linear, X (3, 3) known. Points that are fixed stay where `about` (k, 3) has them, and so
-        does what constant orientation leaves open.
+        This is linear, since X (3, 3) is given. Fixed points keep their value in `about` (k, 3), as
+        does every direction that constant orientation leaves undetermined.
         """
         # p_F + R_F c = X' (measured - t): c from the differences, then t from the mean
         bare = measured @ X - self.F[:, :3, 3]
@@ -132,16 +132,16 @@ class PointColumns:
         return X @ centroid(rest), c
 
     def _turned(self, arms: Array) -> Array:
-        """What points `arms` (k, 3) of the flange add to its place in each row (m, 3) [m]."""
+        """Rotated `arms` (k, 3) for each row (m, 3), which add to the place of the flange [m]."""
         return np.asarray((self.F[:, :3, :3] @ arms[self.target][:, :, None])[:, :, 0])
 
 
 def lifted_rotation(F: Array, measured: Array, target: Index, about: Array, fixed: Bool) -> Array:
     """Rotation X (3, 3) with measured (m, 3) = X (R_F c + p_F) + t, none of them known.
 
-    Linear lift: X' measured - R_F c + t' = p_F, with the nine entries of X' as if they were free;
-    the nearest rotation to them is the answer. Five poses or more; measured points in one plane
-    leave one column of X' open, which the other two determine.
+    Linear lift: X' measured - R_F c + t' = p_F with the nine entries of X' as free unknowns; the
+    result is the rotation nearest to them. It needs five poses or more. Measured points in one
+    plane leave one column of X' open, which the other two determine.
     """
     m, free = len(F), np.flatnonzero(~fixed)
     R = F[:, :3, :3]
@@ -177,9 +177,8 @@ def multilaterated(centers: Array, distance: Array) -> Array:
 def lifted_arm(F: Array, distance: Array, anchor: Index, n_anchors: int) -> Array:
     """Point c (3,) of the flange whose distances (m,) from unknown anchors were measured [m].
 
-    Linear lift of |R_F c + p_F - a|^2 = d^2: unknown are |c|^2 + |a|^2, a and the nine products
-    a c' per anchor, and c, as if they were free. Needs 3 + 13 distances for one anchor, 13 for each
-    more.
+    Linear lift of |R_F c + p_F - a|^2 = d^2: c, and per anchor |c|^2 + |a|^2, a and the nine
+    products a c' are free unknowns. It needs 3 + 13 distances for one anchor and 13 for each more.
     """
     R, middle = F[:, :3, :3], centroid(F[:, :3, 3])
     p = F[:, :3, 3] - middle
@@ -199,7 +198,7 @@ def lifted_arm(F: Array, distance: Array, anchor: Index, n_anchors: int) -> Arra
 
 
 def _least(A: Array, right: Array, faint: float) -> Array:
-    """Least-squares solution of least norm, singular values below `faint` counted as zero."""
+    """Least-squares solution of least norm; singular values of at most `faint` count as zero."""
     return _solved(_factored(A), right, faint)
 
 
@@ -211,7 +210,7 @@ def _factored(A: Array) -> tuple[Array, Array, Array, Array]:
 
 
 def _solved(factors: tuple[Array, Array, Array, Array], right: Array, faint: float) -> Array:
-    """As `_least`, of columns that are factored."""
+    """As `_least`, from the factors of the columns."""
     Q, U, s, Vt = factors
     counted = s > faint
     along = (U.T @ (Q.T @ right)) / np.where(counted, s, 1.0)

@@ -1,4 +1,4 @@
-"""Initial guesses of frames and fixtures, best first: what the closed forms make of a table."""
+"""Initial guesses of frames and fixtures from closed forms, the most reliable first."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -22,19 +22,19 @@ from calib.identification.start.closed_forms import (
 from calib.identification.start.ranging import from_distances
 
 ROTATION_ARM = 0.3
-"""A measured rotation counts like three points this far out [m]."""
+"""A measured rotation counts like three points at this distance from the target [m]."""
 FEWEST_LIFT = 5
 """Positions below which the linear lift of the rotation has more unknowns than equations."""
 MANY = 20
-"""Positions that leave the lift no doubt."""
+"""Number of positions from which the linear lift is reliable."""
 ARM_GUESSES = np.concatenate([np.zeros((1, 3)), *(r * np.eye(3)[[0, 0, 1, 1, 2, 2]]
     * np.array([1, -1, 1, -1, 1, -1])[:, None] for r in (0.08, 0.25))])  # fmt: skip
-"""(13, 3) where a reflector may be, from the nominal place [m], if no closed form applies."""
+"""(13, 3) offsets of a reflector from its nominal place to try if no closed form applies [m]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PartialAlignment:
-    """What is known so far of the alignment: nan where nothing is."""
+    """The alignment as far as it is known; nan elsewhere."""
 
     tool: Array
     """(4, 4) T_flange_tool [m]."""
@@ -45,7 +45,7 @@ class PartialAlignment:
 
 
 def initial_guesses(problem: StartProblem) -> Iterator[Alignment]:
-    """Alignments to start from, the likeliest first; made one by one, as long as asked for."""
+    """Alignments to start from, the most reliable first; each is computed on demand."""
     table = problem.measurements
     optical = ~table.is_distance
     held = optical & problem.placed[table.station]
@@ -58,7 +58,7 @@ def initial_guesses(problem: StartProblem) -> Iterator[Alignment]:
             yield _complete(problem, _without_stations(problem, problem.nominal_arms + guess))
         return
     if optical.any():
-        # the station with the most equations leads; all others follow from what it shows
+        # begin with the station of most equations; the others follow from its arms
         main = int(np.argmax(np.bincount(table.station[optical], table.equations[optical])))
         rows = np.flatnonzero(optical & (table.station == main))
         for X in _station_rotations(problem, rows):
@@ -71,7 +71,7 @@ def initial_guesses(problem: StartProblem) -> Iterator[Alignment]:
 
 
 def _without_stations(problem: StartProblem, arms: Array) -> PartialAlignment:
-    """A partial alignment that knows arms and what is held at most; the tool as they place it."""
+    """Partial alignment of arms (k, 3) [m], the tool fitted to them, and stations that are held."""
     model, placed = problem.model, problem.placed
     stations = np.full((len(placed), 4, 4), np.nan)
     stations[placed] = inverse(model.fixtures.station_frames[placed]) @ model.chain.T_world_base
@@ -90,7 +90,7 @@ def _station_rotations(problem: StartProblem, rows: Index) -> Iterator[Array]:
         if rotations is not None:
             sure = True
             yield rotations[0]
-    # Procrustes, where targets are known on the flange
+    # Procrustes, if targets are known on the flange
     known = np.append(fixed[:-1], not problem.free_tool)
     if known[target].any():
         arms = np.where(known[:, None], about, np.nan)
@@ -98,7 +98,7 @@ def _station_rotations(problem: StartProblem, rows: Index) -> Iterator[Array]:
     # linear lift, from points alone
     if len(rows) >= FEWEST_LIFT:
         yield lifted_rotation(F, position, target, about, fixed)
-    # frame and arms in turn, from guessed arms; with all they need, guesses would only cost time
+    # alternate between frame and arms from guessed arms; one guess if the forms above suffice
     columns = PointColumns.of(F, target, fixed)
     for guess in ARM_GUESSES[: 1 if sure else None]:
         arms, X = np.where(fixed[:, None], about, about + guess), np.eye(3)
@@ -109,7 +109,7 @@ def _station_rotations(problem: StartProblem, rows: Index) -> Iterator[Array]:
 
 
 def _from_rotation(problem: StartProblem, rows: Index, main: int, X: Array) -> PartialAlignment:
-    """What follows from the rotation of the main station: its shift, arms and the tool."""
+    """Shift of the main station, arms and tool, given its rotation X (3, 3)."""
     table, F, target = problem.measurements, problem.F[rows], problem.target[rows]
     about = problem.nominal_arms
     columns = PointColumns.of(F, target, problem.fixed)
@@ -125,13 +125,13 @@ def _from_rotation(problem: StartProblem, rows: Index, main: int, X: Array) -> P
     partial = _without_stations(problem, arms)
     stations = partial.stations.copy()
     stations[main] = transform(X, shift)
-    # given targets lie where the tool has them, measured or not
+    # given targets follow from the tool, whether measured or not
     arms = np.where(problem.given[:, None], problem.offsets_through(tool), arms)
     return replace(partial, tool=tool, stations=stations, arms=arms)
 
 
 def _from_held(problem: StartProblem, rows: Index) -> PartialAlignment:
-    """Arms and tool from rows whose stations are held: what they saw, brought to the flange."""
+    """Arms and tool from rows of stations that are held: their readings in the flange frame."""
     table, F, target = problem.measurements, problem.F[rows], problem.target[rows]
     partial = _without_stations(problem, np.full(problem.offsets.shape, np.nan))
     X = partial.stations[table.station[rows]]
@@ -149,7 +149,7 @@ def _from_held(problem: StartProblem, rows: Index) -> PartialAlignment:
 
 
 def _tool_of(problem: StartProblem, arms: Array) -> Array:
-    """Tool frame (4, 4) by the given targets whose arms are known; nominal as far as they leave."""
+    """Tool frame (4, 4) fitted to given targets with known arms; nominal if these leave it open."""
     nominal = problem.model.chain.T_flange_tool
     known = problem.given & np.isfinite(arms[:, 0])
     if not (problem.free_tool and known.any()):
@@ -158,7 +158,7 @@ def _tool_of(problem: StartProblem, arms: Array) -> Array:
 
 
 def _fitted_station(problem: StartProblem, rows: Index, tool: Array, arms: Array) -> Array:
-    """T_station_base (4, 4) by the rows that see known targets."""
+    """T_station_base (4, 4) fitted to the rows that measured known targets."""
     table = problem.measurements
     rows = rows[np.isfinite(arms[problem.target[rows], 0])]
     F, position = problem.F[rows], table.position[rows]
@@ -175,7 +175,7 @@ def _fitted_station(problem: StartProblem, rows: Index, tool: Array, arms: Array
 
 
 def _with_stations(problem: StartProblem, partial: PartialAlignment) -> PartialAlignment:
-    """All stations that measured anything, and the arms of reflectors that only they measured."""
+    """Add all stations with poses or points, and the arms of reflectors that only they measured."""
     table = problem.measurements
     known, seen = partial.stations[:, 0, 0], np.unique(table.station[~table.is_distance])
     for s in sorted(seen.tolist(), key=lambda s: bool(np.isnan(known[s]))):
@@ -186,7 +186,7 @@ def _with_stations(problem: StartProblem, partial: PartialAlignment) -> PartialA
             if not np.isfinite(arms[target, 0]).any():
                 arms = _lifted_arms(problem, rows, arms)
             stations[s] = _fitted_station(problem, rows, partial.tool, arms)
-        # the station places the reflectors that no station before it placed
+        # this station places reflectors that no earlier one has placed
         in_flange = flange_points(inverse(stations[s] @ problem.F[rows]), table.position[rows])
         for k in np.unique(target):
             if not np.isfinite(arms[k]).all():
@@ -196,7 +196,7 @@ def _with_stations(problem: StartProblem, partial: PartialAlignment) -> PartialA
 
 
 def _lifted_arms(problem: StartProblem, rows: Index, arms: Array) -> Array:
-    """Arms (k, 3), those of targets that only a new station measured by the lift, or nominal."""
+    """Arms (k, 3), adding targets that only a new station measured: by the lift, else nominal."""
     new = np.unique(problem.target[rows])
     arms = arms.copy()
     arms[new] = problem.nominal_arms[new]
@@ -213,7 +213,7 @@ def _lifted_arms(problem: StartProblem, rows: Index, arms: Array) -> Array:
 
 
 def _arm_guesses(problem: StartProblem) -> Iterator[Array]:
-    """Arms (k, 3) to try where only distances were measured; nan where nothing is known yet."""
+    """Arms (k, 3) to try if only distances were measured; nan if not known yet [m]."""
     table, nominal, fixed = problem.measurements, problem.nominal_arms, problem.fixed
     arms = np.where(fixed[:, None], nominal, np.nan)
     if fixed[np.unique(problem.target)].any():
@@ -233,7 +233,7 @@ def _arm_guesses(problem: StartProblem) -> Iterator[Array]:
 
 
 def _turned_base_guesses(problem: StartProblem) -> Iterator[Alignment]:
-    """Alignments with the base turned by right angles, where an anchor has too few distances."""
+    """Alignments with the base turned by right angles, for anchors with too few distances."""
     table = problem.measurements
     points = flange_points(problem.F, problem.nominal_arms[problem.target])
     centers = problem.model.fixtures.anchors[table.anchor]
@@ -247,9 +247,9 @@ def _turned_base_guesses(problem: StartProblem) -> Iterator[Alignment]:
 
 
 def _complete(problem: StartProblem, partial: PartialAlignment) -> Alignment:
-    """The whole alignment: base and stations in the world, then what only distances determine."""
+    """Complete alignment: base and stations in the world, then what only distances determine."""
     model, fixtures = problem.model, problem.model.fixtures
-    # the first station is the world: where it measured nothing, the base stays nominal
+    # the first station is the world: if it measured nothing, the base stays nominal
     sighted = np.isfinite(partial.stations[:, 0, 0])
     base = partial.stations[0] if sighted[0] else model.chain.T_world_base
     arms, anchors = from_distances(problem, partial.arms, base if sighted.any() else None)

@@ -1,4 +1,4 @@
-"""Frames about nominal links from rows of one tool, and their refinement on rows of any tools."""
+"""Frames for nominal links from rows of one tool, and their refinement on rows of all tools."""
 
 from collections.abc import Collection
 from dataclasses import dataclass, replace
@@ -23,21 +23,21 @@ from calib.measurement.observations import GIVEN, Measurements
 from calib.measurement.prediction import Prediction
 
 SUBSET = 200
-"""Rows on which initial guesses are compared."""
+"""Number of rows on which initial guesses are compared."""
 GOOD = 0.01
-"""Misfit, as a part of how far the tool moves, below which no other guess is tried."""
+"""Misfit, as a fraction of the spread of flange positions, below which no other guess is tried."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FoundFrames:
-    """A robot whose frames are found, and how."""
+    """A robot with fitted frames."""
 
     model: RobotModel
-    """Nominal links; what was looked for as the measurements have it."""
+    """Nominal links, with fitted frames and fixtures."""
     names: tuple[str, ...]
-    """Numbers that were looked for."""
+    """Names of the unknown numbers."""
     prediction: Prediction
-    """Of the rows they were found from."""
+    """Prediction of the rows that they were fitted to."""
     reduction: Reduction
     """Which of these numbers the rows determine."""
 
@@ -55,18 +55,18 @@ def frames_of_one_tool(
     Parameters
     ----------
     model : RobotModel
-        Nominal links, and what is held.
+        Nominal links, and the values of all numbers that are held.
     F : (m, 4, 4) array
         Poses T_base_flange of the rows, by the nominal links alone [m].
     measurements : Measurements
         The rows.
     free_tool : bool
-        Whether the tool is looked for.
+        Whether the tool is fitted.
     free_anchors : collection of int
-        Anchors whose place is not known.
+        Anchors whose place is unknown.
     placed : collection of int
-        Stations that other rows have placed about the base: they are held, and with 0, the world,
-        so is the base.
+        Stations that other rows have already placed: they are held. With 0, the world, the base is
+        held too.
     """
     names = _unknowns(model, measurements, free_tool, free_anchors, placed)
     parameters = parameters_of(model, names)
@@ -79,7 +79,7 @@ def frames_of_one_tool(
 def refined_frames(
     model: RobotModel, F: Array, measurements: Measurements, names: tuple[str, ...]
 ) -> FoundFrames:
-    """Frames of all tools that are nearly right, refined together on all rows."""
+    """Refine nearly correct frames of all tools together on all rows."""
     parameters = parameters_of(model, names)
     problem = start_problem(model, F, measurements, True, ())
     chain = model.chain
@@ -88,7 +88,7 @@ def refined_frames(
 
 
 def _refined(alignment: Alignment, problem: StartProblem, parameters: Parameters) -> FoundFrames:
-    """The best fit near an alignment, over the numbers that all rows determine."""
+    """Least-squares fit near an alignment, over the numbers that the rows determine."""
     measurements, names = problem.measurements, parameters.free_names
     free = _indices(problem.model, _reduction(alignment, problem, parameters).kept)
     alignment = refine(alignment, measurements, free)
@@ -104,7 +104,7 @@ def _unknowns(
     free_anchors: Collection[int],
     placed: Collection[int],
 ) -> tuple[str, ...]:
-    """Names of the unknown numbers: those that some row of the table may determine."""
+    """Names of the unknown numbers: those that rows of the table depend on."""
     wrong = [k for k in free_anchors if not 0 <= k < len(model.fixtures.anchors)]
     if wrong:
         count = len(model.fixtures.anchors)
@@ -129,14 +129,14 @@ def _unknowns(
 
 
 def _indices(model: RobotModel, names: tuple[str, ...]) -> Index:
-    """Positions of numbers among those of an alignment: base, tool, fixtures."""
+    """Indices of named numbers among those of an alignment: base, tool, fixtures."""
     n = model.chain.n_numbers
     names_here = (*model.names[:6], *model.names[n - 6 : n], *model.fixtures.names)
     return np.array([names_here.index(name) for name in names], dtype=np.int64)
 
 
 def _with_frames(alignment: Alignment, problem: StartProblem, names: tuple[str, ...]) -> RobotModel:
-    """The model with the frames of an alignment; what was not looked for stays to the last bit."""
+    """The model with the frames of an alignment; numbers that were held keep every bit."""
     chain = problem.model.chain
     base = alignment.base if "base.x" in names else chain.T_world_base
     tool = alignment.tool if "tool.x" in names else chain.T_flange_tool
@@ -150,7 +150,7 @@ def _with_frames(alignment: Alignment, problem: StartProblem, names: tuple[str, 
 def _reduction(
     alignment: Alignment, problem: StartProblem, parameters: Parameters, q: Array | None = None
 ) -> Reduction:
-    """Which of the unknown numbers the table determines, and the others in words."""
+    """Reduction to those of the unknown numbers that the table determines."""
     names = parameters.free_names
     prediction = alignment.predict(problem.measurements)
     rows = (prediction.rows * SCALE[:, None])[prediction.filled]
@@ -160,7 +160,7 @@ def _reduction(
 
 
 def _best_guess(problem: StartProblem, parameters: Parameters) -> Alignment:
-    """The initial guess that fits best once refined, judged on some rows of each kind."""
+    """The initial guess that fits best after refinement, judged on a sample of rows."""
     rows = _sample(problem.measurements)
     few = replace(problem, F=problem.F[rows], measurements=problem.measurements.rows(rows))
     spread = float(np.linalg.norm(problem.F[:, :3, 3].std(axis=0))) or 1.0
@@ -180,7 +180,7 @@ def _best_guess(problem: StartProblem, parameters: Parameters) -> Alignment:
 
 
 def _sample(table: Measurements) -> Index:
-    """About `SUBSET` rows spread evenly over whatever was looked at."""
+    """About `SUBSET` rows, spread evenly over the targets."""
     _, group = np.unique(table.target_key, axis=0, return_inverse=True)
     group = group.ravel()
     each = -(-SUBSET // (int(group.max()) + 1))

@@ -1,4 +1,4 @@
-"""Reflectors and anchors from distances alone, one after the other, about known flange poses."""
+"""Reflectors and anchors from distances alone, one after the other, at known flange poses."""
 
 import numpy as np
 
@@ -7,11 +7,15 @@ from calib.identification.start.alignment import StartProblem
 from calib.identification.start.closed_forms import multilaterated
 
 FEWEST_RANGES = 4
-"""Distances below which a point in space is not determined linearly."""
+"""Fewest distances that determine a point in space linearly."""
 
 
 def from_distances(problem: StartProblem, arms: Array, base: Array | None) -> tuple[Array, Array]:
-    """Arms (k, 3) and anchors (s, 3) in the base frame, one after the other from distances."""
+    """Arms (k, 3) in the flange frame and anchors (s, 3) in the base frame, from distances [m].
+
+    Known arms and, with the frame `base` (4, 4) in the world, known anchors locate the others in
+    turn; what cannot be located is nan.
+    """
     table, fixtures = problem.measurements, problem.model.fixtures
     arms, anchors = arms.copy(), np.full((len(fixtures.anchors), 3), np.nan)
     if base is not None:

@@ -1,12 +1,12 @@
-"""Where a calibration starts: base, tool and fixtures of a nominal robot, without any guess.
+"""Initial values of a calibration: base, tool and fixtures of a nominal robot, without a guess.
 
 The closed forms are in `closed_forms`: robot-world/hand-eye for full poses (Kronecker product and
 singular values; Li, Wang, Wu 2010, Shah 2013), a linear lift and Procrustes for points (Umeyama
-1991), multilateration and a linear lift for distances. What they give is refined by least squares
-over the frames and fixtures alone, the links held.
+1991), multilateration and a linear lift for distances. Their results are refined by least squares
+over frames and fixtures alone, with the links fixed.
 
-`identify` looks for the answer near the model it is given: a robot whose frames are meters away
-goes through `start_frames` first.
+`identify` searches near the model it is given. If the frames of that model may be meters away, use
+`start_frames` first.
 """
 
 import re
@@ -28,16 +28,16 @@ from calib.shown import Shown
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Start(Shown):
-    """A nominal robot put where it was measured."""
+    """A nominal robot with frames and fixtures from measurements."""
 
     model: RobotModel
-    """Nominal links; base, tool and fixtures as the measurements have them."""
+    """Nominal links, with base, tool and fixtures fitted to the measurements."""
     position_rms: float
-    """Root mean square of what is missed in position or distance [m]."""
+    """Root mean square residual of positions and distances [m]."""
     rotation_rms: FloatOrNan
-    """Root mean square angle missed by the pose rows [rad]; nan without any."""
+    """Root mean square rotation angle of the residuals of pose rows [rad]; nan without any."""
     notes: tuple[str, ...]
-    """Where the frames come from, and what stayed nominal because nothing determines it."""
+    """From which rows the frames come, and what stayed nominal because nothing determines it."""
 
     def __repr__(self) -> str:
         return f"Start(misses by {1e3 * self.position_rms:.3g} mm rms: {self.notes[0]})"
@@ -51,31 +51,33 @@ def start_frames(
     free_tool: bool = True,
     free_anchors: Collection[int] = (),
 ) -> Start:
-    """Put a nominal robot where it was measured; nothing but its links need be right.
+    """Fit base, tool and fixtures of a nominal robot, of which only the links need be right.
 
-    Base and tool, all reflectors, further stations and tools of the fixtures are determined: a
-    further tool from its own rows about what the rows before it have placed, and in the end all of
-    them together. Anchors are known places unless `free_anchors` names them. What the table does
-    not determine stays as `model` has it: the tool where only reflectors of the fixtures were
-    measured, the base where no anchor is known and nothing else was measured, and so on; `notes`
-    list it.
+    All reflectors, further stations and further tools of the fixtures are fitted as well: each
+    further tool from its own rows, with what earlier rows have determined held fixed, and in the
+    end all of them together. Anchors are known places unless `free_anchors` lists them. What the
+    table does not determine keeps its value in `model`, and `notes` list it: for example the tool
+    if only reflectors of the fixtures were measured, or the base if only distances to unknown
+    anchors were.
 
     Parameters
     ----------
     model : RobotModel
-        Nominal links and joint errors. Its base, tool, reflectors and stations are not used, but
-        for what stays.
+        Nominal links and joint errors. Its base, tool, reflectors and stations are used only where
+        the table does not determine them, and to place guesses of reflectors about.
     measurements : Measurements
-        Covariances are not used, because the misfit is the nominal robot's.
+        Covariances are not used, because errors of the nominal links dominate.
     free_tool : bool
-        Whether the tool is looked for; False holds it where the model has it. Further ones are.
+        Whether the tool of the chain is fitted; False keeps that of `model`. Further tools are
+        fitted in any case.
     free_anchors : collection of int
-        Anchors of the fixtures, from 0, whose place in the world is not known.
+        Anchors of the fixtures, counted from 0, whose places in the world are unknown.
 
     Raises
     ------
     InputError
-        Too few measurements; how many are needed is stated.
+        A3: no row was measured with the tool of the chain, or `free_anchors` lists an anchor that
+        does not exist. Also with too few measurements; the message states how many are needed.
     """
     require_fixtures(model.fixtures, measurements)
     # flange poses by the nominal links alone
@@ -107,18 +109,18 @@ def start_frames(
 def _with_further_tools(
     first: FoundFrames, F: Array, measurements: Measurements, free_anchors: Collection[int]
 ) -> tuple[FoundFrames, tuple[str, ...]]:
-    """Each further tool about what the rows before it have placed; then all frames together."""
+    """Fit each further tool with frames of earlier rows held; then refine all frames together."""
     found, numbers = first.model, {*first.names}
     notes: list[str] = []
     rows = measurements.rows(measurements.tool == 0)
     placed, reflectors, anchors = ({*column.tolist()} for column in _seen(rows))
-    # where no row shows the world, the base stays where it is
+    # without rows in the world frame, the base keeps its place
     if "base.x" in numbers or 0 not in _seen(measurements)[0]:
         placed.add(0)
     for k in np.unique(measurements.tool[measurements.tool > 0]).tolist():
         its = measurements.tool == k
         rows = measurements.rows(its)
-        # its reflectors that are placed are given; it stands for the tool of the chain
+        # reflectors already placed count as given; this tool takes the place of the chain's
         given = np.isin(rows.reflector, list(reflectors))
         alone = replace(
             rows,
@@ -147,7 +149,7 @@ def _with_further_tools(
 
 
 def _seen(rows: Measurements) -> tuple[Index, Index, Index]:
-    """Stations that saw the robot, reflectors and anchors that rows name."""
+    """Stations that measured poses or points, and the reflectors and anchors that rows refer to."""
     stations = rows.station[~rows.is_distance]
     named = (rows.reflector[rows.reflector != GIVEN], rows.anchor[rows.is_distance])
     return stations, *named
@@ -159,7 +161,7 @@ def _origins(
     free_tool: bool,
     placed: Collection[int] = (),
 ) -> tuple[str, ...]:
-    """Where the frames come from, and which of them nothing in the table speaks of."""
+    """Notes on the rows that the frames were fitted to, and on frames that stay nominal."""
     counts = [
         f"{n} {word}{'s' if n != 1 else ''}"
         for n, word in (

@@ -1,1 +1,1 @@
-"""The believed statement of many robots at once, robots on the first axis of every array."""
+"""Uncertainty statements of many robots at once, robots on the first axis of every array."""

@@ -1,4 +1,4 @@
-"""Whether many sets of held-out rows stand in another frame: chances of a motion as large."""
+"""Test of many robots for held-out rows in another frame, by the p-value of a common motion."""
 
 import numpy as np
 from scipy.special import chdtrc
@@ -10,20 +10,20 @@ from calib.uncertainty.statement.motion_fit import FOLLOWED
 
 
 def motion_chances(seen: ManySights, gains: ManyGains, covariance: Array, upper: Array) -> Array:
-    """The smaller chance (R,) of as large a motion of base or target if there is none.
+    """The smaller p-value (R,) of a motion of the base and of one of the target.
 
     Parameters
     ----------
     seen, gains
-        Of R robots.
+        Predictions and gains of R robots.
     covariance : (R, f, f) array
-        Believed of the numbers [m, rad].
+        Covariance of the free numbers [m, rad].
     upper : (R,) array
-        Largest misfit that may hide [m].
+        Upper limit of the misfit [m].
 
     References
     ----------
-    As `other_frame`, with what the errors share in their covariance.
+    As `other_frame`, with errors that rows share in the covariance.
     """
     e = seen.test.residual[:, :, :3]
     size = np.minimum(upper, np.sqrt((e**2).mean(axis=(1, 2))))
@@ -47,14 +47,17 @@ def motion_chances(seen: ManySights, gains: ManyGains, covariance: Array, upper:
 
 
 def _fall(e: Array, motion: Array) -> Array:
-    """Fall (R,) of the square of whitened errors (R, n, 1) by their best motion (R, n, k)."""
+    """Drop (R,) of the sum of squares of whitened errors (R, n, 1) by the best motion (R, n, k)."""
     U, s, _ = np.linalg.svd(motion, full_matrices=False)
     shown = s > np.finfo(np.float64).eps * motion.shape[1] * s[:, :1]
     return np.asarray((((np.swapaxes(U, 1, 2) @ e)[..., 0] ** 2) * shown).sum(axis=1))
 
 
 def _motions(table: ManyRowsSeen, about: Array) -> Array:
-    """Rows (R, m, 6, 9) of a station that shifts, or turns about (R, 1, 3), and of a target."""
+    """Derivative (R, m, 6, 9) of rows by a shift and turn of the station and a shift of the target.
+
+    The station turns about the points `about` (R, 1, 3) [m].
+    """
     arm = table.p - about
     motions = np.zeros((*arm.shape[:2], 6, 9))
     motions[:, :, :3, :3] = np.eye(3)
@@ -65,7 +68,7 @@ def _motions(table: ManyRowsSeen, about: Array) -> Array:
 
 
 def _whiteners(gains: ManyGains, table: ManyRowsSeen, size: Array) -> Array:
-    """Inverse Cholesky factors (R, m, 3, 3) of noise and a misfit of some size (R,)."""
+    """Inverse Cholesky factors (R, m, 3, 3) of noise plus a misfit of size (R,) [m]."""
     own = size[:, None, None, None] * gains.shapes(table.rows[:, :, :3])
     V = own @ np.swapaxes(own, 2, 3) + table.covariance[:, :, :3, :3]
     return many_whiteners(V)
@@ -74,9 +77,9 @@ def _whiteners(gains: ManyGains, table: ManyRowsSeen, size: Array) -> Array:
 def _standing(
     seen: ManySights, gains: ManyGains, size: Array, about: Array, there: Array
 ) -> tuple[Array, Array]:
-    """What a motion of all readings leaves at held-out rows, as columns (R, n, 3, 9) and an error.
+    """Errors of held-out rows from a motion of all readings: columns (R, n, 3, 9), mean (R, n, 3).
 
-    `there` (R, n, 3, 9) are the motions at these rows. See `motion_fit`.
+    `there` (R, n, 3, 9) are the derivatives by the motion at these rows. See `motion_fit`.
     """
     motions = _motions(seen.train, about)
     R, m = motions.shape[:2]

@@ -1,4 +1,4 @@
-"""How many estimates follow their rows, and what they cannot hold: products over robots."""
+"""Gains of the estimates of many robots, and the errors that these estimates cannot absorb."""
 
 from dataclasses import dataclass
 
@@ -14,10 +14,10 @@ from calib.uncertainty.statement.evidence import diagonal
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ManyGains:
-    """What the rows of R robots do to their estimates; see `gain`, `shape` and `applicability`."""
+    """Effect of rows on the estimates of R robots; see `gain`, `shape` and `applicability`."""
 
     F: Array
-    """(R, f, 6 m) how free numbers follow each row identified from [m, rad]."""
+    """(R, f, 6 m) derivative of the free numbers by each training row [m, rad]."""
     columns: Index
     """(k,) numbers of the model that a draw of misfit moves."""
     sd: Array
@@ -27,21 +27,24 @@ class ManyGains:
     spread: tuple[Array, Array]
     """(R, n, 3, 3) and (R, t, 3, 3) covariances of held-out points and targets by the noise."""
     left: tuple[Array, Array]
-    """(R, 3, n) and (R, 3, t) variance of these left by a unit of every term, by the foot, by the
-    noise."""
+    """(R, 3, n) and (R, 3, t) variance of these points from unit errors of all terms that the model
+    lacks, from a foot that yields, and from the noise."""
 
     @property
     def usual(self) -> Array:
-        """(R, 3) means over the held-out poses."""
+        """(R, 3) means of `left` over the held-out poses."""
         return np.asarray(self.left[0].mean(axis=2))
 
     def shapes(self, rows: Array) -> Array:
-        """Root B (R, m, r, k) of a misfit of 1 m per axis, from rows (R, m, r, P)."""
+        """Factor B (R, m, r, k), B B' the covariance of a misfit of 1 m per axis.
+
+        `rows` (R, m, r, P) is the derivative of the prediction.
+        """
         return np.asarray(rows[..., self.columns] * self.sd[:, None, None])
 
 
 def gains_of(seen: ManySights) -> ManyGains:
-    """Those of R robots; poses of a table stand for themselves."""
+    """Gains of R robots, of which each row is one pose."""
     R, m = seen.train.q.shape[:2]
     f, A = len(seen.free), seen.train.free * seen.scale
     F = seen.scale[:, None] * gain_of_rows(A, seen.train.covariance, seen.precision)
@@ -57,7 +60,7 @@ def gains_of(seen: ManySights) -> ManyGains:
 
 
 def gain_of_rows(A: Array, N: Array, precision: Array) -> Array:
-    """F (R, f, 6 m) of rows A (R, m, 6, f) under noise N (R, m, 6, 6) and a prior (R, f, f).
+    """Gains F (R, f, 6 m) of rows A (R, m, 6, f), with noise N (R, m, 6, 6), prior (R, f, f).
 
     References
     ----------
@@ -80,7 +83,7 @@ def gain_of_rows(A: Array, N: Array, precision: Array) -> Array:
 
 
 def _left(table: ManyRowsSeen, spread: Array, absorbed: Array) -> Array:
-    """(R, 3, N) as `ManyGains.left`."""
+    """Variances (R, 3, N) as in `ManyGains.left`."""
     R, N = table.q.shape[:2]
     flat = table.free[:, :, :3].reshape(R, 3 * N, -1)
     G = table.unheld[:, :, :3].reshape(R, 3 * N, -1) - flat @ absorbed
@@ -96,7 +99,7 @@ def many_whiteners(covariance: Array) -> Array:
 
 
 def halved(covariance: Array, columns: Array) -> Array:
-    """Columns (R, n, k) whitened by Cholesky factors of covariances (R, n, n), which are lost."""
+    """Columns (R, n, k) whitened by Cholesky factors of covariances (R, n, n) (overwritten)."""
     found = np.empty_like(columns)
     for to, V, own in zip(found, covariance, columns, strict=True):
         # of a transposed symmetric matrix, which LAPACK overwrites
@@ -108,7 +111,7 @@ def halved(covariance: Array, columns: Array) -> Array:
 
 
 def propagated(rows: Array, covariance: Array) -> Array:
-    """Covariances (R, N, k, k) of what follows rows (R, N, k, f), from (R, f, f)."""
+    """Covariances (R, N, k, k) of linear functions with rows (R, N, k, f), from those (R, f, f)."""
     R, N, k, f = rows.shape
     half = (rows.reshape(R, N * k, f) @ covariance).reshape(rows.shape)
     sigma = half @ np.swapaxes(rows, 2, 3)
@@ -116,7 +119,7 @@ def propagated(rows: Array, covariance: Array) -> Array:
 
 
 def _shapes(seen: ManySights) -> tuple[Index, Array]:
-    """Numbers (k,) that a misfit moves and sd (R, k), as `misfit_shape` at the held-out poses."""
+    """Numbers (k,) that a misfit moves, with sd (R, k), as `misfit_shape` at held-out poses."""
     chain = seen.fits[0].model.chain
     joints = np.array(joint_columns(chain))
     square = (seen.test.rows[:, :, :3, joints] ** 2).sum((1, 2)) / (3 * seen.test.q.shape[1])

@@ -1,7 +1,8 @@
-"""Judgements of many robots at once: of each what `judgement.judge` finds of it.
+"""Judgements of many robots at once, with the results of `judgement.judge` for each.
 
-Robots alike in structure go together; one that is otherwise, whose fit did not converge or whose
-held-out rows seem to stand in another frame goes through `judge` by itself.
+Robots of the same structure (`sights.alike`) are judged together. A robot is left to `judge` if no
+misfit can be estimated, its angles are further off than stated, a joint never moved or keeps steps,
+or its held-out rows seem to be in another frame.
 """
 
 from collections.abc import Sequence
@@ -37,17 +38,17 @@ from calib.uncertainty.statement.misfit import DROP
 from calib.uncertainty.statement.shape import MisfitShape, angles_apart, are_loud
 
 Drifts = dict[int, Array]
-"""Covariances (f, f) that a drift leaves in the numbers of some robots."""
+"""Covariances (f, f) from drift in the free numbers, for the robots that have it."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ManyJudgements:
-    """What held-out poses show of R identifications, and what is believed at t targets of each."""
+    """Tests of R identifications at held-out poses, and regions at t targets of each."""
 
     position: Array
     """(R, t, 3) predicted tool points [m]."""
     held_out_p: Array
-    """(R,) chance of as large errors at the held-out poses; see `HeldOut`."""
+    """(R,) p-value of the errors at the held-out poses; see `HeldOut`."""
     bare: Array
     """(R, t, 3, 3) covariance from the numbers alone [m^2]."""
     discrepancy: Array
@@ -57,16 +58,16 @@ class ManyJudgements:
     believed: Array
     """(R, t, 3, 3) covariance of the believed regions, of the mean of many moves [m^2]."""
     factor: Array
-    """(R,) k of these."""
+    """(R,) coverage factor k of these regions."""
     rows: Array
     """(R, t, 3, P) derivative of the tool points."""
     applies: tuple[Applicability, ...]
-    """Whether the statement of each robot reaches its targets."""
+    """Whether the statement of each robot applies at its targets."""
     drift_p: Array
-    """(R,) chance of residuals that follow their neighbors so, if noise forgets; nan where the
-    order leaves nothing to ask."""
+    """(R,) p-value of residuals that resemble their neighbors in time, if the noise has no memory;
+    nan if the order of the poses does not allow the test."""
     alone: Bool
-    """(R,) of which these say nothing: `judge` does."""
+    """(R,) robots without a valid result here, for which `judge` is needed."""
 
 
 def judge_many(
@@ -82,12 +83,12 @@ def judge_many(
     Parameters
     ----------
     fits, trains, tests
-        As `judge` takes them, one of each for a robot; rows were measured in their order, those
-        held out last.
+        As in `judge`, one of each per robot. Rows are in the order in which they were measured,
+        with held-out rows last.
     targets : sequence of (t, n) arrays
-        Joints where it is asked what is believed [rad, m].
+        Joint values of the targets [rad, m].
     probability : float
-        Content of every statement.
+        Probability of every statement.
     """
     for train, test in zip(trains, tests, strict=True):
         require_disjoint(test.q, train.q)
@@ -113,7 +114,7 @@ def judge_many(
 
 
 def _turned_apart(seen: ManySights, gains: ManyGains) -> Bool:
-    """Robots (R,) whose angles are further off than stated; see `misfit.loud_turns`."""
+    """Robots (R,) with larger errors of angles than stated; see `misfit.loud_turns`."""
     both = seen.train, seen.test
     residual, rows, covariance = (
         np.concatenate([getattr(table, name) for table in both], axis=1)
@@ -123,7 +124,7 @@ def _turned_apart(seen: ManySights, gains: ManyGains) -> Bool:
 
 
 def _stood_or_stepped(seen: ManySights) -> Bool:
-    """Robots (R,) of which a joint never moved or kept a step, where `Proven` knows more."""
+    """Robots (R,) with a joint that never moved or keeps steps, for which `Proven` is needed."""
     train, prismatic = seen.train.q, seen.fits[0].model.chain.prismatic
     both = np.concatenate([train, seen.test.q], axis=1)
     stepped = [bool(steps_of(q, prismatic).any()) for q in both]
@@ -131,9 +132,9 @@ def _stood_or_stepped(seen: ManySights) -> Bool:
 
 
 def _held_out(seen: ManySights, spread: Array) -> tuple[Array, Array]:
-    """Chance (R,) of errors as large as the held-out ones, and what is beyond noise (R, 3, 3).
+    """P-value (R,) of the held-out errors, and their covariance beyond noise (R, 3, 3) [m^2].
 
-    `spread` (R, n, 3, 3) is the covariance of these points by the noise of the numbers.
+    `spread` (R, n, 3, 3) is the covariance of the points from the estimates [m^2].
     """
     e, N = seen.test.residual[:, :, :3], seen.test.covariance[:, :, :3, :3]
     rows = np.concatenate([seen.test.free[:, :, :3], e[..., None]], axis=3)
@@ -150,14 +151,14 @@ def _held_out(seen: ManySights, spread: Array) -> tuple[Array, Array]:
 
 
 def _over(found: Array, gains: ManyGains) -> tuple[Array, Array, Array]:
-    """Growth, transfer and leverage (R, N) of what is left (R, 3, N); see `Applicability`."""
+    """Growth, transfer and leverage (R, N) of variances (R, 3, N); see `Applicability`."""
     of_terms, of_foot, leverage = np.moveaxis(over_usual(found, gains.usual), 1, 0)
     transfer = np.maximum(of_terms, of_foot)
     return np.maximum(1.0, transfer), transfer, leverage
 
 
 def _applicability(seen: ManySights, gains: ManyGains) -> tuple[Applicability, ...]:
-    """Whether the statement of each robot reaches its targets."""
+    """Whether the statement of each robot applies at its targets."""
     _, transfer, leverage = _over(gains.left[1], gains)
     q, low, high = seen.there.q, seen.test.q.min(axis=1), seen.test.q.max(axis=1)
     room = np.where(seen.fits[0].model.chain.prismatic > 0, BEYOND_SLIDE, BEYOND)
@@ -171,9 +172,10 @@ def _applicability(seen: ManySights, gains: ManyGains) -> tuple[Applicability, .
 def _region(
     gains: ManyGains, drifts: Drifts, table: ManyRowsSeen, spread: Array, sizes: Array
 ) -> Array:
-    """Covariances (R, N, 3, 3) of points, `sizes` (R, N) the variance of the misfit [m^2].
+    """Covariances (R, N, 3, 3) of points from noise, misfit and drift [m^2].
 
-    `spread` (R, N, 3, 3) are those by the noise.
+    `spread` (R, N, 3, 3) are those from the noise, and `sizes` (R, N) the variance of the misfit
+    per axis [m^2].
     """
     rows = table.free[:, :, :3]
     own = gains.shapes(table.rows[:, :, :3])
@@ -188,7 +190,7 @@ def _guarded(
     seen: ManySights, gains: ManyGains, drifts: Drifts, upper: Array, growth: Array,
     probability: float,
 ) -> Array:  # fmt: skip
-    """Factors (R,) that the held-out errors ask for; see `belief.adding`."""
+    """Coverage factors (R,) that contain the held-out errors as well; see `belief.adding`."""
     n = seen.test.q.shape[1]
     sizes = upper[:, None] ** 2 * growth
     sigma = _region(gains, drifts, seen.test, gains.spread[0], sizes)
@@ -198,7 +200,7 @@ def _guarded(
     misses, ball = np.linalg.norm(e, axis=2), np.zeros(within.shape)
     far = misses > plain * np.sqrt(np.trace(sigma, axis1=2, axis2=3) / 3) * (1 - SPARE)
     rank = int(np.ceil(probability * (n + 1) - 1e-9))
-    far &= far.sum(axis=1, keepdims=True) > n - rank  # so few are beyond the rank that is asked
+    far &= far.sum(axis=1, keepdims=True) > n - rank  # fewer do not change the score at the rank
     if far.any():
         ball[far] = plain * misses[far] / distance_radius(sigma[far], probability)
     scores = np.sort(np.stack([within, ball]), axis=2)[:, :, rank - 1].max(axis=0)
@@ -209,7 +211,7 @@ def _drifts(
     seen: ManySights, trains: Sequence[Measurements], tests: Sequence[Measurements],
     gains: ManyGains, size: ManyMisfits,
 ) -> tuple[Array, Drifts]:  # fmt: skip
-    """Chance (R,) of such a memory of the noise, and what it leaves in the numbers."""
+    """P-value (R,) of memory in the noise, and its covariance in the free numbers."""
     m, n = seen.train.q.shape[1], seen.test.q.shape[1]
     order, is_test = np.arange(m + n), np.repeat([False, True], [m, n])
     pose = np.concatenate([trains[0].pose_id, -1 - tests[0].pose_id])

@@ -1,4 +1,4 @@
-"""The likelihood of a misfit from systems at few sizes, and by polynomials at all between them."""
+"""The likelihood of a misfit, computed at a few sizes and interpolated by polynomials."""
 
 from dataclasses import replace
 from functools import cache
@@ -11,21 +11,21 @@ from calib.uncertainty.statement.likelihood import HOPELESS, Grid, Likelihood
 from calib.uncertainty.statement.likelihood_systems import SMALL, OfNumbers, Pools, systems_of
 
 PARTS = ((2.4, 16), (3.0, 18))
-"""Length in s = ln(1 + c t^2) and terms of the first polynomial and of all others: see below. The
-first is all that most robots need of whom the model misses little."""
+"""Length in s = ln(1 + c t^2) and number of terms of the first polynomial and of all others; see
+below. Most robots with little misfit need only the first."""
 ALIKE, LIKE_NOISE, UNLIKELY = 3.0, 2.0, 10.0
-"""Rows whose shares of misfit differ by less than a factor exp(3), and whose mean square without
-any misfit is below twice that of noise, deny larger sizes alike: a fall by ten of the
-log-likelihood is then as good as one by `HOPELESS`. Where some rows lie far off, a few of small
-shares may ask for a size that all others deny: a second peak behind the fall."""
+"""If the shares of misfit of all rows differ by less than a factor exp(3), and their mean square
+without misfit is below twice that of noise, then the log-likelihood has a single peak, and the
+search ends after a drop by ten instead of `HOPELESS`. Otherwise a few rows of small shares may
+require a size that all others contradict, with a second peak behind the drop."""
 POOLS = 16
-"""Most sums over rows that are made instead of one for each size."""
+"""Most sums over rows that replace one sum for each size."""
 
 
 def likelihood_between(
     rows: PositionRows, unit: float, before: PositionRows | None = None
 ) -> Likelihood | None:
-    """What `likelihood` finds where no repeats tell the scale of the noise, to 1e-10.
+    """`likelihood` to 1e-10, for tables without repeats that show the scale of the noise.
 
     References
     ----------
@@ -63,20 +63,20 @@ def likelihood_between(
             alike = alike and every[1, len(nodes) // 2, 0] < LIKE_NOISE * (len(A) - p)
         value = grid.of_both(every[:, :, at], n, p).max(axis=1)
         if value[-1] < max(best, value.max()) - (UNLIKELY if alike else HOPELESS):
-            break  # larger ones are less likely still
+            break  # larger sizes are less likely still
         best, start = max(best, float(value.max())), end
     return grid.profile(every, n, p)
 
 
 def pooled(X: Array, lam: Array) -> Pools | None:
-    """Products of the columns of rows X (n, p) of misfit `lam` (n,), to 1e-12.
+    """Products of the columns of rows X (n, p) with misfit `lam` (n,), pooled to 1e-12.
 
-    None where the rows differ by so much that this takes more than `POOLS`.
+    None if `lam` differs so much that more than `POOLS` of them would be needed.
 
     References
     ----------
-    A weight 1 / (1 + t^2 lam) is analytic in x = ln lam wherever |Im x| < pi, for every t: by
-    polynomials in Chebyshev points of x, as above, few sums over rows serve all t.
+    A weight 1 / (1 + t^2 lam) is analytic in x = ln lam wherever |Im x| < pi, for every t. With
+    polynomials in Chebyshev points of x, as above, a few sums over rows are enough for all t.
     """
     if not lam.min() > 0.0:
         return None
@@ -101,13 +101,13 @@ def _series(x: Array, terms: int) -> Array:
 
 @cache
 def _grid() -> Grid:
-    """What is tried where no repeats tell the scale of the noise."""
+    """Sizes that are tried if no repeats show the scale of the noise."""
     return Grid.of(None)
 
 
 @cache
 def _chebyshev(terms: int) -> tuple[Array, Array]:
-    """Points (k,) in -1 to 1, and what makes the terms of a series of values there (k, k).
+    """Points (k,) in -1 to 1, and the matrix (k, k) from values there to terms of the series.
 
     References
     ----------

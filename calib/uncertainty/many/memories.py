@@ -1,4 +1,4 @@
-"""Whether the noise of many robots remembers: permutations that all share, likeness as products."""
+"""Test of many robots for noise with memory, by permutations that all of them share."""
 
 from collections.abc import Iterator, Sequence
 from functools import lru_cache
@@ -9,27 +9,28 @@ from calib.arrays import Array, Index
 from calib.uncertainty.statement.memory import KERNEL_ROWS, PERMUTATIONS, permuted
 
 AT_ONCE = 2_000_000
-"""Numbers of permuted kernels formed at a time: 16 MB. So few in all are kept."""
+"""Entries of permuted kernels computed at a time (16 MB); kernels that need no more are cached."""
 
 
 def memory_chances(rows: Sequence[Array], order: Index, seed: int, alike: Sequence[Index]) -> Array:
-    """Chances (k, R) of rows that follow their neighbors in time as these do, if noise forgets.
+    """P-values (k, R) of rows that resemble their neighbors in time, if the noise has no memory.
 
     Parameters
     ----------
     rows : sequence of k (R, m, d) arrays
-        Whitened position residuals of R robots, or whatever else is asked.
+        Quantities to test for R robots, for example whitened position residuals.
     order : (m,) array
         Place of each row in time.
     seed : int
-        Of the permutations, which all share.
+        Seed of the permutations, which all robots share.
     alike : sequence of (k, c) arrays of int
-        Rows that may change places, as `memory.interchangeable` finds them.
+        Rows that may change places, from `memory.interchangeable`.
 
     References
     ----------
-    As `memory.memory_p`: T = sum of K_jk r_j'r_k over pairs of rows; rows that change places change
-    the kernel K as well, so that all robots meet one matrix of kernels by their products r_j'r_k.
+    As in `memory.memory_p`: T = sum of K_jk r_j'r_k over pairs of rows. Permuting rows is the same
+    as permuting the kernel K, so that one matrix of kernels, multiplied by the products r_j'r_k,
+    serves all robots.
     """
     m = rows[0].shape[1]
     j, k = np.triu_indices(m, 1)
@@ -53,13 +54,13 @@ def memory_chances(rows: Sequence[Array], order: Index, seed: int, alike: Sequen
 def _kernels(
     m: int, order: bytes, seed: int, alike: tuple[tuple[bytes, tuple[int, ...]], ...]
 ) -> Iterator[Array]:
-    """Kernels (c, pairs) of m rows: as they came, then in other orders, some at a time."""
+    """Kernels (c, pairs) of m rows in the order of time, then of permutations, block by block."""
     j, k = np.triu_indices(m, 1)
     kernel = np.exp(-np.arange(m) / KERNEL_ROWS)
     in_time = np.argsort(np.frombuffer(order, dtype=np.int64), kind="stable")
 
     def of(which: Index) -> Array:
-        """Of orders (c, m)."""
+        """Kernels (c, pairs) of orders (c, m)."""
         place = np.argsort(which, axis=1)
         return np.asarray(kernel[np.abs(place[:, j] - place[:, k])])
 
@@ -76,5 +77,5 @@ def _kernels(
 def _kept(
     m: int, order: bytes, seed: int, alike: tuple[tuple[bytes, tuple[int, ...]], ...]
 ) -> tuple[Array, ...]:
-    """The same, all of them."""
+    """All blocks of `_kernels`, cached."""
     return tuple(_kernels(m, order, seed, alike))

@@ -1,4 +1,4 @@
-"""The evidence for a misfit of many robots: rows turned together, and few systems of each."""
+"""Size of the hidden misfit of many robots: rows whitened together, one likelihood for each."""
 
 from typing import NamedTuple
 
@@ -15,13 +15,16 @@ class ManyMisfits(NamedTuple):
     """Sizes per axis [m]; see `misfit.HiddenMisfit`."""
 
     best: Array
-    """(R,) most likely; nan where the rows show nothing."""
+    """(R,) most likely size; nan if there are too few rows."""
     upper: Array
-    """(R,) upper limit; infinite where the rows show nothing."""
+    """(R,) upper limit; infinite if there are too few rows."""
 
 
 def misfits(seen: ManySights, gains: ManyGains, drop: float) -> ManyMisfits:
-    """What the position rows of each robot, identified from and held out, allow."""
+    """Sizes of misfit from the position rows of each robot, training and held-out together.
+
+    `drop` is the fall of the log-likelihood from its peak to the upper limit.
+    """
     parts = []
     for table in (seen.train, seen.test):
         N = table.covariance[:, :, :3, :3]

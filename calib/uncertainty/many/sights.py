@@ -1,7 +1,7 @@
-"""Many identified robots at their tables and targets: residuals and rows, as arrays over robots.
+"""Residuals and derivatives of many identified robots at their tables and targets, as arrays.
 
-All have the same numbers, free numbers and counts of poses; values, poses and priors are their own.
-What a prediction costs is paid once for the identified model and all it lacks.
+All robots have the same numbers, free numbers and counts of poses, but their own values, poses and
+priors. One prediction serves for the identified model and for all terms that it lacks.
 """
 
 from collections.abc import Sequence
@@ -28,28 +28,29 @@ UP = np.array([0.0, 0.0, 1.0])
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ManyRowsSeen:
-    """What R robots predict at m poses each."""
+    """Predictions of R robots at m poses each."""
 
     q: Array
-    """(R, m, n) joints [rad, m]."""
+    """(R, m, n) joint values [rad, m]."""
     residual: Array
-    """(R, m, r) seen minus predicted [m, rad]; r is six, of targets three."""
+    """(R, m, r) measured minus predicted [m, rad]; r is 6, or 3 for targets."""
     rows: Array
-    """(R, m, r, P) derivative by the numbers of the model."""
+    """(R, m, r, P) derivative of the prediction by the numbers of the model."""
     free: Array
-    """(R, m, r, f) the same by the free ones."""
+    """(R, m, r, f) its columns by the free numbers."""
     unheld: Array
-    """(R, m, r, k + 1) by what it has no number for: joint errors, then a foot that yields."""
+    """(R, m, r, k + 1) derivative by errors that the model lacks: k joint errors, then a foot that
+    yields."""
     covariance: Array
-    """(R, m, r, r) of the noise [m, rad]."""
+    """(R, m, r, r) covariance of the noise [m, rad]."""
     p: Array
     """(R, m, 3) predicted positions [m]."""
     tool: Array
-    """(R, m, 3, 3) axes of the tool there; zero of targets."""
+    """(R, m, 3, 3) axes of the tool at these poses; zero for targets."""
 
     @classmethod
     def of(cls, parts: Sequence[Array], free: Index) -> "ManyRowsSeen":
-        """From all fields but `free`, which are those by the numbers at places `free` (f,)."""
+        """From all fields but `free`, whose columns are those at places `free` (f,)."""
         q, residual, rows, *others = parts
         every = len(free) == rows.shape[3]
         return cls(q, residual, rows, rows if every else rows[..., free], *others)
@@ -57,7 +58,7 @@ class ManyRowsSeen:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ManySights:
-    """R identifications of one structure, with what they see."""
+    """R identifications of one structure, with their predictions."""
 
     fits: Sequence[Identification]
     free: Index
@@ -65,15 +66,15 @@ class ManySights:
     scale: Array
     """(f,) their column scale [m or rad]."""
     covariance: Array
-    """(R, f, f) of the estimates [m, rad]."""
+    """(R, f, f) covariance of the estimates [m, rad]."""
     precision: Array
     """(R, f, f) Lambda0 in scaled columns; zero without a prior."""
     train: ManyRowsSeen
-    """What was identified from."""
+    """Training rows."""
     test: ManyRowsSeen
-    """What was held out."""
+    """Held-out rows."""
     there: ManyRowsSeen
-    """Targets: residuals and noise are zero."""
+    """Targets, with zero residuals and noise."""
 
     def __len__(self) -> int:
         return len(self.fits)
@@ -85,10 +86,10 @@ def sights(
     tests: Sequence[Measurements],
     targets: Sequence[Array],
 ) -> ManySights:
-    """What robots alike in structure predict of their tables and of targets (t, n) [rad, m]."""
+    """Predictions of robots of one structure at their tables and at targets (t, n) [rad, m]."""
     first = fits[0]
     wide = lacking(first.model)
-    # springs that it lacks bend each robot's own geometry
+    # the loads of springs that the model lacks depend on the geometry of each robot
     own = wide.joint_errors.springs is first.model.joint_errors.springs
     if own and known_to_many(wide, (table.conditions for table in (*trains, *tests))):
         models = ManyModels.each(first.model, [fit.model for fit in fits]).widened(wide)
@@ -118,9 +119,9 @@ def _of_all(
     tests: Sequence[Measurements],
     targets: Sequence[Array],
 ) -> list[Sequence[Array]]:
-    """Fields of the three tables of robots with all that they lack, in few passes over arrays.
+    """Fields of the three tables of robots, in a few passes over arrays.
 
-    Those of their numbers (P,) that are `held` they do not lack.
+    `held` (P,) marks the numbers that the identified models have; the others are lacking.
     """
     R, every = len(models), np.arange(models.like.n_numbers)
 
@@ -157,13 +158,13 @@ def _of_all(
 def _of_one(
     model: RobotModel, train: Measurements, test: Measurements, targets: Array
 ) -> list[tuple[Array, ...]]:
-    """Fields of the three tables of one robot: all its joints in one pass."""
+    """Fields of the three tables of one robot, if possible in one pass over all of its poses."""
     wide = lacking(model)
     held = np.isin(wide.names, model.names)
     own, more = np.flatnonzero(held), np.flatnonzero(~held)
     rows = ((train.q, train.conditions), (test.q, test.conditions), (targets, AS_USUAL))
     if wide.joint_errors.springs is None and all(t.is_wave for t in wide.joint_errors.terms):
-        # whatever rows say: all of them in one pass
+        # waves do not depend on operating conditions, so all rows go in one pass
         poses = wide.poses_and_jacobian(np.concatenate([q for q, _ in rows]))
         edges = np.cumsum([len(train), len(test)])
         parts = list(zip(*(np.split(each, edges) for each in poses), strict=True))
@@ -185,7 +186,7 @@ def _of_one(
 def alike(
     fit: Identification, train: Measurements, test: Measurements, probability: float
 ) -> tuple[object, ...] | None:
-    """What robots must have in common to go together; None for one that goes alone."""
+    """Key that is equal for robots that can be judged together; None for one judged alone."""
     tables = (train, test)
     plain = (
         fit.status is Status.CONVERGED
@@ -201,16 +202,16 @@ def alike(
     believed = None if fit.prior is None else fit.prior.names
     poses = train.pose_id.tobytes(), test.pose_id.tobytes()
     springs = fit.model.joint_errors.springs
-    # by which `lacking` offers them the same
+    # what decides which terms `lacking` adds
     quarters = gravity_quarters(replace(fit.model.chain, T_flange_tool=np.eye(4)))
     kind = springs and springs.kind
-    # springs that they have not are those that gravity loads as each of them stands
+    # springs that `lacking` adds are those that gravity loads, which depends on the mounting
     lacked = lacking(fit.model).names if quarters is None and springs is None else ()
     return fit.model.names, free.tobytes(), believed, poses, quarters, kind, lacked
 
 
 def _plain(table: Measurements) -> bool:
-    """Whether a table holds poses of the chain's tool alone, each once, from the one station."""
+    """Whether a table has only full poses of the chain's tool from one station, each once."""
     return bool(
         table.is_pose.all()
         and not table.station.any()
