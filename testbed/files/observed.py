@@ -185,6 +185,10 @@ def _stated(table: DataTable, section: FramesTable) -> tuple[Stated, Columns]:
 def _positions(table: DataTable, section: ObservedTable) -> tuple[Array, Columns]:
     """Positions (m, 3) [m], Cartesian or polar or from a target, and their columns."""
     found = table.find("length", "x", "y", "z")
+    clockwise = isinstance(section, PointsTable) and section.azimuth == "clockwise"
+    if clockwise and (found or not table.find("length", "range")):
+        message = 'azimuth = "clockwise" is of polar readings, and these are none'
+        raise refusal(table.where, "points.azimuth", message, fix="take it out")
     if found:
         return table.values(found), found
     away = table.find("length", *(f"difference_{axis}" for axis in "xyz"))
@@ -205,6 +209,7 @@ def _positions(table: DataTable, section: ObservedTable) -> tuple[Array, Columns
         )  # fmt: skip
     used = together(reach, azimuth, height)
     r, a, e = table.values(used).T
+    a = -a if clockwise else a
     return polar(r, a, e if up else np.pi / 2 - e), used
 
 

@@ -255,7 +255,7 @@ def _decimal_mark(table: DataTable, in_doubt: str) -> str:
     for name in numeric:
         for row, cell in enumerate(table.texts(name)):
             marks = cell.count(","), cell.count(".")
-            if sum(marks) > 1 or (GROUPED.search(cell) and any(c.isdigit() for c in cell)):
+            if sum(marks) > 1 or (GROUPED.search(cell) and "°" not in cell):
                 raise refusal(
                     table.place(row), name,
                     f'{table.names[name]} is "{cell[:40]}", which has thousands marks',

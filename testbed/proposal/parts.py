@@ -13,6 +13,7 @@ from testbed.proposal.data import Document, Found, Part
 from testbed.proposal.exports import exported_parts
 from testbed.proposal.layouts import layouts
 from testbed.proposal.names import Meaning, targets_in_a_row, turns_of_letters, without_unit
+from testbed.proposal.polar.parts import is_polar, polar_ways
 from testbed.proposal.sizes import by_size, signed
 
 TARGET = ("command_x", "command_y", "command_z")
@@ -74,7 +75,7 @@ def seen_parts(look: Found, own: tuple[int, ...]) -> Iterator[Part]:
                     yield look, keys, (*layout.said, *notes), layout.name
     elif look.kind == "table":
         stems = look.stems
-        polar = look.has("range", "azimuth") and (look.has("elevation") or look.has("zenith"))
+        polar = is_polar(look)
         measured, parted = look.has(*"xyz"), look.has(*TARGET, *DIFFERENCE)
         names = tuple("xyz") if measured else (*TARGET, *DIFFERENCE) if parted and not polar else ()
         place = {stem: stems[stem].theirs for stem in names}
@@ -91,8 +92,10 @@ def seen_parts(look: Found, own: tuple[int, ...]) -> Iterator[Part]:
                 (),
             )
             more = _more(look) | _drives(look, n)
-            for keys, notes in _readings(look, place, turns, more):
-                yield look, keys, notes, ""
+            for columns, extra, said in [({}, {}, ())] if place else polar_ways(look):
+                for keys, notes in _readings(look, place, turns, more | columns):
+                    if not (turns and extra):  # a frame of clockwise angles is none
+                        yield look, keys | extra, (*said, *notes), ""
         if not place and not polar:
             yield from _targets(look, n)
         if look.has("distance") and not polar and (not place or look.has("anchor")):

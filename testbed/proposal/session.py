@@ -171,8 +171,8 @@ def _proposed(looks: tuple[Found, ...], robot: Robot | None, root: Path) -> Prop
             raise unnamed(nameless[0])
         if angles := [name for one in looks for name in one.head if is_angle(name)]:
             fix = (
-                f"export the X Y Z of the same points from the instrument's software: directions "
-                f"and ranges ({', '.join(angles[:6])}) are not read"
+                f"beside {', '.join(angles[:6])}, name one azimuth, one elevation (or zenith "
+                "angle) and one range, or export the X Y Z of the same points"
             )
         if wished:
             fix = f"{', '.join(wished[:6])} are targets or differences: give what was measured"

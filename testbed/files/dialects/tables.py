@@ -99,6 +99,9 @@ class PointsTable(OpticalTable):
     kind = "point"
     names: Annotated[int, Field(ge=0, le=3)] | None = None
     """For format = "sa": fields of each line before the coordinates."""
+    azimuth: Literal["counterclockwise", "clockwise"] = "counterclockwise"
+    """Of polar readings: which way azimuth_deg ... grows, seen from above; surveyors count
+    clockwise."""
     differences: Literal["measured - target", "target - measured"] = "measured - target"
     """What columns difference_x_mm ... are, where a table has command_x_mm ... in place of x_mm."""
     after: tuple[Name, ...] = ()
@@ -109,6 +112,13 @@ class PointsTable(OpticalTable):
     """Where a row holds several targets: the file's columns of x, y and z of each, in `length`."""
     reflectors_mm: dict[Name, Place] = Field(default_factory=dict)
     """Place of each target in the tool frame, or "free" where it is to be identified."""
+
+    @model_validator(mode="after")
+    def _own_direction(self) -> "PointsTable":
+        """An export of Spatial Analyzer says itself what its angles are."""
+        if self.format == "sa" and self.azimuth != "counterclockwise":
+            raise ValueError('azimuth is of tables, not of format = "sa"')
+        return self
 
 
 class RangesTable(ObservedTable):

@@ -245,10 +245,10 @@ def test_nothing_is_written_over_another_or_where_nothing_is_understood(tmp_path
     said = refused(tmp_path, folder / "a.csv")
     assert "has no column known as a reading; columns X Y Z" in said
     assert "x_t, x_dif are targets or differences: give what was measured" in said
-    (folder / "polar.csv").write_text("joint_1,Hz [gon],V [gon],D [mm]\n1,20,100,3000\n")
+    (folder / "polar.csv").write_text("joint_1,Hz [gon],D [mm]\n1,20,3000\n")
     said = refused(tmp_path, folder / "polar.csv")
     assert "export the X Y Z of the same points" in said
-    assert "ranges (Hz [gon]) are not read" in said
+    assert "beside Hz [gon], name one azimuth" in said
     (folder / "b.csv").write_text("1,2,3,4,5,6,7,8,9\n")
     assert "has no line that names its columns, but a.csv has" in refused(
         tmp_path, file, folder / "b.csv"
