@@ -141,13 +141,13 @@ def order_words(plan: Plan) -> str:
 
 
 def reach_warnings(plan: Plan) -> tuple[str, ...]:
-    """A warning where the statement will not reach the goal."""
+    """A warning where the statement will not reach much of the goal."""
     seen = plan.foresight.applies
     if seen is None or seen.reaches:
         return ()
     share = percent(float((seen.place == "outside").mean()))
     return (
-        f"Warning: the statement will not reach the goal: at {share} of its postures unmodelled "
+        f"Warning: the statement will not reach {share} of the goal's postures: there unmodelled "
         f"errors or noise have more than {REFUSED:g} times the variance that they have at the "
         "held-out poses; let the tracker see the goal, so that 20 poses can be held out there",
     )
@@ -162,7 +162,7 @@ def reach_words(plan: Plan) -> tuple[str, ...]:
             "No pose is held out: where the statement will hold is unknown, and nothing guards it; "
             f"write held_out = {least + 1}",
         )
-    said = [_where(seen, plan.nominal.chain.kinds)] if seen.reaches else []
+    said = [_where(seen, plan.nominal.chain.kinds)]
     if count < least:
         said.append(
             f"{counted(count, 'held-out pose')} cannot guard the factor of the statement; "

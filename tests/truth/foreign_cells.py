@@ -223,9 +223,8 @@ def figures(size, judgement, fit, at, points, moves, target):
     scores = mahalanobis_squared(points - best.position, best.covariance)
     best = replace(best, factor=float(np.sqrt(np.quantile(scores, 0.95))))
     slow = judgement.drifting
-    kept = inside if applies.reaches else np.zeros_like(inside)
     return Told(
-        believed=float(region.holds(points)[kept].mean()) if kept.any() else np.nan,
+        believed=float(region.holds(points)[inside].mean()) if inside.any() else np.nan,
         alone=float(alone.holds(points).mean()),
         move=float(move.holds(moves).mean()),
         move_in_mean=float(region.holds(moves).mean()),

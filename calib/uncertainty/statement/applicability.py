@@ -39,7 +39,7 @@ ON_STEP = 0.02
 """Share of a step within which a value stands on it: an error that repeats with the steps then
 changes by an eighth of its amplitude at most."""
 MOST_OUTSIDE = 0.25
-"""Share of a set's poses outside above which the statement does not reach the set."""
+"""Share of a set's poses outside above which the statement does not reach the set as a whole."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -73,7 +73,10 @@ class Applicability(Shown):
 
     @property
     def reaches(self) -> bool:
-        """Whether the statement reaches the set: at most `MOST_OUTSIDE` of it lies outside."""
+        """Whether the statement reaches the set as a whole: `MOST_OUTSIDE` at most lies outside.
+
+        Each target inside has its region whatever the others are.
+        """
         return bool((self.place == "outside").mean() <= MOST_OUTSIDE) if len(self.place) else True
 
 

@@ -50,7 +50,7 @@ def statement_at(calibration: Calibration, program: ProgramResult) -> TargetStat
     elif point.any() or places_are_found(calibration.measurements):
         belief, point = of_file_tool(belief, calibration), np.zeros(3)
     departed = np.zeros(len(program.q), np.bool_) if program.departed is None else program.departed
-    decidable = (reach.place != "outside") & ~departed & reach.reaches
+    decidable = (reach.place != "outside") & ~departed
     stated = decidable & program.corrected
     place = np.where(program.corrected, np.where(departed, "outside", reach.place), NOT_CORRECTED)
     unsaid = unsaid_spread(belief.model, program.q, program.at, seen_by(calibration), point)
@@ -141,8 +141,6 @@ def _why(calibration: Calibration, reach: Applicability, program: ProgramResult)
         told += [text] if text else []
         if program.departed is not None and program.departed[k]:
             told.append(program.conditions[k])
-        if not reach.reaches:
-            told.append("too many targets of this program lie outside what was proven")
         out.append("; ".join(told))
     return tuple(out)
 
@@ -180,12 +178,9 @@ def target_words(found: TargetStatement) -> tuple[str, ...]:
         said.append(place_words(found.place[which], one, many, [names[k] for k in which]))
     if left.any():
         said.append(f"no radius is stated at {counted(int(left.sum()), 'target')} left as written")
-    if not found.reaches:
-        said.append(
-            f"nothing can be stated there, as {outside} of {m} targets lie outside: {MEASURE}"
-        )
-    elif outside:
-        said.append("no region is stated outside")
+    if outside:
+        most = f", where {outside} of {m} targets lie: {MEASURE}"
+        said.append("no region is stated outside" + ("" if found.reaches else most))
     if n:
         text = f"R95 (3-D radius, 95 %) of the mean is {_span(found.radius_mean[found.stated])} um"
         if len(found.radius_move):

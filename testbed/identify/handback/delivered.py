@@ -32,7 +32,7 @@ class TargetStatement:
     decidable: Annotated[Bool, "m"]
     """(m,) whether it has a region: what an uncorrected one misses can be decided on as well."""
     reaches: bool
-    """Whether the statement reaches the program: not too many of its targets lie outside."""
+    """Whether the statement reaches the program as a whole: not too many targets lie outside."""
     why: tuple[str, ...]
     """(m,) what grows or refuses the region; empty where nothing does."""
     before: Conformity | None

@@ -194,7 +194,7 @@ def believed_where(applies: Applicability, measured: MeasuredRobot) -> Bool:
     count = len(measured.true)
     data, there = (Conditions(payload=np.full(count, load)) for load in measured.use.payload)
     other = departure(data, there, count).outside
-    return np.asarray((applies.place != "outside") & applies.reaches & ~other)
+    return np.asarray((applies.place != "outside") & ~other)
 
 
 def judge_model(found: Identification, measured: MeasuredRobot, level: float) -> dict[str, Any]:

@@ -26,6 +26,7 @@ from testbed.report.page import Table
 from testbed.robots.catalog import load_robot
 from testbed.scenario.read import changed
 from testbed.studies import load_scenario
+from testbed.units import NARROW
 from tests.planned import QUICK, ROBOT, legs, quick_plan, scenario
 from tests.reported import VERSIONS, read
 from tests.testbed.robots.described_cases import ARMS
@@ -176,8 +177,10 @@ def test_a_goal_that_the_statement_will_not_reach_is_warned_of():
     assert not made.foresight.applies.reaches
     page = " ".join(read(plan_report_html(made, ROBOT, versions=VERSIONS)).text)
     document = plan_numbers(made, ROBOT)["applies"]
+    share = f"{100 * document['share_outside']:.0f} %"
     for said in (" ".join(terminal_text(made).split()), page, *document["sentences"][:1]):
-        assert "Warning: the statement will not reach the goal" in said
+        words = said.replace(NARROW, " ")
+        assert f"Warning: the statement will not reach {share} of the goal's postures" in words
     assert document["reaches"] is False
     assert document["share_outside"] > 0.25
 

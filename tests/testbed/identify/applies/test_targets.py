@@ -114,20 +114,30 @@ def test_the_true_point_of_a_corrected_target_lies_within_the_stated_radius(tmp_
     assert (np.linalg.norm(true - nominal, axis=1) < made.targets.radius_mean).mean() > 0.9
 
 
-def test_a_program_that_the_statement_does_not_reach_has_no_region(tmp_path):
+def test_a_program_mostly_outside_keeps_the_regions_of_its_targets_inside(tmp_path):
+    """What is stated of a target does not depend on the others: moved away, they change nothing."""
     found = narrow()
-    away = many()[:8].copy()
-    away[:, 2] = -2.2 - 0.01 * np.arange(8)  # the other elbow
-    away[:, 0] = 2.9
-    made, table = delivered(found, away, tmp_path)
-    told = " ".join(target_words(made.targets))
-    assert "of 8 targets of the program, 0 lie inside what was proven" in told
-    if not made.targets.reaches:
-        assert "nothing can be stated there" in told
-        assert "measure 20 poses there" in told
-        assert not any(row["R95_mean_um"] for row in table)
-        assert all(row["why"].startswith("no region: ") for row in table)
-        assert made.targets.before is None
+    q = np.random.default_rng(2).uniform(*robot().limits.T, (200, 6))
+    q = q[np.abs(q[:, 4]) > 0.5]  # a wrist that is not stretched out, so that all are corrected
+    away = q[found.proof.belief.proven.applies(q).place == "outside"][:7]
+    made, table = delivered(found, np.concatenate([many()[:3], away]), tmp_path)
+    (tmp_path / "alone").mkdir()
+    alone, _ = delivered(found, many()[:3], tmp_path / "alone")
+    assert made.targets.place.tolist() == ["inside"] * 3 + ["outside"] * 7
+    assert made.targets.stated.tolist() == [True] * 3 + [False] * 7
+    np.testing.assert_allclose(
+        made.targets.radius_mean[:3], alone.targets.radius_mean, rtol=1e-12
+    )  # to rounding
+    assert [bool(row["R95_mean_um"]) for row in table] == made.targets.stated.tolist()
+    assert all(row["why"].startswith("no region: ") for row in table[3:])
+    assert (made.targets.reaches, alone.targets.reaches) == (False, True)
+    told = target_words(made.targets)
+    assert told[0].startswith("of 10 targets of the program, 3 lie inside what was proven")
+    assert told[1].startswith("no region is stated outside, where 7 of 10 targets lie: measure 20")
+    assert told[2].endswith("at 3 of 10 targets") or "at 3 of 10 targets; it grows" in told[2]
+    # decided as well: the tolerance is kept or not whatever else the program has
+    assert len(made.targets.after.outcome) == 3
+    assert [row["decision"] for row in table[3:]] == ["undecided"] * 7
 
 
 def test_a_target_left_as_written_has_no_radius_but_what_it_misses(tmp_path):
