@@ -26,6 +26,8 @@ from testbed.scenario.systematic import SystematicTable
 from testbed.scenario.tolerance import Decision
 from testbed.scenario.tool_in_use import ToolInUse
 
+APPLICATIONS = (".dtx", ".pgx")
+"""Endings of the Data and programs of VAL3, which are XML."""
 Record = TypeVar("Record", bound=Any)
 
 
@@ -259,6 +261,6 @@ def text_of(path: Path, where: str, *, sheet: str | None, max_mb: float) -> File
     if sheet is not None:
         message, fix = f'has no sheet "{sheet[:40]}": it is not a workbook', "remove the key sheet"
         raise refusal(where, "sheet", message, code="S37", fix=fix)
-    text = read_text(path, where, max_mb=max_mb)
+    text = read_text(path, where, max_mb=max_mb, markup=path.suffix.lower() in APPLICATIONS)
     require_no_program(text.lines, where, read=tuple(READERS))
     return text

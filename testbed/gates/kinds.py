@@ -47,20 +47,27 @@ PROGRAMS = {
         re.compile(r"\s*(/(PROG|ATTR|MN|POS)\b|P\[\d+[^\]]{0,99}\]\s*\{)"),
     ),
     "inform": ("an INFORM job (Yaskawa)", re.compile(r"\s*/(JOB|/NAME|/POS)\b")),
+    "doosan": ("a DRL program (Doosan)", re.compile(r".*\bpos[jx]\s*\(")),
+    "kawasaki": (
+        "an AS program (Kawasaki)",
+        re.compile(r"\s*(\.(PROGRAM|JOINTS|TRANS)\b|[JL]MOVE\s+#?\w|POINT\s+#)", re.IGNORECASE),
+    ),
     "urscript": (
         "a URScript program (Universal Robots)",
         re.compile(r"\s*(def\s+\w+\s*\(.*\)\s*:|move[jlpc]\s*\(\s*(p?\[|get_))"),
     ),
     "val3": (
         "a VAL3 program (Stäubli)",
-        re.compile(r"\s*(program\s+\w+\s*\(|begin\s*$|move[jlc]\s*\(\s*\w)"),
+        re.compile(
+            r"\s*(program\s+\w+\s*\(|begin\s*$|move[jlc]\s*\(\s*[\w{]|.*<(Database|Program)\b)"
+        ),
     ),
 }
 """What a program of a robot is called, and a line of one, among its first ones."""
 FIRST = 20
 AS_TABLE = (
     "write its joint targets as a CSV, one a line, under a line q1_deg, q2_deg ...; `truebed new "
-    "session` reads those of RAPID, KRL, TP (.ls) and URScript as they are"
+    "session` reads those of RAPID, KRL, TP (.ls), URScript, DRL, AS, INFORM and VAL3 as they are"
 )
 OF_SESSIONS = {
     "joints", "frames", "points", "ranges", "drift", "dialect", "match", "session", "cycles",

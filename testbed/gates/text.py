@@ -34,6 +34,7 @@ EMPTY = " \t\r\f\v,;"
 """What a line without content may hold."""
 ERROR = re.compile(r'\s*"?#(N/A|NV|[A-Z]+/0!|[A-Z]+!|NAME\?)"?\s*([,;\t]|$)')
 """A first cell in which a spreadsheet could compute nothing: that line is no comment."""
+XML = b"<?"
 FOREIGN = (
     (b"PK\x03\x04", "an archive or a workbook (zip, npz, xlsx)"),
     (b"\x1f\x8b", "a gzip archive"),
@@ -46,7 +47,7 @@ FOREIGN = (
     (b"\x89HDF", "an HDF5 or MATLAB file"),
     (b"\xd0\xcf\x11\xe0", "an old Excel workbook"),
     (b"%PDF", "a PDF"),
-    *((first, "a page of HTML or XML") for first in (b"<!", b"<?", b"<html", b"<HTML")),
+    *((first, "a page of HTML or XML") for first in (b"<!", XML, b"<html", b"<HTML")),
 )
 """First bytes of what is no text, and what to call it."""
 
@@ -89,10 +90,13 @@ class FileText:
         ]
 
 
-def read_text(path: Path, where: str, *, max_mb: float = MAX_MB, larger: str = LARGER) -> FileText:
+def read_text(
+    path: Path, where: str, *, max_mb: float = MAX_MB, larger: str = LARGER, markup: bool = False
+) -> FileText:
     """Lines of a text file, refused unread if it is too large or no text.
 
-    `larger` is what to do with a file of more than `max_mb`.
+    `larger` is what to do with a file of more than `max_mb`; `markup` is whether XML is taken as
+    the text that it is.
 
     Raises
     ------
@@ -105,7 +109,7 @@ def read_text(path: Path, where: str, *, max_mb: float = MAX_MB, larger: str = L
     if wide:
         data = _narrow(data, wide, where)
     for first, name in FOREIGN:
-        if data.startswith(first):
+        if data.startswith(first) and not (markup and first == XML):
             raise _refused(
                 where, f"is {name}", code="M36" if "archive" in name else "S39", value=name,
                 allowed="measurements are read from text only, and nothing is unpacked",

@@ -91,7 +91,7 @@ REFUSED = {
     "a list that is filled": (
         ["def a():", "q=[0,0,0,0,0,0]", "q[1]=3", "movej(q)"], "q gets another value"
     ),
-    "another language": (["program a()", "begin"], "is a VAL3 program (Stäubli)"),
+    "nothing": (["program a()", "begin"], "has no joint target"),
 }  # fmt: skip
 
 

@@ -1,0 +1,86 @@
+"""Joint targets of a DRL program (Doosan): ``movej(posj(0, -10, ...), v=30, a=30)``, in degrees."""
+
+import re
+
+from testbed.files.dialects.controllers.targets import JointList, Program, Target
+from testbed.files.refusal import refusal
+from testbed.gates.text import FileText
+
+NUMBER = re.compile(r"\s*[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?\s*")
+JOINTS = re.compile(r"(?:posj\s*\(\s*)?\[([^\[\]()]*)\]\s*\)?|posj\s*\(([^\[\]()]*)\)")
+GIVEN = re.compile(r"\s*(?:global\s+)?(\w+)(\[[^\]]{0,20}\])?\s*=(?!=)\s*(.*)")
+MOVED = re.compile(r"(?:^|[\s;:])(a?move\w{1,2}|servo[jl])\s*\((?:\s*pos\s*=)?\s*(.*)")
+TO_JOINTS = ("movej", "amovej")
+POSES = re.compile(r"posx\s*\(|get_|trans\s*\(|fkin\s*\(")
+BY_DIFFERENCE = re.compile(r"DR_MV_MOD_REL|\bmod\s*=\s*1\b")
+MODE = 4
+"""Place behind the target at which a call without names of its arguments says how it moves."""
+FEWEST = 4
+"""Joints of a robot; shorter lists are something else."""
+TAUGHT = "movej(posj(0, -10, 80, 0, 90, 0), v=30, a=30)"
+
+
+def is_doosan(text: FileText) -> bool:
+    """Whether some line of a text has joints as this language alone writes them."""
+    return any(re.search(r"\bposj\s*\(", line) for line in text.lines)
+
+
+def read_doosan(text: FileText) -> JointList:
+    """Joints of the calls of movej, or of what gets a name.
+
+    Raises
+    ------
+    InputError
+        M35: joints are computed, or a move goes by a difference; what `Program.joints` refuses.
+    """
+    program = Program(text, TAUGHT)
+    for number, whole in text.content("#"):
+        line = whole.partition("#")[0]
+        if (move := MOVED.search(line)) is not None:
+            _move(program, number, move[1], move[2])
+        elif (own := GIVEN.match(line)) is not None:
+            name, part, value = own.groups()
+            axes = _axes(value) if part is None else ()
+            if axes:
+                program.declare(Target(number, name, axes))
+            elif part is None and POSES.match(value):
+                program.tool.setdefault(name.lower(), number)
+            else:
+                program.again.setdefault(name.lower(), number)
+    return program.joints()
+
+
+def _move(program: Program, number: int, verb: str, to: str) -> None:
+    """A call of movej; the other ones go to a position of the tool, or through several joints."""
+    name, listed = re.match(r"(\w+)\s*(?=[,)])", to), JOINTS.match(to)
+    target = name or listed
+    beside = to[target.end() :].strip(" ,)").split(",") if target is not None else []
+    if verb not in TO_JOINTS or POSES.match(to):
+        program.aside.append(number)
+    elif BY_DIFFERENCE.search(to) or [one.strip() for one in beside[MODE : MODE + 1]] == ["1"]:
+        raise refusal(
+            program.place(number), "joints",
+            f"{verb} moves by a difference: from where, only the running program knows",
+            fix=f"write the joints that it comes to: {TAUGHT}",
+        )  # fmt: skip
+    elif name is not None:
+        program.move_to(number, name[1])
+    elif axes := _axes(to):
+        program.moves.append(Target(number, "", axes))
+    else:
+        raise refusal(
+            program.place(number), "joints",
+            f"{verb} is given what is computed: its joints only the running program knows",
+            fix=f"write them as numbers: {TAUGHT}",
+        )  # fmt: skip
+
+
+def _axes(value: str) -> tuple[str, ...]:
+    """Joints [deg] of posj(...), or of a list of numbers; empty where it is another."""
+    found = JOINTS.match(value)
+    if found is None or re.match(r"\s*[-+*/]", value[found.end() :]):
+        return ()
+    cells = (found[1] or found[2] or "").split(",")
+    if len(cells) < FEWEST or not all(map(NUMBER.fullmatch, cells)):
+        return ()
+    return tuple(map(str.strip, cells))

@@ -1,0 +1,89 @@
+"""Joint targets of an AS program (Kawasaki): ``JMOVE #p1``, and ``#p1 0 -10 ...`` below .JOINTS."""
+
+import re
+
+from testbed.files.dialects.controllers.targets import JointList, Program, Target
+from testbed.files.refusal import refusal
+from testbed.gates.text import FileText
+
+NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
+CELL = re.compile(rf"\s*{NUMBER}\s*")
+NAME = r"[A-Za-z]\w*(?:\[[^\]]{0,20}\])?"
+LISTED = re.compile(rf"\s*#({NAME})((?:[\s,]+{NUMBER}){{4,20}})\s*$")
+PLACE = re.compile(rf"\s*({NAME})(?:[\s,]+{NUMBER}){{6,20}}\s*$")
+SECTION = re.compile(r"\s*\.([A-Z]+)\b", re.IGNORECASE)
+PARTS = ("PROGRAM", "JOINTS", "TRANS")
+POINT = re.compile(rf"\s*(?:POINT|HERE)\s+#({NAME})\s*(?:=\s*(.*))?$", re.IGNORECASE)
+JOINTS = re.compile(r"\s*#PPOINT\s*\(([^()]*)\)\s*(?:,.*)?$", re.IGNORECASE)
+MOVED = re.compile(
+    r"\s*(?:\d{1,6}\s+)?([JLHX]MOVE|C[12]MOVE|[JL]APPRO|[JL]DEPART|T?DRAW|DRIVE|HOME2?)\b(.*)",
+    re.IGNORECASE,
+)
+TO_JOINTS = ("JMOVE", "LMOVE", "HMOVE")
+TAUGHT = "#p1 0 -10 80 0 90 0 below .JOINTS"
+
+
+def is_kawasaki(text: FileText) -> bool:
+    """Whether a text has parts that this language names, or lists joints in each of its lines."""
+    lines = [line for _, line in text.content(";")]
+    named = any((part := SECTION.match(line)) and part[1].upper() in PARTS for line in lines)
+    return named or (bool(lines) and all(map(LISTED.match, lines)))
+
+
+def read_kawasaki(text: FileText) -> JointList:
+    """Joints of the moves of a program, or of all that it lists.
+
+    Raises
+    ------
+    InputError
+        M35: joints are computed; what `Program.joints` refuses.
+    """
+    program, moves, section = Program(text, TAUGHT), list[tuple[int, str]](), ""
+    for number, whole in text.content(";"):
+        line = whole.partition(";")[0]
+        if (listed := LISTED.match(line)) is not None:
+            program.declare(Target(number, listed[1], tuple(re.findall(NUMBER, listed[2]))))
+        elif (begun := SECTION.match(line)) is not None:
+            section = begun[1].upper()
+        elif (own := POINT.match(line)) is not None:
+            _point(program, number, own[1], own[2] or "")
+        elif (move := MOVED.match(line)) is not None:
+            if move[1].upper() in TO_JOINTS and move[2].lstrip().startswith("#"):
+                moves.append((number, move[2].strip()))
+            else:
+                program.aside.append(number)
+        elif section == "TRANS" and (place := PLACE.match(line)) is not None:
+            program.tool.setdefault(place[1].lower(), number)
+    for number, to in moves:  # joints are listed behind the program
+        _move(program, number, to)
+    return program.joints()
+
+
+def _point(program: Program, number: int, name: str, value: str) -> None:
+    """A name that gets joints, in numbers or otherwise."""
+    if axes := _axes(value):
+        program.declare(Target(number, name, axes))
+    else:
+        program.again.setdefault(name.lower(), number)
+
+
+def _move(program: Program, number: int, to: str) -> None:
+    """A move to joints that have a name, or stand there."""
+    name = re.fullmatch(rf"#({NAME})\s*(?:,.*)?", to)
+    if axes := _axes(to):
+        program.moves.append(Target(number, "", axes))
+    elif name is not None:
+        program.move_to(number, name[1])
+    else:
+        raise refusal(
+            program.place(number), "joints",
+            "moves to what is computed: its joints only the running program knows",
+            fix=f"write them as numbers: {TAUGHT}",
+        )  # fmt: skip
+
+
+def _axes(value: str) -> tuple[str, ...]:
+    """Joints [deg] of #PPOINT(...); empty where it is another, or not all are numbers."""
+    found = JOINTS.match(value)
+    cells = found[1].split(",") if found is not None else []
+    return tuple(map(str.strip, cells)) if all(map(CELL.fullmatch, cells)) else ()
