@@ -37,19 +37,18 @@ def clusters(result: CycleResult) -> str:
     RP = [result.of("RP")[e].value * UM for e in entries]
     reach = 1.25 * max(*RP, *(float(np.abs(_about(visits.position[e])).max()) for e in entries))
     n = len(entries)
-    with drawing(2, n, height=3.4, width=min(7.1, 1.9 + 1.42 * n), sharex=True, sharey=True) as (
+    width = min(7.1, 1.9 + 1.42 * n)
+    with drawing(2, n, height=3.4, width=width, pairs=True, sharex=True, sharey=True) as (
         figure, axes,
     ):  # fmt: skip
-        for column, (e, radius) in enumerate(zip(entries, RP, strict=True)):
+        for k, (e, radius) in enumerate(zip(entries, RP, strict=True)):
             x = _about(visits.position[e])
             toward = (visits.command[e] - visits.position[e].mean(axis=0)) * UM
-            for row, j in enumerate((1, 2)):
-                ax = axes[row * n + column]
+            views = axes[2 * k : 2 * k + 2]
+            for ax, j in zip(views, (1, 2), strict=True):
                 _cluster(ax, x[:, [0, j]], radius, toward[[0, j]], reach)
-                if column == 0:
-                    ax.set_ylabel(f"{'xyz'[j]} [um]".replace("um", "µm"))
-            axes[column].set_title(_short(visits.names[e]))
-            axes[n + column].set_xlabel("x [µm]")
+                _name_axes(ax, views[0], "xyz"[j])
+            views[0].set_title(_short(visits.names[e]))
         axes[0].set_xlim(-reach, reach)
         axes[0].set_ylim(-reach, reach)
         legend_entries(
@@ -72,6 +71,17 @@ def clusters(result: CycleResult) -> str:
 def _about(position: Array) -> Array:
     """Readings (n, 3) about their mean [um]."""
     return np.asarray((position - position.mean(axis=0)) * UM)
+
+
+def _name_axes(ax: "Axes", upper: "Axes", name: str) -> None:
+    """Names where no panel to the left or below has the same; views may stand side by side."""
+    place, first = ax.get_subplotspec(), upper.get_subplotspec()
+    assert place is not None  # panels of a drawing
+    assert first is not None
+    if place.is_first_col() or place.colspan != first.colspan:
+        ax.set_ylabel(f"{name} [µm]")
+    if place.is_last_row():
+        ax.set_xlabel("x [µm]")
 
 
 def _short(name: str, most: int = 16) -> str:

@@ -7,6 +7,7 @@ from testbed.iso9283.plots import FEW, clusters, drawn, drift_picture, factor_of
 from testbed.iso9283.records import CycleResult, StatedFigure
 from testbed.report.page import Figure as Drawing
 from testbed.report.page import Section, Table
+from testbed.report.svg import on_phone
 from testbed.units import counted, probability, significant
 
 MOST_ROWS = 60
@@ -52,10 +53,11 @@ def pose_section(result: CycleResult) -> Section | None:
     which = "" if count == len(visits.names) else f" The {count} poses that scatter most."
     thinned = f" At most {2 * FEW} cycles, evenly spread, are drawn." * (visits.cycles > 2 * FEW)
     picture = Drawing(
-        "Readings of each pose about their barycenter: upper row seen from above (x, y), lower row "
-        f"from the side (x, z).{which} An arrow that ends at the edge points to a command "
-        f"outside the picture.{thinned}",
+        "Readings of each pose about their barycenter, seen from above (x, y) and from the side "
+        f"(x, z).{which} An arrow that ends at the edge points to a command outside the picture."
+        f"{thinned}",
         clusters(result),
+        phone=on_phone(clusters, result),
     )
     return Section("poses", "Poses", (table, picture))
 
@@ -154,6 +156,7 @@ def drift_section(result: CycleResult) -> Section | None:
         "AP and RP of each block of ten cycles. Dark: the pose whose change is least likely to be "
         "chance.",
         drift_picture(result.drifts),
+        phone=on_phone(drift_picture, result.drifts),
     )
     return Section("drift", "Drift", (table, picture))
 
@@ -180,10 +183,10 @@ def path_sections(result: CycleResult) -> list[Section]:
             f"by using 1 - 0.025/{len(shown.command)} for each point.{how}",
         )
         picture = Drawing(
-            f"Left: commanded path, mean path and the tube of RT, errors magnified "
-            f"{factor_of(shown)} times. Right: distance of the mean path from the command, and RT, "
-            "at each point.",
+            f"Commanded path, mean path and the tube of RT, errors magnified {factor_of(shown)} "
+            "times; and the distance of the mean path from the command, and RT, at each point.",
             path_picture(shown),
+            phone=on_phone(path_picture, shown),
         )
         sections.append(Section(f"path-{k + 1}", f"Path {shown.name}", (table, picture)))
     return sections

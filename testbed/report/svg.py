@@ -13,8 +13,9 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 INK, SOFT, FAINT = "#1a1a1a", "#6b6b6b", "#c4c4c4"
-DARK, MIDDLE, LIGHT = "#0072b2", "#d55e00", "#e8a33d"
-"""Blue, vermilion, amber (Okabe and Ito 2008): told apart by all eyes, in gray by marker."""
+DARK, MIDDLE, LIGHT = "#0072b2", "#a63a00", "#c58600"
+"""Blue, vermilion, amber: Okabe and Ito's hues (2008), so dark that each has three times the
+contrast to white; told apart by all eyes, in gray by marker."""
 FONT = "'Liberation Sans', Arial, Helvetica, sans-serif"
 
 HALO = "halo"
@@ -58,8 +59,8 @@ WIDTH, HALF_WIDTH = 7.1, 4.6
 """Width of a full figure [in], the text width of an A4 page; and of those of half its width, which
 are scaled less."""
 PHONE = 3.75
-"""Width of a figure drawn for the screen of a phone [in]: shown on 390 pixels, letters of 7 points
-are 10 pixels high."""
+"""Width of a figure drawn for the screen of a phone [in]: shown on 360 pixels, letters of 7 points
+are 9 pixels high."""
 FLATTER = 0.85
 """Height of a panel there, over its height beside others."""
 _for_phone: ContextVar[bool] = ContextVar("_for_phone", default=False)
@@ -80,9 +81,19 @@ def on_phone(draw: Callable[P, str], *args: P.args, **options: P.kwargs) -> str:
 
 @contextmanager
 def drawing(
-    rows: int = 1, columns: int = 1, *, height: float = 2.6, width: float = WIDTH, **share: Any
+    rows: int = 1,
+    columns: int = 1,
+    *,
+    height: float = 2.6,
+    width: float = WIDTH,
+    pairs: bool = False,
+    **share: Any,
 ) -> Iterator[tuple["Figure", "list[Axes]"]]:
-    """A figure and its axes, row by row, inside the house style [in]; for a phone if asked so."""
+    """A figure and its axes, row by row, inside the house style [in]; for a phone if asked so.
+
+    Columns of two panels that belong together stay `pairs`: a phone shows one below the other, and
+    the axes are column by column.
+    """
     # it tells, at length, that it may not keep its list of fonts at home: no matter for a person
     logging.getLogger("matplotlib").setLevel(logging.ERROR)
     from matplotlib import rc_context
@@ -92,14 +103,16 @@ def drawing(
 
     if _for_phone.get():
         panels, width = rows * columns, PHONE
-        columns = 1 if columns < 4 else 2
+        share.pop("width_ratios", None)  # of panels beside each other
+        columns = 2 if pairs or columns >= 4 else 1
         stacked = -(-panels // columns)
         height *= stacked / rows * (FLATTER if stacked > rows else 1.0)
         rows = stacked
     with rc_context(STYLE):
         figure = Figure(figsize=(width, height), layout=Margins())
         axes = figure.subplots(rows, columns, squeeze=False, **share)
-        yield figure, [ax for row in axes for ax in row]
+        by_column = pairs and not _for_phone.get()
+        yield figure, [ax for line in (axes.T if by_column else axes) for ax in line]
 
 
 def svg_of(figure: "Figure") -> str:

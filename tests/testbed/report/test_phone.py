@@ -72,11 +72,27 @@ def test_panels_stand_below_each_other_on_a_phone_and_the_next_drawing_is_wide_a
     assert f'viewBox="0 0 {72 * WIDTH:g} ' in curves(2)
 
 
+def test_panels_that_belong_together_stand_side_by_side_on_a_phone():
+    """Columns of two on a page; the axes come column by column on both."""
+    by_column = [(row, column) for column in range(3) for row in range(2)]
+    by_row = [(row, column) for row in range(3) for column in range(2)]
+    for small, expected in ((False, by_column), (True, by_row)):
+        on_phone(two_rows) if small else two_rows()
+        spec = [ax.get_subplotspec() for ax in two_rows.axes]
+        assert [(one.rowspan.start, one.colspan.start) for one in spec] == expected
+
+
+def two_rows():
+    """Three columns of two panels that belong together."""
+    with drawing(2, 3, pairs=True) as (figure, two_rows.axes):
+        return svg_of(figure)
+
+
 def failing():
     raise ValueError("no curve")
 
 
-FRAME = """<!doctype html><iframe id="f" width="390" height="900" srcdoc="{}"></iframe><script>
+FRAME = """<!doctype html><iframe id="f" width="375" height="900" srcdoc="{}"></iframe><script>
 f.onload = () => {{
   const page = f.contentDocument, top = page.documentElement;
   page.querySelectorAll("details").forEach(one => one.open = true);
@@ -91,7 +107,8 @@ f.onload = () => {{
   document.body.append(told);
 }}
 </script>"""
-"""A window as wide as a phone's with a page in it, which writes down what scrolls there."""
+"""A window as wide as a small phone's with a page in it, which writes down what scrolls there: 360
+pixels and a scroll bar."""
 
 
 @pytest.mark.skipif(handout.browser() is None, reason="no browser shows pages")

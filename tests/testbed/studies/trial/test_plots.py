@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from testbed.report.plots import FEET, GAP, free_place
-from testbed.report.svg import DARK, FAINT, LIGHT, MIDDLE
+from testbed.report.svg import DARK, FAINT, INK, LIGHT, MIDDLE, SOFT
 from testbed.studies.trial import plots, plots_uncertainty
 from testbed.studies.trial.compare import measured_distance
 from testbed.studies.wen2022 import plots as plots_paper
@@ -158,6 +158,14 @@ def test_the_colors_of_all_pictures_are_told_apart_by_color_blind_eyes(eye):
     for one, other in itertools.combinations((DARK, MIDDLE, LIGHT), 2):
         # a quarter of an edge of the color cube: far beyond a just noticeable difference
         assert np.linalg.norm(seen(one) - seen(other)) > 0.25, (one, other)
+
+
+def test_marks_of_every_color_stand_out_from_the_page():
+    """Contrast of 3 to white, as WCAG 2.1 asks for what is no text (1.4.11)."""
+    for color in (INK, SOFT, DARK, MIDDLE, LIGHT):
+        s = np.array([int(color[i : i + 2], 16) / 255 for i in (1, 3, 5)])
+        linear = np.where(s <= 0.04045, s / 12.92, ((s + 0.055) / 1.055) ** 2.4)
+        assert 1.05 / (linear @ [0.2126, 0.7152, 0.0722] + 0.05) >= 3, color
 
 
 def test_captions_say_when_a_figure_shows_only_the_first_trials():
