@@ -1,4 +1,4 @@
-"""The five poses of ISO 9283 in its cube, and the joints that reach them."""
+"""The five poses of ISO 9283 in its cube, and joint values that reach them."""
 
 from typing import Protocol
 
@@ -20,26 +20,26 @@ STARTS = 32
 
 
 class Cube(Protocol):
-    """What [compensation] says of it."""
+    """The cube as [compensation] states it."""
 
     @property
     def center_mm(self) -> tuple[float, float, float]:
-        """Its center, base frame."""
+        """Center of the cube, base frame."""
 
     @property
     def side_mm(self) -> float:
-        """Its side."""
+        """Length of its edges."""
 
     @property
     def turn_deg(self) -> tuple[float, float, float]:
-        """How the tool stands: rotation vector, base frame."""
+        """Orientation of the tool: rotation vector, base frame."""
 
 
 def cube_poses(settings: Cube, T_world_base: Array) -> Array:
     """Tool poses (5, 4, 4) in the world [m]: the center, then four on the diagonals of a plane.
 
-    The plane holds the cube's y edges and leans up toward the robot's front: poses 2 and 3 are high
-    in front, 4 and 5 low behind.
+    The plane contains y edges of the cube and rises toward the front of the robot: poses 2 and 3
+    are high in front, 4 and 5 low behind.
 
     References
     ----------
@@ -68,7 +68,7 @@ def cube_joints(robot: Robot, simulator: Simulator, T: Array) -> Array:
     ways = ways[~simulator.collides(ways)] if len(ways) else ways
     if not len(ways):
         raise _unfit(T[0], 1)
-    # every way to stand at the center, and on to the other four from there
+    # every configuration at the center, continued to the other four poses
     best, score = None, np.inf
     for way in np.unique(ways.round(9), axis=0):
         seeds = np.broadcast_to(way, (len(T), n))
@@ -86,7 +86,7 @@ def cube_joints(robot: Robot, simulator: Simulator, T: Array) -> Array:
 
 
 def _unfit(T: Array, number: int) -> InputError:
-    """A pose that the robot cannot take."""
+    """Error for a pose that the robot cannot take."""
     x, y, z = T[:3, 3] * 1e3
     return refuse(
         "compensation.center_mm",
@@ -99,7 +99,7 @@ def _unfit(T: Array, number: int) -> InputError:
 
 
 def cube_fault(settings: Cube, cell: CellSettings, robot: Robot) -> Fault | None:
-    """What keeps the robot from the cube, known before anything is played; None if nothing does."""
+    """Fault if the robot cannot reach the cube, found before anything is played; else None."""
     chain, held = robot.model.chain, robot.controller.held
     if held:
         message = f"[compensation] moves each joint by itself, and joint {held[0] + 1} is held"

@@ -1,9 +1,9 @@
-"""The loop closed: calibrate a robot, correct its program, let it run, and measure what came of it.
+"""The closed loop: calibrate a robot, correct its program, execute it, and measure the result.
 
-Many robots of each kind; all random numbers come from streams of the study's own, and robot k of
-every kind is drawn from the same ones. The program is the test of ISO 9283: a cube, five poses in
-its diagonal plane, and joints that reach them. The simulator executes it with the true robot; only
-the last figures, `true` and `held_out`, know the secret.
+Many robots of each kind are played. All random numbers come from the study's own streams, and robot
+k of every kind is drawn from the same ones. The program is the test of ISO 9283: five poses in the
+diagonal plane of a cube, and joint targets for them. The simulator executes it with the true robot;
+only the figures `true` and `held_out` use the truth.
 """
 
 from collections.abc import Sequence
@@ -87,7 +87,7 @@ def play_robots(
 
 
 def offered(laboratory: Laboratory) -> tuple[Ladder, ...]:
-    """What every robot is offered beside its geometry: the robot file says it, no reading does."""
+    """Joint errors on offer for every robot, by the robot file and not by any reading."""
     robot = laboratory.robot
     return ladders_of(laboratory.setting.nominal, moments=robot.moments, limits=robot.limits)
 
@@ -95,7 +95,7 @@ def offered(laboratory: Laboratory) -> tuple[Ladder, ...]:
 def measure_robot(
     laboratory: Laboratory, truth: str, trial: Trial, robot: int
 ) -> tuple[Laboratory, Measurements]:
-    """The laboratory with robot number `robot` of one kind, and what it is calibrated from."""
+    """The laboratory with robot number `robot` of one kind, and its calibration measurements."""
     own = robot_of(laboratory, truth, robot)
     names = ("compensation", "identification", robot)
     return own, own.measure_pool(trial.selection.indices, *names)
@@ -116,24 +116,24 @@ def play_robot(
     q: Array,
     robot: int,
 ) -> CompensationStudy:
-    """Calibrate one robot, and execute its program as it was and corrected.
+    """Execute the program of one calibrated robot, unchanged and corrected.
 
     Parameters
     ----------
     own, seen
-        From `measure_robot`.
+        Results of `measure_robot`.
     choice : ModelChoice
-        Of its models, from what is `offered`.
+        Its models, chosen from those that are `offered`.
     truth : str
         Kind of robot.
     trial : Trial
-        Whose poses calibrate it.
+        Trial whose poses calibrate it.
     T : (5, 4, 4) array
         Commanded poses [m].
     q : (5, n) array
         Nominal joint targets [rad, m].
     robot : int
-        Its number, for the streams.
+        Number of the robot, for the streams.
     """
     nominal = own.setting.nominal
     models = [found.model for found in choice.identifications]
@@ -142,14 +142,14 @@ def play_robot(
     corrected, targets = [np.ones(len(T), dtype=bool)], [q]
     for model in models if extended else models[:1]:
         found = compensate(nominal, model, q, own.robot.limits)
-        # what cannot be corrected without reserve stays as it was
+        # targets that cannot be corrected without reservation stay unchanged
         targets.append(np.where(found.corrected[:, None], found.q, q))
         corrected.append(found.corrected)
         runs.append(execute(own, T, targets[-1], "after", robot))
-    # where held-out poses prove a model follows from their joints alone
+    # where a model is proven depends on the joint values of held-out poses alone
     proven = proven_at(choice.identifications[extended], seen, own.setting.test_q)
     reach = proven.applies(targets[-1])
-    # with the geometric model chosen, both corrected programs are one
+    # if the geometric model is chosen, both corrected programs are the same
     variants = [0, 1, 2 if extended else 1]
     true = own.held_out(own.setting.test_q)
     judged = (nominal, models[0], models[extended])
@@ -186,9 +186,9 @@ def robot_of(laboratory: Laboratory, truth: str, robot: int) -> Laboratory:
 
 
 def execute(laboratory: Laboratory, T: Array, q: Array, word: str, robot: int) -> Execution:
-    """Run a program of five joint targets for many cycles, read every stop, and sum it up.
+    """Execute a program of five joint targets for many cycles, with the figures of its readings.
 
-    Both corrected programs meet the same noise and approach scatter, those of `word`.
+    Both corrected programs have the same noise and approach scatter, by the stream of `word`.
     """
     scenario = laboratory.scenario
     cycles = scenario.table(CompensationSettings).cycles
@@ -227,13 +227,13 @@ def execute(laboratory: Laboratory, T: Array, q: Array, word: str, robot: int) -
 
 
 def shared_covariance(laboratory: Laboratory, T: Array) -> Array:
-    """Covariance (p, 6, 6) of what all readings of a pose share: the station's own errors."""
+    """Covariance (p, 6, 6) [m, rad] of the station's errors, which all readings of a pose share."""
     B, variance = _shared(laboratory, T)
     return np.asarray(B * variance @ np.swapaxes(B, 1, 2))
 
 
 def shared_distance(laboratory: Laboratory, T: Array) -> float:
-    """Standard uncertainty that all readings of the distance share [m]."""
+    """Standard uncertainty of the distance from errors that all readings share [m]."""
     B, variance = _shared(laboratory, T)
     along = T[SECOND, :3, 3] - T[FIRST, :3, 3]
     row = along @ (B[SECOND, :3] - B[FIRST, :3]) / np.linalg.norm(along)

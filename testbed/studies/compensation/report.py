@@ -1,4 +1,4 @@
-"""The report's section on compensation: what the calibration is worth to a program."""
+"""The report's section on compensation: how much the calibration improves a program."""
 
 from testbed.report.page import Block, Figure, Points, Section, Table, Text, Verdict
 from testbed.report.svg import on_phone
@@ -25,7 +25,7 @@ WORDS = {"before": "as it was", "geometric": "geometric model", "chosen": "chose
 
 
 def section(campaign: Campaign) -> Section:
-    """What came of the corrected program, table and figures, and how it was found."""
+    """Results of the corrected program in words, table and figures, and the procedure."""
     studies = STUDY.of(campaign)
     found = [outcomes(study) for study in studies]
     robots = counted(len(studies[0].extended), "robot")
@@ -34,14 +34,14 @@ def section(campaign: Campaign) -> Section:
         outcome_table(found, robots),
         Figure(
             f"AP at each of the five poses: median over {robots} of each kind, 5 to 95 % of them. "
-            "A figure near the noise floor says only that the truth is smaller.",
+            "A figure near the noise floor shows only that the true value is smaller.",
             accuracy_by_pose(studies),
             phone=on_phone(accuracy_by_pose, studies),
         ),
         Figure(
             f"The {counted(studies[-1].cycles, 'cycle')} of the first {studies[-1].truth} robot at "
-            "one pose, read minus commanded. What is left of the way to the center is AP, the "
-            "spread is RP.",
+            "one pose, read minus commanded. The distance of their mean from the center is AP; "
+            "their spread gives RP.",
             readings_of_one(studies[-1]),
         ),
         Text(procedure(studies[0])),
@@ -52,7 +52,7 @@ def section(campaign: Campaign) -> Section:
 
 
 def summary_table(studies: tuple[CompensationStudy, ...]) -> Table:
-    """The first screen: AP before and after on each kind of robot."""
+    """The table of the first screen: AP before and after on each kind of robot."""
     return Table(
         caption="AP after ISO 9283, µm: mean of five poses, median over "
         f"{counted(len(studies[0].extended), 'robot')} of each kind",
@@ -70,36 +70,36 @@ def summary_table(studies: tuple[CompensationStudy, ...]) -> Table:
 
 
 def sentences(rows: tuple[Outcome, ...]) -> tuple[str, ...]:
-    """What the correction does on one kind of robots, in plain words."""
+    """The effect of the correction on one kind of robots, in words."""
     before, plain, chosen = rows
     said = [
         f"On {before.truth} robots the corrected program brings AP from {um(before.ap.value)} to "
         f"{um(chosen.ap.value)}. AP is the mean of five poses and the median of "
         f"{counted(before.robots, 'robot')}; its noise floor is {um(chosen.ap.floor)}, and without "
-        f"noise it would read {um(chosen.true)}. {level(chosen)}"
+        f"noise it would be {um(chosen.true)}. {level(chosen)}"
     ]
     if chosen.extended and chosen.ap.value < plain.ap.value:
         said.append(
-            f"The evidence asks for the extended model on {percent(chosen.extended)} of the "
+            f"The evidence supports the extended model on {percent(chosen.extended)} of the "
             f"{before.truth} robots; the geometric model alone would leave {um(plain.ap.value)}."
         )
     for found in (plain, chosen):
         worse = found.robots - found.better
         if worse:
             said.append(
-                f"Corrected by the {WORDS[found.variant]}, {counted(worse, f'{found.truth} robot')}"
-                f" came out worse than before."
+                f"Correction by the {WORDS[found.variant]} made AP larger on "
+                f"{counted(worse, f'{found.truth} robot')}."
             )
     if chosen.uncorrected:
         said.append(
             f"{counted(chosen.uncorrected, 'target')} of {before.truth} robots could not be "
-            "corrected without reserve; they were executed as they were."
+            "corrected without reservation; they were executed unchanged."
         )
     return (*said, reached(chosen))
 
 
 def reached(chosen: Outcome) -> str:
-    """Whether a statement of the calibration reaches the corrected targets."""
+    """Whether a statement of the calibration applies at the corrected targets."""
     sizes = (
         f"transfer at most {significant(chosen.transfer, 2)}, leverage at most "
         f"{significant(chosen.leverage, 2)}"
@@ -113,28 +113,28 @@ def reached(chosen: Outcome) -> str:
     if chosen.edge:
         said.append(
             f"{counted(chosen.edge, 'target')} of {chosen.truth} robots lie at the edge of where "
-            "held-out poses prove the model, and what is stated there has to grow"
+            "held-out poses prove the model, and regions stated there are enlarged"
         )
     if chosen.outside:
         said.append(
-            f"{counted(chosen.outside, 'target')} of {chosen.truth} robots lie outside, and no "
-            "statement of the calibration reaches them"
+            f"{counted(chosen.outside, 'target')} of {chosen.truth} robots lie outside, where no "
+            "statement of the calibration applies"
         )
     return f"{'; '.join(said)} ({sizes})."
 
 
 def level(chosen: Outcome) -> str:
-    """How what is left compares with the errors of the model at held-out poses."""
+    """Comparison of the remaining error with the errors of the model at held-out poses."""
     left, mean, p95 = chosen.true, chosen.held_out, chosen.held_out_p95
     inside = "within" if left <= p95 else "BEYOND"
     return (
-        f"That is {inside} what the model misses at held-out poses all over the box: "
+        f"That is {inside} the errors of the model at held-out poses all over the box: "
         f"{um(mean)} on average, less than {um(p95)} at 95{NARROW}% of them."
     )
 
 
 def outcome_table(found: list[tuple[Outcome, ...]], robots: str) -> Table:
-    """Truth x way to run the program: every figure with uncertainty and floor."""
+    """Every figure with uncertainty and floor, by kind of robot and version of the program."""
     rows = []
     for three in found:
         for k, row in enumerate(three):
@@ -165,10 +165,10 @@ def outcome_table(found: list[tuple[Outcome, ...]], robots: str) -> Table:
         size="small",
         strong=tuple(range(2, len(rows), 3)),  # the chosen model
         note="u: standard uncertainty of one robot's figure, from the scatter of the cycles and "
-        "what all readings share. floor: what the figure reads where there is nothing to see: AP "
-        "and AD of a robot whose mean is right, RP of one that repeats perfectly. true AP: without "
-        "noise, known here only. AD: distance from pose 2 to pose 4. held-out: mean error of the "
-        "model at poses of its own. better: robots with a smaller AP than before.",
+        "the errors that all readings share. floor: the figure of a perfect robot: AP and AD of "
+        "one whose mean is right, RP of one that repeats perfectly. true AP: without noise, known "
+        "in simulation only. AD: distance from pose 2 to pose 4. held-out: mean error of the "
+        "model at held-out poses. better: robots with a smaller AP than before.",
     )  # fmt: skip
 
 
@@ -181,10 +181,10 @@ def procedure(study: CompensationStudy) -> str:
         f"points on the diagonals of its inclined plane ({side}{NARROW}mm apart in y), "
         f"{counted(study.cycles, 'cycle')} long, and every stop was read. The targets were "
         "replaced by those at which the identified robot has the commanded poses (numerical "
-        "inverse kinematics inside the joint limits), and the program ran again. Neither the "
-        "correction nor the figures know more than the tracker saw. A target that is handed to "
-        "a controller carries no approach: what follows the last move of a joint is not offered to "
-        "the model that corrects it. AP is the distance from the "
+        "inverse kinematics inside the joint limits), and the program ran again. Correction and "
+        "figures use only what the tracker measured. A target for a controller has no direction of "
+        "approach, so the model that corrects it is offered no terms that depend on the last move "
+        "of a joint. AP is the distance from the "
         "command to the mean of the readings, RP their mean distance from it plus three standard "
         "deviations, AD the error of the mean distance between two poses."
     )

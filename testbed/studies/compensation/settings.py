@@ -34,10 +34,10 @@ class CompensationSettings(ManyRobots):
     side_mm: Side = 400.0
     """Side of the cube; its edges are parallel to the base's axes."""
     turn_deg: RotationVector = (0.0, 90.0, 0.0)
-    """How the tool stands at all five poses: rotation vector in the base frame."""
+    """Orientation of the tool at all five poses: rotation vector in the base frame."""
 
     def own_contradictions(self, scenario: Scenario) -> Iterable[str]:
-        """Every visit of a cycle is needed."""
+        """A tracker that misses readings, since every visit of a cycle is needed."""
         tracker = scenario.tracker
         if isinstance(tracker, At960Tracker) and tracker.missed:
             yield (
@@ -46,7 +46,7 @@ class CompensationSettings(ManyRobots):
             )
 
     def faults(self, scenario: Scenario, robot: "Robot") -> list[Fault]:
-        """Also of a cube that the robot cannot go through."""
+        """Faults of the table, and a cube that the robot cannot reach."""
         from testbed.studies.compensation.cube import cube_fault
 
         found = super().faults(scenario, robot)

@@ -1,4 +1,4 @@
-"""The loop closed, ISO 9283 before and after: one record per kind of robot, and the study."""
+"""The study of the closed loop, ISO 9283 before and after, with one record per kind of robot."""
 
 from dataclasses import dataclass
 from typing import Annotated
@@ -14,7 +14,7 @@ model, corrected by the model that the evidence chooses (the same one on many ro
 FIGURES = ("AP", "RP", "AP angle")
 """Figures of a pose, in the order of their axis; the first two in m, the third in rad."""
 WORTH = ("value", "uncertainty", "floor")
-"""What stands beside each other for every figure: itself, standard uncertainty, noise floor."""
+"""Entries of every figure: its value, standard uncertainty, noise floor."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -24,9 +24,9 @@ class CompensationStudy(Shown):
     truth: str
     """Preset of the robots."""
     trial: str
-    """Whose poses calibrated them."""
+    """Trial whose poses calibrated them."""
     poses: int
-    """How many those are."""
+    """Number of these poses."""
     cycles: int
     """Visits of each of the five poses."""
     T: Annotated[Array, 5, 4, 4]
@@ -38,19 +38,19 @@ class CompensationStudy(Shown):
     distances: Annotated[Array, 3, 2, 3, "R"]
     """(3, 2, 3, R) variant, AD and RD, worth, robot [m]; of the way from pose 2 to pose 4."""
     true: Annotated[Array, 3, "R", 5]
-    """(3, R, 5) the secret: distance of the noise-free tool from the command [m]."""
+    """(3, R, 5) truth: distance of the noise-free tool from the command [m]."""
     held_out: Annotated[Array, 3, 2, "R"]
-    """(3, 2, R) mean and 95th percentile of the held-out errors of the model: nominal, geometric,
-    chosen; against the secret [m]."""
+    """(3, 2, R) mean and 95th percentile of the true held-out errors of the model: nominal,
+    geometric, chosen [m]."""
     extended: Annotated[Bool, "R"]
-    """(R,) whether the evidence asked for the extended model."""
+    """(R,) whether the evidence supports the extended model."""
     corrected: Annotated[Bool, 3, "R", 5]
-    """(3, R, 5) whether a target was corrected without reserve; True before."""
+    """(3, R, 5) whether a target was corrected without reservation; True before."""
     reach: Annotated[Array, 2, "R", 5]
-    """(2, R, 5) transfer and leverage of the chosen model at the corrected targets: how much more
-    of what it cannot hold, and of the noise, arrives there than at the held-out poses."""
+    """(2, R, 5) transfer and leverage of the chosen model at the corrected targets: errors there
+    from terms that it lacks, and from noise, relative to those at the held-out poses."""
     place: Annotated[Labels, "R", 5]
-    """(R, 5) "inside", "edge" or "outside" of where a statement of the chosen model reaches."""
+    """(R, 5) "inside", "edge" or "outside" of where a statement of the chosen model applies."""
     step: Annotated[Array, 3, "R"]
     """(3, R) largest joint correction [rad, or m]."""
     targets: Annotated[Array, 3, "R", 5, "n"]

@@ -1,4 +1,4 @@
-"""What the compensation study found, for the report and for result.json."""
+"""Results of the compensation study, for the report and for result.json."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -26,14 +26,14 @@ class Typical:
     high: float
     """95th percentile over robots."""
     uncertainty: float
-    """Standard uncertainty of one such figure of one robot: root mean square."""
+    """Standard uncertainty of the figure of one robot, root mean square over robots."""
     floor: float
     """Mean noise floor."""
 
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """One way to run the program on robots of one kind."""
+    """Results of one version of the program on robots of one kind."""
 
     truth: str
     variant: str
@@ -43,30 +43,31 @@ class Outcome:
     ad: Typical
     rd: Typical
     true: float
-    """What AP would read without any noise [m]."""
+    """AP without any noise [m]."""
     held_out: float
-    """Mean held-out error of the model that corrects, median over robots [m]."""
+    """Mean held-out error of the correcting model, median over robots [m]."""
     held_out_p95: float
     """95th percentile of the held-out errors, median over robots [m]."""
     better: int
     """Robots on which the mean AP is smaller than before."""
     robots: int
     uncorrected: int
-    """Targets, of all robots, that could not be corrected without reserve."""
+    """Number of targets of all robots that could not be corrected without reservation."""
     transfer: float
     """Largest transfer over the targets of all robots, of the chosen model."""
     leverage: float
-    """The same of leverage."""
+    """Largest leverage, likewise."""
     edge: int
-    """Targets at the edge of where a statement of the chosen model reaches: it grows there."""
+    """Number of targets at the edge of where a statement of the chosen model applies; regions are
+    enlarged there."""
     outside: int
-    """Targets that it does not reach."""
+    """Number of targets outside, where it does not apply."""
     extended: float
-    """Share of robots on which the evidence asks for the extended model."""
+    """Share of robots on which the evidence supports the extended model."""
 
 
 def outcomes(study: CompensationStudy) -> tuple[Outcome, ...]:
-    """Before, corrected by the geometric model, corrected by the chosen model."""
+    """Results before, corrected by the geometric model, and corrected by the chosen model."""
     figures = [*study.figures.swapaxes(0, 1), *study.distances.swapaxes(0, 1)[..., None]]
     before = mean_accuracy(study, 0)
     found = []
@@ -120,10 +121,10 @@ def mean_accuracy(study: CompensationStudy, variant: int) -> Array:
 
 
 def _typical(figure: Array) -> Typical:
-    """Worth, robots and poses (3, R, p) of one figure into one line."""
+    """Typical robot of one figure (3, R, p): value, uncertainty and floor by robot and pose."""
     value = figure[VALUE].mean(axis=1)
     low, median, high = np.percentile(value, [5, 50, 95])
-    # poses are read independently; what the station gets wrong is common and small beside it
+    # poses are read independently; common errors of the station are small in comparison
     u = np.sqrt((figure[UNCERTAINTY] ** 2).sum(axis=1)) / figure.shape[2]
     return Typical(
         float(median), float(low), float(high), float(np.sqrt((u**2).mean())),
@@ -148,7 +149,7 @@ def published(studies: tuple[CompensationStudy, ...]) -> list[Quantity]:
 
 
 def published_arrays(study: CompensationStudy) -> list[Quantity]:
-    """What each robot gave, in arrays.npz."""
+    """Results of each robot, in arrays.npz."""
     figures = [*study.figures.swapaxes(0, 1), *study.distances.swapaxes(0, 1)]
     return in_si(
         {
@@ -162,7 +163,7 @@ def published_arrays(study: CompensationStudy) -> list[Quantity]:
 
 
 def _of_variant(found: Outcome) -> Iterator[Quantity]:
-    """One way to run the program."""
+    """Figures of one version of the program."""
     for name in ("AP", "RP", "AP_angle", "AD", "RD"):
         figure: Typical = getattr(found, name.removeprefix("AP_").lower())
         unit, ending = (RADIAN, "mdeg") if name == "AP_angle" else (METRE, "mm")

@@ -1,7 +1,7 @@
-"""What is stated of many robots at their judging poses, four ways, and which points it holds.
+"""Four kinds of statements of many robots at their judging poses, and which points these contain.
 
-Robots whose models are alike are judged over the robot axis, the others one by one: that is also
-the oracle of the arrays.
+Robots whose models are alike are judged together over the robot axis, the others one by one. Tests
+compare both ways.
 """
 
 from collections.abc import Sequence
@@ -37,7 +37,7 @@ from testbed.studies.trial.statement.sources import (
 )
 
 TOGETHER = 25
-"""Robots in one pass: their rows take some MB each."""
+"""Robots in one pass, since the rows of each take some MB."""
 OF_A_MODEL = (
     *("inside", "radius", "p_value", "held_out_p", "flagged", "believed", "converged"),
     *("mean_error", "growth", "p_drift"),
@@ -46,26 +46,26 @@ OF_A_MODEL = (
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MeasuredRobot:
-    """One robot in the laboratory: what the tracker saw, and the secret that judges."""
+    """One robot in the laboratory: its measurements, and the truth that judges."""
 
     seen: Measurements
-    """Of the identification poses."""
+    """Measurements of the identification poses."""
     validation: Measurements
-    """Of poses drawn as the pool is, its own and no other's."""
+    """Measurements of poses drawn like the pool, anew for this robot."""
     judge_q: Array
-    """(t, n) further such poses, never measured [rad, m]."""
+    """(t, n) judging poses, drawn likewise and never measured [rad, m]."""
     true: Array
-    """(t, 3) the secret: noise-free tool points there [m]."""
+    """(t, 3) true, noise-free tool points there [m]."""
     laboratory: Laboratory
-    """With this robot."""
+    """The laboratory with this robot."""
     use: Use
-    """Where and how it is used."""
+    """Conditions under which the robot is used."""
 
 
 def judge_models(
     fits: Sequence[Identification], measured: Sequence[MeasuredRobot], level: float
 ) -> list[dict[str, Any]]:
-    """What `judge_model` finds of one model of each robot, of those alike all at once."""
+    """Results of `judge_model` for one model of each robot, with those alike judged at once."""
     groups: dict[tuple[object, ...], list[int]] = {}
     for k, (fit, one) in enumerate(zip(fits, measured, strict=True)):
         if not (systematic_inputs(one.laboratory, one.seen) or drift_left(one.laboratory)):
@@ -98,7 +98,7 @@ def _figures(
     measured: Sequence[MeasuredRobot],
     level: float,
 ) -> list[dict[str, Any] | None]:
-    """What `judge_model` finds of each, from arrays; None of which they say nothing."""
+    """Results of `judge_model` for each robot from arrays; None if that function is needed."""
     true, n = np.stack([one.true for one in measured]), measured[0].validation.n_poses
     error = true - judged.position
     sigma = judged.believed
@@ -156,7 +156,7 @@ def _figures(
 def regions_hold(
     error: Array, covariance: Array, factor: Array, level: float
 ) -> tuple[Array, Array]:
-    """Whether regions (R, t) hold the errors (R, t, 3), and radii of balls as large [m]."""
+    """Whether regions contain the errors (R, t, 3), 0 or 1 (R, t), and radii of equal balls [m]."""
     square, variance, flat = _in_units_of(error, covariance)
     holds = square <= factor[:, None] ** 2
     for k in np.flatnonzero(flat.any(axis=1)).tolist():
@@ -166,10 +166,10 @@ def regions_hold(
 
 
 def _in_units_of(error: Array, covariance: Array) -> tuple[Array, Array, Bool]:
-    """Squares (R, t) of errors in units of their covariance, determinants, and which are flat.
+    """Squared Mahalanobis norms (R, t) of errors, determinants, and which covariances are singular.
 
-    By Cholesky factors of three columns, written out; the smallest variance is no less than the
-    determinant by the square of the trace.
+    The Cholesky factors of three columns are written out; the smallest variance is at least the
+    determinant divided by the square of the trace.
     """
     (a, *_), (b, d, _), (c, e, f) = np.moveaxis(covariance, (2, 3), (0, 1))
     x, y, z = np.moveaxis(error, 2, 0)
@@ -190,7 +190,7 @@ def _in_units_of(error: Array, covariance: Array) -> tuple[Array, Array, Bool]:
 
 
 def believed_where(applies: Applicability, measured: MeasuredRobot) -> Bool:
-    """At which judging poses (t,) a region is believed: near the proof, and loaded alike."""
+    """Judging poses (t,) where a region is stated: near held-out poses, with the same payload."""
     count = len(measured.true)
     data, there = (Conditions(payload=np.full(count, load)) for load in measured.use.payload)
     other = departure(data, there, count).outside
@@ -198,9 +198,9 @@ def believed_where(applies: Applicability, measured: MeasuredRobot) -> Bool:
 
 
 def judge_model(found: Identification, measured: MeasuredRobot, level: float) -> dict[str, Any]:
-    """What one model states at the judging poses, four ways, and which points it holds.
+    """The four statements of one model at the judging poses, and which points these contain.
 
-    Names as in `CoverageStudy`.
+    Keys are the fields of `CoverageStudy`.
     """
     own, m = measured.laboratory, len(measured.seen)
     shared = systematic_covariance(own, found, measured.seen)
@@ -255,10 +255,11 @@ def judge_model(found: Identification, measured: MeasuredRobot, level: float) ->
 def judge_region(
     belief: Belief | None, measured: MeasuredRobot, sd: Array | None
 ) -> tuple[float, float, float, float]:
-    """Share of points in the believed region, its radius [m], where it is believed, its growth.
+    """Share of points in the believed region, its mean radius [m], share of poses, mean growth.
 
-    The region is of the mean of many moves, or where single moves are judged, of one: joints come
-    back with standard deviations `sd` (n,).
+    The share of poses is that where a region is stated. Regions are those of the mean of many
+    moves, or of one move if single moves are judged; joints then return with standard deviations
+    `sd` (n,) [rad, m].
     """
     if belief is None:
         return 0.0, 0.0, 0.0, 1.0

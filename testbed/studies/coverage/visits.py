@@ -1,7 +1,8 @@
 """Robots drawn and measured: identification, validation and judging poses, each from its streams.
 
-Robots of a kind that arrays know are measured over the robot axis, the others one by one: those
-under changing payloads, in motion, drifting, or used otherwise than they were measured.
+Robots of a kind that arrays can express are measured together over the robot axis. The others are
+measured one by one: those with changing payloads, in motion, with drift, or used under other
+conditions than measured.
 """
 
 from collections.abc import Iterable, Sequence
@@ -19,26 +20,26 @@ from testbed.studies.coverage.kinds import Use, apart, drawn, in_random_order, r
 from testbed.studies.coverage.settings import CoverageSettings
 
 OTHERWISE = ("shift", "drifting", "loaded", "one_move")
-"""Kinds that are measured or used in a way of their own."""
+"""Kinds that are measured or used in a special way."""
 
 
 def measure_robots(
     laboratory: Laboratory, truth: str, chosen: Index, robots: Sequence[int], poses: Sequence[Array]
 ) -> list[MeasuredRobot]:
-    """Draw and measure robots of one kind; each as `measure_robot` does it, to rounding.
+    """Draw and measure robots of one kind, each as by `measure_robot` to rounding.
 
     Parameters
     ----------
     laboratory : Laboratory
-        Of the campaign; its robot is replaced.
+        Laboratory of the campaign; its robot is replaced.
     truth : str
         Kind of robots.
     chosen : (m,) array
         Places in the pool of the identification poses.
     robots : sequence of int
-        Their numbers, from 0.
+        Numbers of the robots, from 0.
     poses : sequence of (v + t, n) array
-        Of each, from `poses_of` [rad, m].
+        Validation and judging poses of each robot, from `poses_of` [rad, m].
     """
     scenario = laboratory.scenario
     settings = scenario.table(CoverageSettings).truth_of(scenario, truth)
@@ -67,7 +68,7 @@ def _read(
     pose_id: Index,
     names: tuple[str, str],
 ) -> Iterable[Measurements]:
-    """What the tracker reads of one visit of each robot of poses q (R or 1, m, n)."""
+    """Readings of one visit by each robot of poses q (R or 1, m, n) [rad, m]."""
     own, (_, m, n) = uses[0].laboratory, q.shape
     seed = own.scenario.seed
 
@@ -104,30 +105,30 @@ def poses_of(laboratory: Laboratory, robot: int) -> Array:
 
 
 def _count(laboratory: Laboratory) -> int:
-    """Validation poses of a robot."""
+    """Number of validation poses of a robot."""
     return laboratory.scenario.table(CoverageSettings).validation_poses
 
 
 def measure_robot(laboratory: Laboratory, truth: str, chosen: Index, robot: int) -> MeasuredRobot:
-    """Draw robot number `robot` of one kind and measure it; every stream has its number.
+    """Draw robot number `robot` of one kind and measure it; its number is part of every stream.
 
     Parameters
     ----------
     laboratory : Laboratory
-        Of the campaign; its robot is replaced.
+        Laboratory of the campaign; its robot is replaced.
     truth : str
         Kind of robot.
     chosen : (m,) array
         Places in the pool of the identification poses.
     robot : int
-        From 0.
+        Number of the robot, from 0.
     """
     use, poses = drawn(laboratory, truth, robot), poses_of(laboratory, robot)
     return _measured(use, truth, chosen, robot, poses)
 
 
 def _measured(use: Use, truth: str, chosen: Index, robot: int, poses: Array) -> MeasuredRobot:
-    """One robot measured by itself; `poses` (v + t, n) from `poses_of` [rad, m]."""
+    """Measure one robot by itself; `poses` (v + t, n) from `poses_of` [rad, m]."""
     own, scenario = use.laboratory, use.laboratory.scenario
     count, judged = _count(own), scenario.test.poses
     validation_q, judge_q = np.split(poses, [count])

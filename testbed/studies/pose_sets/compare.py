@@ -1,7 +1,7 @@
-"""Pose sets against random ones of their size, robot by robot, and what may be said of all at once.
+"""Comparison of pose sets with random ones of their size over robots, by simultaneous intervals.
 
-The robot is the unit, and every comparison is made in pairs on the same robots. Where many sets are
-compared, some would look better or worse by luck: "better" and "worse" are said by simultaneous
+The robot is the unit, and every comparison is made in pairs on the same robots. Among many sets,
+some would look better or worse by luck. So "better" and "worse" are decided by simultaneous
 intervals (Bonferroni), which all hold at once with 95 % probability.
 """
 
@@ -25,7 +25,7 @@ from testbed.units import Mean
 
 POPULATION = "population"
 MANY_TRIALS = 6
-"""More trials than this are shown as a contest: by size, with what each kind of set is worth."""
+"""With more trials than this the report has a comparison by size and kind of set."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -33,7 +33,7 @@ class PopulationStudy:
     """Every trial's pose set on many virtual robots, each measured once: the robot is the unit."""
 
     trials: Annotated[tuple[str, ...], "s"]
-    """(s,) names."""
+    """(s,) names of the trials."""
     mean_error: Annotated[Array, "s", "e", "R"]
     """(s, e, R) mean held-out position error against the truth, per trial, estimator, robot [m]."""
     rms_error: Annotated[Array, "s", "e", "R"]
@@ -57,14 +57,14 @@ class Entry:
     goal_u: float
     """RMS tool-point u over the goal that the set promised [m]; random: over all its draws."""
     efficiency: float | None
-    """Certain part of the best possible figure of its own criterion; None without certificate."""
+    """Certified fraction of the best value of its own criterion; None without certificate."""
     error: Mean
     """Mean held-out error, over robots [m]."""
     noise: float
-    """RMS over robots of the stated u: what the noise of one calibration is worth [m]."""
+    """RMS over robots of the stated u, the error that noise causes in one calibration [m]."""
     model: float
-    """RMS of what the noise does not explain: the model's own error [m]; zero where the 95 %
-    interval of its square holds zero."""
+    """RMS error that noise does not explain, the model's own [m]; zero if the 95 % interval of its
+    square contains zero."""
     ratio: Mean | None
     """Logarithm of the error over the random set's, 95 % interval; None for the random set."""
     joint: Mean | None
@@ -85,9 +85,9 @@ class Contest:
     sizes: tuple[int, ...]
     """Numbers of poses, ascending."""
     entries: tuple[Entry, ...]
-    """In the order of the trials."""
+    """Pose sets in the order of the trials."""
     comparisons: int
-    """How many intervals hold at once."""
+    """Number of intervals that hold at once."""
     robots: int
 
     def of_size(self, poses: int) -> tuple[Entry, ...]:
@@ -101,7 +101,7 @@ class Contest:
 
 
 def population_of(campaign: Campaign) -> PopulationStudy | None:
-    """Every trial's set on many robots; None if nobody asked."""
+    """Every trial's set on many robots; None if the study was not played."""
     return campaign.records.find(POPULATION, PopulationStudy)
 
 
@@ -147,7 +147,7 @@ def _entry(study: PopulationStudy, trial: Trial, partner: Trial, comparisons: in
         trial=trial,
         poses=len(trial.selection),
         goal_u=rms(study.goal_u[i]),
-        # each robot had a random set of its own: a proof of one says nothing of them
+        # each robot had its own random set, so the certificate of one does not apply
         efficiency=None if proof is None or trial.method == "random" else proof.efficiency,
         error=mean_over_robots(errors),
         noise=float(noise.mean()) ** 0.5,
@@ -166,12 +166,12 @@ def rms(values: Array) -> float:
 
 
 def _ratio(entry: Entry) -> float:
-    """What entries are sorted by."""
+    """Sort key of an entry."""
     return 0.0 if entry.ratio is None else entry.ratio.value
 
 
 def published(campaign: Campaign) -> list[Quantity]:
-    """Errors over many robots in result.json; nothing where the study is off."""
+    """Errors over many robots in result.json; none if the study is off."""
     study = population_of(campaign)
     return [] if study is None else below("population", _population(study, campaign))
 

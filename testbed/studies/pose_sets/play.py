@@ -1,8 +1,9 @@
-"""The same pose sets on many virtual robots: what one robot's luck would hide.
+"""The same pose sets on many virtual robots, since results on one robot depend on luck.
 
 Poses of one robot share its parameter error, so the robot is the unit of every statement. All
-trials meet the same robots; comparisons between them are made in pairs. A designed set is the same
-for every robot, as in life: it was chosen on the nominal one. A random set is drawn anew for each.
+trials use the same robots; comparisons between them are made in pairs. A designed set is the same
+for every robot, as in practice, since it was chosen on the nominal one. A random set is drawn anew
+for each.
 """
 
 from collections.abc import Sequence
@@ -59,15 +60,15 @@ def play_robot(
     Parameters
     ----------
     laboratory : Laboratory
-        Of the campaign; its robot is replaced.
+        Laboratory of the campaign; its robot is replaced.
     trials : sequence of Trial
-        Whose pose sets are played.
+        Trials whose pose sets are played.
     blocks : (N, r, p) array
         Whitened blocks of the pool.
     goal : Criterion
-        V over the goal poses: what a set promises there.
+        V over the goal poses, by which the uncertainty that a set promises is computed.
     robot : int
-        From 0.
+        Number of the robot, from 0.
     """
     scenario = laboratory.scenario
     own = laboratory.with_robot(scenario.truth, "population", "robot", robot)
@@ -102,7 +103,7 @@ def play_together(
     goal: Criterion,
     robots: Sequence[int],
 ) -> PopulationStudy | None:
-    """The same on some robots at once; None where they go one by one."""
+    """Play the trials on some robots at once; None if robots have to be played one by one."""
     truth = laboratory.scenario.truth
     owns = [laboratory.with_robot(truth, "population", "robot", robot) for robot in robots]
     arms = true_robots(owns)
@@ -132,7 +133,7 @@ def play_together(
 
 
 def _promises(blocks: Array, goal: Criterion, sets: Sequence[Index]) -> Array:
-    """What each set promises at the goal (R,) [m]."""
+    """RMS tool-point uncertainty (R,) at the goal that each set promises [m]."""
     found: dict[bytes, float] = {}
     for chosen in sets:
         if chosen.tobytes() not in found:

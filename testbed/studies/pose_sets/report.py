@@ -1,4 +1,4 @@
-"""The report's section on many pose sets: which is best, by how much, and can that be told."""
+"""The report's section on many pose sets: which is best, by how much, and how certain that is."""
 
 from typing import get_args
 
@@ -16,7 +16,7 @@ from testbed.units import counted, fixed, micrometres, millimetres, percent, pla
 
 
 def pose_sets_section(campaign: Campaign) -> Section:
-    """What is compared, what comes out, a table per size, and the forest plot."""
+    """Procedure, results, a table for each size, and the forest plot."""
     contest = contest_of(campaign)
     blocks: list[Block] = [
         Text(procedure(campaign, contest)),
@@ -24,7 +24,7 @@ def pose_sets_section(campaign: Campaign) -> Section:
         Figure(
             "Mean held-out error of each set against random sets of the same size, over "
             f"{counted(contest.robots, 'robot')}. Thick: 95 % interval of this comparison; thin: "
-            f"interval that holds together with all {contest.comparisons}. Blue dots: better; "
+            f"interval for all {contest.comparisons} comparisons at once. Blue dots: better; "
             "vermilion triangles: worse; open squares: cannot be told apart"
             f"{only(contest.sizes, MOST_VIEWS)}.",
             forest(contest),
@@ -41,17 +41,17 @@ def procedure(campaign: Campaign, contest: Contest) -> str:
     return (
         f"Every pose set was measured once on {counted(contest.robots, 'further robot')}, drawn "
         "like the true one, and judged by its mean tool error against the truth on "
-        f"{held_out}. All sets met the same robots, so they are compared in pairs. A random set "
-        "was drawn anew for each robot. A designed set is one set, chosen on the nominal robot: "
-        "what is said of it is said of this set from this pool. Intervals are confidence "
+        f"{held_out}. All sets were used on the same robots, so they are compared in pairs. A "
+        "random set was drawn anew for each robot. A designed set is one set, chosen on the "
+        "nominal robot: results apply to this set from this pool. Intervals are confidence "
         "intervals over robots (Student's t on the logarithm of the ratio). The tables give each "
-        "95 % interval by itself; better and worse are said by joint intervals, which all hold "
+        "95 % interval by itself; better and worse are decided by joint intervals, which all hold "
         f"at once with 95 % probability (Bonferroni, {counted(contest.comparisons, 'comparison')})."
     )
 
 
 def in_short(contest: Contest) -> tuple[str, ...]:
-    """What the numbers say, the plainest first."""
+    """The results in words, the most general first."""
     rivals = [entry for entry in contest.entries if entry.ratio is not None]
     number = {o: sum(entry.outcome == o for entry in rivals) for o in get_args(Outcome)}
     said = [
@@ -64,7 +64,7 @@ def in_short(contest: Contest) -> tuple[str, ...]:
 
 
 def leader(contest: Contest, poses: int) -> str:
-    """Which set of one size did best."""
+    """The best set of one size, in words."""
     shown = [entry for entry in contest.of_size(poses) if entry.outcome == "better"]
     if not shown:
         return f"With {poses} poses no set is shown to be better than random ones."
@@ -92,26 +92,26 @@ def advice(contest: Contest) -> str:
 
 
 def source(contest: Contest) -> str:
-    """Whether noise or the model's own error is what is left."""
+    """Whether noise or model error dominates the remaining error."""
     largest = contest.reference(contest.sizes[-1])
     noise, model = (millimetres(value, 2) for value in (largest.noise, largest.model))
     after = f"after {largest.poses} random poses"
     if not largest.model:
         return (
-            f"Noise explains the whole error ({after}: rms {noise} mm), so a set that promises a "
-            "smaller u keeps its promise."
+            f"Noise explains the whole error ({after}: rms {noise} mm), so a set with a smaller "
+            "promised u is more accurate."
         )
     if largest.model <= largest.noise:
-        return f"Noise makes {noise} mm rms {after}, errors outside the model {model} mm."
+        return f"Noise contributes {noise} mm rms {after}, errors outside the model {model} mm."
     return (
-        f"Errors outside the model make {model} mm rms {after}, noise only {noise} mm. The "
-        "promised u counts noise alone: here it does not say which set is better, and another set "
+        f"Errors outside the model contribute {model} mm rms {after}, noise only {noise} mm. The "
+        "promised u counts noise alone: here it does not show which set is better, and another set "
         "of the same kind, as good by its criterion, may differ by several percent."
     )
 
 
 def sentence(entry: Entry, contest: Contest) -> str:
-    """One comparison in words, with the interval that holds together with all others."""
+    """One comparison in words, with its joint interval."""
     assert entry.joint is not None, "the random set has nothing to be compared with"
     middle, low, high = percent_of(entry.joint)
     who, rivals = f"{set_name(entry.trial)} of {entry.poses}", f"random sets of {entry.poses}"
@@ -184,11 +184,11 @@ def size_table(contest: Contest, poses: int) -> Table:
         else "promised u: RMS over the goal poses of the predicted 3-D standard uncertainty of the "
         "tool point (k = 1), from the nominal robot and the stated noise. criterion: in whitened "
         "rows unless it says paper rows (12 unweighted ones, mm and rad). efficiency: certified "
-        "part of the best possible figure of its own criterion; none is known for O2, O4, O5. mean "
+        "part of the best possible figure of its own criterion; no bound for O2, O4, O5. mean "
         f"error: over robots, {percent(CONFIDENCE)} interval. against random: geometric mean over "
         "robots of the ratio of errors, minus one, with its paired 95 % interval. wins: share of "
         "robots with a smaller error than with the random set. noise, model: rms error split into "
-        "what the stated u explains and what is left; 0 where nothing is shown to be left.",
+        "the part that the stated u explains and the rest; 0 if no rest is significant.",
     )
 
 
@@ -201,12 +201,12 @@ def chosen_by(trial: Trial) -> tuple[str, str]:
 
 
 def floored(efficiency: float) -> str:
-    """A certified efficiency, rounded down: as true as the number."""
+    """A certified efficiency, rounded down so that the statement remains true."""
     return f"{int(efficiency * 1000) / 1000:.3f}"
 
 
 def summary_table(campaign: Campaign) -> Table:
-    """The first page of a contest: each kind of set against random ones, a column per size."""
+    """The table of the first screen: each kind of set against random ones, a column per size."""
     contest, study = contest_of(campaign), population_of(campaign)
     assert study is not None, "a contest has a population"
     return Table(
@@ -218,7 +218,7 @@ def summary_table(campaign: Campaign) -> Table:
             for name, row in kinds(contest).items()
         ),
         note="better, worse: by intervals that all hold at once with 95 % probability "
-        f"({counted(contest.comparisons, 'comparison')}); without a word: cannot be told apart. "
+        f"({counted(contest.comparisons, 'comparison')}); neither word: cannot be told apart. "
         "random: its mean error, before calibration "
         f"{millimetres(float(study.before.mean()))} mm.",
     )

@@ -1,4 +1,4 @@
-"""The report's section on many robots: which pose set is better, and whether that can be told."""
+"""The report's section on many robots: which pose set is better, with confidence intervals."""
 
 from testbed.report.page import Points, Section, Table, Text, table_of
 from testbed.studies.over_robots import log_ratio_over_robots, mean_over_robots, percent_of
@@ -22,10 +22,10 @@ def population_section(campaign: Campaign) -> Section | None:
         return None
     count = study.before.size
     text = (
-        f"Every pose set was measured once on {count} further robots, drawn like the true one; all "
-        "sets met the same robots, and a random set was drawn anew for each. Intervals are 95 % "
-        "confidence intervals over robots, in the sentences all of them together (Bonferroni): "
-        "poses of one robot share its parameter error, so a robot counts once."
+        f"Every pose set was measured once on {count} further robots, drawn like the true one. All "
+        "sets were used on the same robots, and a random set was drawn anew for each. Intervals "
+        "are 95 % confidence intervals over robots; those in sentences hold all at once "
+        "(Bonferroni). Poses of one robot share its parameter error, so a robot counts once."
     )
     return Section(
         "robots",
@@ -69,12 +69,12 @@ def error_table(campaign: Campaign, study: PopulationStudy) -> Table:
         size="small",
         note="against random: geometric mean over robots of the ratio to the random set of the "
         "same size, minus one. stated u: root mean square of the stated 3-D standard uncertainty; "
-        "an honest statement has rms / u = 1.",
+        "a correct statement has rms / u = 1.",
     )
 
 
 def sentences(contest: Contest) -> tuple[str, ...]:
-    """What the numbers say of each designed set, also where it loses; default estimator."""
+    """Result for each designed set by the default estimator, also where it is worse."""
     said = []
     for entry in contest.entries:
         if entry.joint is None:

@@ -1,7 +1,8 @@
 """Every pose set on a block of robots at once: visits, fits and judgements over the robot axis.
 
-For geometric models by least squares, robots that arrays know, and a tracker whose readings differ
-by noise alone; one robot after the other otherwise, which costs ten times as much.
+This is done for geometric models fitted by ordinary least squares, robots that arrays can express,
+and a tracker whose only errors are noise. Otherwise robots are played one by one, which takes ten
+times as long.
 """
 
 from collections.abc import Mapping, Sequence
@@ -22,7 +23,7 @@ from testbed.streams import stream
 
 
 def true_robots(owns: Sequence[Laboratory]) -> ManyTrueRobots | None:
-    """The robots of some laboratories as arrays; None where they go one by one."""
+    """The robots of some laboratories as arrays; None if they have to be played one by one."""
     first, settings = owns[0], owns[0].scenario.identification
     free = first.free("whitened")
     plain = settings.model == "geometric" and settings.prior is None and settings.loss == "squared"
@@ -37,7 +38,7 @@ def true_robots(owns: Sequence[Laboratory]) -> ManyTrueRobots | None:
 
 
 def numbers_of(own: Laboratory) -> dict[Mode, Parameters]:
-    """What each estimator of the scenario finds; whitened, all that the pool tells apart."""
+    """Free numbers of each estimator of the scenario; by default all that the pool determines."""
     modes = own.scenario.identification.estimators
     return {mode: own.free(mode) if mode == "paper" else own.kept() for mode in modes}
 
@@ -63,25 +64,25 @@ def judged(
     Parameters
     ----------
     owns : sequence of Laboratory
-        One with each robot.
+        The laboratory of each robot.
     arms : ManyTrueRobots
-        From `true_robots`.
+        Result of `true_robots`.
     name : str
-        Of the trial.
+        Name of the trial.
     sets : sequence of (m,) array
         Places in the pool that each robot visits.
     robots : sequence of int
-        Their numbers, for the streams.
+        Numbers of the robots, for the streams.
     true : (R, t, 3) array
-        From `true_points` [m].
+        Result of `true_points` [m].
     free : mapping
-        What each estimator finds, from `numbers_of`.
+        Free numbers of each estimator, from `numbers_of`.
     same : bool
         Whether all robots visit the same set.
 
     Returns
     -------
-    None where a fit gets no certificate.
+    (4, e, R) array; None if a fit does not converge, or has no more rows than free numbers.
     """
     own, out = owns[0], []
     tables = _visited(owns, arms, name, sets[:1] if same else sets, robots)
@@ -107,7 +108,7 @@ def _visited(
     sets: Sequence[Index],
     robots: Sequence[int],
 ) -> ManyTables:
-    """What the tracker reads of one visit of each robot, as `Laboratory.measure_pool` makes it."""
+    """Readings of one visit by each robot, the same as those of `Laboratory.measure_pool`."""
     own, m, seed = owns[0], len(sets[0]), owns[0].scenario.seed
     q = own.pool_q[np.array(sets)]
 

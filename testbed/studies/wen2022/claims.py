@@ -2,7 +2,7 @@
 
 One campaign has one true robot. It can contradict a general statement and repeat arithmetic; it
 cannot prove an average over robots. Sentences that rest on this one robot begin "This campaign:".
-Where the protocol was played on many robots, they speak instead, with intervals.
+If the protocol was played on many robots, their results are used instead, with intervals.
 """
 
 from collections.abc import Callable, Mapping
@@ -24,16 +24,16 @@ from testbed.studies.wen2022.summary import Reexamination, reexamination_of
 
 @dataclass(frozen=True, slots=True)
 class Claim:
-    """One statement of the paper, and who examines it."""
+    """One statement of the paper, and the functions that examine it."""
 
     statement: str
     """The claim in one sentence."""
     printed: str
     """What the paper prints."""
     here: Callable[[Campaign], Finding]
-    """Judges it by the one robot of a campaign; NotPlayedError where that cannot speak to it."""
+    """Judges it by the one robot of a campaign; raises NotPlayedError if this cannot decide it."""
     over: Callable[[Reexamination], Finding] | None = None
-    """Judges it by many robots; None where it is arithmetic, the nominal robot or its pools."""
+    """Judges it by many robots; None if it is about arithmetic, the nominal robot or its pools."""
 
 
 CLAIMS = {
@@ -53,7 +53,7 @@ CLAIMS = {
         model.zero_pose_range,
     ),
     4: Claim(
-        "Over 50 points the mean tool uncertainty tells the optimal from the random set.",
+        "Over 50 points the mean tool uncertainty separates the optimal from the random set.",
         "u 0.0069 mm best, 0.0649 mm random",
         model.mean_uncertainty,
     ),
@@ -124,17 +124,17 @@ CLAIMS = {
         one_robot.nonlinear,
     ),
 }
-"""By their numbers in the report."""
+"""The claims by their numbers in the report."""
 
 
 @dataclass(frozen=True, slots=True)
 class Examined:
-    """The findings of a campaign, and the claims it cannot speak to."""
+    """The findings of a campaign, and the claims that it cannot decide."""
 
     findings: Mapping[int, Finding]
-    """By the numbers of the claims, in their order."""
+    """Findings by the numbers of their claims, in order."""
     robots: int = 0
-    """Robots of each kind behind the claims about errors and uncertainties; 0: the one played."""
+    """Robots of each kind for the claims about errors and uncertainties; 0 for the one played."""
 
     @property
     def silent(self) -> tuple[int, ...]:
@@ -142,12 +142,12 @@ class Examined:
         return tuple(number for number in CLAIMS if number not in self.findings)
 
     def count(self, verdict: str) -> int:
-        """How many findings have one verdict."""
+        """Number of findings with this verdict."""
         return sum(found.verdict == verdict for found in self.findings.values())
 
 
 def is_paper_robot(model: RobotModel) -> bool:
-    """Whether the nominal robot is the one of the paper: all printed nominal values agree."""
+    """Whether the nominal robot is that of the paper, by all printed nominal values."""
     if not set(paper.PARAMETERS) <= set(model.names):
         return False
     full = np.concatenate([np.zeros(6), model.chain.links.ravel(), np.zeros(6)])
@@ -156,13 +156,13 @@ def is_paper_robot(model: RobotModel) -> bool:
 
 
 def plays_paper(scenario: Scenario) -> bool:
-    """Whether a scenario plays a study of the paper, so that its claims are asked about."""
+    """Whether a scenario plays a study of the paper, so that the claims are examined."""
     asked = scenario.studies
     return asked.pose_count or asked.paper_budget or asked.tool_point
 
 
 def examine(campaign: Campaign) -> Examined | None:
-    """What a campaign says about each claim; None if its robot is not the paper's.
+    """Findings of a campaign on each claim; None if its robot is not the paper's.
 
     References
     ----------
@@ -175,6 +175,6 @@ def examine(campaign: Campaign) -> Examined | None:
         with suppress(NotPlayedError):
             findings[number] = claim.here(campaign)
         if again is not None and claim.over is not None:
-            with suppress(NotPlayedError):  # the robot of the campaign has spoken
+            with suppress(NotPlayedError):  # the finding on the one robot remains
                 findings[number] = claim.over(again)
     return Examined(findings, 0 if again is None else again.robots)

@@ -1,7 +1,7 @@
 """Claims 12 to 16 over many robots and pools, each figure with its 95 % interval.
 
-The paper measured one robot. Judged is the kind of robots that keeps an error as large as printed
-after calibration; the other kinds stand beside it.
+The paper measured one robot. Claims are judged on the kind of robots whose error after calibration
+is nearest to the printed one; results on the other kinds follow it.
 """
 
 from collections.abc import Callable, Iterable
@@ -18,9 +18,9 @@ from testbed.units import MM, NARROW, Mean, fixed
 
 LEVEL = 0.95
 SLACK = 0.05
-"""Of a share of points below the promise that still counts as kept."""
+"""How far a share of points may be below the stated level and still count as reaching it."""
 NEAR = 1.5
-"""Times the printed ratio that a ratio may be and still count as it."""
+"""Factor on the printed ratio up to which a ratio counts as equal to it."""
 
 
 def own_errors(again: Reexamination) -> Finding:
@@ -38,11 +38,12 @@ def own_errors(again: Reexamination) -> Finding:
         graded(reduced and pattern, reduced),
         "; ".join(f"{within(r.own_before)} to {within(r.own_after)}" for r in rows) + " mm",
         f"{where(study)}: calibration cuts the error on its own poses {fixed(float(cut.min()), 1)} "
-        f"to {fixed(float(cut.max()), 1)} times. The O1 set leaves {change(worse)} there "
-        f"against random, and the O2 set starts {change(lower)} (printed "
+        f"to {fixed(float(cut.max()), 1)} times. Against random the error there is "
+        f"{change(worse)} with the O1 set, and before calibration {change(lower)} with the O2 set "
+        "(printed "
         f"{printed_change(rows[0].printed.after_mm, rows[1].printed.after_mm)} and "
-        f"{printed_change(rows[2].printed.before_mm, rows[3].printed.before_mm)}). Errors at the "
-        "poses that were fitted do not say how good a calibration is.",
+        f"{printed_change(rows[2].printed.before_mm, rows[3].printed.before_mm)}). Errors at "
+        "poses that were fitted do not show how good a calibration is.",
     )
 
 
@@ -62,7 +63,9 @@ def held_out_errors(again: Reexamination) -> Finding:
         f"{', '.join(within(row.after) for row in rows)} mm after",
         f"{where(study)}: the error of the optimal set is {change(ratios[0])} against random at "
         f"{rows[0].printed.poses} poses and {change(ratios[1])} at {rows[2].printed.poses}; "
-        f"printed are {' and '.join(signed(one - 1) for one in printed)}" + added(contrast) + ".",
+        f"the paper prints {' and '.join(signed(one - 1) for one in printed)}"
+        + added(contrast)
+        + ".",
     )
 
 
@@ -73,10 +76,10 @@ def table2_ratios(study: Reexamined, rows: tuple[PaperRow, ...]) -> list[Mean]:
 
 
 def parameter_ratio(again: Reexamination) -> Finding:
-    """Claim 14: mean ratio of parameter uncertainties, and what it is made of."""
+    """Claim 14: mean ratio of parameter uncertainties, and its parts."""
     study, printed = again.judged, printed_split()
     judged = first_of(of_kind(again.splits, study), again.paper_set)
-    # Table 3 is of one set: the others stand beside it
+    # Table 3 is about one set; the others are listed beside it
     ratio, near = judged[0].ratio, NEAR * printed.ratio.value
     contrast = elsewhere(
         again,
@@ -90,8 +93,8 @@ def parameter_ratio(again: Reexamination) -> Finding:
         f"mean ratio {each_of(judged, 'ratio', ', ')}",
         f"{where(study)}: the paper's own protocol gives {each_of(judged, 'ratio')}. Repeats "
         f"against repeats give {each_of(judged, 'repeats')} (printed "
-        f"{fixed(printed.repeats.value, 2)}); the rest is that only the random side counts the "
-        f"number and the place of the poses: repeats are {share(judged[0].shares[0])} of its "
+        f"{fixed(printed.repeats.value, 2)}); the rest arises because only the random side counts "
+        f"the number and the place of the poses: repeats are {share(judged[0].shares[0])} of its "
         f"variance (printed {share(printed.shares[0])})" + added(contrast) + ".",
     )
 
@@ -116,25 +119,25 @@ def like_for_like(again: Reexamination) -> Finding:
     return Finding(
         decided(shown, refuted),
         "u ratio " + ", ".join(plus_minus(noise.numbers) for _, noise in judged),
-        f"{where(study)}, like for like: {'; '.join(parts)}"
+        f"{where(study)}, for sets of one size: {'; '.join(parts)}"
         + (f" (the error {', '.join(contrast)})" if contrast else "")
-        + ". A tenth is out of reach: the same noise falls on the same number of poses.",
+        + ". A tenth cannot be reached: the same noise acts on the same number of poses.",
     )
 
 
 def weighed(again: Reexamination, kind: Reexamined) -> list[Errors]:
-    """Comparisons of the paper's sets on one kind of robots, noise weighed."""
+    """Comparisons of the paper's sets on one kind of robots, by the whitened estimator."""
     found = of_kind(again.errors, kind)
     return [one for one in found if one.by_paper and one.estimator == "whitened"]
 
 
 def stated(again: Reexamination) -> Finding:
-    """Claim 16: whether 95 % statements made from u_best hold the truth."""
+    """Claim 16: whether 95 % statements made from u_best contain the truth."""
     study, found = again.judged, first_of(again.statements, again.paper_set)
     judged = of_kind(found, study)
     distance, point, unweighted = map(STATEMENTS.index, ("distance", "point", "unweighted"))
-    # the figure is of the set of Table 3, and of the robot: the tool point decides, and what holds
-    # the point holds its distance too
+    # the printed figure is about the set of Table 3 and the robot, so the tool point decides; if it
+    # is inside, its distance is too
     said = judged[0].shares[point]
     contrast = elsewhere(
         again,
@@ -148,29 +151,29 @@ def stated(again: Reexamination) -> Finding:
         "within t u of |P| (Student's t) at "
         + " and ".join(f"{share(one.shares[point])} ({one.trial})" for one in judged)
         + f" of the held-out poses, its distance alone at "
-        f"{' and '.join(share(one.shares[distance]) for one in judged)}; stated are u = "
-        f"{' and '.join(fixed(one.u.value * MM, 4) for one in judged)} mm, the mean errors are "
+        f"{' and '.join(share(one.shares[distance]) for one in judged)}; the stated u are "
+        f"{' and '.join(fixed(one.u.value * MM, 4) for one in judged)} mm, the mean errors "
         f"{' and '.join(fixed(one.error.value * MM, 3) for one in judged)} mm"
         + added(contrast)
-        + ". Repeats cannot see what the model lacks. Beside the paper: the region that the "
-        "covariance of the unweighted fit claims holds the point at "
+        + ". Repeats do not show what the model lacks. Not in the paper: the region by the "
+        "covariance of the unweighted fit contains the point at "
         + " and ".join(share(one.shares[unweighted]) for one in judged)
         + ".",
     )
 
 
 def decided(shown: list[bool], refuted: list[bool]) -> Verdict:
-    """Holds if shown of every set, not if refuted of every set; else in part, or not decided."""
+    """Holds if shown for every set, does not if refuted for every set, and is in part otherwise."""
     return graded(all(shown), not all(refuted))
 
 
 def kept(part: Mean) -> bool:
-    """Whether a share is about what was promised, as far as its interval tells."""
+    """Whether a share agrees with the stated level within its interval and `SLACK`."""
     return part.high >= LEVEL and part.value >= LEVEL - SLACK
 
 
 def where(study: Reexamined) -> str:
-    """Over which robots and pools a sentence speaks."""
+    """The robots and pools behind a sentence."""
     pools = int(study.pool.max()) + 1
     return f"Over {study.before.size} {study.truth} robots" + (
         f" and {pools} pools" if pools > 1 else ""
@@ -178,17 +181,17 @@ def where(study: Reexamined) -> str:
 
 
 def each_of(found: list[Split], name: str, joint: str = " and ") -> str:
-    """One figure of each optimal set, with the set's name."""
+    """One figure for each optimal set, with the set's name."""
     return joint.join(f"{plus_minus(getattr(one, name))} ({one.trial})" for one in found)
 
 
 def elsewhere(
     again: Reexamination, figures: Callable[[Reexamined], Iterable[str]], said: str = ""
 ) -> list[str]:
-    """What the optimal sets give on the other kinds of robots."""
+    """Figures of the optimal sets on the other kinds of robots."""
     return [f"on {kind.truth} robots {said}{' and '.join(figures(kind))}" for kind in again.others]
 
 
 def added(contrast: Iterable[str]) -> str:
-    """What other kinds of robots give, behind a sentence."""
+    """Clauses on other kinds of robots, to follow a sentence."""
     return "".join(f"; {said}" for said in contrast)

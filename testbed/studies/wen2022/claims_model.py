@@ -17,7 +17,7 @@ from testbed.studies.wen2022.tables import interval_mm
 from testbed.units import MM, fixed, significant
 
 PROBED = 60
-"""Pool poses from which ranks are judged."""
+"""Number of pool poses from which ranks are computed."""
 
 
 def zero_pose(campaign: Campaign) -> Finding:
@@ -27,7 +27,7 @@ def zero_pose(campaign: Campaign) -> Finding:
     off = float(np.abs(p - paper.ZERO_POSE_MM).max())
     ours = f"({', '.join(fixed(value, 3) for value in p)}) mm"
     if off < 1e-9:
-        said = "The nominal chain gives the printed point, to less than 0.000001 mm."
+        said = "The nominal chain gives the printed point to within 0.000001 mm."
         return Finding("holds", ours, said)
     return Finding("does not hold", ours, f"The nominal chain is {significant(off)} mm off.")
 
@@ -49,26 +49,26 @@ def zero_pose_uncertainty(campaign: Campaign) -> Finding:
     # printed to two digits, drawn with a relative scatter of 1 / sqrt(2 M)
     random_holds = np.isclose(u_random, paper.U_ZERO_RANDOM_MM, rtol=0.02 + 0.016, atol=0)
     best_holds = np.isclose(u_best, paper.U_ZERO_BEST_MM, rtol=0.02 + 0.015, atol=0)
-    reached = "is" if random_holds else "is not"
+    agrees = ("does not agree", "agrees")
     return Finding(
         "holds" if best_holds and random_holds else "in part",
         f"u {fixed(u_best, 5)} mm best, {fixed(u_random, 4)} mm random",
-        f"The printed {paper.U_ZERO_RANDOM_MM} mm {reached} what Table 3 gives; "
-        f"{paper.U_ZERO_BEST_MM} mm is {'' if best_holds else 'not '}within reach of it. Both are "
+        f"The printed {paper.U_ZERO_RANDOM_MM} mm {agrees[bool(random_holds)]} with Table 3; "
+        f"{paper.U_ZERO_BEST_MM} mm {agrees[bool(best_holds)]}. Both are "
         "the uncertainty of the distance to the base alone: in three dimensions the same draws "
-        f"spread {fixed(float(spatial[0]), 4)} and {fixed(float(spatial[1]), 3)} mm, "
+        f"scatter by {fixed(float(spatial[0]), 4)} and {fixed(float(spatial[1]), 3)} mm, "
         f"{significant(float(spatial[0] / u_best), 2)} times as much.",
     )
 
 
 def zero_pose_range(campaign: Campaign) -> Finding:
-    """Claim 3: ranges of the drawn tool positions are what normal draws of that u reach."""
+    """Claim 3: ranges of the drawn tool positions are those of normal draws with that u."""
     study, _ = printed_sources(campaign)
     best, random = (
         [one for one in ranges_of(clouds_of(campaign)) if one.source == source]
         for source in (paper.TABLE3_BEST, paper.TABLE3_RANDOM)
     )
-    printed, *best = best  # that of x stands before those drawn again
+    printed, *best = best  # the printed range of x comes before those drawn again
     good = sum(one.good for one in (*best, *random))
     said = (
         ", ".join(f"{one.axis} {interval_mm(one.ends)}" for one in drawn)
@@ -80,9 +80,9 @@ def zero_pose_range(campaign: Campaign) -> Finding:
         f"Drawn again from Table 3, {good} of 6 ranges are as wide as those of {study.draws} "
         "normal numbers with the u of linear propagation, about "
         f"{significant(float(mean_half_width([study.draws])[0]), 3)} u to each side. The printed x "
-        f"range has {significant(printed.half_width, 3)} u to each side, "
+        f"range extends {significant(printed.half_width, 3)} u to each side, "
         f"{fixed(printed.half_width / best[0].half_width, 2)} times ours; the other five printed "
-        "ranges are not in our sources. A range grows with the number of draws and is no "
+        "ranges are not in our sources. A range grows with the number of draws and is not an "
         "uncertainty.",
     )
 
@@ -95,9 +95,9 @@ def mean_uncertainty(campaign: Campaign) -> Finding:
     return Finding(
         "holds" if good else "does not hold",
         f"u {fixed(u_best, 4)} mm best, {fixed(u_random, 4)} mm random",
-        f"Table 3 carried to our {study.distance_sd.shape[1] - 1} held-out poses gives "
+        f"Table 3 propagated to our {study.distance_sd.shape[1] - 1} held-out poses gives "
         + ("the printed figures" if good else "other figures than printed")
-        + ", as arithmetic; the poses of the paper are not printed, so 12 % are allowed for them.",
+        + ", as arithmetic; the paper does not print its poses, so it may differ by 12 %.",
     )
 
 
@@ -113,8 +113,8 @@ def tool_ratio(campaign: Campaign) -> Finding:
         f"ratio {fixed(ratio, 4)}",
         f"The ratio of |P| {'follows' if good else 'does not follow'} from Table 3; in three "
         f"dimensions it is {fixed(float(spatial[0] / spatial[1]), 3)} "
-        f"({fixed(float(spatial[0]), 4)} against {fixed(float(spatial[1]), 3)} mm). It compares "
-        "repeats alone with repeats, number and place of poses together: see claim 14.",
+        f"({fixed(float(spatial[0]), 4)} against {fixed(float(spatial[1]), 3)} mm). The optimal "
+        "side has repeats alone, the random one also number and place of poses: see claim 14.",
     )
 
 
@@ -132,7 +132,7 @@ def root_sums(_: Campaign) -> Finding:
         "holds" if not off else "in part",
         f"{good} of {total} rows",
         f"{good} rows are root sums of squares to the last printed digit"
-        + (f"; not so {', '.join(off)}" if off else "")
+        + (f", except {', '.join(off)}" if off else "")
         + f". Mean ratio best to random: {paper.printed('ratio').mean():.4f} from the printed "
         f"column, {(paper.printed('u_best') / u_random).mean():.4f} recomputed.",
     )
@@ -158,7 +158,7 @@ def misprinted_distance(campaign: Campaign) -> Finding:
         f"{significant(spread(literal, 'u_random'), 1)}, "
         f"|P| {fixed(spread(radial, 'u_best'), 4)} / {fixed(spread(radial, 'u_random'), 4)} mm",
         "As printed, g lacks the squares: taken literally it gives a tenth of the printed figures "
-        "and has no unit of length; g = |P| gives them.",
+        "and is not a length; g = |P| gives the printed figures.",
     )
 
 
@@ -182,9 +182,9 @@ def identifiable(campaign: Campaign) -> Finding:
     return Finding(
         "holds" if all_links == own else "does not hold",
         f"rank {all_links} of {len(links)} link numbers",
-        f"The paper's {own} are independent, but full poses tell {all_links} of the "
-        f"{len(links)} link numbers apart: {' or '.join(more) if more else 'nothing'} was dropped "
-        "though identifiable, and base and tool are taken as perfectly known.",
+        f"The paper's {own} are independent, but full poses determine {all_links} of the "
+        f"{len(links)} link numbers: {' or '.join(more) if more else 'nothing'} was dropped "
+        "although identifiable, and base and tool are taken as perfectly known.",
     )
 
 
@@ -205,16 +205,16 @@ def number_of_poses(campaign: Campaign) -> Finding:
     if settled:
         ours += f"; m = {settled[0]} and {settled[1]}"
         tail = (
-            f"{start} stated rule stops at {settled[0]} (O1) and {settled[1]} (O2){over} printed "
-            f"are {paper.POSE_NUMBER['O1']} and {paper.POSE_NUMBER['O2']}: the same kind of "
-            "number, but what it settles is the index, not the accuracy, and that of O2 depends "
-            "on the units."
+            f"{start} stated rule stops at {settled[0]} (O1) and {settled[1]} (O2){over} the paper "
+            f"prints {paper.POSE_NUMBER['O1']} and {paper.POSE_NUMBER['O2']}, which are of the "
+            "same order. But the rule settles the index, not the accuracy, and O2 depends on the "
+            "units."
         )
     return Finding(
         "in part",
         ours,
-        f"Two poses have rank {ranks[1]} of {full}: twelve rows hold six freedoms, so at "
-        f"least {least} poses are needed. {tail}",
+        f"Two poses have rank {ranks[1]} of {full}: twelve rows have six degrees of freedom, so "
+        f"at least {least} poses are needed. {tail}",
     )
 
 
@@ -224,7 +224,7 @@ def spread_of(counts: Index) -> str:
 
 
 def settling_study(campaign: Campaign) -> tuple[PoseCountStudy, int]:
-    """The pose-count study, and its place of the paper's 61 poses; the last place lies beyond."""
+    """The pose-count study, and the index of the paper's 61 poses, which is not the last one."""
     study = played(campaign.pose_count)
     k = int(np.argmin(np.abs(study.counts - paper.POSE_NUMBER["O1"])))
     if k == len(study.counts) - 1:
@@ -244,8 +244,9 @@ def settling(campaign: Campaign) -> Finding:
         "per pose: "
         + ", ".join(f"{100 * (value - 1):+.1f} %".replace("-", "−") for value in settled),
         f"From {study.counts[k]} to {study.counts[-1]} poses O3, O4, O5 as printed change by the "
-        f"factors {', '.join(fixed(value, 2) for value in printed)}, but divided by the root of "
-        f"the number of poses only by up to {100 * worst:.1f} %: the drift is that missing root.",
+        f"factors {', '.join(fixed(value, 2) for value in printed)}, but divided by the square "
+        f"root of the number of poses only by up to {100 * worst:.1f} %: the drift is due to that "
+        "missing root.",
     )
 
 
@@ -258,5 +259,5 @@ def sum_of_reciprocals(campaign: Campaign) -> Finding:
         "misprint",
         f"printed O5: factor {fixed(ratio, 2)} from {study.counts[0]} to {study.counts[-1]} poses",
         "The printed sum of reciprocal singular values falls as poses are added and information "
-        "grows: maximizing it picks the worst set; its reciprocal is what can be maximized.",
+        "grows: maximizing it selects the worst set; its reciprocal can be maximized instead.",
     )

@@ -23,8 +23,9 @@ from testbed.studies.wen2022.stated import judged_statements
 from testbed.units import MM, fixed, percent, significant
 
 LOW_SHARE = 0.7
-"""Below this a 95 % statement has failed on one robot. Its poses share one parameter error, so an
-honest share is not binomial: single rigid robots of the shipped scenes hold 74 to 98 %."""
+"""Share of poses below which a 95 % statement has failed on one robot. The poses share one
+parameter error, so that the share of a correct statement is not binomial: for single rigid robots
+of the shipped scenes it is 74 to 98 %."""
 
 
 def paper_sets(campaign: Campaign) -> list[TableRow]:
@@ -42,22 +43,23 @@ def calibration_errors(campaign: Campaign) -> Finding:
     if both := among_random(campaign):
         first, second = (rank_of(one, "paper") for one in both)
         looks = (
-            f"there the O1 set ends above {first.sets - first.own_lower_than} of {first.sets} "
-            f"random sets, and the O2 set starts below {second.starts_lower_than} of {second.sets}"
+            f"there the O1 set has a larger error than {first.sets - first.own_lower_than} of "
+            f"{first.sets} random sets, and before calibration the O2 set has a smaller one than "
+            f"{second.starts_lower_than} of {second.sets}"
         )
     else:
         looks = (
-            f"the O1 set looks {'worse' if worse else 'no worse'} than the random one on its own "
-            f"poses, and the O2 set {'starts' if lower else 'does not start'} lower than random"
+            f"there the O1 set has {'a larger' if worse else 'no larger'} error than the random "
+            f"one, and before calibration the O2 set has {'a' if lower else 'no'} smaller one"
         )
     return Finding(
         graded(reduced and worse and lower, reduced),
         ", ".join(f"{row.own_before.millimetres} to {row.own_after.millimetres}" for row in rows)
         + " mm",
         "This campaign: calibration cuts the error on its own poses "
-        f"{significant(min(cut), 2)} to {significant(max(cut), 2)} times; {looks} (the paper shows "
-        "an O1 set that ends above and an O2 set that starts below, each beside one random set). "
-        "Errors at the poses that were fitted do not say how good a calibration is.",
+        f"{significant(min(cut), 2)} to {significant(max(cut), 2)} times; {looks} (in the paper a "
+        "larger and a smaller one, each against one random set). "
+        "Errors at poses that were fitted do not show how good a calibration is.",
     )
 
 
@@ -77,16 +79,16 @@ def held_out_errors(campaign: Campaign) -> Finding:
             for one, gain in zip(both, printed, strict=True)
         )
         sentence = (
-            f"{where}. The paper gains {said}, each against one random set; here that gain shows "
-            f"against {alike}"
+            f"{where}. The paper's gains are {said}, each against one random set; here such a gain "
+            f"occurs against {alike}"
         )
     else:
         verdict = "holds" if all(kept) else "in part"
         sentence = (
-            f"optimal against random is {_gain(gains[0])} at {paper.SETS[0].poses} poses and "
-            f"{_gain(gains[1])} at {paper.SETS[2].poses}; printed are gains of {said}. From robot "
-            "to robot such means scatter by some 15 %, and from one random set to the next, so one "
-            "of each can neither prove nor disprove a gain of a quarter"
+            f"the optimal set is {_gain(gains[0])} than the random one at {paper.SETS[0].poses} "
+            f"poses and {_gain(gains[1])} at {paper.SETS[2].poses}; the paper prints gains of "
+            f"{said}. Such means scatter by some 15 % between robots, and also between random "
+            "sets, so one of each can neither prove nor disprove a gain of a quarter"
         )
     before = fixed(held_out_before(campaign) * MM, 3)
     return Finding(
@@ -97,14 +99,14 @@ def held_out_errors(campaign: Campaign) -> Finding:
 
 
 def among_random(campaign: Campaign) -> list[AgainstRandom]:
-    """The paper's O1 and O2 sets among random ones; none unless both are there."""
+    """The paper's O1 and O2 sets among random ones; none unless both were played."""
     found = [set_like(campaign, row) for row in paper.SETS if row.optimal]
     both = [one for one in found if one is not None]
     return both if len(both) == len(found) else []
 
 
 def _among(one: AgainstRandom, gain: float) -> str:
-    """Where a designed set stands among random ones, by the paper's estimator."""
+    """Comparison of a designed set with random ones, by the paper's estimator."""
     rank = rank_of(one, "paper")
     return (
         f"the {rank.criterion} set of {rank.poses} poses is {_gain(gain)} than the mean of "
@@ -113,7 +115,7 @@ def _among(one: AgainstRandom, gain: float) -> str:
 
 
 def gained(one: AgainstRandom, gain: float) -> int:
-    """Random sets against which the designed set is more accurate by `gain`, paper's estimator."""
+    """Number of random sets that the designed set beats by `gain`, with the paper's estimator."""
     k = ESTIMATORS.index("paper")
     return int((one.designed.error[k, 0] <= (1 - gain) * one.random.error[k]).sum())
 
@@ -124,12 +126,12 @@ def held_out_before(campaign: Campaign) -> float:
 
 
 def _left_over(campaign: Campaign) -> str:
-    """That the remaining error is the model's, if the residuals of the default estimator say so."""
+    """Clause on model error in what remains, if residuals of the default estimator show it."""
     tests = [estimate_of(trial, "whitened") for trial in campaign.trials]
     if any(e is not None and e.identification.p_value < ALARM for e in tests):
         return (
-            "; what is left after calibration here is mostly model error, which no choice of poses "
-            "removes"
+            "; the error left after calibration here is mostly model error, which no choice of "
+            "poses removes"
         )
     return ""
 
@@ -140,7 +142,7 @@ def _gain(gain: float) -> str:
 
 
 def parameter_ratio(campaign: Campaign) -> Finding:
-    """Claim 14: mean ratio of parameter uncertainties, and what it is made of."""
+    """Claim 14: mean ratio of parameter uncertainties, and its parts."""
     budget = played(paper_budget_of(campaign))
     ratio, repeats = float(budget.ratio[0]), float(budget.repeats_ratio[0])
     others = "".join(
@@ -156,7 +158,7 @@ def parameter_ratio(campaign: Campaign) -> Finding:
         f"mean ratio {fixed(ratio, 2)} ({budget.trials[0]})",
         f"This campaign: the paper's own protocol gives {fixed(ratio, 2)} with {budget.trials[0]}"
         f"{others}. Repeats of {budget.trials[0]} against repeats of the random set "
-        f"give {fixed(repeats, 2)}; the rest is that only the random side counts the number "
+        f"give {fixed(repeats, 2)}; the rest arises because only the random side counts the number "
         f"and the place of the poses ({percent(number)} and {percent(place)} of its "
         f"variance, repeats {percent(share)}).",
     )
@@ -167,7 +169,7 @@ def like_for_like(campaign: Campaign) -> Finding:
     parts, ratios = [], []
     designed = [trial for trial in campaign.trials if trial.method != "random"]
     sized = {len(t.selection.indices): t for t in campaign.trials[::-1] if t.method == "random"}
-    # where other designs are played beside the paper's, the claim is about the paper's
+    # if other designs are played as well, the claim is about those of the paper
     for trial in [trial for trial in designed if trial.rows == "paper"] or designed:
         poses = len(trial.selection.indices)
         own = estimate_of(trial, "whitened")
@@ -186,14 +188,14 @@ def like_for_like(campaign: Campaign) -> Finding:
     return Finding(
         graded(max(ratios) < 0.3, min(ratios) < 1),
         f"ratio {', '.join(fixed(ratio, 2) for ratio in ratios)}",
-        f"This campaign: like for like, stated u of the designed over the random set is "
-        f"{'; '.join(parts)}. A tenth is out of reach: the same noise falls on the same number of "
-        "poses.",
+        f"This campaign: for sets of one size, stated u of the designed over the random set is "
+        f"{'; '.join(parts)}. A tenth cannot be reached: the same noise acts on the same number "
+        "of poses.",
     )
 
 
 def coverage(campaign: Campaign) -> Finding:
-    """Claim 16: whether the stated tool uncertainty of the optimal set holds the true error."""
+    """Claim 16: whether the stated tool uncertainty of the optimal set covers the true error."""
     designed = designed_trials(campaign.scenario)[:1]
     trial = played(next((t for t in campaign.trials if t.name in designed), None))
     seen = played(judged_statements(campaign, trial))
@@ -205,16 +207,16 @@ def coverage(campaign: Campaign) -> Finding:
         f"{percent(point)} inside instead of 95 %",
         f"This campaign, {seen.trial}: by repeats (type A, as the paper states it) the true tool "
         f"point lies within t u of |P| (Student's t, {fixed(seen.factor, 2)}) at {percent(point)} "
-        f"of the held-out poses, its distance alone at {percent(distance)}; stated is a mean u of "
-        f"{fixed(seen.distance_u * MM, 4)} mm, the mean error is {fixed(seen.error * MM, 3)} mm. "
-        + ("" if verdict == "holds" else "Repeats cannot see what the model lacks. ")
-        + "Beside the paper: the region that the covariance of the unweighted fit claims holds the "
+        f"of the held-out poses, its distance alone at {percent(distance)}; the mean stated u is "
+        f"{fixed(seen.distance_u * MM, 4)} mm, the mean error {fixed(seen.error * MM, 3)} mm. "
+        + ("" if verdict == "holds" else "Repeats do not show what the model lacks. ")
+        + "Not in the paper: the region by the covariance of the unweighted fit contains the "
         f"point at {percent(seen.unweighted)}{runs}.",
     )
 
 
 def claim_16(point: float) -> Verdict:
-    """Verdict from the share of tool points that t u of |P| holds; it holds |P| more often."""
+    """Verdict from the share of tool points within t u of |P|; |P| itself is so more often."""
     return "holds" if point >= LOW_SHARE else "does not hold"
 
 
@@ -231,5 +233,5 @@ def nonlinear(campaign: Campaign) -> Finding:
         f"largest difference {percent(off)} of u",
         f"Linear propagation gives the 3-D uncertainty of all {drawn.shape[1]} poses within "
         f"{percent(off)} of Monte Carlo, and {study.draws} draws alone scatter by "
-        f"{percent(noise)}: parameter errors of this size are linear, so the simple law is enough.",
+        f"{percent(noise)}: parameter errors of this size act linearly, so it is enough.",
     )

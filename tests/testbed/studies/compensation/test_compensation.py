@@ -151,7 +151,7 @@ def test_a_robot_that_comes_out_worse_is_said(studies):
     figures = study.figures.copy()
     figures[2, 0, 0, 3] = 0.01
     said = " ".join(sentences(outcomes(replace(study, figures=figures))))
-    assert "Corrected by the chosen model, 1 elastic robot came out worse than before." in said
+    assert "Correction by the chosen model made AP larger on 1 elastic robot." in said
 
 
 BETTER = "The corrected program is better on"
@@ -298,7 +298,7 @@ def test_targets_are_asked_whether_a_statement_reaches_them(studies):
     said = sentences(outcomes(replace(study, place=places)))[-1]
     assert said.startswith("2 targets of rigid robots lie at the edge")
     assert "1 target of rigid robots lies outside" in said or "1 target of rigid" in said
-    assert "no statement of the calibration reaches" in said
+    assert "no statement of the calibration applies" in said
 
 
 def test_transfer_of_a_target_is_that_of_the_identified_robot(campaign, studies):

@@ -221,7 +221,7 @@ def test_claim_13_is_judged_against_the_mean_of_all_random_sets():
     assert printed.verdict == "holds"
     # 1 - 97/127 and 1 - 98/127 against the mean; the printed 24 and 26 % against single sets
     assert "24\u202f% more accurate than the mean of 4 random sets" in printed.sentence
-    assert "here that gain shows against 2 of 4 and 1 of 4" in printed.sentence
+    assert "here such a gain occurs against 2 of 4 and 1 of 4" in printed.sentence
     assert "0.127 ± 0.006" in printed.ours
     worse = held_out_errors(with_sets((0.128, drawn), (0.128, drawn)))
     assert worse.verdict == "does not hold"
@@ -254,7 +254,7 @@ def test_one_lucky_random_trial_moves_no_word_of_claims_12_and_13():
 def test_claim_12_says_where_the_sets_stand_on_their_own_poses():
     found = calibration_errors(paper_campaign())
     one, two = (rank_of(part, "paper") for part in study().sets)
-    above, below = re.findall(r"(?:above|below) (\d+) of 30", found.sentence)
+    above, below = re.findall(r"(?:larger error|smaller one) than (\d+) of 30", found.sentence)
     assert (int(above), int(below)) == (30 - one.own_lower_than, two.starts_lower_than)
     assert found.ours.count("±") == 4
 
