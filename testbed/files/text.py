@@ -12,6 +12,8 @@ from testbed.gates.text import EMPTY, FileText, separator_of, split
 from testbed.report.text import unguarded
 from testbed.units import counted
 
+FIRST = 3
+"""Rows that show whether columns at the end have no name."""
 MOST_TITLES = 50
 """Lines that free text above a table may have."""
 
@@ -69,7 +71,7 @@ def read_sheet(
     titles, content = content[:above], content[above:]
     separator = separator or separator_of(content[0][1])
     cells = split_cells(content, separator, text.where)
-    head, first = _trimmed(cells[0]), 1
+    head, first = _names(cells[0], cells[1:]), 1
     if header is False:
         head, first = tuple(str(k + 1) for k in range(len(head))), 0
     elif header is None:
@@ -106,7 +108,7 @@ def titles_above(content: Sequence[tuple[int, str]], separator: str = "") -> int
             cells = tables.get(mark) or tables.setdefault(mark, split(lines, mark, ""))
         except InputError:
             return 0
-        names = _trimmed(cells[k])
+        names = _names(cells[k], cells[k + 1 :])
         # the cells of a merged one are empty but for the first; what has more than any row is none
         widest = max((len(_trimmed(row)) for row in cells[k + 1 :]), default=0)
         full = (sum(map(bool, above)) for above in cells[:k])
@@ -134,11 +136,23 @@ def _trimmed(cells: Sequence[str]) -> tuple[str, ...]:
     return tuple(cells[: max((k + 1 for k, cell in enumerate(cells) if cell), default=0)])
 
 
+def _names(cells: Sequence[str], below: Sequence[Sequence[str]]) -> tuple[str, ...]:
+    """Cells of the line of names, those without a name at its end only where all rows have more.
+
+    What is cut off behind a comma that was a decimal mark is no column: it has digits alone.
+    """
+    named, rows = len(_trimmed(cells)), list(map(_trimmed, below[:FIRST]))
+    width = min([len(cells), *map(len, rows)])
+    more = rows and width < 2 * named and not all(row[width - 1].isdigit() for row in rows)
+    return tuple(cells[: max(named, width) if more else named])
+
+
 def _of_groups(head: tuple[str, ...], title: tuple[int, str], separator: str) -> tuple[str, ...]:
     """Names that come again, as X under both Nominal and Measured, with the cell above before them.
 
     A cell above is that of the columns to its right, as merged cells are written, up to the next
-    one. Names of a group get it together, and only where one of them comes again.
+    one. Names of a group get it together, and only where one of them comes again. It is the name
+    of a column that has none.
     """
     if len(set(filter(None, head))) == len([name for name in head if name]):
         return head
@@ -151,10 +165,15 @@ def _of_groups(head: tuple[str, ...], title: tuple[int, str], separator: str) ->
         last = (above[k] if k < len(above) else "") or last
         groups.append(last)
     again = {group for group, name in zip(groups, head, strict=True) if head.count(name) > 1}
-    return tuple(
+    named = [
         f"{group} {name}" if name and group and group in again else name
         for group, name in zip(groups, head, strict=True)
-    )
+    ]
+    own = [
+        cell if above.count(cell) == 1 and cell not in named else ""
+        for cell in (*above, *[""] * len(head))
+    ]
+    return tuple(name or cell for name, cell in zip(named, own, strict=False))
 
 
 def _units(below: Sequence[Sequence[str]], width: int) -> tuple[str, ...]:
