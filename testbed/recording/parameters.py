@@ -1,5 +1,6 @@
 """The plot of parameter errors in a recording: a row for each, in blocks side by side."""
 
+import re
 from collections.abc import Sequence
 
 import numpy as np
@@ -24,8 +25,9 @@ BLOCKS = 4
 ROWS = MOST_ROWS // BLOCKS
 """Most rows of a block."""
 WIDTH, ROW = (SIZE[0] - 6.0) / BLOCKS, (SIZE[1] - 1.5 * LINE) / ROWS
-NAME = 63.0
-"""Width of a block that is for the names."""
+NAME, LETTERS = 72.0, 9
+"""Width of a block that is for the names, and letters that have room in it."""
+NUMBER = re.compile(r"\d|$")
 
 
 def draw_parameters(
@@ -101,7 +103,7 @@ def parameter_words(names: Sequence[str]) -> list[Word]:
     left = middle - (WIDTH - NAME) / 2
     found = [
         Word(x - (LETTER * len(name) + 8) / 2, y - LINE / 2, name)
-        for x, y, name in zip(left, height, names, strict=True)
+        for x, y, name in zip(left, height, map(short_name, names), strict=True)
     ]
     for x in np.unique(middle):
         found += [
@@ -109,6 +111,19 @@ def parameter_words(names: Sequence[str]) -> list[Word]:
             for sign, tick in LABELLED
         ]
     return found
+
+
+def short_name(name: str) -> str:
+    """A name that has room before its row: its word is cut, what comes behind the word stays.
+
+    Examples
+    --------
+    >>> [short_name(name) for name in ("alpha1", "reflector1.x", "gravity2.upper")]
+    ['alpha1', 'reflec1.x', 'gr2.upper']
+    """
+    word = NUMBER.split(name, maxsplit=1)[0]
+    keep = max(1, LETTERS - (len(name) - len(word)))
+    return (word[:keep] + name[len(word) :])[:LETTERS]
 
 
 def place(z: Array | float) -> Array:

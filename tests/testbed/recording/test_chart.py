@@ -16,7 +16,15 @@ from testbed.recording.chart import (
     level,
     title_lines,
 )
-from testbed.recording.parameters import MOST_ROWS, parameter_words, place, row_heights
+from testbed.recording.parameters import (
+    EDGE,
+    MOST_ROWS,
+    middles,
+    parameter_words,
+    place,
+    row_heights,
+    short_name,
+)
 from testbed.recording.story import numbered, timeline_of
 from testbed.recording.ticks import decades, ticks
 from testbed.recording.timeline import visit
@@ -107,6 +115,22 @@ def test_parameter_names_do_not_lie_on_each_other_however_many():
         assert max(word.box[3] for word in words) <= SIZE[1] + 1
         assert min(word.box[0] for word in words) >= 0
         assert len(set(row_heights(count))) == -(-count // 4)
+
+
+def test_long_names_touch_neither_a_number_nor_the_row_to_the_left():
+    """A row ends with a point of 4.5 at the edge of its axis, where what is larger lies."""
+    parts = [f"reflector{k}.{axis}" for k in (1, 2, 12) for axis in "xyz"]
+    parts += [f"station{k}.{axis}" for k in (2, 3) for axis in ("x", "y", "z", "rx", "ry", "rz")]
+    parts += ["gravity2.upper", "gravity2.fore", "harmonic3.sin1", "harmonic3.sin12", "moment6.hx"]
+    names = parts + [f"anchor{k}.x" for k in range(1, MOST_ROWS - len(parts) + 1)]
+    assert len({short_name(name) for name in names}) == len(names) == MOST_ROWS
+    words = parameter_words(names)
+    assert overlaps(words) == []
+    ends = middles(MOST_ROWS) + place(EDGE) + 4.5
+    for k, word in enumerate(words[8:MOST_ROWS], start=8):
+        assert word.box[0] >= ends[k - 8] - 0.1
+        assert word.text.startswith(names[k][0])
+        assert names[k].endswith(word.text[-2:])
 
 
 def test_the_parameter_axis_is_odd_and_ends_within_its_block():
