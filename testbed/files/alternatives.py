@@ -11,7 +11,7 @@ from calib.arrays import Array, Bool
 from calib.geometry.chain import Chain
 from calib.geometry.frames import inverse, transform
 from calib.measurement.observations import Measurements
-from testbed.files.rotations import EULER, MATRIX, QUATERNION, VECTOR, axes_of, rotations
+from testbed.files.rotations import AXIS, EULER, MATRIX, QUATERNION, VECTOR, axes_of, rotations
 from testbed.files.rows.counts import Count, added, other_counts
 from testbed.files.session import Stated
 from testbed.robots.controller import AS_THE_ARM, Controller
@@ -259,6 +259,8 @@ def _other_forms(numbers: Array, form: str) -> Iterator[tuple[str, str, str, str
 
 def _other_sequences(numbers: Array, form: str) -> Iterator[tuple[str, str, str, Array]]:
     """Condition, fix if it is not the sequence, form and numbers of other readings of angles."""
+    if form == AXIS:
+        return
     if form == VECTOR:
         for other in BY_AXIS:
             condition = f"if the three angles are Euler angles {other}"

@@ -41,6 +41,8 @@ WRITTEN = {
 }  # fmt: skip
 """Units as people write them, in small letters."""
 QUATERNION_COLUMNS = ("qw", "qx", "qy", "qz")
+AXIS_COLUMNS = ("axis_x", "axis_y", "axis_z")
+"""Of a turn by axis_angle_deg ... about them."""
 MATRIX_COLUMNS = tuple(f"r{i}{j}" for i in "123" for j in "123")
 TEXTS = ("pose_id", "station", "split", "approach", "time", "target", "anchor", "euler", "tool",
          "path")  # fmt: skip
@@ -54,7 +56,7 @@ COUNTS = ("cycle", "path_point")
 """Columns of whole numbers in tests after ISO 9283."""
 COMMANDED = "command_"
 """Before the name of a column: where the robot was sent, instead of where it was seen."""
-PLAIN = (*TEXTS, *NUMBERS, *COUNTS, *QUATERNION_COLUMNS, *MATRIX_COLUMNS)
+PLAIN = (*TEXTS, *NUMBERS, *COUNTS, *QUATERNION_COLUMNS, *AXIS_COLUMNS, *MATRIX_COLUMNS)
 """Names that carry no unit, or always the same."""
 AXES = ("x", "y", "z", "rx", "ry", "rz")
 STEMS: dict[str, str] = {
@@ -62,7 +64,9 @@ STEMS: dict[str, str] = {
     **dict.fromkeys(("reflector_x", "reflector_y", "reflector_z"), "length"),
     **dict.fromkeys(("payload_x", "payload_y", "payload_z"), "length"),
     **dict.fromkeys(("difference_x", "difference_y", "difference_z"), "length"),
-    **dict.fromkeys(("rx", "ry", "rz", "e1", "e2", "e3", "rvx", "rvy", "rvz"), "angle"),
+    **dict.fromkeys(
+        ("rx", "ry", "rz", "e1", "e2", "e3", "rvx", "rvy", "rvz", "axis_angle"), "angle"
+    ),
     **dict.fromkeys(("azimuth", "elevation", "zenith"), "angle"),
     **{f"{u}{axis}": "length" for u in ("u", "U95") for axis in ("x", "y", "z", "_distance")},
     **{f"{u}{axis}": "angle" for u in ("u", "U95") for axis in ("rx", "ry", "rz")},

@@ -38,7 +38,7 @@ def section_of(table: DataTable, fix: str = PROPOSED) -> ObservedTable:
     if table.find("length", "distance"):
         return RangesTable()
     if any(name in table for name in ("qw", "r11")) or any(
-        table.find("angle", stem) for stem in ("rx", "e1", "rvx")
+        table.find("angle", stem) for stem in ("rx", "e1", "rvx", "axis_angle")
     ):
         return FramesTable()
     if any(table.find("length", stem) for stem in ("x", "range", "difference_x")):

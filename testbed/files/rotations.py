@@ -8,10 +8,10 @@ from numpy.typing import ArrayLike
 
 from calib.arrays import Array, Bool, frozen
 from calib.geometry.frames import exp_so3, log_so3
-from testbed.files.columns import MATRIX_COLUMNS, QUATERNION_COLUMNS
+from testbed.files.columns import AXIS_COLUMNS, MATRIX_COLUMNS, QUATERNION_COLUMNS
 from testbed.files.refusal import refusal
 from testbed.files.session import Stated
-from testbed.files.table import Columns, DataTable
+from testbed.files.table import Columns, DataTable, together
 from testbed.strict import choice_of
 
 EULER = tuple(
@@ -24,6 +24,7 @@ EULER = tuple(
 MAKERS = {"kuka": "ZYX", "staubli": "XYZ", "fanuc": "xyz", "ur": "rotation_vector"}
 """What some controllers mean by three angles; KUKA: A about Z, B about Y, C about X."""
 QUATERNION, MATRIX, VECTOR = "quaternion", "matrix", "rotation_vector"
+AXIS = "axis_angle"
 KEPT, QUIET, MENDED = 1e-12, 1e-6, 1e-3
 """Largest |R'R - I| of a matrix that is kept as it is, projected, projected with a warning."""
 
@@ -32,14 +33,16 @@ def rotations(form: str, numbers: ArrayLike) -> Array:
     """Rotation matrices (m, 3, 3) of numbers (m, k) in a form of `Stated.form`.
 
     Euler angles are in the order of the letters [rad]: ``ABC`` is R_A(a) R_B(b) R_C(c) and ``abc``
-    is R_C(c) R_B(b) R_A(a). Quaternions have w first and any length. Matrices are by rows and are
-    not corrected.
+    is R_C(c) R_B(b) R_A(a). Quaternions have w first and any length; axes, of any length, stand
+    before their angle. Matrices are by rows and are not corrected.
     """
     values = np.asarray(numbers, dtype=np.float64)
     if form == MATRIX:
         return values.reshape(-1, 3, 3)
     if form == VECTOR:
         return exp_so3(values)
+    if form == AXIS:
+        return exp_so3(_unit(values[:, :3]) * values[:, 3:])
     if form == QUATERNION:
         return _from_quaternions(values)
     R = np.broadcast_to(np.eye(3), (len(values), 3, 3))
@@ -49,10 +52,15 @@ def rotations(form: str, numbers: ArrayLike) -> Array:
     return R
 
 
+def _unit(vectors: Array) -> Array:
+    """Vectors (m, k) of length 1, those of length 0 as they are."""
+    length = np.linalg.norm(vectors, axis=1, keepdims=True)
+    return np.asarray(vectors / np.where(length > 0, length, 1.0))
+
+
 def _from_quaternions(values: Array) -> Array:
     """Rotations (m, 3, 3) of quaternions (m, 4), w first, of any length."""
-    length = np.linalg.norm(values, axis=1, keepdims=True)
-    unit = values / np.where(length > 0, length, 1.0)  # one of length 0 is refused elsewhere
+    unit = _unit(values)  # one of length 0 is refused elsewhere
     vector = unit[:, 1:]
     half = np.linalg.norm(vector, axis=1)
     angle = 2 * np.arctan2(half, unit[:, 0])
@@ -86,6 +94,13 @@ def in_form(form: str, old: Array, R: Array) -> Array:
         other = new * (1 - 2 * np.pi / np.maximum(angle, 1e-12))
         far = np.linalg.norm(new - old, axis=1) > np.linalg.norm(other - old, axis=1)
         return np.where(far[:, None], other, new)
+    if form == AXIS:
+        new = log_so3(R)
+        angle = np.linalg.norm(new, axis=1, keepdims=True)
+        axis = np.where(angle > 0, _unit(new), _unit(old[:, :3]))
+        sign = np.where((axis * old[:, :3]).sum(axis=1, keepdims=True) < 0, -1.0, 1.0)
+        turns = np.round((sign * angle - old[:, 3:]) / (2 * np.pi))
+        return np.hstack([sign * axis, sign * angle - 2 * np.pi * turns])
     with warnings.catch_warnings():
         # where two axes line up only their sum counts: any split of it is right
         warnings.simplefilter("ignore")
@@ -111,7 +126,12 @@ def stated_in(table: DataTable, euler: str | None) -> tuple[Stated, Columns] | N
     vector = table.find("angle", "rvx", "rvy", "rvz")
     quaternion = _plain_columns(table, QUATERNION_COLUMNS)
     matrix = _plain_columns(table, MATRIX_COLUMNS)
-    forms = [form for form in (angles, ordered, vector, quaternion, matrix) if form]
+    axis, about = _plain_columns(table, AXIS_COLUMNS), table.find("angle", "axis_angle")
+    if bool(axis) != bool(about):
+        there = (axis or about or Columns()).names[0]
+        raise table.incomplete(there, ["axis_angle_deg"] if axis else AXIS_COLUMNS)
+    turn = together(axis, about) if axis else None
+    forms = [form for form in (angles, ordered, vector, quaternion, matrix, turn) if form]
     if len(forms) > 1:
         message = f"has rotations in two forms ({forms[0].names[0]} and {forms[1].names[0]})"
         raise refusal(table.where, "frames", message, fix="keep one of them")
@@ -120,6 +140,8 @@ def stated_in(table: DataTable, euler: str | None) -> tuple[Stated, Columns] | N
     columns, numbers = forms[0], table.values(forms[0])
     if matrix or quaternion:
         return Stated(MATRIX if matrix else QUATERNION, numbers), columns
+    if turn:
+        return Stated(AXIS, numbers), columns
     if vector:
         return Stated(VECTOR, numbers), columns
     form = sequence_of(euler if euler is not None else table.only("euler"), table.where)
@@ -177,30 +199,37 @@ def checked_rotations(stated: Stated, table: DataTable, rows: Bool) -> tuple[Arr
     Raises
     ------
     InputError
-        M22: a quaternion's length is off by more than 1e-3; M23: a matrix mirrors, or is off by
-        more than 1e-3.
+        M22: the length of a quaternion, or of an axis, is off by more than 1e-3; M23: a matrix
+        mirrors, or is off by more than 1e-3.
     """
     assert stated.numbers is not None  # a table of frames has rotations
     numbers = np.where(rows[:, None], stated.numbers, np.nan)
     if stated.form == QUATERNION:
-        return rotations(QUATERNION, numbers), _check_lengths(numbers, table)
+        return rotations(QUATERNION, numbers), _check_lengths(numbers, table, "quaternion")
+    if stated.form == AXIS:
+        # about no axis by no angle
+        turned = np.where(np.any(numbers != 0, axis=1)[:, None], numbers[:, :3], np.nan)
+        return rotations(AXIS, numbers), _check_lengths(turned, table, "axis")
     if stated.form == MATRIX:
         return _checked_matrices(numbers.reshape(-1, 3, 3), table)
     return rotations(stated.form, numbers), []
 
 
-def _check_lengths(numbers: Array, table: DataTable) -> list[str]:
-    """Refuse quaternions that are none; warn of rounded ones."""
+def _check_lengths(numbers: Array, table: DataTable, what: str) -> list[str]:
+    """Refuse quaternions, or axes, that are none; warn of rounded ones."""
+    columns = QUATERNION_COLUMNS if what == "quaternion" else AXIS_COLUMNS
     length = np.nan_to_num(np.linalg.norm(numbers, axis=1), nan=1.0)
     off = np.abs(length - 1)
     worst = int(np.argmax(off)) if len(off) else 0
     if len(off) and off[worst] > MENDED:
         raise refusal(
-            table.place(worst), "qw", f"the quaternion has length {length[worst]:.6g}", code="M22",
-            allowed="it should be 1, within 0.001", fix="check the columns qw, qx, qy, qz",
+            table.place(worst), columns[0], f"the {what} has length {length[worst]:.6g}",
+            code="M22", allowed="it should be 1, within 0.001",
+            fix=f"check the columns {', '.join(columns)}",
         )  # fmt: skip
     if len(off) and off[worst] > 1e-5:
-        return [f"{table.where}: quaternions have lengths off 1 by up to {off[worst]:.1e}; scaled"]
+        many = "quaternions" if what == "quaternion" else "axes"
+        return [f"{table.where}: {many} have lengths off 1 by up to {off[worst]:.1e}; scaled"]
     return []
 
 

@@ -75,11 +75,11 @@ class Stated:
     """How rotations stand in the file, kept so that other readings of it can be tried."""
 
     form: str = "none"
-    """none, matrix, quaternion, rotation_vector, or an Euler sequence: capitals turn about axes
-    that turn along, small letters about fixed ones."""
+    """none, matrix, quaternion, rotation_vector, axis_angle, or an Euler sequence: capitals turn
+    about axes that turn along, small letters about fixed ones."""
     numbers: Array | None = None
     """(m, 3 | 4 | 9) as in the file: Euler angles in the order of the letters [rad], quaternions
-    with w first, rotation vectors [rad], matrices by rows."""
+    with w first, rotation vectors [rad], an axis and the angle about it [rad], matrices by rows."""
     inverted: bool = False
     """Whether the file gives T_tool_tracker."""
 

@@ -8,7 +8,7 @@ from testbed.bounds import FACTORS
 from testbed.files.columns import WRITTEN, is_known
 from testbed.proposal.axis_letters import stems_of_letters
 from testbed.proposal.polar.names import polar_names
-from testbed.proposal.transforms import entry_of
+from testbed.proposal.transforms import axis_names, entry_of
 from testbed.proposal.words import (
     ANGLE,
     BEHIND,
@@ -111,6 +111,7 @@ def _of_this_head(head: Sequence[str]) -> dict[str, str]:
               if (joint := JOINT.fullmatch(_joint_alone(text))) is not None}  # fmt: skip
     if texts.issuperset(fours) and "q5" not in texts and others >= set("1234"):
         found = found | fours
+    found = found | axis_names(texts - set(found))
     return found | polar_names(texts - set(found))
 
 

@@ -4,21 +4,20 @@ from collections.abc import Iterator, Mapping
 from itertools import product
 
 from testbed.bounds import FACTORS
-from testbed.files.alternatives import BY_AXIS
-from testbed.files.columns import MATRIX_COLUMNS, PLAIN, QUATERNION_COLUMNS
+from testbed.files.columns import PLAIN
 from testbed.files.refusal import refusal
 from testbed.files.rows.one_tool import apart_or_alike
 from testbed.files.rows.planned import foretold
 from testbed.proposal.data import Document, Found, Part
 from testbed.proposal.exports import exported_parts
 from testbed.proposal.layouts import layouts
-from testbed.proposal.names import Meaning, targets_in_a_row, turns_of_letters, without_unit
+from testbed.proposal.names import targets_in_a_row, without_unit
 from testbed.proposal.polar.parts import is_polar, polar_ways
 from testbed.proposal.sizes import by_size, signed
+from testbed.proposal.turns import turn_columns, turnings
 
 TARGET = ("command_x", "command_y", "command_z")
 DIFFERENCE = ("difference_x", "difference_y", "difference_z")
-VECTOR = ("rvx", "rvy", "rvz")
 TURN = 6.4
 """Joints never turn so far where they are in radians [rad]."""
 REACH = 20.0
@@ -83,14 +82,7 @@ def seen_parts(look: Found, own: tuple[int, ...]) -> Iterator[Part]:
             for keys, notes in _readings(look, place, (), _more(look) | _drives(look, n)):
                 yield look, keys, (_sum_said(place), *notes), ""
         elif place or polar:
-            turns = next(
-                (
-                    tuple(stems[s].theirs for s in form)
-                    for form in (QUATERNION_COLUMNS, MATRIX_COLUMNS, ("rx", "ry", "rz"), VECTOR)
-                    if look.has(*form)
-                ),
-                (),
-            )
+            turns = turn_columns(look)
             more = _more(look) | _drives(look, n)
             for columns, extra, said in [({}, {}, ())] if place else polar_ways(look):
                 for keys, notes in _readings(look, place, turns, more | columns):
@@ -211,7 +203,7 @@ def _readings(
               for name in place.values() if name in means}  # fmt: skip
     told = not place or (stated and "" not in stated)
     lengths = ("",) if told else by_size(look, tuple(place.values()), REACH, ("mm", "m"))
-    for unit, (form, extra, said) in product(lengths, _turnings(look, turns, means)):
+    for unit, (form, extra, said) in product(lengths, turnings(look, turns, means)):
         columns = dict(more)
         for stem, name in place.items():
             one = means.get(name)
@@ -227,52 +219,3 @@ def _readings(
         note = () if told else (f"positions: no column states its unit; assumed: {unit}",)
         yield {"section": "frames" if turns else "points", **extra,
                **({"columns": columns} if columns else {})}, (*note, *said)  # fmt: skip
-
-
-def _turnings(
-    look: Found, turns: tuple[str, ...], means: dict[str, Meaning]
-) -> Iterator[tuple[dict[str, str], Document, tuple[str, ...]]]:
-    """Columns, keys and notes of rotations in these columns."""
-    if not turns:
-        yield {}, {}, ()
-        return
-    known = all(name in means and means[name].known for name in turns)
-    directions: tuple[Document, ...] = ({}, {"gives": "T_tool_tracker"})
-    if len(turns) == 4:
-        told = turns[0] in means  # a name such as qw says which number it is
-        for order, gives in product(("wxyz",) if told else ("wxyz", "xyzw"), directions):
-            columns = {} if known else {f"q{a}": name for a, name in zip(order, turns, strict=True)}
-            said = "rotations: no name states the order of the quaternions; assumed: "
-            said += " ".join(order)
-            yield columns, gives, (_direction(gives), *(() if told else (said,)))
-        return
-    if len(turns) == 9:
-        named = {} if known else dict(zip(MATRIX_COLUMNS, turns, strict=True))
-        for gives in directions:
-            yield named, gives, (_direction(gives),)
-        return
-    if turns == tuple(look.stems[stem].theirs for stem in VECTOR if look.has(stem)):
-        for gives in directions:
-            yield {}, gives, (_direction(gives),)
-        return
-    if "euler" in look.head:
-        for gives in directions:
-            yield {}, gives, (_direction(gives),)
-        return
-    unit = next((means[name].unit for name in turns if name in means), "")
-    units = (unit,) if known or unit else by_size(look, turns, TURN, ("deg", "rad"))
-    usual = ("ZYX", "XYZ") if turns_of_letters(look.head) else ("XYZ", "ZYX")
-    forms = (*usual, *(a for a in BY_AXIS if a not in usual), "rotation_vector")
-    for gives, one, form in product(directions, units, forms):
-        columns = (
-            {} if known else {f"r{a}_{one}": name for a, name in zip("xyz", turns, strict=True)}
-        )
-        said = f"rotations: no file states how the three angles turn; assumed: {form}"
-        said += "" if unit or known else f", in {one}"
-        yield columns, {"euler": form, **gives}, (said, _direction(gives))
-
-
-def _direction(gives: Document) -> str:
-    """What transform was taken."""
-    what = "the tracker in the tool" if gives else "the tool in the tracker"
-    return f"transforms: assumed to be those of {what}"

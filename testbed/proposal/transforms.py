@@ -1,7 +1,7 @@
 """Entries of transforms: by their names, or by where they stand in rows without names."""
 
 import re
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -30,6 +30,23 @@ def entry_of(text: str, others: Sequence[str]) -> str:
         if whole <= places and 0 < row < 4 and 0 < column <= columns:
             return "xyz"[row - 1] if column == 4 else f"r{row}{column}"
     return ""
+
+
+AXES = ("axis {}", "axis{}", "a{}", "k{}", "rot axis {}", "rotation axis {}", "achse {}",
+        "drehachse {}", "axe {}", "asse {}", "eje {}")  # fmt: skip
+"""What components of an axis are called, where a turn about it stands beside them."""
+ABOUT = {"angle", "axis angle", "rotation angle", "rot angle", "theta", "winkel", "drehwinkel",
+         "angolo", "ángulo"}  # fmt: skip
+
+
+def axis_names(texts: Collection[str]) -> dict[str, str]:
+    """Stems of an axis and of the only angle beside it; empty where they are not there."""
+    angles = ABOUT.intersection(texts)
+    for form in AXES:
+        axis = {form.format(letter): f"axis_{letter}" for letter in "xyz"}
+        if len(angles) == 1 and set(axis) <= set(texts):
+            return axis | dict.fromkeys(angles, "axis_angle")
+    return {}
 
 
 @dataclass(frozen=True, slots=True)

@@ -81,6 +81,16 @@ QUATERNION = ("qw", "qx", "qy", "qz")
 """Of four numbers counted from 0, as q0, or from 1 beside joints of another name, as ABB does."""
 SHIFTS = {"tx": "x", "ty": "y", "tz": "z"}
 """Beside turns Rx Ry Rz these are a place; alone they may be targets."""
-OF_TURNS = {*TURNS.values(), *(f"r{i}{j}" for i in "123" for j in "123"), "rvx", "rvy", "rvz"}
+OF_TURNS = {
+    *TURNS.values(),
+    *(f"r{i}{j}" for i in "123" for j in "123"),
+    "rvx",
+    "rvy",
+    "rvz",
+    "axis_x",
+    "axis_y",
+    "axis_z",
+    "axis_angle",
+}
 LETTERS = ({"a": "rz", "b": "ry", "c": "rx"}, {"w": "rx", "p": "ry", "r": "rz"})
 """Turns of KUKA, about z, then y, then x, and of FANUC, about fixed x, y, z: they are the same."""

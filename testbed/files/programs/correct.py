@@ -123,11 +123,12 @@ def correct_program(
     """Correct the targets of a program file.
 
     Joint targets stand in ``q1_deg`` ... (``_rad``, ``_mm``, ``_m``). Cartesian ones in ``x_mm y_mm
-    z_mm`` (``_m``) with a rotation as ``qw qx qy qz``, ``r11`` ... ``r33``, ``rvx_deg`` ..., or
-    ``rx_deg ry_deg rz_deg`` whose sequence is stated in a column ``euler``: poses of the tool in
-    the base frame, for a controller that keeps its nominal model. Joint columns beside Cartesian
-    ones state in which configuration the controller reaches them. ``payload_kg``, ``tool`` and
-    ``temperature_degC`` state under which conditions it goes there.
+    z_mm`` (``_m``) with a rotation as ``qw qx qy qz``, ``r11`` ... ``r33``, ``rvx_deg`` ...,
+    ``axis_x axis_y axis_z axis_angle_deg``, or ``rx_deg ry_deg rz_deg`` whose sequence is stated
+    in a column ``euler``: poses of the tool in the base frame, for a controller that keeps its
+    nominal model. Joint columns beside Cartesian ones state in which configuration the controller
+    reaches them. ``payload_kg``, ``tool`` and ``temperature_degC`` state under which conditions it
+    goes there.
 
     Parameters
     ----------
