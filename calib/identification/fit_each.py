@@ -19,7 +19,7 @@ from calib.identification.many.fit import fit_many
 from calib.identification.many.tables import ManyTables, known_to_many
 from calib.identification.result import Mode
 from calib.identification.tangent import NEGLIGIBLE, column_norms, tangent_plane
-from calib.information.reduction import KEEP_TOLERANCE
+from calib.information.rank import KEEP_TOLERANCE
 from calib.measurement.observations import Measurements
 from calib.measurement.residual import table_whiteners
 from calib.shown import Shown

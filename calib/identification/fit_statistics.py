@@ -76,9 +76,7 @@ def with_statistics(
     else:
         statistics = _robust_statistics(fit, measurements, rows(fit.solution.x))
     # the reduction was judged at the start, a saddle: beside it these numbers are observable
-    untold = tuple(f"{name} " for name in fit.mirrored)
-    told = (one for one in fit.reduction.sentences if not untold or not one.startswith(untold))
-    notes = (*told, *statistics.notes)
+    notes = (*fit.reduction.sentences_without(fit.mirrored), *statistics.notes)
     errors, names = fit.solution.x.joint_errors, fit.kept.free_names
     notes += against_gravity(errors, names, statistics.covariance)
     if fit.mirrored:
@@ -167,7 +165,7 @@ def squared_notes(
     total: float, dof: float, p_value: float, misfit: LackOfFit | None
 ) -> tuple[str, ...]:
     """Sentences on the tests of a least-squares fit with known noise."""
-    return (*_chi_square_notes(total, dof, p_value), *_repeat_notes(misfit, p_value))
+    return (*chi_square_notes(total, dof, p_value), *_repeat_notes(misfit, p_value))
 
 
 def _robust_statistics(fit: SolvedFit, measurements: Measurements, stack: Stack) -> _Statistics:
@@ -196,7 +194,7 @@ def _robust_statistics(fit: SolvedFit, measurements: Measurements, stack: Stack)
         residual=r,
         notes=(
             *_outlier_notes(judged, measurements, many),
-            *_chi_square_notes(total, dof, p_value, smaller=False),
+            *chi_square_notes(total, dof, p_value, smaller=False),
         ),
         log_evidence=_log_evidence(fit, fit.solution.factor, n),
     )
@@ -214,7 +212,7 @@ def _log_evidence(fit: SolvedFit, factor: Array, n: int) -> float:
     return float(-fit.solution.trace[-1] / 2 + believed + np.linalg.slogdet(factor)[1])
 
 
-def _chi_square_notes(
+def chi_square_notes(
     total: float, dof: float, p_value: float, *, smaller: bool = True
 ) -> tuple[str, ...]:
     """Sentence on a chi-square outside its range."""

@@ -117,6 +117,12 @@ class Identification(Shown):
         pairs = [shown_in(*one) for one in zip(self.names, lengths, strict=True)]
         return tuple(unit for unit, _ in pairs), np.array([scale for _, scale in pairs])
 
+    @property
+    def notes_of_fit(self) -> tuple[str, ...]:
+        """The notes but those on what cannot be told apart, which `reduction` has."""
+        told = set(self.reduction.sentences)
+        return tuple(note for note in self.notes if note not in told)
+
     def tables(self) -> dict[str, ResultTable]:
         """``numbers`` with value, U (k = 2) and unit; ``residuals``, whitened."""
         return {"numbers": numbers(self), "residuals": ResultTable({"residual": self.residual})}

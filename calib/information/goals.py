@@ -11,8 +11,7 @@ from calib.errors import refuse
 from calib.geometry.jacobian import reflector_rows
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import Parameters
-from calib.information.rank import RANK_TOLERANCE
-from calib.information.reduction import KEEP_TOLERANCE
+from calib.information.rank import KEEP_TOLERANCE, RANK_TOLERANCE
 from calib.kinds import checked_kinds
 from calib.shown import Shown
 

@@ -9,6 +9,8 @@ RANK_TOLERANCE = 1e-9
 """Singular values above this part of the largest count (TX60: the gap is from 0.19 to 1e-15)."""
 PRACTICAL_RATIO = 0.5
 """A direction is learned if measuring brings its sd below this part of its prior sd."""
+KEEP_TOLERANCE = 1e-6
+"""A column is kept when more than this part of it lies outside the columns already kept."""
 
 
 def singular_values(A: ArrayLike) -> Array:

@@ -1,6 +1,6 @@
-"""Identifiability: which numbers the measurements tell apart, and the dependencies in words."""
+"""Identifiability: which numbers the measurements tell apart, and what stands for the others."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from math import sqrt
 from typing import Annotated, NamedTuple
@@ -8,21 +8,25 @@ from typing import Annotated, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from calib.arrays import Array, Bool, Index, check, frozen, wrong_shape
+from calib.arrays import LATER, Array, Index, check, frozen, wrong_shape
 from calib.errors import refuse
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import Parameters
-from calib.information.rank import RANK_TOLERANCE, count, practical_rank, singular_values, triangle
+from calib.information.dependencies import Dependency, causes_of, count_sentences, dependency
+from calib.information.rank import (
+    KEEP_TOLERANCE,
+    RANK_TOLERANCE,
+    count,
+    practical_rank,
+    singular_values,
+    triangle,
+)
 from calib.shown import Shown
 
-KEEP_TOLERANCE = 1e-6
-"""A column is kept when more than this part of it lies outside the columns already kept."""
 PLAIN = 100.0
 """A column this many times above that tolerance is independent whatever the rounding."""
 PARALLEL = np.cos(np.deg2rad(1.0))
 """Axes within 1 degree count as parallel: then beta is identifiable and d is not (Hayati)."""
-STILL = 1e-9
-"""A joint [rad, m] or an orientation [1] whose range is smaller than this never moves."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -50,6 +54,18 @@ class Reduction(Shown):
     """Free numbers without any effect on the measurements: no kept number stands for them."""
     practical_rank: int | None = None
     """Directions learned beyond the prior; None if no prior was given."""
+    dependencies: Annotated[tuple[Dependency, ...], LATER] = ()
+    """(d,) what the last d sentences are about."""
+
+    @property
+    def causes(self) -> tuple[str, ...]:
+        """The sentences on no dropped number of its own."""
+        return self.sentences[: len(self.sentences) - len(self.dependencies)]
+
+    def sentences_without(self, names: Collection[str]) -> tuple[str, ...]:
+        """All sentences but those on some dropped numbers."""
+        each = zip(self.dependencies, self.sentences[len(self.causes) :], strict=True)
+        return (*self.causes, *(text for one, text in each if one.name not in names))
 
     @property
     def told_apart(self) -> bool:
@@ -137,11 +153,11 @@ def reduce(
     lengths = parameters.is_length[parameters.free]
     # moments load springs, and where none bends they do nothing yet
     unloaded = {k for k in found.silent.tolist() if names[k].startswith("moment")}
-    sentences = [
-        *_causes(model, parameters, q, n_directions < len(names)),
-        *_count_sentences(len(A), len(keep), n_directions, len(names)),
-        *(_dependency(names, lengths, keep, mixing, k) for k in left if k not in unloaded),
+    causes = [
+        *causes_of(model, parameters, q, n_directions < len(names)),
+        *count_sentences(len(A), len(keep), n_directions, len(names)),
     ]
+    told = [dependency(names, lengths, keep, mixing, k) for k in left if k not in unloaded]
     every = len(keep) == len(names)
     spread = singular if every else singular_values(small[:, keep]) if keep else np.ones(1)
     return Reduction(
@@ -152,9 +168,10 @@ def reduce(
         kept=tuple(names[k] for k in keep),
         dropped=tuple(names[k] for k in left),
         mixing=frozen(mixing),
-        sentences=tuple(sentences),
+        sentences=(*causes, *(sentence for _, sentence in told)),
         unobservable=tuple(names[k] for k in sorted(found.silent)),
         practical_rank=None if prior_sd is None else practical_rank(small / scale, prior_sd),
+        dependencies=tuple(one for one, _ in told),
     )
 
 
@@ -206,75 +223,3 @@ def _choose_columns(A: Array, order: Sequence[int]) -> _Kept:
         coordinates[:] = np.linalg.solve(C[:, kept], C)
     coordinates[:, silent] = 0.0
     return _Kept(kept, coordinates, silent)
-
-
-def _causes(
-    model: RobotModel, parameters: Parameters, q: ArrayLike | None, lost: bool
-) -> list[str]:
-    """Sentences on joints that never move and an orientation that never changes."""
-    if q is None or not lost:
-        return []
-    (q,) = check(f"m {model.chain.n_joints}", q=q)
-    if len(q) < 2:
-        return []
-    said = [
-        f"joint {i + 1} never moves: its link cannot be told from the links beside it; "
-        "choose poses that move it"
-        for i in np.flatnonzero(np.ptp(q, axis=0) < STILL)
-    ]
-    arms = ("tool.x", "tool.y", "tool.z", *model.fixtures.names[: 3 * model.fixtures.counts[0]])
-    free = [name for name in arms if name in parameters.free_names]
-    R = model.poses(q)[:, :3, :3]
-    if free and np.abs(R - R[0]).max() < STILL:
-        said.append(
-            f"the tool keeps one orientation in all poses: {', '.join(free)} cannot be told from a "
-            "shift of the robot; hold them fixed or turn the tool"
-        )
-    return said
-
-
-def _count_sentences(n_rows: int, n_kept: int, rank: int, n_free: int) -> list[str]:
-    """Sentences on too few equations, and on directions between the two tolerances."""
-    said = []
-    if n_rows < n_free and n_kept == n_rows:
-        said.append(
-            f"{n_rows} equations tell at most {n_rows} of {n_free} numbers apart: "
-            "more poses may tell more"
-        )
-    if rank != n_kept:
-        said.append(
-            f"{n_kept} numbers are kept but the singular values count {rank} directions: "
-            "some are seen so weakly that rounding decides"
-        )
-    return said
-
-
-def _dependency(
-    names: Sequence[str], lengths: Bool, keep: Sequence[int], mixing: Array, k: int
-) -> str:
-    """Sentence on what dropped number k is equivalent to."""
-    name, column = names[k], mixing[:, k]
-    # 1e-6 of a meter per radian or the like is below what the projection test resolves
-    terms = np.flatnonzero(np.abs(column) > KEEP_TOLERANCE)
-    if not terms.size:
-        return f"{name} has no effect on anything measured: no measurement can find it"
-    # equal parts stay in the order of the numbers, whatever rounding made of them
-    size = np.round(np.log(np.abs(column[terms])), 9)
-    terms = terms[np.argsort(-size, kind="stable")].tolist()
-    others = [names[keep[i]] for i in terms]
-    if len(terms) == 1 and abs(abs(column[terms[0]]) - 1) < KEEP_TOLERANCE:
-        same = "the same" if column[terms[0]] > 0 else "the opposite"
-        return (
-            f"{name} cannot be told from {others[0]}: any change of {name} looks like {same} "
-            f"change of {others[0]}"
-        )
-    shown = [
-        f"{column[i]:+.3g} {'m' if lengths[keep[i]] else 'rad'} of {other}"
-        for i, other in zip(terms[:4], others[:4], strict=True)
-    ]
-    more = f" and {len(terms) - 4} smaller terms" if len(terms) > 4 else ""
-    unit = "m" if lengths[k] else "rad"
-    return (
-        f"{name} cannot be told from {', '.join(others[:4])}{more}: 1 {unit} of {name} looks like "
-        f"{', '.join(shown)}{more}"
-    )

@@ -136,6 +136,7 @@ def assemble(
             *(note for part in parts for note in part.readings.notes),
             *notes,
         ),
+        unread=tuple(dict.fromkeys(one for part in parts for one in part.readings.unread)),
         stated=parts[0].readings.stated if len(parts) == 1 else Stated(),
         simulated=settings.simulated,
         wanted=settings.identification,

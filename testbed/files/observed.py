@@ -16,7 +16,7 @@ from testbed.files.rotations import checked_rotations, stated_in
 from testbed.files.rows.planned import foretold
 from testbed.files.session import Stated
 from testbed.files.session_toml import UncertaintyTable
-from testbed.files.table import Columns, DataTable, together
+from testbed.files.table import Columns, DataTable, Unread, together
 from testbed.files.uncertainty import spread_columns, spread_of
 from testbed.files.valid import valid_rows
 
@@ -121,16 +121,18 @@ def read_observed(
     return whole.rows(good)
 
 
-def unused_columns(table: DataTable, *used: Columns, elsewhere: Collection[str] = ()) -> list[str]:
-    """A sentence that names every column that was not read; texts under our names are.
+def unused_columns(
+    table: DataTable, *used: Columns, elsewhere: Collection[str] = ()
+) -> list[Unread]:
+    """Every column that was not read, in one record if any; texts under our names are.
 
     `elsewhere` has the file's own names of columns that other sections read.
     """
     read = {*together(*used).names, *TEXTS}
     # one that is read may have a second name, for a table of another file
     taken = {theirs for name, theirs in table.names.items() if name in read}.union(elsewhere)
-    shown = ", ".join(theirs for theirs in table.names.values() if theirs not in taken)
-    return [f"{table.where}: not used: {shown}"] if shown else []
+    shown = tuple(theirs for theirs in table.names.values() if theirs not in taken)
+    return [Unread(table.where, shown)] if shown else []
 
 
 def misspelt_columns(table: DataTable) -> list[str]:

@@ -8,7 +8,7 @@ import numpy as np
 from calib.arrays import Array, Bool, Index
 from testbed.files.joints import Extras
 from testbed.files.session import Stated, rows_of
-from testbed.files.table import Columns, DataTable
+from testbed.files.table import Columns, DataTable, Unread
 from testbed.files.uncertainty import Spread
 
 SHOWN = 10
@@ -50,6 +50,8 @@ class Readings:
     extras: Extras = field(default_factory=Extras)
     warnings: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
+    unread: tuple[Unread, ...] = ()
+    """What the notes say of columns."""
     cycling: bool = False
     """Whether poses are numbered by how often a target was measured before."""
 

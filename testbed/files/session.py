@@ -16,6 +16,7 @@ from testbed.files.dialects.controllers.read import READERS
 from testbed.files.refusal import refusal
 from testbed.files.rows.say import NOTHING_SAID, RowsSay
 from testbed.files.session_toml import SESSION_FILE, IdentificationTable
+from testbed.files.table import Unread
 from testbed.files.visits.visit import RobotVisit
 from testbed.gates.kinds import require_no_program, require_table
 from testbed.gates.paths import real
@@ -143,6 +144,8 @@ class Session(Shown):
     """What looks odd but did not stop the reading."""
     notes: tuple[str, ...]
     """How the files were read: dialect, units, conventions."""
+    unread: tuple[Unread, ...] = ()
+    """What the notes say of columns."""
     stated: Stated
     simulated: bool
     """Whether the file says that it comes from a virtual laboratory."""

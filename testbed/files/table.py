@@ -42,6 +42,20 @@ def together(*parts: Columns | None) -> Columns:
     return Columns(tuple(name for part in parts if part for name in part.names))
 
 
+@dataclass(frozen=True, slots=True)
+class Unread:
+    """Columns of a file that nothing reads."""
+
+    where: str
+    columns: tuple[str, ...]
+    """As the file calls them."""
+
+    @property
+    def sentence(self) -> str:
+        """Where they are not used."""
+        return f"{self.where}: not used: {', '.join(self.columns)}"
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class DataTable:
     """Cells of one file by column name."""

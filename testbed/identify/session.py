@@ -73,6 +73,7 @@ def with_test(session: Session, other: Session) -> Session:
             )
         ),
         notes=tuple(dict.fromkeys([*session.notes, *other.notes])),
+        unread=tuple(dict.fromkeys([*session.unread, *other.unread])),
         stated=_both_stated(session.stated, other.stated),
         simulated=session.simulated or other.simulated,
         place=(*session.place, *other.place),

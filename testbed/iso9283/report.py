@@ -138,8 +138,6 @@ def _data(result: CycleResult) -> Section:
         *(("file", f"{one.path.name}, sha256 {one.sha256[:16]}") for one in test.files),
     ]
     blocks: list[Block] = [Table("What was read", ("what", "value"), tuple(rows), "ll")]
-    if not any(reason.startswith(result.frame) for reason in reasons(result)):
-        blocks.append(Text(f"{result.frame}."))
     for title, texts in (("How they were read:", test.notes), ("Warnings:", test.warnings)):
         if texts:
             blocks += [Text(title), Points(sentences(texts))]

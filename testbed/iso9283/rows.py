@@ -107,7 +107,7 @@ def read_rows(
     copies = rows_said(readings.place, copied, f"{COPIES}: they make scatter small", left="")
     sent = _commands(table, section) if commands else None
     names = Columns((*MINE, *(name for name in table.names if name.startswith(COMMANDED))))
-    full = readings.kind == "pose"
+    full, unused = readings.kind == "pose", unused_columns(table, readings.columns, names)
     return Rows(
         where=table.where,
         place=readings.place,
@@ -124,7 +124,7 @@ def read_rows(
         covariance=readings.covariance if stated else None,
         uncertainty=readings.uncertainty if stated else "",
         warnings=(*misspelt_columns(table), *readings.warnings, *copies),
-        notes=(*readings.notes, *lost, *unused_columns(table, readings.columns, names)),
+        notes=(*readings.notes, *lost, *(one.sentence for one in unused)),
     )
 
 

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import numpy as np
 
-from calib.arrays import Array, frozen
+from calib.arrays import LATER, Array, frozen
 from testbed.iso9283.figure_words import show, unit
 from testbed.iso9283.records import CycleResult, StatedFigure
 from testbed.iso9283.words import drift_words, mark, notice, verdict
@@ -59,6 +59,8 @@ class ShownTest:
     drift: str
     """What cycle after cycle shows, in words."""
     paths: tuple[ShownPath, ...]
+    sent_to: Annotated[tuple[str, ...], LATER] = ()
+    """(e,) the poses that these are, without the direction that each is reached from."""
 
     @property
     def called(self) -> tuple[str, ...]:
@@ -75,11 +77,10 @@ class ShownTest:
             entries.setdefault(tuple(place), []).append(k)
         labels = dict[int, str]()
         for own in entries.values():
-            names = [self.poses[k] for k in own]
             # of one pose that is reached from several directions its name alone
-            heads = {name.rpartition(" from ")[0] for name in names}
-            pose = heads.pop() if len(own) > 1 and len(heads) == 1 else ""
-            labels[own[0]] = pose or ", ".join(names)
+            pose = {self.sent_to[k] for k in own} if self.sent_to else set[str]()
+            alone = len(own) > 1 and len(pose) == 1
+            labels[own[0]] = ", ".join(pose if alone else [self.poses[k] for k in own])
         return labels
 
 
@@ -87,9 +88,11 @@ def shown_test(result: CycleResult) -> ShownTest:
     """The poses and paths of a test, and its words."""
     test, visits = result.test, result.test.visits
     poses: tuple[str, ...] = ()
+    sent_to: tuple[str, ...] = ()
     command, position = np.zeros((0, 3)), np.zeros((0, 2, 3))
     if visits is not None:
         poses, command, position = visits.names[:MOST_POSES], visits.command, visits.position
+        sent_to = visits.pose[:MOST_POSES]
         if visits.time is not None:
             order = np.argsort(visits.time.mean(axis=0), kind="stable")
             position = position[:, order]
@@ -110,6 +113,7 @@ def shown_test(result: CycleResult) -> ShownTest:
             ShownPath(path.name, path.command, path.mean, path.AT, path.RT, path_told(result, k))
             for k, path in enumerate(result.paths)
         ),
+        sent_to=sent_to,
     )
 
 

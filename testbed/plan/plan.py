@@ -124,7 +124,7 @@ def _plan(scenario: Scenario, tell: Progress, where: str) -> Plan:
         scenario=scenario,
         nominal=bench.robot.model,
         parameters=parameters,
-        notes=reduction.sentences,
+        reduction=reduction,
         pool=pool,
         leverage=frozen(leverages(task.blocks, M[: task.p, : task.p])),
         places=ordered,

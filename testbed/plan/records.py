@@ -8,6 +8,7 @@ import numpy as np
 from calib.arrays import Array, Index
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import Parameters
+from calib.information.reduction import Reduction
 from calib.shown import ResultTable, Shown
 from calib.uncertainty.statement.applicability import Applicability
 from calib.uncertainty.statement.conditions import Conditions
@@ -191,8 +192,8 @@ class Plan(Shown):
     """The robot as its maker describes it; a plan knows no other."""
     parameters: Parameters
     """Numbers that will be identified; those free that can be told apart."""
-    notes: tuple[str, ...]
-    """Which free numbers cannot be told apart, in words."""
+    reduction: Reduction
+    """Which free numbers can be told apart, and what stands for the others."""
     pool: PosePool
     leverage: Array
     """(N,) trace of K_jj: how much each candidate adds to the chosen set's information."""

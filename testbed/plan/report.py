@@ -249,8 +249,8 @@ def parameter_section(plan: Plan) -> Section:
         "if they were independent.",
     )
     blocks: list[Block] = [table]
-    if plan.notes:
-        blocks.append(Points(left_nominal(plan.notes)))
+    if left := left_nominal(plan.reduction):
+        blocks.append(Points(left))
     return Section("parameters", "What will be identified", tuple(blocks))
 
 

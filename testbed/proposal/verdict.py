@@ -27,8 +27,6 @@ CELLS = ("M25", "V9")
 """Codes of rows that can be left out to see what else there is."""
 SHOWN = 6
 """Sentences on rows that are left out, or odd."""
-UNREAD = ": not used: "
-"""In a note on the columns of a file that nothing reads."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,8 +98,7 @@ def verdict_on(
     if len(odd) > SHOWN:
         odd = [*odd[:SHOWN], f"and {len(odd) - SHOWN} more"]
     # each file by its own name: which folder it is in is said by the session
-    left = [Path(where).name + ": columns " + names for note in session.notes
-            for where, mark, names in [note.partition(UNREAD)] if mark]  # fmt: skip
+    left = [f"{Path(one.where).name}: columns {', '.join(one.columns)}" for one in session.unread]
     return Foretold(tuple(refused), tuple(odd), tuple(left))
 
 

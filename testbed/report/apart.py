@@ -1,25 +1,25 @@
 """Numbers that no measurement tells from others, in few words."""
 
-from collections.abc import Iterable
-
+from calib.information.reduction import Reduction
 from testbed.units import sentence
 
-TOLD, WHY = " cannot be told from ", ": "
 
-
-def left_nominal(sentences: Iterable[str]) -> tuple[str, ...]:
-    """What stands for each number in one sentence; sentences that say something else as they are.
+def left_nominal(found: Reduction) -> tuple[str, ...]:
+    """What stands for each dropped number in one sentence; what else is said of them as it is.
 
     Examples
     --------
-    >>> left_nominal(["d2 cannot be told from d3: any change of d2 looks like", "more poses help"])
-    ('Left nominal: d2 (as d3).', 'More poses help.')
+    >>> from calib.geometry.chain import Chain
+    >>> from calib.geometry.model import RobotModel
+    >>> from calib.geometry.parameters import parameters_of
+    >>> from calib.information.reduction import reduce
+    >>> import numpy as np
+    >>> model = RobotModel(Chain(np.zeros((1, 5))))
+    >>> table = parameters_of(model).freeing(("d1", "a1"))
+    >>> left_nominal(reduce([[1.0, 1.0]] * 2, table, model=model))
+    ('Left nominal: a1 (as d1).',)
     """
-    pairs, others = [], []
-    for text in sentences:
-        name, told, rest = text.partition(TOLD)
-        if told:
-            pairs.append(f"{name} (as {rest.partition(WHY)[0]})")
-        else:
-            others.append(sentence(text, keep_name=True))
+    pairs = [f"{one.name} (as {one.others})" for one in found.dependencies if one.others]
+    told = found.sentences_without([one.name for one in found.dependencies if one.others])
+    others = (sentence(text, keep_name=True) for text in told)
     return (*([f"Left nominal: {', '.join(pairs)}."] if pairs else []), *others)

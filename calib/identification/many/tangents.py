@@ -13,7 +13,7 @@ from calib.geometry.parameters import Parameters
 from calib.identification.many.tables import ManyRows
 from calib.identification.prior import Prior
 from calib.identification.tangent import EXACT_FIT
-from calib.information.reduction import KEEP_TOLERANCE
+from calib.information.rank import KEEP_TOLERANCE
 
 SMALLEST_PIVOT = KEEP_TOLERANCE**2
 """Smallest squared part of a column orthogonal to those before it, relative to the column; a robot

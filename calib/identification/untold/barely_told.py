@@ -6,7 +6,7 @@ from calib.geometry.model import RobotModel
 from calib.geometry.parameters import Parameters
 from calib.identification.prior import Prior, weak_prior
 from calib.identification.result import Identification
-from calib.information.reduction import KEEP_TOLERANCE
+from calib.information.rank import KEEP_TOLERANCE
 
 
 def barely_told(found: Identification, free: Parameters, model: RobotModel) -> Prior | None:

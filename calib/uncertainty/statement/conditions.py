@@ -8,7 +8,7 @@ conditions has no region.
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
@@ -20,12 +20,24 @@ AS_MEASURED, NOT_STATED = "as measured", "not stated"
 """Words of a target under the conditions of the data, and of one of which that cannot be told."""
 UNITS = {"payload": "kg", "tool": "", "temperature": "degC"}
 """The kinds of conditions, in the order in which they are told, and their units."""
+
+
+class Verbs(NamedTuple):
+    """What targets do under a kind of condition, and what the data did."""
+
+    one: str
+    alike: str
+    """Several targets, all of them the same."""
+    several: str
+    """Several, not all the same."""
+    data: str
+
+
 VERBS = {
-    "payload": ("carries", "carry", "had a payload of"),
-    "tool": ("has the tool", "have the tools", "had the tool"),
-    "temperature": ("is at", "are at", "were at"),
+    "payload": Verbs("carries", "carry", "carry", "had a payload of"),
+    "tool": Verbs("has the tool", "have the tool", "have the tools", "had the tool"),
+    "temperature": Verbs("is at", "are at", "are at", "were at"),
 }
-"""What one target does, what several do, and what the data did."""
 UNTIL = {
     "payload": "rows whose payload varies as much have identified a term for it",
     "tool": "rows have been measured with that tool",
@@ -176,15 +188,13 @@ class Departure(Shown):
             rows = np.flatnonzero(off)
             if not len(rows):
                 continue
-            one, many, did = VERBS[kind]
-            verb = one if len(rows) == 1 else many
-            if kind == "tool" and len(set(self.targets.rows(rows).tool or ())) == 1:
-                verb = verb.removesuffix("s")
-            some = self.targets.rows(rows)
+            verbs, some = VERBS[kind], self.targets.rows(rows)
+            alike = kind == "tool" and len(set(some.tool or ())) == 1
+            verb = verbs.one if len(rows) == 1 else verbs.alike if alike else verbs.several
             there, here = some.words(kind), self.data.words(kind)
             if kind == "payload" and some.center is not None and self.data.center is not None:
                 there, here = f"{there} {some.center_words}", f"{here} {self.data.center_words}"
-            said[kind] = f"{who(rows)} {verb} {there}; {data} {did} {here}"
+            said[kind] = f"{who(rows)} {verb} {there}; {data} {verbs.data} {here}"
         return said
 
     @property

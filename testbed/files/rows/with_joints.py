@@ -42,7 +42,8 @@ def with_joints(
     if not same and cleaned.table is not None:
         elsewhere = _read_of(cleaned.text, others)
         unused += unused_columns(cleaned.table, readings.columns, elsewhere=elsewhere)
-    readings = replace(readings, notes=(*readings.notes, *unused))
+    notes = (*readings.notes, *(one.sentence for one in unused))
+    readings = replace(readings, notes=notes, unread=tuple(unused))
     if same:
         match = by_row(joints, readings)
     elif readings.cycling:

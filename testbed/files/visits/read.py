@@ -165,6 +165,7 @@ def _joined(
         ),
         warnings=tuple(dict.fromkeys(text for one in alone for text in one.warnings)),
         notes=tuple(dict.fromkeys(text for one in alone for text in one.notes)),
+        unread=tuple(dict.fromkeys(columns for one in alone for columns in one.unread)),
         stated=Stated(),
         rows_say=_rows_say(alone),
         simulated=any(one.simulated for one in alone),

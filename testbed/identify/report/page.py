@@ -160,9 +160,8 @@ def identifiable_section(calibration: Calibration) -> Section:
     blocks: list[Block] = [Points(sentences(calibration.frames))]
     for fit in calibration.fits:
         result = fit.identification
-        dependent = result.reduction.sentences
-        shown = left_nominal(dependent) if fit is calibration.fits[0] else ()
-        texts = (*shown, *sentences(result.notes[len(dependent) :]))
+        shown = left_nominal(result.reduction) if fit is calibration.fits[0] else ()
+        texts = (*shown, *sentences(result.notes_of_fit))
         blocks.append(Text(rank_words(fit)))
         blocks += [Points(texts)] if texts else []
     return Section("identifiable", "What can be identified", tuple(blocks))

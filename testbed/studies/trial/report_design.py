@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from calib.identification.fit_statistics import chi_square_notes
 from calib.information.observability import CRITERIA
 from testbed.report.apart import left_nominal
 from testbed.report.page import Block, Figure, Points, Section, Table, heads, printed, rejections
@@ -190,8 +191,11 @@ def identifiable_blocks(campaign: Campaign) -> tuple[Block, ...]:
             f"{name}: {counted(free, 'number')} free, {len(fit.parameters.names) - free} held; "
             f"rank {found.rank}, condition {significant(found.condition, 3)}."
         )
-        said += left_nominal(found.sentences)
-        notes = fit.notes[len(found.sentences) :]
+        said += left_nominal(found)
         # that of chi-square is among the reasons of the verdict
-        said += [sentence(note) for note in notes if not note.startswith("chi-square")]
+        smaller = fit.loss == "squared"
+        said_there = chi_square_notes(
+            fit.chi_square, fit.dof_effective, fit.p_value, smaller=smaller
+        )
+        said += [sentence(note) for note in fit.notes_of_fit if note not in said_there]
     return (Points(tuple(map(typeset, said))),)

@@ -53,6 +53,9 @@ def test_an_anchor_above_the_plane_that_a_fit_begins_in_is_found(z):
     (said,) = [note for note in found.notes if "anchor1.z" in note]
     assert "the readings look alike on both sides of anchor1.z" in said
     assert not any("both sides" in note for note in near.notes)
+    # beside the saddle it is told apart: the sentence that it is not is no note any more
+    assert "anchor1.z" in {one.name for one in found.reduction.dependencies}
+    assert found.notes_of_fit == found.notes == (said,)
 
 
 def test_a_number_that_no_reading_ever_tells_stays_where_it_is_believed():

@@ -3,6 +3,7 @@
 import csv
 import importlib.util
 import io
+from dataclasses import replace
 from datetime import UTC, datetime, timedelta, timezone
 from pathlib import Path
 
@@ -153,7 +154,11 @@ def test_directions_of_approach_give_their_largest_gap(tmp_path):
     pairs = [f.where for f in result.of("AD")]
     assert len(pairs) == 30
     assert all(pair.count("from left") in (0, 2) for pair in pairs)
-    assert list(shown_test(result).labels.values()) == ["P1", "P2", "P3", "P4", "P5"]
+    shown = shown_test(result)
+    assert list(shown.labels.values()) == ["P1", "P2", "P3", "P4", "P5"]
+    # three poses at one place whose own names have such words are three poses
+    named = list(replace(shown, sent_to=shown.poses).labels.values())
+    assert named[0] == "P1 from left, P1 from right, P1 from above"
     fewer = [row for row in rows if row["cycle"] < 15]
     with pytest.raises(InputError, match="cycle 5 of each direction of approach has no reading"):
         played(tmp_path, fewer)
