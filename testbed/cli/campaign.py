@@ -26,12 +26,10 @@ Seed = Annotated[int | None, typer.Option(help="Use another seed.")]
 Overwrite = Annotated[
     bool, typer.Option("--overwrite", help="First rename an old run of that name.")
 ]
-Workers = Annotated[
-    str, typer.Option(metavar="N", help="Processes that play robots; auto: one per core.")
-]
+Workers = Annotated[str, typer.Option(metavar="N", help="Number of processes; auto: one per core.")]
 Scheduler = Annotated[
     str | None,
-    typer.Option(metavar="ADDRESS", help="Dask scheduler: tcp://HOST:PORT or file:scheduler.json."),
+    typer.Option(metavar="ADDRESS", help="Dask scheduler to use: tcp://HOST:PORT or file:PATH."),
 ]
 
 

@@ -24,12 +24,12 @@ def workers_of(text: str) -> int:
     Raises
     ------
     InputError
-        C41: it is no such number.
+        C41: the text is not such a number.
     """
     if text == "auto":
         return min(cores(), MOST)
     if not (text.isascii() and text.isdigit() and len(text) < 5 and 1 <= int(text) <= MOST):
-        allowed = f'a whole number, 1 to {MOST}, or "auto"'
+        allowed = f'it takes a whole number from 1 to {MOST}, or "auto"'
         raise refuse("--workers", text, allowed, code="C41")
     return int(text)
 
@@ -40,33 +40,33 @@ def slice_of(text: str) -> tuple[int, int]:
     Raises
     ------
     InputError
-        C41: it is no slice.
+        C41: the text is not a slice.
     """
     number, _, count = text.partition("/")
     numbers = all(word.isascii() and word.isdigit() and len(word) < 7 for word in (number, count))
     if numbers and 1 <= int(number) <= int(count):
         return int(number), int(count)
-    allowed = "i/n, the i-th of n slices, i from 1 to n"
+    allowed = "it takes i/n for the i-th of n slices, i from 1 to n"
     raise refuse("--slice", text, allowed, code="C41", fix="write 1/4 ... 4/4 for four slices")
 
 
 def crowded(workers: int) -> str:
-    """What to say of more processes than cores; nothing where there are enough."""
+    """A warning of more processes than cores; empty if there are enough cores."""
     if workers <= cores():
         return ""
     return (
-        f"--workers is {workers}, and this process may use {cores()} of the machine's cores: more "
-        "take memory and are no quicker"
+        f"--workers is {workers}, but this process may use only {cores()} of the machine's cores: "
+        "more workers need memory and are not faster"
     )
 
 
 def engine_of(workers: int, scheduler: str | None = None) -> Engine:
-    """A cluster, if there is one; else one process is this one, and others are begun in time.
+    """The engine: a cluster if a scheduler is given, this process for one worker, else processes.
 
     Raises
     ------
     InputError
-        C41, C42: both are asked for, or the scheduler cannot be used.
+        C41, C42: both are given, or the scheduler cannot be used.
     """
     if scheduler is not None:
         from testbed.engines.cluster import Cluster
@@ -74,11 +74,11 @@ def engine_of(workers: int, scheduler: str | None = None) -> Engine:
 
         if workers != 1:
             raise refuse(
-                "--workers", workers, "the scheduler has workers of its own", code="C41",
-                message=f"--workers is {workers}, and --scheduler is given", fix="leave one out",
+                "--workers", workers, "the scheduler has its own workers", code="C41",
+                message=f"--workers is {workers} and --scheduler is given", fix="leave one out",
             )  # fmt: skip
         if not scheduler.startswith(SCHEMES):
-            allowed = "tcp://HOST:PORT, or file:PATH of the file that a scheduler writes"
+            allowed = "it takes tcp://HOST:PORT, or file:PATH of the file that a scheduler writes"
             raise refuse("--scheduler", scheduler, allowed, code="C41")
         return Cluster(scheduler, play_piece)
     if workers == 1:

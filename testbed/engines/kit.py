@@ -165,6 +165,6 @@ def require_alike(theirs: Mapping[str, Any]) -> None:
     if other:
         told = "; ".join(f"{name} is {ours[name]}, not {theirs.get(name)}" for name in other)
         raise refuse(
-            "worker", None, code=CODE, message=f"a worker is not like the command: {told}",
+            "worker", None, code=CODE, message=f"a worker differs from this command: {told}",
             fix="install the same versions there, and start it with OPENBLAS_NUM_THREADS=1",
         )  # fmt: skip

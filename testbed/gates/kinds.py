@@ -63,11 +63,11 @@ PROGRAMS = {
         ),
     ),
 }
-"""What a program of a robot is called, and a line of one, among its first ones."""
+"""Names of robot programs, and patterns of a line among their first ones."""
 FIRST = 20
 AS_TABLE = (
-    "write its joint targets as a CSV, one a line, under a line q1_deg, q2_deg ...; `truebed new "
-    "session` reads those of RAPID, KRL, TP (.ls), URScript, DRL, AS, INFORM and VAL3 as they are"
+    "write its joint targets as a CSV, one per line, below a header q1_deg, q2_deg ...; `truebed "
+    "new session` reads those of RAPID, KRL, TP (.ls), URScript, DRL, AS, INFORM and VAL3 directly"
 )
 OF_SESSIONS = {
     "joints", "frames", "points", "ranges", "drift", "dialect", "match", "session", "cycles",

@@ -1,4 +1,4 @@
-"""What the file of a robot may leave open, and what is taken then, in words."""
+"""Defaults for numbers that a robot's file may leave out, and the notes on them."""
 
 from collections.abc import Sequence
 
@@ -11,11 +11,11 @@ from testbed.robots.placements import link_poses, placements
 from testbed.robots.robot import NO_MASS
 
 TURN_SPEED, SLIDE_SPEED = np.pi, 1.0
-"""Speeds of joints that have none [rad/s, m/s]."""
+"""Speeds of joints without a stated one [rad/s, m/s]."""
 TURN_SCATTER, SLIDE_SCATTER = 14.5e-6, 5e-6
-"""Standard deviation of the repeatability of joints that have none [rad, m]."""
+"""Standard deviation of the repeatability of joints without a stated one [rad, m]."""
 MASS_PER_LENGTH, SHORTEST, RADIUS = 15.0, 0.1, 0.05
-"""Bodies without a mass: a rod of this mass per length, at least so long, so thick [kg/m, m]."""
+"""Bodies without a mass are rods of this mass per length, least length and radius [kg/m, m, m]."""
 Joint = RevoluteLink | PrismaticLink
 
 
@@ -28,7 +28,7 @@ def no_mass(names: Sequence[str]) -> str:
 
 
 def rod_moments(mass: float, length: float) -> Array:
-    """Three moments of inertia of a rod [kg m2], whichever way it lies."""
+    """Three equal moments of inertia that bound those of a rod in any direction [kg m2]."""
     return np.full(3, mass * (length**2 / 12 + RADIUS**2 / 4))
 
 
@@ -52,14 +52,14 @@ def bodies(joints: Sequence[Joint], chain: Chain) -> tuple[Array, Array, Array]:
 
 
 def assumed_sources(joints: Sequence[Joint]) -> dict[str, str]:
-    """Where numbers come from that no joint states."""
+    """Sources of numbers that no joint states."""
     if any(joint.scatter is not None for joint in joints):
         return {}
     return {"repeatability": scatter_source()}
 
 
 def scatter_source() -> str:
-    """Where a repeatability comes from that no file states."""
+    """Source of a repeatability that no file states."""
     return (
         f"assumed: {TURN_SCATTER * 1e6:g} urad for joints that turn, {SLIDE_SCATTER * 1e6:g} um "
         "for those that slide"
@@ -67,7 +67,7 @@ def scatter_source() -> str:
 
 
 def assumed(joints: Sequence[Joint]) -> tuple[str, ...]:
-    """Notes on what the joints leave open."""
+    """Notes on numbers that the joints do not state."""
     bare = [f"joint {k + 1}" for k, joint in enumerate(joints) if joint.mass_kg is None]
     slow = [f"{k + 1}" for k, joint in enumerate(joints) if joint.speed is None]
     exact = [f"{k + 1}" for k, joint in enumerate(joints) if joint.scatter is None]

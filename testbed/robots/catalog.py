@@ -1,4 +1,4 @@
-"""The robots there are: a model folder becomes a `Robot`, frozen and in SI units."""
+"""Loading of robots: a model folder becomes a `Robot`, frozen and in SI units."""
 
 from functools import partial
 from pathlib import Path
@@ -61,7 +61,7 @@ def load_robot(
     """Load a shipped robot by name, or any robot from its robot.toml or folder, URDF or MJCF.
 
     URDF and MJCF are converted to a chain; the poses of the chain are compared with those that
-    yourdfpy or MuJoCo computes, and what the file leaves open is assumed and listed in `notes`.
+    yourdfpy or MuJoCo computes, and defaults for missing numbers are listed in `notes`.
 
     Parameters
     ----------
@@ -149,7 +149,7 @@ def robot_chain(data: RobotFile) -> Chain:
 
 
 def _floor(data: RobotFile, chain: Chain, limits: Array) -> float:
-    """Height of the floor in the base frame [m]; along a rail beyond all that the arm reaches."""
+    """Height of the floor in the base frame [m]; beyond the reach of an arm on a rail."""
     if data.floor_mm is None:
         return beyond_rail(chain, limits) or 0.0
     return data.floor_mm / 1e3
@@ -237,7 +237,7 @@ def _robot_path(name_or_path: str | Path) -> Path:
 
 
 def _robot_meant(path: Path) -> str:
-    """What a robot's name, or the path of its file, was meant to be."""
+    """Suggestion for a misspelled name or path of a robot."""
     if path.suffix or len(path.parts) > 1:
         return near(path)
     return name_meant(str(path), robot_names()) or f"there is {', '.join(robot_names())}"

@@ -1,8 +1,8 @@
-"""The joints that a controller counts, q = C J: sums of its own, where they are not the arm's.
+"""Joint values as a controller counts them, J, and those of the arm, q = C J.
 
-Joints of the arm (q) are those of its chain, everywhere inside; joints of the controller (J) are
-what people read, write and send: tables, lists and programs. Both are linear in each other, so that
-a straight move of one is a straight move of the other.
+Inside the program all joint values are those of the arm's chain (q). Joints of the controller (J)
+occur in what people read, write and send: tables, lists and programs. Both are linear in each
+other, so that a straight move of one is a straight move of the other.
 """
 
 from dataclasses import dataclass, field
@@ -12,24 +12,24 @@ import numpy as np
 from calib.arrays import Array, Bool, Index, frozen
 
 BEYOND = 1e-6
-"""Farther than this outside the limits is outside, as where joints are read [rad, m]."""
+"""Distance by which a value has to exceed a limit to be outside; also used in reading [rad, m]."""
 UNLIMITED = 1e9
-"""Farther than any joint goes [rad, m]."""
+"""A limit beyond every joint [rad, m]."""
 
 
 def _none() -> Array:
-    """Of a controller that counts as the arm does."""
+    """Empty matrix (0, 0) of a controller that counts as the arm does."""
     return frozen(np.zeros((0, 0)))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Controller:
-    """How a controller counts the joints of an arm of n joints; of none: as the arm does."""
+    """How a controller counts the joints of an arm of n joints; by default as the arm does."""
 
     statements: tuple[str, ...] = ()
-    """As the robot's file has them: ``q3 = J3 + J2``."""
+    """Equations of the robot's file, such as ``q3 = J3 + J2``."""
     stated: tuple[int, ...] = ()
-    """Joint that each of them is about, from 0."""
+    """Joint of each equation, from 0."""
     matrix: Array = field(default_factory=_none)
     """(n, n) C, joints of the arm from those of the controller; radians and meters."""
     inverse: Array = field(default_factory=_none)
@@ -37,7 +37,7 @@ class Controller:
     held: tuple[int, ...] = ()
     """Joints, from 0, that follow others and that the controller does not count: J is zero."""
     limits: Array = field(default_factory=_none)
-    """(n, 2) limits of its own joints, lower and upper; `UNLIMITED` where none stands [rad, m]."""
+    """(n, 2) lower and upper limits of its own joints; `UNLIMITED` if not stated [rad, m]."""
 
     @property
     def plain(self) -> bool:
@@ -73,13 +73,14 @@ class Controller:
         return self.of_arm(q)[..., self.counted(q.shape[-1])] if self.held else self.of_arm(q)
 
     def holding(self, q: Array) -> Array:
-        """Joints (..., n) of the arm with those that follow others where these hold them."""
+        """Joints (..., n) of the arm, with held joints where the others hold them [rad, m]."""
         return self.to_arm(self.of_arm(q)) if self.held else q
 
     def beyond(self, q: Array, margin: Array | float = -BEYOND) -> Bool:
         """Whether (..., n) joints of the controller are nearer than a margin to their own limits.
 
-        Of joints q (..., n) of the arm [rad, m]; held ones are, where they are not held.
+        `q` (..., n) are joint values of the arm [rad, m]. A held joint counts as beyond if it is
+        not where the others hold it.
         """
         if self.plain:
             return np.zeros(q.shape, dtype=np.bool_)
@@ -94,13 +95,13 @@ class Controller:
         return np.asarray(~self.beyond(q).any(axis=-1))
 
     def farthest(self, limits: Array) -> float:
-        """What no joint of the controller exceeds inside limits (n, 2) of the arm [rad, m]."""
+        """Bound of all joints of the controller inside limits (n, 2) of the arm [rad, m]."""
         most = np.abs(limits).max(axis=1)
         return float((most if self.plain else np.abs(self.inverse) @ most).max())
 
     @property
     def sentence(self) -> str:
-        """How joints are counted, in words; empty where as the arm does."""
+        """How joints are counted, in words; empty if as the arm does."""
         if self.plain:
             return ""
         return f"joints are counted as the controller does: {', '.join(self.statements)}"
@@ -110,7 +111,7 @@ AS_THE_ARM = Controller()
 
 
 def _times(matrix: Array, values: Array) -> Array:
-    """Values (..., n) times a matrix (n, n); those that it leaves alone keep every bit."""
+    """Values (..., n) times a matrix (n, n); values with identity rows keep every bit."""
     out = np.array(values, dtype=np.float64)
     for i in np.flatnonzero((matrix != np.eye(len(matrix))).any(axis=1)):
         terms = np.flatnonzero(matrix[i])

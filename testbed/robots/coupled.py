@@ -1,7 +1,8 @@
-"""[controller] of robot.toml: how a controller's joints follow from the arm's, in equations.
+"""[controller] of robot.toml: equations between the controller's joints and the arm's.
 
-A statement is about one joint, by either side: ``q3 = J3 + J2`` has the arm's joint, ``J3 = q3 -
-q2`` the controller's. One without its own J, ``q4 = -q2 - q3``, is held by others and has no motor.
+Each statement is about one joint and solved for either side: ``q3 = J3 + J2`` gives the arm's
+joint, ``J3 = q3 - q2`` the controller's. A joint without its own J, as in ``q4 = -q2 - q3``, is
+held by others and has no motor.
 """
 
 import re
@@ -26,12 +27,12 @@ TERM = re.compile(
 )
 SIDE = re.compile(r"\s*(?P<name>[qJ])(?P<joint>[1-9][0-9]?)\s*")
 SMALL, LARGE = 1e-6, 1e6
-"""Of a number of turns: what lies beyond is a slip."""
+"""Smallest and largest coefficient; numbers beyond are typing errors."""
 UNITS = {
     ("prismatic", "revolute"): ("mm/deg", 1e-3 / float(np.radians(1.0))),
     ("revolute", "prismatic"): ("deg/mm", float(np.radians(1.0)) / 1e-3),
 }
-"""Of a joint by one of the other kind: the unit, and its factor to SI."""
+"""Unit of a coefficient between joints of different kinds, and its factor to SI."""
 Angles = Annotated[
     tuple[Annotated[float, ANGLE.signed("deg")], ...], Field(min_length=2, max_length=2)
 ]
@@ -43,25 +44,25 @@ JointName = Annotated[str, Field(max_length=3)]
 
 
 class ControllerTable(Strict):
-    """[controller]: joints that its controller counts otherwise than the arm turns.
+    """[controller]: joints that the controller counts differently from the arm.
 
     q1, q2 ... are the joints of the arm, [[joints]]; J1, J2 ... those that the controller shows,
-    which tables and programs hold. Joints without a statement are the same.
+    which tables and programs have. Joints without a statement are the same.
     """
 
     joints: Annotated[tuple[Statement, ...], Field(min_length=1, max_length=64)]
-    """A statement for each such joint: "q3 = J3 + J2", or the same as "J3 = q3 - q2"; "q2 = -J2"
-    turns the other way; "q5 = J5 + 0.02 J4" is driven along; "q4 = -q2 - q3" is held, without a
-    motor. Where it slides and the other turns, the number has its unit: "q3 = J3 + 0.05 mm/deg
+    """One statement per such joint: "q3 = J3 + J2", or equally "J3 = q3 - q2"; "q2 = -J2" turns
+    the other way; "q5 = J5 + 0.02 J4" is driven along by J4; "q4 = -q2 - q3" is held, without a
+    motor. If one joint slides and the other turns, the number has a unit: "q3 = J3 + 0.05 mm/deg
     J4"."""
     limits_deg: dict[JointName, Angles] = Field(default_factory=dict)
-    """Lower and upper limit of the controller's turning joints: { J3 = [-140, 210] }. They hold
-    beside those of the arm."""
+    """Lower and upper limit of the controller's turning joints: { J3 = [-140, 210] }. They apply
+    in addition to those of the arm."""
     limits_mm: dict[JointName, Lengths] = Field(default_factory=dict)
-    """The same of its sliding joints."""
+    """The same for its sliding joints."""
 
     def controller(self, kinds: Sequence[JointKind]) -> Controller:
-        """What is stated, for joints of some kinds; ValueError where it cannot be."""
+        """The stated controller for joints of some kinds; ValueError if it is impossible."""
         equations: dict[int, _Equation] = {}
         for text in self.joints:
             one = _equation(" ".join(text.split()), kinds)
@@ -108,22 +109,22 @@ class ControllerTable(Strict):
 
 @dataclass(frozen=True, slots=True)
 class _Equation:
-    """One statement: how its joint follows from others [SI]."""
+    """One statement: a joint as a linear function of others [SI]."""
 
     text: str
     joint: int
-    """From 0."""
+    """Number of the joint, from 0."""
     of_arm: bool
-    """Whether it states the arm's joint, q, and not the controller's."""
+    """Whether it gives the arm's joint, q, rather than the controller's."""
     own: float
-    """Number at its own joint of the other side; 1 where it is held."""
+    """Coefficient of its own joint on the other side; 1 if it is held."""
     held: bool
     others: dict[tuple[str, int], float]
-    """By ("q" or "J", joint from 0)."""
+    """Coefficients of others by ("q" or "J", joint from 0)."""
 
 
 def _equation(text: str, kinds: Sequence[JointKind]) -> _Equation:
-    """A statement that was read; ValueError where it is none."""
+    """Parse a statement; ValueError if it is none."""
     left, mark, right = text.partition("=")
     side = SIDE.fullmatch(left)
     if side is None or not mark:
@@ -175,7 +176,7 @@ def turned_about(text: str) -> str:
 
 
 def _number(text: str, term: re.Match[str], kind: JointKind, by: JointKind) -> float:
-    """The number at a term of a joint of one kind, in the statement of one of another [SI]."""
+    """Coefficient of a term `by` one kind of joint, in the statement of a joint of `kind` [SI]."""
     top, _, bottom = (term["number"] or "1").partition("/")
     below = float(bottom or 1.0)
     value = float(top) / below if below else np.inf
@@ -196,7 +197,7 @@ def _number(text: str, term: re.Match[str], kind: JointKind, by: JointKind) -> f
 
 
 def _require_joint(text: str, joint: int, n: int) -> None:
-    """Refuse a joint that an arm of n joints has not."""
+    """Refuse a joint that an arm of n joints does not have."""
     if joint >= n:
         raise ValueError(
             f'"{text}" names joint {joint + 1}; there are q1 to q{n} of the arm and J1 to J{n} of '
@@ -205,7 +206,7 @@ def _require_joint(text: str, joint: int, n: int) -> None:
 
 
 def _require_motors(equations: dict[int, _Equation]) -> None:
-    """Refuse the motor of a joint that a statement leaves without one."""
+    """Refuse statements that use the motor of a joint that is held."""
     for one in equations.values():
         for name, k in one.others:
             if name == "J" and k in equations and equations[k].held:
@@ -253,7 +254,7 @@ def _solved(equations: dict[int, _Equation], n: int) -> tuple[Array, Array]:
 
 
 def controller_table(controller: Controller, kinds: Sequence[JointKind]) -> dict[str, Any] | None:
-    """[controller] as it is written; None where joints are counted as the arm turns."""
+    """The table [controller] to write; None if joints are counted as the arm turns."""
     if controller.plain:
         return None
     out: dict[str, Any] = {"joints": list(controller.statements)}

@@ -26,7 +26,7 @@ Angles = Annotated[tuple[Angle, ...], Field(min_length=3, max_length=3)]
 Place = Annotated[
     tuple[Annotated[float, COORDINATE.signed("mm")], ...], Field(min_length=3, max_length=3)
 ]
-"""Of a frame: an identified robot stands in the frame that it was measured in."""
+"""Position of a frame; an identified robot is in the frame in which it was measured."""
 Color = Annotated[
     tuple[Annotated[float, Field(ge=0, le=1)], ...], Field(min_length=3, max_length=3)
 ]
@@ -52,7 +52,7 @@ class Frame(Strict):
 
 
 class WorkspaceBox(Strict):
-    """[workspace]: where the arm is at work and a tracker sees it, base frame."""
+    """[workspace]: where the arm works within sight of a tracker, base frame."""
 
     box_center_mm: Vector
     """Center of the box."""
@@ -80,8 +80,8 @@ class ReflectorEntry(Strict):
 class JointTermEntry(Strict):
     """[[joint_terms]]: a wave of a joint's error, wave(weights . q) times its coefficient.
 
-    Or what follows a row: "approach" its directions, "torque" its torques beyond the reference,
-    "lengths" (joint 0) its temperature. `share`: how large it may be for its kind.
+    Or a term of a row's conditions: "approach" its directions, "torque" its torques beyond the
+    reference, "lengths" (joint 0) its temperature. `share`: prior size relative to its kind.
     """
 
     name: Annotated[str, Field(pattern=r"^[a-z][A-Za-z0-9_.]*$", max_length=64)]
@@ -89,19 +89,19 @@ class JointTermEntry(Strict):
     joint: Annotated[int, Field(ge=0)]
     """Number of the joint, counted from one at the base; 0: all lengths."""
     wave: Wave
-    """Function of the joints, or what of a row it follows."""
+    """Function of the joints, or the condition of a row that it depends on."""
     weights: tuple[Annotated[float, Field(ge=-1e6, le=1e6)], ...]
     """One per joint: the argument of the wave is their sum times the joints."""
     reference: Annotated[float, Field(ge=-1e6, le=1e6)] = 0.0
     """Torque [N m, N, A] or temperature [degC] where it is zero."""
     share: Annotated[float, Field(gt=0, le=1e6)] = 1.0
-    """How large it is believed to be, in units of what is usual for its kind."""
+    """Prior standard deviation, in units of the usual one for its kind."""
     coefficient_deg: Angle | None = None
-    """Of a turning joint; of a torque per N m."""
+    """Coefficient of a turning joint; of a torque per N m."""
     coefficient_mm: Length | None = None
-    """Of a sliding joint; of a force per N."""
+    """Coefficient of a sliding joint; of a force per N."""
     coefficient_per_k: Annotated[float, Field(ge=-1.0, le=1.0)] | None = None
-    """Of lengths."""
+    """Coefficient of lengths."""
 
     @model_validator(mode="after")
     def _has_one_coefficient(self) -> "JointTermEntry":
@@ -126,16 +126,16 @@ class Part(AttachedPart):
 
 
 class Drawn(Strict):
-    """What robots and instruments share: a name, a picture, where it all comes from."""
+    """Keys of robots and instruments alike: a name, a picture, and sources."""
 
     format: Literal[1]
     """Version of the file format."""
     name: Name
-    """What it is called in commands and files."""
+    """Its name in commands and files."""
     title: PlainText = ""
     """One line about it."""
     drawing: PlainText = ""
-    """Drawing in truebed that its meshes are made from; none for meshes of other origin."""
+    """Drawing in truebed from which its meshes are made; empty for meshes of other origin."""
     colors: dict[PlainText, Color] = Field(default_factory=dict)
     """Red, green and blue of each color, by name."""
     parts: tuple[Part, ...] = ()
@@ -144,7 +144,7 @@ class Drawn(Strict):
 
     @model_validator(mode="after")
     def _parts_are_sound(self) -> "Drawn":
-        """Part names differ and their colors exist."""
+        """Require different names of parts, and colors that exist."""
         for part in self.parts:
             if part.color not in self.colors:
                 raise ValueError(
@@ -162,8 +162,8 @@ class RobotFile(Drawn):
     """A robot model, ``robot.toml``."""
 
     floor_mm: Length | None = None
-    """Height in the base frame of what the base stands on: of the floor, or of a wall or ceiling
-    that lies across its z axis. Without it 0; nothing lies across a rail then."""
+    """Height in the base frame of the surface that the base is mounted on: floor, wall or ceiling,
+    perpendicular to its z axis. 0 by default; for an arm on a rail then there is none."""
     mounting_height_mm: Annotated[float, CELL.size("mm")] | None = None
     """Of a base on a wall, below a ceiling or along a rail: height of its origin above the level
     floor of the room. Up is z of the world, in which [base] stands."""

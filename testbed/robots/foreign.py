@@ -1,4 +1,4 @@
-"""The door for libraries of others: what they raise about a user's file leaves as our one error."""
+"""Calls of other libraries on a user's file, whose exceptions become our one error."""
 
 import logging
 import warnings
@@ -8,9 +8,9 @@ from contextlib import contextmanager
 from calib.errors import CalibError, InputError, refuse
 
 SILENT = logging.NullHandler()
-"""Keeps what a library logs from the terminal where nobody has asked for it."""
+"""Handler that keeps log messages of libraries off the terminal."""
 LONGEST = 200
-"""Characters of what a library says that are passed on."""
+"""Number of characters of a library's message that are passed on."""
 
 
 @contextmanager
@@ -21,15 +21,15 @@ def foreign(
     code: str = "R16",
     told: Callable[[Exception], InputError] | None = None,
 ) -> Iterator[None]:
-    """Around one call of a library that reads what a user wrote; no code of ours stands inside.
+    """Context manager for one call of a library that reads a user's file, with no code of ours.
 
-    Such a library raises what it likes, and tells on the terminal what it finds odd: neither
-    leaves. Only memory that runs out is no fault of the file. `told` may put the error into words.
+    Whatever the library raises becomes an InputError, except running out of memory, and its
+    warnings are kept off the terminal. `told` may make the error from the exception.
 
     Raises
     ------
     InputError
-        The library raised: what it said, with the file.
+        The library raised an exception; the error has its message and the file.
     """
     logging.getLogger(library.lower()).addHandler(SILENT)
     with warnings.catch_warnings():

@@ -16,7 +16,7 @@ Name = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$", max_length=64)]
 
 
 class Link(Strict):
-    """What revolute and prismatic joints share: the link product and the body they move."""
+    """Keys of revolute and prismatic joints alike: link product and moved body."""
 
     theta_deg: Angle
     """Angle about the old z axis at joint zero (Denavit-Hartenberg, modified by Hayati's beta)."""
@@ -29,7 +29,8 @@ class Link(Strict):
     beta_deg: Angle = 0.0
     """Twist about the new y axis, for parallel axes."""
     mass_kg: Annotated[float, MASS.size("kg")] | None = None
-    """With center and inertia, all of them or none: only what moves by itself asks for them."""
+    """Mass; give it with center and inertia or leave out all three. Only simulated motion needs
+    them."""
     center_mm: Vector | None = None
     """Center of mass in the frame of the body."""
     inertia_kg_m2: Annotated[tuple[Moment, ...], Field(min_length=3, max_length=3)] | None = None
@@ -37,7 +38,7 @@ class Link(Strict):
 
     @model_validator(mode="after")
     def _body_is_whole(self) -> "Link":
-        """Mass, center and inertia are all there, or none of them."""
+        """Require mass, center and inertia together, or none of them."""
         body = {key: getattr(self, key) for key in ("mass_kg", "center_mm", "inertia_kg_m2")}
         missing = [key for key, value in body.items() if value is None]
         if 0 < len(missing) < 3:
@@ -57,7 +58,7 @@ class Link(Strict):
 
     @model_validator(mode="after")
     def _range_is_not_empty(self) -> "Link":
-        """Lower limit below upper."""
+        """Require the lower limit to be below the upper one."""
         for unit in ("deg", "mm"):
             lower, upper = (getattr(self, f"{end}_{unit}", None) for end in ("lower", "upper"))
             if lower is not None and lower >= upper:
@@ -116,7 +117,7 @@ class PrismaticLink(Link):
 
 
 class AttachedPart(Strict):
-    """What [[parts]] and [[shapes]] share: name, link and use."""
+    """Keys of [[parts]] and [[shapes]] alike: name, link and use."""
 
     name: Name
     """What the part is called."""
@@ -125,11 +126,11 @@ class AttachedPart(Strict):
     collides: bool = False
     """Whether its convex hull takes part in tests of collision."""
     drawn: bool = True
-    """Whether it is seen: drawn, and in the way of beams."""
+    """Whether it is visible: drawn, and an obstacle to beams."""
 
     @model_validator(mode="after")
     def _is_of_use(self) -> Self:
-        """It is drawn or collides."""
+        """Require that it is drawn or collides."""
         if not (self.collides or self.drawn):
             raise ValueError(f"{self.name} is neither drawn nor collides; remove it")
         return self

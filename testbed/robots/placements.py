@@ -14,9 +14,9 @@ from calib.geometry.chain import Chain, joint_vectors
 from calib.geometry.frames import rot_x, rot_y, rot_z, slide
 
 ROUNDING = 1e-12
-"""Differences of poses below which only that is said [m, rad]."""
+"""Differences of poses below which only this bound is stated [m, rad]."""
 UPRIGHT = 1e-14
-"""Cosines of a pitch that are rounding: it is a quarter turn [1]."""
+"""Cosine of a pitch below which it is a quarter turn, to rounding [1]."""
 LIMIT = 1e-9
 """Largest difference between a file and the robot it stands for [m or rad]."""
 
@@ -54,9 +54,9 @@ def placements(chain: Chain) -> Placements:
 
 
 def tidy(T: Array) -> Array:
-    """Copy with rotation entries within 1e-15 of 0, 1, -1 put there.
+    """Copy with rotation entries within 1e-15 of 0, 1, -1 replaced by these.
 
-    cos(90 deg) is 6e-17 and its last bits depend on the processor; files must not.
+    cos(90 deg) is 6e-17, and its last bits depend on the processor, but files must not.
     """
     R = T[:3, :3]
     near = np.round(R)
@@ -124,7 +124,7 @@ def quaternion_wxyz(R: Array) -> Array:
 def rpy(T: Array) -> tuple[float, float, float]:
     """Roll, pitch, yaw: R = Rz(yaw) Ry(pitch) Rx(roll), |pitch| at most a quarter turn [rad].
 
-    Near a quarter turn rounding decides about roll; yaw is what is then left of R, exactly.
+    At a pitch of a quarter turn rounding determines roll; yaw is the exact rest of R.
     """
     R = T[:3, :3]
     level = float(np.hypot(R[0, 0], R[1, 0]))
@@ -144,7 +144,7 @@ def difference(T: Array, other: Array) -> tuple[float, float]:
 
 
 def agreement(name: str, position: float, rotation: float) -> str:
-    """That a file has the robot's poses, and how closely [m, rad].
+    """Sentence that a file has the robot's poses, with the largest differences [m, rad].
 
     Examples
     --------

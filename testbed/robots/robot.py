@@ -1,4 +1,4 @@
-"""What a robot is to the testbed: a nominal model, limits, bodies, and where it is at work."""
+"""The robot of the testbed: nominal model, limits, bodies, and workspace."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -19,29 +19,29 @@ from testbed.robots.room import leading_slides, outside
 from testbed.units import in_units
 
 SAMPLE = 2000
-"""Postures in the joint limits from which the reach is derived."""
+"""Number of postures in the joint limits from which the reach is derived."""
 SHARE = (10.0, 90.0)
-"""The box holds what lies between these percentiles of the reach, axis by axis."""
+"""Percentiles of the tool positions between which the box lies, axis by axis."""
 ABOVE = 0.1
-"""Postures whose tool is lower above the floor than this do not count [m]."""
+"""Height of the tool above the floor below which postures are not used [m]."""
 STANDS = 1 / 3
-"""Part of the postures above it from which on an arm stands on that floor; others, such as a SCARA,
-whose quill hangs below its base, stand on something higher."""
+"""Fraction of postures above the floor from which an arm counts as standing on it; others, such as
+a SCARA, whose quill reaches below its base, stand on something higher."""
 STAND = 0.675
 """Height of the drawn tracker's beam above its floor [m]."""
 AWAY = 3.0
-"""The tracker stands so many halves of the box's diagonal from its center, and 2 m or more."""
+"""Distance of the tracker from the box's center, in half diagonals of the box; 2 m or more."""
 NEAREST = 2.0
 ASIDE = np.radians(-40.0)
 """Direction of the tracker from the base, about the vertical [rad]."""
 UPRIGHT = 0.99
 """Cosine of the tilt up to which a base stands upright: 8 deg."""
 TURNS = 1.5
-"""Joints that turn farther than so many turns are kept to half a turn about their middle."""
+"""Number of turns above which a joint is limited to half a turn to either side of its middle."""
 STEP = 0.01
-"""All numbers are rounded to this, for people [m]."""
+"""Proposed numbers are rounded to multiples of this [m]."""
 NO_MASS = "no mass is given for what"
-"""Begins the note on bodies whose masses are assumed."""
+"""Beginning of the note on bodies whose masses are assumed."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,14 +49,14 @@ class Reflector:
     """A target that is mounted on the tool."""
 
     name: str
-    """As people call it."""
+    """Its name for people."""
     place: tuple[float, float, float]
     """Its center in the tool frame [m]."""
 
 
 @dataclass(frozen=True, slots=True)
 class Workspace:
-    """Where an arm is at work and a tracker sees it, base frame [mm], as in scenarios."""
+    """Where an arm works within sight of a tracker, base frame [mm], as in scenarios."""
 
     box_center_mm: tuple[float, float, float]
     """Center of the box of tool positions."""
@@ -109,40 +109,40 @@ class Robot(Shown):
     joint_names: tuple[str, ...] = ()
     """(n,) names of the joints in its URDF or MJCF; empty if it does not come from one."""
     notes: tuple[str, ...] = ()
-    """What is odd in its file, or was assumed because the file leaves it open; sentences."""
+    """Sentences on oddities of its file and on assumed values that the file does not state."""
 
     def __repr__(self) -> str:
         return f"Robot({self.name!r}: {self.title}, {self.model!r})"
 
     tolerances: Array | None = None
-    """(n, 5) how far each number of a link may lie from nominal, a standard deviation [rad, m, m,
-    rad, rad]; None where its file states none."""
+    """(n, 5) standard deviation of each number of a link from nominal [rad, m, m, rad, rad]; None
+    if its file states none."""
     controller: Controller = AS_THE_ARM
-    """How its controller counts joints, which tables and programs hold; else they are the arm's."""
+    """How its controller counts joints, in tables and programs; by default as the arm."""
     agreement: float | None = None
-    """Largest distance from the poses another reader finds in the file, if converted [m]."""
+    """Largest distance from poses by another reader of the file, if it was converted [m]."""
     primitives: tuple[Primitive, ...] = ()
     """Parts that are plain shapes."""
     unread: tuple[int, ...] = ()
-    """Moving bodies (1 ... n) of which the file has a shape that collides and is not read."""
+    """Moving bodies (1 ... n) with a colliding shape in the file that cannot be read."""
     mounting_height: float | None = None
-    """Height of the base frame's origin above the level floor of the room, where its file states it
+    """Height of the base frame's origin above the level floor of the room, if its file states it
     [m]; the world's z points up."""
 
     @property
     def parts(self) -> tuple[Visual | Primitive, ...]:
-        """All of them, meshes first."""
+        """All parts, meshes first."""
         return (*self.visuals, *self.primitives)
 
     @property
     def shapeless(self) -> tuple[int, ...]:
-        """Moving bodies (1 ... n) that no part collides of: nothing tests what they hit."""
+        """Moving bodies (1 ... n) without a colliding part, whose collisions are not tested."""
         solid = {part.link for part in self.parts if part.collides}
         return tuple(k for k in range(1, self.model.chain.n_joints + 1) if k not in solid)
 
     @property
     def partly(self) -> tuple[int, ...]:
-        """Moving bodies (1 ... n) of which some shapes collide, but not all that its file has."""
+        """Moving bodies (1 ... n) of which only some colliding shapes of the file were read."""
         return tuple(k for k in self.unread if k not in self.shapeless)
 
     @property

@@ -1,4 +1,4 @@
-"""How much room an arm takes: how far it reaches, and where beside it a tracker can stand."""
+"""Reach of an arm, and the places beside it where a tracker can stand."""
 
 import numpy as np
 
@@ -8,11 +8,12 @@ from calib.geometry.frames import inverse
 from testbed.robots.placements import placements
 
 BESIDE = 0.5
-"""A tracker stands at least so far outside the robot's reach [m]."""
+"""Least distance of a tracker from the robot's reach [m]."""
 LEANS, ROOM = 0.5, 1.0
-"""Cosine up to which a z axis is not upright; how far a floor that is none lies away [m]."""
+"""Cosine up to which a z axis is not upright; spare distance of the floor set beyond the reach of
+an arm on a rail [m]."""
 SPARE, TRIES = 0.05, 1000
-"""Of a place that is proposed [m], and steps until it is found."""
+"""Spare distance of a proposed place [m], and most steps to find one."""
 
 
 def leading_slides(chain: Chain) -> int:

@@ -1,4 +1,4 @@
-"""[springs] of robot.toml: what gives way under the weight of an arm, read and written."""
+"""[springs] of robot.toml: compliances of joints under the weight of an arm, read and written."""
 
 from collections.abc import Sequence
 from typing import Annotated, Any, Literal
@@ -30,13 +30,13 @@ class SpringEntry(Strict):
     axis: Literal["x", "y", "z"]
     """Axis of the body behind the joint; z is the axis of the joint itself."""
     load_nm: Annotated[float, LOAD.size("N m")] | None = None
-    """Torque at which it bends by as much."""
+    """Torque at which it bends by `bend_deg`."""
     bend_deg: Angle | None = None
     """Angle by which it turns at that torque."""
     load_n: Annotated[float, LOAD.size("N")] | None = None
-    """The same of a force along a slide."""
+    """Force along a slide at which it moves by `bend_mm`."""
     bend_mm: Length | None = None
-    """Way by which it slides at that force."""
+    """Distance by which it moves at that force."""
 
     @model_validator(mode="after")
     def _has_one_bend(self) -> "SpringEntry":
@@ -51,20 +51,20 @@ class SpringEntry(Strict):
 
     @property
     def load(self) -> float:
-        """At which it bends by as much [N m, N]."""
+        """Load at which it bends by `bend` [N m, N]."""
         return self.load_nm or self.load_n or 0.0
 
     @property
     def bend(self) -> float:
-        """By how much [rad, m]."""
+        """Bend at that load [rad, m]."""
         return float(np.radians(self.bend_deg or 0.0)) + (self.bend_mm or 0.0) / 1e3
 
 
 class BodyEntry(Strict):
-    """[[springs.bodies]]: a link of the arm that is weighed, and what it weighs."""
+    """[[springs.bodies]]: a link of the arm whose weight loads the springs."""
 
     theta_deg: Angle
-    """Angle theta of the link in the arm that is weighed."""
+    """Angle theta of the link."""
     d_mm: Length
     """Its offset d."""
     a_mm: Length
@@ -78,15 +78,15 @@ class BodyEntry(Strict):
     moment_kg_m: FirstMoments = (0.0, 0.0, 0.0)
     """Mass times center of mass, in the frame just after the joint."""
     free: tuple[Literal["m", "hx", "hy", "hz"], ...] = ()
-    """Which of mass and moments were looked for."""
+    """Which of mass and moments were identified."""
     added_kg: Annotated[float, MASS.signed("kg")] = 0.0
-    """What was found beyond the mass."""
+    """Identified addition to the mass."""
     added_kg_m: FirstMoments = (0.0, 0.0, 0.0)
-    """The same of the moments."""
+    """Identified addition to the moments."""
 
     @model_validator(mode="after")
     def _added_is_free(self) -> "BodyEntry":
-        """What was not looked for is not found."""
+        """Require that only free numbers have additions."""
         added = zip(MOMENTS, (self.added_kg, *self.added_kg_m), strict=True)
         if held := [name for name, value in added if value and name not in self.free]:
             key = "added_kg" if held[0] == "m" else "added_kg_m"
@@ -95,27 +95,28 @@ class BodyEntry(Strict):
 
 
 class SpringsTable(Strict):
-    """[springs]: what loads them, and how far they bend."""
+    """[springs]: loads of the joints, and how far they bend."""
 
     gravity_m_s2: Annotated[tuple[Annotated[float, GRAVITY.signed("m/s2")], ...], Three]
-    """In the frame of the base."""
+    """Gravity in the frame of the base."""
     tilt_deg: Annotated[tuple[Angle, ...], Field(min_length=2, max_length=2)] | None = None
-    """Two turns of it that were found."""
+    """Two identified rotations of gravity."""
     passes: Annotated[int, Field(ge=1, le=20)] = 1
-    """How often loads are worked out again on the bent arm; 1: on the unbent one."""
+    """Number of times that loads are computed: 1 on the rigid arm, each further one on the arm as
+    bent so far."""
     bearings: Annotated[float, Field(gt=0, le=1e6)] = 1.0
-    """How large bends about x and y are believed to be, in units of what is usual."""
+    """Prior standard deviation of bends about x and y, in units of the usual one."""
     unsaid_kg: Annotated[float, MASS.or_zero("kg")] = UNSAID
-    """Payload that may hang on the flange though nobody says so."""
+    """Unstated payload that the prior of the free moments allows for."""
     payload_kg: Annotated[float, MASS.or_zero("kg")] = 0.0
-    """Payload that the torques count."""
+    """Payload that is included in the torques."""
     payload_moment_kg_m: FirstMoments = (0.0, 0.0, 0.0)
     """Its mass times its center of mass in the flange frame."""
     bends: Annotated[tuple[SpringEntry, ...], Field(min_length=1)]
     bodies: tuple[BodyEntry, ...]
 
     def contradictions(self, kinds: Sequence[JointKind]) -> str:
-        """What does not fit the joints of a robot; empty where all does."""
+        """What does not fit the joints of a robot, in words; empty if all does."""
         n, seen = len(kinds), set()
         if len(self.bodies) != n:
             return f"springs: there are {len(self.bodies)} bodies for {n} joints; give one each"
@@ -167,7 +168,7 @@ class SpringsTable(Strict):
 
 
 def springs_table(errors: JointErrors) -> dict[str, Any] | None:
-    """[springs] of joint errors, so that it is read back; None where nothing gives way."""
+    """The table [springs] of joint errors, which reads back; None without springs."""
     springs = errors.springs
     if springs is None:
         return None

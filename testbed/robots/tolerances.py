@@ -1,4 +1,4 @@
-"""How far the numbers of an arm's links may lie from nominal, as files state it and as arrays."""
+"""Standard deviations of an arm's link numbers from nominal, in files and as arrays."""
 
 from typing import Annotated
 
@@ -10,12 +10,12 @@ from testbed.bounds import ANGLE_SD, LENGTH_SD
 from testbed.strict import Strict
 
 LENGTH_TOLERANCE, ANGLE_TOLERANCE = 0.6e-3, float(np.radians(0.1))
-"""How far a length and an angle of a link may lie from nominal where nothing is stated: standard
-deviations, those of the weak prior [m, rad]."""
+"""Default standard deviations of a link's lengths and angles from nominal; those of the weak prior
+[m, rad]."""
 
 
 class JointTolerance(Strict):
-    """Widths of one joint's link, where they differ from the others'."""
+    """Standard deviations of one joint's link, if they differ from the others'."""
 
     joint: Annotated[int, Field(ge=1)]
     """Number of the joint, counted from one at the base."""
@@ -39,19 +39,19 @@ class LinkTolerances(Strict):
 
     @model_validator(mode="after")
     def _joints_differ(self) -> "LinkTolerances":
-        """No joint has two widths."""
+        """Require at most one entry per joint."""
         numbers = [one.joint for one in self.joints]
         if twice := sorted({k for k in numbers if numbers.count(k) > 1}):
             raise ValueError(f"joint {twice[0]} appears twice")
         return self
 
     def strange(self, n: int) -> int | None:
-        """The first joint of these that an arm of n joints has not."""
+        """The first joint listed that an arm of n joints does not have."""
         return next((one.joint for one in self.joints if one.joint > n), None)
 
 
 def tolerances_of(stated: LinkTolerances, before: Array) -> Array:
-    """Standard deviations (n, 5) of the links' numbers [rad, m, m, rad, rad], from `before` on."""
+    """Standard deviations (n, 5) of link numbers [rad, m, m, rad, rad]; `before` if not stated."""
     found = before.copy()
     sizes = [(slice(None), stated.length_mm, stated.angle_deg)]
     sizes += [(slice(k.joint - 1, k.joint), k.length_mm, k.angle_deg) for k in stated.joints]
@@ -64,6 +64,6 @@ def tolerances_of(stated: LinkTolerances, before: Array) -> Array:
 
 
 def usual_tolerances(n: int) -> Array:
-    """Those (n, 5) of an arm of n joints that states none."""
+    """Default standard deviations (n, 5) for n joints [rad, m, m, rad, rad]."""
     length, angle = LENGTH_TOLERANCE, ANGLE_TOLERANCE
     return np.tile([angle, length, length, angle, angle], (n, 1))

@@ -1,4 +1,4 @@
-"""Degrees and millimeters of a robot file that are read as the number that was written."""
+"""Degrees and millimeters for a robot file that read back as exactly the same number."""
 
 from collections.abc import Callable
 
@@ -8,24 +8,25 @@ Unit = Callable[[float], float]
 
 
 def degrees(value: float) -> float:
-    """What `numpy.radians` of it gives back an angle [rad to deg]."""
+    """Degrees from which `numpy.radians` gives back an angle [rad to deg]."""
     return _inverted(float(np.degrees(value)), value, lambda x: float(np.radians(x)))
 
 
 def millimeters(value: float) -> float:
-    """What a thousandth of it gives back a length [m to mm]."""
+    """Millimeters of which a thousandth gives back a length [m to mm]."""
     return _inverted(value * 1e3, value, lambda x: x / 1e3)
 
 
 def millionths(value: float) -> float:
-    """What 1e-6 times it gives back a value."""
+    """Number that gives back a value when multiplied by 1e-6."""
     return _inverted(value * 1e6, value, lambda x: x * 1e-6)
 
 
 def _inverted(guess: float, value: float, read: Unit) -> float:
-    """The shortest decimal number that is read as `value`, or else the nearest neighbor.
+    """The shortest decimal number that is read as `value`, or as its nearest neighbor.
 
-    A unit's factor maps some neighbors onto one and leaves gaps of one unit in the last place.
+    The factor of a unit maps some neighboring numbers to one, and leaves gaps of one unit in the
+    last place.
     """
     guess, value = float(guess), float(value)
     for digits in range(1, 17):

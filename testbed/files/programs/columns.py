@@ -18,15 +18,15 @@ NUMBERED = re.compile(
     re.IGNORECASE,
 )
 UNITS = {"d": "deg", "°": "deg", "r": "rad"}
-"""First letters of how degrees and radians are written."""
+"""Units by the first letters of their names."""
 ANGLES = ("deg", "rad")
 
 
 def joints_by_number(sheet: Sheet, robot: Robot) -> dict[str, str]:
-    """Our names of joint columns to those of the file; empty where they are ours, or in doubt.
+    """Our names of joint columns mapped to those of the file; empty if they are ours, or unclear.
 
-    One column for each joint, of one word and its number, is clear. The unit is the one in the
-    names, or degrees where the numbers are too large for radians.
+    Clear is one column per joint, named by the same word and the number of the joint. The unit is
+    that in the names, or degrees if the numbers are too large for radians.
     """
     found = [(name, hit) for name in sheet.head if (hit := NUMBERED.fullmatch(name.strip()))]
     families: dict[str, dict[int, tuple[str, str]]] = {}
@@ -52,7 +52,7 @@ def joints_by_number(sheet: Sheet, robot: Robot) -> dict[str, str]:
 
 
 def _unit_by_size(sheet: Sheet, names: list[str], robot: Robot) -> str:
-    """Degrees, where some number is beyond every limit in radians; else nothing is sure."""
+    """Degrees if some number is beyond every limit in radians; else empty, since it is unclear."""
     places = [sheet.head.index(name) for name in names]
     cells = [row[place].replace(",", ".") for row in sheet.rows for place in places]
     largest = max((abs(value) for value in map(number_of, cells) if np.isfinite(value)), default=0)
@@ -60,7 +60,7 @@ def _unit_by_size(sheet: Sheet, names: list[str], robot: Robot) -> str:
 
 
 def renamed_words(names: Mapping[str, str], robot: Robot) -> tuple[str, ...]:
-    """A sentence on joint columns that have other names in the file; none where they are ours."""
+    """A sentence on joint columns that have other names in the file; none if they are ours."""
     own = [name for name in names if name != names[name]]
     if not own:
         return ()
@@ -82,7 +82,7 @@ def no_targets(table: DataTable, robot: Robot) -> InputError:
         f"q{k + 1}_{'mm' if kinds[k] == 'prismatic' else 'deg'}" for k in (0, len(kinds) - 1)
     )
     numbered = [name for name in table.sheet.head if NUMBERED.fullmatch(name.strip())]
-    fix = "rename its columns so, with the unit, in the first line"
+    fix = "rename its columns like this, with the unit, in the first line"
     if len(numbered) == len(kinds):
         fix = (
             f"{numbered[0]} to {numbered[-1]} may be degrees or radians: rename them as {first} "

@@ -1,4 +1,4 @@
-"""Joints beside the poses of a Cartesian program, where they are not those of its poses."""
+"""Joint columns of a Cartesian program that do not reach the poses in the same rows."""
 
 from typing import Literal
 
@@ -13,21 +13,22 @@ from testbed.files.table import DataTable
 from testbed.robots.catalog import Robot
 
 TargetStatus = InverseStatus | Literal["other joints"]
-"""What became of a target; "other joints" stand beside its pose than those that reach it."""
+"""Outcome of a target; "other joints" if its row has joints that do not reach its pose."""
 APART, APART_SLIDE = float(np.radians(5.0)), 0.05
-"""Joints beside a Cartesian target that lie farther than this from the posture found for it belong
-to another one: those that name a configuration are rounded to a degree at most [rad, m]."""
+"""Distance between joints in the row of a Cartesian target and the posture found for it, from which
+they belong to another target; joints that name a configuration are rounded to a degree at most
+[rad, m]."""
 
 
 def contradicted(
     table: DataTable, robot: Robot, stated: Array, correction: PoseCorrection
 ) -> tuple[tuple[TargetStatus, ...], tuple[str, ...]]:
-    """Status of each target, and a sentence on joints (m, n) beside them that do not reach them."""
+    """Status of each target, and a sentence on stated joints (m, n) that do not reach the poses."""
     columns, slides = joint_columns(table, robot), robot.model.chain.prismatic > 0
     if columns is None:
         return correction.status, ()
     off = np.abs(correction.q_before - stated)
-    # an axis of whole turns is where it is without them
+    # whole turns of an axis do not count
     off = np.where(slides, off, np.abs(np.mod(off + np.pi, 2 * np.pi) - np.pi))
     far = (off > np.where(slides, APART_SLIDE, APART)) & correction.corrected[:, None]
     if not far.any():
@@ -35,7 +36,7 @@ def contradicted(
     row, count = int(np.argmax(far.any(axis=1))), int(far.any(axis=1).sum())
     j = int(np.argmax(np.where(far[row], off[row] / np.where(slides, APART_SLIDE, APART), 0.0)))
     J = robot.controller.written(correction.q_before[row])
-    # of a joint without a column the next one
+    # a joint without a column is named by the next one
     place = min(int(np.searchsorted(robot.controller.counted(len(slides)), j)), len(J) - 1)
     taken = J[place] / columns.factors[place]
     name, many = columns.names[place], count > 1

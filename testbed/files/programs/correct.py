@@ -1,8 +1,8 @@
 """A robot program's targets from CSV, corrected for the identified robot, row by row, into CSV.
 
-Everything stays as it is, to the ends of the lines and the encoding, but for the numbers of the
-targets; columns with the result of each row are added. A target that cannot be corrected without
-reserve stays as it was: the robot then does what it did before, and the row states why.
+Only the numbers of the targets change, and columns with the result of each row are added; all else
+stays the same, including line ends and encoding. A target that cannot be corrected without
+reservation stays unchanged, and its row states why.
 """
 
 from collections.abc import Sequence
@@ -53,9 +53,9 @@ WORDS: dict[str, str] = {
     "out of reach": "left as written: the robot does not reach it from a posture near this one",
 }
 LEAST_MM = 1e-6
-"""What is smaller is not told from rounding [mm]."""
+"""Smaller remaining errors are rounding [mm]."""
 SAME = 1e-12
-"""A number that the correction leaves as near as this is not written again [deg, rad, mm, m]."""
+"""Change of a number up to which it is not written again [deg, rad, mm, m]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -63,33 +63,33 @@ class ProgramResult:
     """The outcome of each target of a program."""
 
     status: tuple[TargetStatus, ...]
-    """(m,) "reached", or why the target stayed as it was."""
+    """(m,) "reached", or why the target stayed unchanged."""
     deviation_before: Array
-    """(m, 3) identified minus nominal position with the program as it was, world axes [m]."""
+    """(m, 3) identified minus nominal position with the original program, world axes [m]."""
     deviation: Array
     """(m, 3) the same with the corrected program [m]."""
     left_rotation: Array
-    """(m,) angle between both, with the corrected program [rad]."""
+    """(m,) rotation angle between both with the corrected program [rad]."""
     q_before: Array
-    """(m, n) joints that the program as it was takes [rad, m]."""
+    """(m, n) joint values of the original program [rad, m]."""
     q: Array
-    """(m, n) joints that the corrected program takes [rad, m]."""
+    """(m, n) joint values of the corrected program [rad, m]."""
     sentences: tuple[str, ...]
-    """What was done, and what is to be looked at."""
+    """Summary and warnings."""
     conditions: tuple[str, ...] = ()
-    """(m,) whether the target lies under the conditions of the measurements, in words."""
+    """(m,) whether the target has the conditions of the measurements, in words."""
     at: OperatingConditions = AS_USUAL
-    """Under which the model takes the targets."""
+    """Conditions of the targets for the model."""
     departed: Bool | None = None
-    """(m,) whether it lies under others."""
+    """(m,) whether the target has other conditions."""
     names: tuple[str, ...] = ()
-    """(m,) what the program calls each target; empty where it has no name."""
+    """(m,) names of the targets in the program; empty if it has none."""
     places: tuple[str, ...] = ()
-    """(m,) file and line in which each target stands."""
+    """(m,) file and line of each target."""
 
     @property
     def before(self) -> Array:
-        """(m,) position error of the robot with the program as it was [m]."""
+        """(m,) position error of the robot with the original program [m]."""
         return np.asarray(np.linalg.norm(self.deviation_before, axis=1))
 
     @property
@@ -105,7 +105,7 @@ class ProgramResult:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Targets:
-    """New numbers (m, k) of the columns of targets [SI]."""
+    """New numbers (m, k) for the columns of targets [SI]."""
 
     columns: Columns
     numbers: Array
@@ -122,28 +122,28 @@ def correct_program(
 ) -> ProgramResult:
     """Correct the targets of a program file.
 
-    Joint targets stand in ``q1_deg`` ... (``_rad``, ``_mm``, ``_m``). Cartesian ones in ``x_mm y_mm
-    z_mm`` (``_m``) with a rotation as ``qw qx qy qz``, ``r11`` ... ``r33``, ``rvx_deg`` ...,
-    ``axis_x axis_y axis_z axis_angle_deg``, or ``rx_deg ry_deg rz_deg`` whose sequence is stated
-    in a column ``euler``: poses of the tool in the base frame, for a controller that keeps its
-    nominal model. Joint columns beside Cartesian ones state in which configuration the controller
-    reaches them. ``payload_kg``, ``tool`` and ``temperature_degC`` state under which conditions it
-    goes there.
+    Columns of joint targets are ``q1_deg`` ... (``_rad``, ``_mm``, ``_m``), those of Cartesian ones
+    ``x_mm y_mm z_mm`` (``_m``) with a rotation as ``qw qx qy qz``, ``r11`` ... ``r33``, ``rvx_deg``
+    ..., ``axis_x axis_y axis_z axis_angle_deg``, or ``rx_deg ry_deg rz_deg`` whose sequence is
+    stated in a column ``euler``. Cartesian targets are poses of the tool in the base frame, for a
+    controller that keeps its nominal model; joint columns in the same rows then state the
+    configuration in which it reaches them. ``payload_kg``, ``tool`` and ``temperature_degC`` state
+    the conditions at each target.
 
     Parameters
     ----------
     path : Path
         The program.
     robot : Robot
-        Its robot, for whose nominal model it was written; joint limits are respected.
+        Robot for whose nominal model it was written; its joint limits are respected.
     identified : RobotModel
-        What the robot really is, joint errors included.
+        Identified model of the robot, with joint errors.
     out : Path
         The corrected program, which must not exist.
     measured : Conditions, optional
-        Of the rows that the statement rests on.
+        Conditions of the rows that the statement is based on.
     set_up : SetUp, optional
-        Conditions of targets that do not say theirs, and how far all may differ.
+        Conditions of targets that do not state theirs, and tolerances for differences.
 
     Raises
     ------
@@ -208,14 +208,14 @@ def correct_program(
 
 
 def _millimeters_left(left_mm: float) -> str:
-    """What a correction leaves, in words; less than a nanometer is rounding."""
+    """Remaining error in words; less than a nanometer is rounding."""
     return f"{significant(left_mm)} mm" if left_mm >= LEAST_MM else "less than 0.000001 mm"
 
 
 def _correct_joints(
     table: DataTable, robot: Robot, identified: RobotModel, own: Conditions
 ) -> tuple[ProgramResult, _Targets]:
-    """Joint targets corrected."""
+    """Correct joint targets."""
     joints, nominal = read_joints(table, robot, "commanded", drop=None), robot.model
     at, assumed = of_targets(identified, own, joints.q)
     T = nominal.poses(joints.q)
@@ -242,7 +242,7 @@ def _correct_joints(
 def _correct_poses(
     table: DataTable, robot: Robot, identified: RobotModel, own: Conditions
 ) -> tuple[ProgramResult, _Targets]:
-    """Cartesian targets corrected, for a controller that keeps its nominal model."""
+    """Correct Cartesian targets for a controller that keeps its nominal model."""
     nominal = robot.model
     columns, stated, T_base, odd = poses_of(table)
     base = nominal.chain.T_world_base

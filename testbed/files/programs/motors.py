@@ -1,4 +1,4 @@
-"""Corrections that a controller can send: within its own limits, and by the joints it has."""
+"""Corrections that a controller can execute: within its own limits, and by joints with a motor."""
 
 from dataclasses import dataclass, replace
 from typing import TypeVar
@@ -16,9 +16,9 @@ from testbed.robots.controller import BEYOND
 from testbed.robots.robot import Robot
 
 STEPS, STILL = 40, 1e-13
-"""Steps of a search from where a program stands, and the one after which it has ended [rad, m]."""
+"""Most steps of a search, and the length of the last step [rad, m]."""
 LEAST = 1e-11
-"""Share of the largest singular value below which motors move nothing: angles count 3e-5."""
+"""Singular values below this share of the largest one count as zero: angles count 3e-5."""
 Corrected = TypeVar("Corrected", Correction, PoseCorrection)
 
 
@@ -30,33 +30,33 @@ def by_motors(
     q: Array,
     at: OperatingConditions,
 ) -> Corrected:
-    """A correction that the robot's controller can send.
+    """A correction that the robot's controller can execute.
 
-    Where joints are held by others, the tool point is brought to its target by the joints that have
-    a motor, and the rotation as near as these then bring it. Targets that lead beyond the
-    controller's own limits get the status "limits".
+    If joints are held by others, the joints with a motor bring the tool point to its target, and
+    the rotation as near to its own as they then can. Targets beyond the controller's own limits get
+    the status "limits".
 
     Parameters
     ----------
     robot : Robot
-        Its controller and the limits of its joints.
+        The robot, with its controller and joint limits.
     identified : RobotModel
-        What the robot is.
+        Identified model of the robot.
     correction : Correction or PoseCorrection
-        By joints that all move by themselves.
+        Correction with all joints moving independently.
     T : (m, 4, 4) array
         Wanted poses [m].
     q : (m, n) array
-        Joints of the arm at the targets as they were [rad, m].
+        Joint values of the arm at the original targets [rad, m].
     at : OperatingConditions
-        Of the targets.
+        Conditions of the targets.
     """
     controller = robot.controller
     if controller.plain:
         return correction
     if controller.held:
         if isinstance(correction, PoseCorrection):
-            # the pose may be rounded, or none that this arm can take: its point counts
+            # the pose may be rounded, or one that this arm cannot take: its position counts
             q = _brought(robot, robot.model, T, controller.holding(q), AS_USUAL).q
             correction = replace(correction, q_before=frozen(q))
         correction = _searched(robot, identified, correction, T, q, at)
@@ -70,24 +70,24 @@ def by_motors(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Brought:
-    """Where the motors bring the tool."""
+    """Poses of the tool that the motors can reach."""
 
     q: Array
-    """(m, n) [rad, m]."""
+    """(m, n) joint values [rad, m]."""
     place: Array
-    """(m,) how far the point is from its target [m]."""
+    """(m,) distance of the tool point from its target [m]."""
     turn: Array
-    """(m,) how far the rotation is [rad]."""
+    """(m,) angle of the rotation to its target [rad]."""
     near: Bool
-    """(m,) whether the point is there."""
+    """(m,) whether the tool point reaches its target."""
     condition: Array
-    """(m,) of the point's three equations."""
+    """(m,) condition number of the three equations of the point."""
 
 
 def _brought(
     robot: Robot, model: RobotModel, T: Array, q: Array, at: OperatingConditions
 ) -> _Brought:
-    """Tools of a model brought to T (m, 4, 4) from joints q (m, n), by Gauss-Newton."""
+    """Bring the tool of a model to T (m, 4, 4) from joints q (m, n) [rad, m], by Gauss-Newton."""
     motors = robot.controller.matrix[:, robot.controller.counted(q.shape[1])]
     task = PoseSearch(model, T, q, robot.limits, at, whole_turns=False, position_first=True)
     for _ in range(STEPS):
@@ -110,7 +110,7 @@ def _searched(
     start: Array,
     at: OperatingConditions,
 ) -> Corrected:
-    """The same by the joints that have a motor, from joints (m, n)."""
+    """The correction by joints with a motor alone, from joint values `start` (m, n) [rad, m]."""
     found = _brought(robot, identified, T, start, at)
     lower, upper = robot.limits.T
     inside = ((found.q >= lower - BEYOND) & (found.q <= upper + BEYOND)).all(axis=1)
@@ -120,7 +120,7 @@ def _searched(
     status: list[InverseStatus] = []
     for k, before in enumerate(correction.status):
         outcome: InverseStatus = "singular" if far[k] else "reached" if inside[k] else "limits"
-        # outside its limits the nominal arm takes no target of its program
+        # outside its limits the nominal arm cannot take the original target
         kept = isinstance(correction, PoseCorrection) and before == "limits"
         status.append(before if kept else outcome if found.near[k] else "out of reach")
     if isinstance(correction, PoseCorrection):

@@ -1,4 +1,4 @@
-"""The targets of a robot program in CSV: joints, or poses of the tool and how the arm stands."""
+"""The targets of a robot program in CSV: joints, or tool poses with the arm's configuration."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -33,16 +33,16 @@ target lies under the conditions of the measurements."""
 ONE_MORE = (
     'write one of them with another number of digits, as "1,2340", or all with a decimal point'
 )
-"""What to do where a decimal comma may be a thousands mark: a program has no place to say it."""
+"""Fix for a decimal comma that may be a thousands mark, which a program cannot state."""
 OF_READINGS = {"repeat", "order", "time", "time_s", "split", "approach"}
-"""What rows say that were measured: in a program it is anything, and stays as it is."""
-AS_TABLE = "write its targets as a CSV, one a line, under a line q1_deg, q2_deg ..."
+"""Columns with a meaning for measured rows only; in a program they stay unchanged."""
+AS_TABLE = "write its targets as a CSV, one per line, below a header q1_deg, q2_deg ..."
 STARTS = 64
-"""Postures over the joint ranges from which a target is sought that is not near the one before."""
+"""Number of postures over the joint ranges from which a target far from the last is searched."""
 
 
 def read_program(path: Path, robot: Robot) -> tuple[FileText, DataTable]:
-    """The lines and the targets of a program file, each target's columns looked at.
+    """The lines and the targets of a program file, with the columns of all targets checked.
 
     Raises
     ------
@@ -53,19 +53,19 @@ def read_program(path: Path, robot: Robot) -> tuple[FileText, DataTable]:
     text = read_text(path, path.name)
     require_no_program(text.lines, path.name)
     if is_rapid(text):
-        message, fix = "is a RAPID program, and programs are corrected as tables", AS_TABLE
+        message, fix = "is a RAPID program; targets are corrected in tables only", AS_TABLE
         raise refusal(path.name, "program", message, code="S39", fix=fix)
     sheet = read_sheet(text)
     for name in ADDED:
         if name in sheet.head:
-            message = f'has a column "{name}" already, as a corrected program has'
-            fix = "correct the program as it was, not a corrected one"
+            message = f'already has a column "{name}", as corrected programs do'
+            fix = "correct the original program, not a corrected one"
             raise refusal(path.name, name, message, fix=fix)
     table = table_of(sheet, joints_by_number(sheet, robot), in_doubt=ONE_MORE)
     names = {own: name for own, name in table.names.items() if own not in OF_READINGS}
     table = replace(table, names=names)
     if not len(table):
-        raise refusal(path.name, "file", "has no targets", fix="write one target a line")
+        raise refusal(path.name, "file", "has no targets", fix="write one target per line")
     for name in NAMES:
         require_short(table, name)
     target_conditions(table)
@@ -79,7 +79,7 @@ def read_program(path: Path, robot: Robot) -> tuple[FileText, DataTable]:
 
 
 def _has_joints(table: DataTable, robot: Robot) -> bool:
-    """Whether the targets are joints; some of the joints alone are refused."""
+    """Whether the targets are joints; a table with only some of the joints is refused."""
     try:
         return joint_columns(table, robot) is not None
     except InputError as error:
@@ -97,7 +97,7 @@ def is_cartesian(table: DataTable) -> bool:
 
 
 def poses_of(table: DataTable) -> tuple[Columns, Stated, Array, Sequence[str]]:
-    """Columns, stated rotations and poses (m, 4, 4) of Cartesian targets [m], and what is odd."""
+    """Columns, stated rotations and poses (m, 4, 4) of Cartesian targets [m], and warnings."""
     place = table.find("length", "x", "y", "z")
     found = stated_in(table, None)
     if place is None or found is None:
@@ -114,7 +114,7 @@ def poses_of(table: DataTable) -> tuple[Columns, Stated, Array, Sequence[str]]:
 
 
 def configurations(table: DataTable, robot: Robot, T: Array) -> tuple[Array, tuple[str, ...]]:
-    """Joints (m, n) near which the controller reaches its targets [rad, m], and what is odd.
+    """Joints (m, n) near which the controller reaches its targets [rad, m], and warnings.
 
     `T` (m, 4, 4) are poses of the tool in the world [m].
     """
@@ -134,8 +134,8 @@ def configurations(table: DataTable, robot: Robot, T: Array) -> tuple[Array, tup
         seeds[k] = near.q[0]
         before = near.q[0] if near.reached[0] else before
     sentence = (
-        "the program does not say in which configuration the arm stands: the first target is taken "
-        "with the joints nearest to the middle of their ranges, each other one nearest to the one "
-        "before; add the columns q1_deg ... if the controller does otherwise"
+        "the program does not state the configuration of the arm: the first target is assumed to "
+        "have the joints nearest to the middle of their ranges, each other one those nearest to "
+        "the one before; add the columns q1_deg ... if the controller does otherwise"
     )
     return seeds, (sentence,)

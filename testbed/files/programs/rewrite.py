@@ -1,4 +1,4 @@
-"""A table written again with other numbers in some of its cells, and all else as it was."""
+"""A table written again with new numbers in some of its cells, and all else unchanged."""
 
 import re
 from collections.abc import Mapping, Sequence
@@ -24,16 +24,16 @@ def rewritten(
 ) -> bytes:
     """A file with new numbers in some cells (m,), and further columns in all rows.
 
-    All else stays: comments, empty lines, quotes, spaces, the ends of lines and the encoding. Only
-    what a spreadsheet would run gets an apostrophe, and what steers a terminal is written out. Each
-    new column has (m,) words or numbers of six digits.
+    All else stays: comments, empty lines, quotes, spaces, line ends and the encoding, except that
+    cells which a spreadsheet would run get an apostrophe, and control characters of terminals are
+    written as text. Each new column has (m,) words or numbers of six digits.
 
     Parameters
     ----------
     text, sheet : FileText, Sheet
-        The file, as it was read.
+        The file that was read.
     numbers : mapping of str to (m,) array
-        Name of a column to its new numbers, which read back exactly.
+        New numbers by the name of their column, which read back exactly.
     changed : mapping of str to (m,) array of bool
         Rows that get them.
     added : mapping of str to (m,) array or sequence of str
@@ -94,7 +94,7 @@ def cell_spans(line: str, mark: str) -> list[tuple[int, int]]:
 
 
 def _line(line: str, mark: str, width: int, new: Mapping[int, str], more: Sequence[str]) -> str:
-    """A line of so many cells with some of them new, and more behind the last one."""
+    """A line of `width` cells with some `new` ones, and `more` cells appended."""
     parts, at = list[str](), 0
     for k, (begin, end) in enumerate(cell_spans(line, mark)[:width]):
         inside = begin > 0 and line[begin - 1] == '"' == line[end : end + 1]
@@ -118,6 +118,6 @@ def _number(value: float, comma: bool) -> str:
 
 
 def _quoted(word: str, mark: str) -> str:
-    """A new cell, quoted where it must be."""
+    """A new cell, quoted if necessary."""
     word = guarded(word)
     return '"' + word.replace('"', '""') + '"' if mark in word or '"' in word else word

@@ -1,8 +1,8 @@
 """Any sequence of joint axes as a chain: MDH numbers, with Hayati's where axes are parallel.
 
-No length of such a chain is larger than the robot, its reach: the way from joint to joint to the
-tip. A common normal of nearly parallel axes lies where it likes, kilometers away if it must; where
-it lies too far, beta takes over, at last with the link's frame on the next joint itself.
+No length of such a chain is larger than the path from joint to joint to the tip. The common normal
+of nearly parallel axes may be kilometers away. If it is too far, beta is used instead, and as a
+last resort the frame of the link is on the next joint itself.
 """
 
 from collections.abc import Sequence
@@ -16,7 +16,7 @@ from calib.geometry.frames import inverse, nearest_rigid, rot_x, rot_y, rot_z, s
 from testbed.robots.placements import link_poses
 
 ROUNDING = 1e-15
-"""What a few products of rotations leave of a number that is zero [rad or m]."""
+"""Rounding error of a zero after a few products of rotations [rad or m]."""
 PARALLEL = np.radians(1.0)
 """Axes closer than this get Hayati's beta instead of d: their common normal is ill-defined."""
 
@@ -163,7 +163,7 @@ def _common_normal(point: Array, axis: Array) -> Array:
 
 
 def _through(foot: Array, axis: Array) -> Array:
-    """Link numbers (5,) of Hayati to the point `foot` (3,) of an axis, beta as it comes."""
+    """Link numbers (5,) of Hayati to the point `foot` (3,) of an axis, with any beta."""
     a = float(np.hypot(foot[0], foot[1]))
     theta = float(np.arctan2(foot[1], foot[0])) if a > 1e-12 else 0.0
     turned = rot_z(-theta)[:3, :3] @ axis

@@ -1,4 +1,4 @@
-"""A described arm as a `Robot`: its chain is proven, what the file leaves open is assumed."""
+"""Conversion of a described arm to a `Robot`: its chain is tested, missing numbers are assumed."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -32,10 +32,10 @@ from testbed.robots.placements import LIMIT, difference, link_poses
 from testbed.robots.robot import Robot, body_name
 
 FULL_TURN, FULL_SLIDE = 2 * np.pi, 1.0
-"""Limits of joints that have none: to both sides of zero [rad, m]."""
+"""Limits of joints without any, to both sides of zero [rad, m]."""
 UNTESTED = "what it would hit is not tested"
 LOCKED = 1e-6
-"""Half the range that a joint gets whose limits are equal [rad or m]."""
+"""Half the range given to a joint whose limits are equal [rad or m]."""
 PROOFS = 33
 """Poses at which the chain is compared with the other reader, the first in mid-range."""
 
@@ -225,7 +225,7 @@ def _masses(
             crossed.append(body.name)
         if body.name in bare + odd:
             moments = rod_moments(masses[i], length)
-        # rounding may leave the largest moment a hair above the sum of the others
+        # rounding may put the largest moment slightly above the sum of the others
         moments = np.minimum(moments, (moments.sum() - moments) * (1 - 1e-15))
         centers.append(frame[:3, :3].T @ (center - frame[:3, 3]))
         inertias.append(moments)
@@ -239,7 +239,7 @@ def _masses(
 
 
 def _exclusions(description: Description) -> tuple[tuple[str, str], ...]:
-    """Neighbors, and what the file never tests."""
+    """Pairs of neighbors, and pairs that the file excludes from collision tests."""
     pairs = {(i, i + 1) for i in range(len(description.bodies) - 1)}
     pairs |= {(min(pair), max(pair)) for pair in description.apart if pair[0] != pair[1]}
     return tuple((body_name(a), body_name(b)) for a, b in sorted(pairs))

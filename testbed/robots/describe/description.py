@@ -15,14 +15,14 @@ from testbed.robots.parts import Form
 from testbed.strict import choice_of, some
 
 TOOL_NAMES = ("tool0", "tool")
-"""An end of that name is the tool where the arm has several ends."""
+"""Names of an end that is the tool if the arm has several ends."""
 HELD_ELSEWHERE = (
     "free it, write the arm as a robot.toml by truebed.write_robot, and state under [controller] "
     "how it follows the others"
 )
-"""What to do with a joint on the way to the tool that others move."""
+"""Advice on a joint on the way to the tool that others move."""
 MOST_JOINTS = 64
-"""Of an arm, base to tip: far more than any has; what is computed grows with their square."""
+"""Most joints from base to tip, far more than any arm has; the work grows with their square."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -32,7 +32,7 @@ class Shape:
     source: Path | Form
     """The file of a mesh, or the shape itself."""
     affine: Array
-    """(4, 4) its own places to places in the world at joint zero, a mesh's scale included [m]."""
+    """(4, 4) transform of its points to the world at joint zero, with the scale of a mesh [m]."""
     rgb: tuple[float, float, float]
     """Color, 0 to 1."""
     collides: bool
@@ -43,20 +43,20 @@ class Shape:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Body:
-    """Everything that moves with one joint; in the world at joint zero."""
+    """Everything that moves with one joint, in the world frame at joint zero."""
 
     name: str
-    """For messages and names of parts."""
+    """Name for messages and parts."""
     mass: float = 0.0
-    """Zero if the file does not state it [kg]."""
+    """Mass; zero if the file does not state it [kg]."""
     center: Array = field(default_factory=lambda: np.zeros(3))
     """(3,) center of mass [m]."""
     inertia: Array = field(default_factory=lambda: np.zeros((3, 3)))
     """(3, 3) about the center, world axes [kg m^2]."""
     shapes: tuple[Shape, ...] = ()
-    """What is drawn or collides."""
+    """Shapes that are drawn or collide."""
     unread: bool = False
-    """Whether the file has a shape that collides and cannot be read, and nothing drawn for it."""
+    """Whether it has a colliding shape that cannot be read, and no drawn one to replace it."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -64,13 +64,13 @@ class Description:
     """A serial arm as its file describes it."""
 
     name: str
-    """What the file calls it."""
+    """Name of the arm in the file."""
     path: Path
     """The file."""
     folder: Path
-    """What holds all its meshes."""
+    """Folder with all its meshes."""
     reader: str
-    """Who else reads such files: yourdfpy or MuJoCo."""
+    """Name of the other reader of such files: yourdfpy or MuJoCo."""
     joint_names: tuple[str, ...]
     """(n,) base to tip."""
     kinds: tuple[JointKind, ...]
@@ -90,9 +90,9 @@ class Description:
     poses: Callable[[Array], Array]
     """Poses of the tip (m, 4, 4) at q (m, n), by the other reader [m]."""
     apart: tuple[tuple[int, int], ...] = ()
-    """Bodies the file never tests for collision."""
+    """Pairs of bodies that the file excludes from collision tests."""
     notes: tuple[str, ...] = ()
-    """What is legal but odd, in sentences."""
+    """Sentences on what is legal but odd."""
 
     @property
     def chain(self) -> Chain:
@@ -103,10 +103,10 @@ class Description:
 def shapes_of(
     drawn: Sequence[Shape | None], solid: Sequence[Shape | None]
 ) -> tuple[list[Shape], bool]:
-    """What is drawn and what collides as one list, and whether a solid shape is missing from it.
+    """Drawn and colliding shapes as one list, and whether a colliding shape is missing from it.
 
-    None is a shape that cannot be read. Where a solid one cannot, what is drawn stands for it;
-    where nothing is drawn that can be read, what collides is drawn.
+    None is a shape that cannot be read. If that is a colliding one, drawn shapes collide instead;
+    if no drawn one can be read, colliding shapes are drawn.
     """
     unread = any(one is None for one in solid)
     seen, hulls = (
@@ -123,18 +123,18 @@ def shapes_of(
 def choose_tip(
     tip: str | None, ends: Iterable[str], known: Iterable[str], path: Path
 ) -> tuple[str, str]:
-    """Where the arm ends, and a sentence if that was a choice.
+    """Frame at which the arm ends, and a sentence if it was chosen among several.
 
     Parameters
     ----------
     tip : str, optional
-        What the user wants.
+        Frame that the user asks for.
     ends : iterable of str
         Frames without children.
     known : iterable of str
         All frames.
     path : Path
-        For the message.
+        File, for the message.
 
     Raises
     ------
@@ -161,7 +161,7 @@ def choose_tip(
 
 
 def check_count(moving: int, tip: str, path: Path) -> None:
-    """R16: some joints move on the way to the tip, and not endlessly many."""
+    """R16: require at least one and at most `MOST_JOINTS` moving joints on the way to the tip."""
     if not 1 <= moving <= MOST_JOINTS:
         message = f"{moving or 'no'} joint{'s' * (moving > 1)} move{'s' * (moving < 1)} {tip}"
         allowed = f"an arm has 1 to {MOST_JOINTS}"

@@ -1,4 +1,4 @@
-"""Joints of an MJCF that do not move alone: of several freedoms, coupled, passive or in a ring."""
+"""Joints of an MJCF that cannot move alone: with several axes, coupled, passive or in a loop."""
 
 from pathlib import Path
 from typing import Any
@@ -10,12 +10,12 @@ from testbed.robots.write.mjcf import called, kind_of
 DRIVEN = ("joint", "jointinparent")
 """Attributes of actuators that name the joint they drive."""
 KEPT = ("connect", "weld", "joint")
-"""Constraints that MuJoCo resolves; what others join is not in the text that it is handed."""
+"""Constraints that MuJoCo resolves; others may join elements that are not in its text."""
 ALONE = "joints must be hinges or slides that move independently"
 
 
 def taken(root: Any) -> dict[str, list[Any]]:
-    """What drives and couples joints, out of the tree and by tag; `KEPT` stays in it."""
+    """Elements that drive or couple joints, by tag; all but `KEPT` are removed from the tree."""
     out: dict[str, list[Any]] = {"actuator": [], "tendon": [], "equality": [], "contact": []}
     for section in [child for child in root if child.tag in out]:
         parts = [part for part in section if section.tag != "equality" or part.tag not in KEPT]
@@ -28,7 +28,7 @@ def taken(root: Any) -> dict[str, list[Any]]:
 
 
 def require_alone(model: Any, joints: list[int], drives: dict[str, list[Any]], path: Path) -> None:
-    """R16: every joint on the way moves alone and closes no ring."""
+    """R16: require that every joint on the way moves alone and is in no loop."""
     names = {called(model, "joint", joint): joint for joint in joints}
     driven = {motor.get(key) for motor in drives["actuator"] for key in DRIVEN}
     reached = {part.get("joint") for tendon in drives["tendon"] for part in tendon.iter("joint")}
@@ -81,9 +81,9 @@ def _tied(drives: dict[str, list[Any]], names: set[str]) -> dict[str, str]:
 
 
 def _ring(model: Any, joints: list[int], path: Path) -> InputError | None:
-    """The error of a constraint between bodies that different joints of the way carry.
+    """The error for a constraint between bodies that different joints of the way carry.
 
-    What nothing but a hand of the user moves, a body of kind mocap, closes no ring.
+    A mocap body, which only the user moves, closes no loop.
     """
     import mujoco
 

@@ -1,6 +1,6 @@
-"""What an MJCF must satisfy before MuJoCo sees it, and one text with no other file behind it.
+"""Checks of an MJCF before MuJoCo reads it, and its content as one text without further files.
 
-Includes are opened here, meshes are read here; MuJoCo gets a text and bytes and opens nothing.
+Includes and meshes are read here; MuJoCo gets a text and bytes, and opens no file.
 """
 
 import math
@@ -41,10 +41,10 @@ NUMBERS = {
     "diaginertia": Row(3, MOMENT, "kg m2"), "fullinertia": Row(6, MOMENT, "kg m2"),
     "scale": Row(3, SCALE),
 }  # fmt: skip
-"""The numbers in each attribute; MuJoCo itself asks for moments above zero."""
+"""The numbers in each attribute; MuJoCo itself requires moments above zero."""
 CODE = ("plugin", "extension")
 UNKNOWN = ("composite", "flexcomp", "flex", "replicate", "attach", "model")
-"""Elements that grow into others when compiled: nothing an arm is described with."""
+"""Elements that expand into others when compiled, which descriptions of arms do not need."""
 UNUSED = (
     *("visual", "statistic", "size", "option", "custom", "keyframe", "sensor", "texture"),
     *("hfield", "skin", "deformable", "light", "camera"),
@@ -159,7 +159,7 @@ def _remove(element: Any) -> None:
 
 
 def _check_known(element: Any, path: Path) -> None:
-    """R8: nothing that runs code, nothing that grows when compiled, no pattern of C's printf."""
+    """R8: refuse what runs code or expands when compiled, and patterns of C's printf."""
     tag = element.tag
     for key, value in element.items():
         if "%" in value:  # MuJoCo prints what it refuses by itself as a pattern, and dies of %n

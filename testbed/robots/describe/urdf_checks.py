@@ -1,4 +1,4 @@
-"""What a URDF must satisfy before a library sees it: numbers, names, tree, limits, mesh files."""
+"""Checks of a URDF before a library reads it: numbers, names, tree, limits, mesh files."""
 
 import math
 from collections.abc import Collection
@@ -61,7 +61,7 @@ MOMENTS = ("ixx", "iyy", "izz")
 MOST_LINKS = 2000
 """Far more than any arm has; what is checked per link stays quick."""
 PARTS = ("link", "joint", "material")
-"""What an arm is made of; what else a URDF holds is words of others, of simulators and drivers."""
+"""Elements of an arm; all others in a URDF are for simulators and drivers."""
 JOINT_TYPES = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")
 
 
@@ -185,9 +185,9 @@ def _check_links(root: Any, path: Path) -> None:
 
 
 def _without_unused(root: Any) -> list[str]:
-    """Sentences on speeds and inertias beyond sense, which are taken off.
+    """Sentences on absurd speeds and inertias, which are removed.
 
-    No calibration uses them: what stands for one that is not given does for these, too.
+    No calibration uses them, so they get the defaults of missing ones.
     """
     speeds, bodies = [], []
     for limit in root.iterfind("joint/limit"):

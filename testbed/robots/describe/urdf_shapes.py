@@ -1,4 +1,4 @@
-"""The shapes of a URDF: checked, named after what they are, and read."""
+"""The shapes of a URDF: checked, named after their kind, and read."""
 
 from pathlib import Path
 from typing import Any
@@ -18,7 +18,7 @@ UNREAD = "unread"
 
 
 def check_shapes(root: Any, path: Path) -> list[str]:
-    """R16: drawings of something; sentences on shapes nobody knows and sizes of nothing."""
+    """R16: require a shape for each part; sentences on unknown shapes and on sizes of zero."""
     unknown, nothing = [], []
     for part in _parts(root):
         geometry = part.find("geometry")

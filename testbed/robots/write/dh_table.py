@@ -1,4 +1,4 @@
-"""The table of an identified robot: each number old, new, moved by, and how uncertain."""
+"""The table of an identified robot: each number before, after, the change and its uncertainty."""
 
 from dataclasses import dataclass
 
@@ -37,16 +37,16 @@ def dh_rows(
 ) -> tuple[DhRow, ...]:
     """Rows for base, links, tool and joint terms; reflectors and stations are not the robot's.
 
-    Base and tool stand as position and rotation vector in the frame they are given in. They are
-    identified as a step in the frame's axes, so that their uncertainty is carried over:
+    Base and tool are listed as position and rotation vector in the frame they are given in. They
+    are identified as a step in the frame's axes, so that their uncertainty is transformed:
     dp = R t, d Log R = inv(Jr) r.
 
     Parameters
     ----------
     nominal : RobotModel
-        Before. It may lack joint terms that were added; they were zero.
+        Model before calibration. Joint terms that it lacks count as zero.
     identified : RobotModel
-        After.
+        Model after calibration.
     parameters : Parameters
         Which numbers of `identified` were free.
     covariance : (f, f) array
@@ -90,7 +90,7 @@ def _frame(nominal: Array, identified: Array, covariance: Array) -> tuple[Array,
     moves = np.zeros((6, 6))
     moves[:3, :3], moves[3:, 3:] = identified[:3, :3], right_jacobian_inverse(new[3:])
     spread = np.sqrt(np.clip(np.diagonal(moves @ covariance @ moves.T), 0, None))
-    # what was held stays exactly so: no rounding of a rotation may make it look free
+    # held numbers stay exactly the same, so that rounding of a rotation makes none look free
     return old, new, np.where(spread > 1e-12 * np.sqrt(covariance.max(initial=0.0)), spread, 0.0)
 
 

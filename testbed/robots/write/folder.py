@@ -1,4 +1,4 @@
-"""A robot out of a calibration: its folder with robot.toml, URDF and MJCF, each proven equal."""
+"""A robot as a folder with robot.toml, URDF and MJCF, each read again and compared with it."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -27,7 +27,7 @@ from testbed.robots.write.urdf import require_package, urdf_bytes
 from testbed.units import MM, counted
 
 PROOFS, SAMPLES = 65, 1001
-"""Poses at which a file is proven, and at which joint terms are weighed; without mid-range."""
+"""Poses at which a file is compared, and at which joint terms are evaluated; without mid-range."""
 MESHES = "meshes"
 
 
@@ -36,19 +36,19 @@ def write_robot_folder(
 ) -> tuple[str, ...]:
     """Write robot.toml, NAME.urdf, NAME.xml, joint origins and meshes, each read again and proven.
 
-    robot.toml has the full model with its joint terms; the others have its geometric part, which is
-    all they can hold. Nothing appears in the folder before everything is proven.
+    robot.toml has the full model with its joint terms; the other formats can only have its
+    geometric part. Nothing appears in the folder before every file has been compared.
 
     Parameters
     ----------
     robot : Robot
-        To be written.
+        The robot to write.
     folder : Path
-        Made if it is not there; other files in it are left alone.
+        Created if it does not exist; other files in it are not touched.
     overwrite : bool
         Whether files of these names may be replaced.
     package : str, optional
-        ROS package whose root the folder will be: so the URDF names its meshes.
+        ROS package whose root the folder will be, by which the URDF names its meshes.
 
     Returns
     -------

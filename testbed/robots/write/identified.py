@@ -19,7 +19,7 @@ from testbed.robots.robot import Reflector, Robot
 
 NAME = re.compile(r"[a-z][a-z0-9_]{0,63}")
 SHIFT, TURN = 0.01, np.radians(1.0)
-"""A link's frame that moved further than this moved by the gauge, not by calibration [m, rad]."""
+"""Motion of a link's frame above which it is due to the gauge, not to calibration [m, rad]."""
 
 
 def identified_robot(
@@ -27,19 +27,19 @@ def identified_robot(
 ) -> Robot:
     """The robot with an identified model, under a new name.
 
-    What is drawn and what has mass stays where it was at joint zero. If a length came out larger
-    than the robot, which only a gauge can do, the links get other numbers for the same poses.
+    Parts and masses keep their places at joint zero. If a length is larger than the robot, which
+    only the gauge can cause, the links get other numbers for the same poses.
 
     Parameters
     ----------
     robot : Robot
-        What was calibrated.
+        The robot that was calibrated.
     model : RobotModel
         Identified geometry and joint errors; reflectors and stations are not part of a robot.
     name : str
         Small letters, digits, underscores.
     reflectors : tuple of Reflector
-        What was mounted on the tool, in the tool frame of the model.
+        Reflectors on the tool, in the tool frame of the model.
     """
     require_name(name)
     nominal = robot.model.chain

@@ -1,7 +1,7 @@
-"""The joint map: what each joint turns beside its command over one turn, and how well it is known.
+"""The joint map: the error of each joint over one turn, with its uncertainty.
 
-For controllers that take tables, and to look at. Sag that follows several joints is not in it,
-nor what follows the row: the side a joint came from, its torque, the warmth of the arm.
+It is for controllers that take tables, and to look at. It does not include sag that depends on
+several joints, nor terms of operating conditions: direction of approach, torque, temperature.
 """
 
 from dataclasses import dataclass
@@ -28,7 +28,7 @@ class JointMap:
     angle: Array
     """(a,) commanded [rad]."""
     turn: Array
-    """(a, k) beside the command [rad]."""
+    """(a, k) joint angle minus command [rad]."""
     u: Array
     """(a, k) standard uncertainty [rad]."""
 

@@ -36,8 +36,8 @@ def build_spec(
     meshes : bool
         Whether the robot's parts are added; meshes that collide are tested as convex hulls.
     plain_boxes : bool
-        Whether boxes are boxes to MuJoCo, as in a file for others. To be tested they go in as the
-        hull of their corners: MuJoCo's own tests of boxes do not find a capsule that lies inside,
+        Whether boxes are MuJoCo boxes, as in files for others. For collision tests they are hulls
+        of their corners instead: MuJoCo's own tests of boxes do not find a capsule inside a box,
         nor every box that is nearer than a clearance.
 
     Returns
@@ -99,7 +99,7 @@ def compile_spec(spec: Any, robot: Robot | None = None) -> Any:
 
 
 def _refusal(robot: Robot, error: Exception) -> InputError:
-    """What MuJoCo says of a robot, with the file of the part that it names."""
+    """MuJoCo's error for a robot, with the file of the part that it names."""
     said = " ".join(str(error).split())
     for visual in robot.visuals:
         if f"'{visual.name}'" in said:

@@ -34,17 +34,17 @@ UR_LINKS = ("shoulder", "upper_arm", "forearm", "wrist_1", "wrist_2", "wrist_3")
 UR_ROLL = np.radians([0.0, 90.0, 90.0, 90.0, 180.0, 90.0])
 """How the frames of UR's joints are turned about x, seen from the base, all joints at zero."""
 NEAR = np.radians(3.0)
-"""How far an axis may lie from where UR's lie, to be one of theirs [rad]."""
+"""Largest angle between an axis and that of a UR arm for the arm to be of that kind [rad]."""
 MEET = 0.02
-"""How near axes that meet in a UR come to each other [m]."""
+"""Largest distance of axes that meet in a UR arm [m]."""
 HASH = "calib_to_be_taken_from_your_controller"
 PROOFS = 65
 ROUNDING = 1e-15
-"""What products of rotations leave of a number that is zero [m, rad]."""
+"""Rounding error of a zero after products of rotations [m, rad]."""
 
 
 def ros_files(robot: Robot) -> dict[str, tuple[str, str]]:
-    """Text of each file, and how it was proven, in words; UR's only for an arm of their kind.
+    """Text of each file, and the result of its test in words; UR's only for an arm of that kind.
 
     Raises
     ------

@@ -344,7 +344,7 @@ def test_numbers_of_a_rotation_mean_that_rotation_and_stay_where_they_were(form)
         ([*(f"q{k}_deg" for k in range(1, 6)), "q6"], [1] * 6, "q6; name the columns so, with"),
         ([f"A{k}" for k in range(1, 7)], [1] * 6, "may be degrees or radians: rename them as q1_d"),
         ([f"A{k}" for k in range(1, 6)], [40] * 5, "joints are q1_deg ... q6_deg .* rename its"),
-        (list("XYZABC"), [400] * 6, "found: X, Y, Z, A, B, C; rename its columns so, with the un"),
+        (list("XYZABC"), [400] * 6, "found: X, Y, Z, A, B, C; rename its columns like this"),
     ],
 )
 def test_a_program_that_is_not_understood_is_refused_and_nothing_written(

@@ -14,24 +14,24 @@ TO_JOINTS = ("movej", "amovej")
 POSES = re.compile(r"posx\s*\(|get_|trans\s*\(|fkin\s*\(")
 BY_DIFFERENCE = re.compile(r"DR_MV_MOD_REL|\bmod\s*=\s*1\b")
 MODE = 4
-"""Place behind the target at which a call without names of its arguments says how it moves."""
+"""Position after the target of the argument for the mode, in a call without argument names."""
 FEWEST = 4
 """Joints of a robot; shorter lists are something else."""
 TAUGHT = "movej(posj(0, -10, 80, 0, 90, 0), v=30, a=30)"
 
 
 def is_doosan(text: FileText) -> bool:
-    """Whether some line of a text has joints as this language alone writes them."""
+    """Whether some line of a text has joints in the notation of this language alone."""
     return any(re.search(r"\bposj\s*\(", line) for line in text.lines)
 
 
 def read_doosan(text: FileText) -> JointList:
-    """Joints of the calls of movej, or of what gets a name.
+    """Joints of the calls of movej, or of named targets.
 
     Raises
     ------
     InputError
-        M35: joints are computed, or a move goes by a difference; what `Program.joints` refuses.
+        M35: joints are computed, or a move is relative; or as `Program.joints`.
     """
     program = Program(text, TAUGHT)
     for number, whole in text.content("#"):
@@ -60,8 +60,8 @@ def _move(program: Program, number: int, verb: str, to: str) -> None:
     elif BY_DIFFERENCE.search(to) or [one.strip() for one in beside[MODE : MODE + 1]] == ["1"]:
         raise refusal(
             program.place(number), "joints",
-            f"{verb} moves by a difference: from where, only the running program knows",
-            fix=f"write the joints that it comes to: {TAUGHT}",
+            f"{verb} is a relative move, whose start is known only while the program runs",
+            fix=f"write the joints that it reaches: {TAUGHT}",
         )  # fmt: skip
     elif name is not None:
         program.move_to(number, name[1])
@@ -70,7 +70,7 @@ def _move(program: Program, number: int, verb: str, to: str) -> None:
     else:
         raise refusal(
             program.place(number), "joints",
-            f"{verb} is given what is computed: its joints only the running program knows",
+            f"{verb} has a computed target, whose joints are known only while the program runs",
             fix=f"write them as numbers: {TAUGHT}",
         )  # fmt: skip
 

@@ -11,7 +11,7 @@ GROUP = re.compile(r"GP(\d)\s*:")
 ENTRY = re.compile(r"\b([JE])(\d)\s*=\s*([-+]?(?:\d+\.?\d*|\.\d+)|\*+)\s*(deg|mm)?", re.IGNORECASE)
 PLACE = re.compile(r"\bX\s*=")
 MOVED = re.compile(r"\s*\d*\s*:\s*([JLCA])\s+(PR?)\[([^\]:]{1,20})")
-"""``1:J P[1:above] 20% FINE``; what stands behind // or ! is none."""
+"""``1:J P[1:above] 20% FINE``; comments after // or ! do not match."""
 
 
 def read_fanuc(text: FileText) -> JointList:
@@ -20,7 +20,7 @@ def read_fanuc(text: FileText) -> JointList:
     Raises
     ------
     InputError
-        M35: a move goes to a register, a position was never taught; what `Program.joints` refuses.
+        M35: a move goes to a register, a position was never taught; or as `Program.joints`.
     """
     program = Program(text, "P[1]{ GP1: J1= ... deg, ... }")
     moves, name, block, first = list[tuple[int, str, str, str]](), "", list[str](), 0
@@ -38,25 +38,25 @@ def read_fanuc(text: FileText) -> JointList:
         if kind == "PR" or not own.strip().isdigit():
             raise refusal(
                 program.place(number), "joints",
-                f"moves to {kind}[{own.strip()}]: what a register holds, only the controller knows",
-                fix="teach the position as P[...], or write the joints at each stop into a table",
+                f"moves to {kind}[{own.strip()}]: only the controller knows values of registers",
+                fix="teach the position as P[...], or write the joints at each stop in a table",
             )  # fmt: skip
         if how in "JL":
             program.move_to(number, f"P{int(own)}")
         else:
-            program.aside.append(number)  # an arc goes through one and to the other
+            program.aside.append(number)  # an arc goes through one position to another
     return program.joints()
 
 
 def _position(program: Program, number: int, name: str, block: str) -> None:
-    """One position: its first group is the robot."""
+    """Read one position, whose first group is the robot."""
     parts = GROUP.split(block.partition("}")[0])
     group = parts[2] if len(parts) > 2 else parts[0]
     found = ENTRY.findall(group)
     joints = [(cell, unit.lower() or "deg") for letter, _, cell, unit in found if letter in "Jj"]
     if any(cell.startswith("*") for _, _, cell, _ in found):
         message = f"{name} was never taught: its joints are {found[0][2]}"
-        fix = "teach it, or take it and its moves out"
+        fix = "teach it, or remove it and its moves"
         raise refusal(program.place(number), "joints", message, fix=fix)
     if joints:
         beside = [(f"E{k}", cell) for letter, k, cell, _ in found if letter in "Ee"]

@@ -16,7 +16,7 @@ ANGLES, PULSES = ("ANGLE", "JOINT", "DEGREE", "DEG"), "PULSE"
 MOST = 6
 """Axes whose order in a job is that of the arm: a seventh turns between two of the others."""
 TAUGHT = "///POSTYPE ANGLE and C00000=0,-10,80,0,90,0"
-STOPS = "write the joints at each stop, in degrees, into a table"
+STOPS = "write the joints at each stop, in degrees, in a table"
 
 
 def read_inform(text: FileText) -> JointList:
@@ -55,14 +55,14 @@ def _position(program: Program, number: int, name: str, cells: list[str], kind: 
     if kind == PULSES:
         raise refusal(
             program.place(number), "joints",
-            f"{name} is in pulses: how many of them an axis turns by a degree, and where its zero "
-            "is, only the parameters of the controller say",
+            f"{name} is in pulses: only parameters of the controller state the pulses per degree "
+            "of an axis, and its zero",
             fix=f"{STOPS}, or export the job with its positions as angles",
         )  # fmt: skip
     if not kind:
         raise refusal(
             program.place(number), "joints",
-            f"no line ///POSTYPE says what the numbers of {name} are: pulses, angles or a place",
+            f"no line ///POSTYPE states whether {name} has pulses, angles or a Cartesian position",
             fix=f"export the whole job, or {STOPS}",
         )  # fmt: skip
     if kind not in ANGLES:
@@ -71,7 +71,7 @@ def _position(program: Program, number: int, name: str, cells: list[str], kind: 
         why = f"{name} has {len(cells)} axes" if len(cells) > MOST else f"{name} is no list of axes"
         raise refusal(
             program.place(number), "joints", why,
-            allowed=f"at most {MOST}: a job does not say which link a further one turns", fix=STOPS,
+            allowed=f"at most {MOST}: a job does not state the place of a further axis", fix=STOPS,
         )  # fmt: skip
     else:
         program.declare(Target(number, name, tuple(cells)))
@@ -82,8 +82,8 @@ def _move(program: Program, number: int, verb: str, to: str) -> None:
     if verb == "IMOV":
         raise refusal(
             program.place(number), "joints",
-            f"{verb} moves by a difference: from where, only the running job knows",
-            fix="teach the position that it comes to",
+            f"{verb} is a relative move, whose start is known only while the job runs",
+            fix="teach the position that it reaches",
         )  # fmt: skip
     target = TO.match(to)
     if verb in ("MOVJ", "MOVL") and target is not None:

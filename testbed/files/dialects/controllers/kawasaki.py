@@ -77,7 +77,7 @@ def _move(program: Program, number: int, to: str) -> None:
     else:
         raise refusal(
             program.place(number), "joints",
-            "moves to what is computed: its joints only the running program knows",
+            "moves to a computed target, whose joints are known only while the program runs",
             fix=f"write them as numbers: {TAUGHT}",
         )  # fmt: skip
 

@@ -22,17 +22,17 @@ MOVED = re.compile(
 OF_TOOL = ("E6POS", "POS", "FRAME")
 ROBOT = ("A1", "A2", "A3", "A4", "A5", "A6", "A7")
 FEWEST = 4
-"""Axes of a robot; of fewer some are not written."""
+"""Fewest axes of a robot; with fewer, some are not written."""
 
 
 def read_krl(text: FileText) -> JointList:
-    """Axes of the moves of a program, or of what a data list declares.
+    """Axes of the moves of a program, or of the targets in a data list.
 
     Raises
     ------
     InputError
-        M35: a move names a part of the axes, or what this file does not declare; what
-        `Program.joints` refuses.
+        M35: a move names only some of the axes, or a target that this file does not declare; or
+        as `Program.joints`.
     """
     program = Program(text, "E6AXIS P1={A1 ..., A2 ...}")
     for number, whole in text.content(";", "&"):
@@ -47,7 +47,7 @@ def read_krl(text: FileText) -> JointList:
 
 
 def _declare(program: Program, number: int, kind: str, name: str, value: str) -> None:
-    """What is declared, or gets the numbers of an aggregate."""
+    """Read a declaration, or an assignment of an aggregate."""
     axes = _axes(program, number, value) if value else None
     if axes is not None and axes[0]:
         program.declare(Target(number, name, axes[0], (), axes[1]))
@@ -56,13 +56,13 @@ def _declare(program: Program, number: int, kind: str, name: str, value: str) ->
 
 
 def _move(program: Program, number: int, verb: str, to: str) -> None:
-    """A move to an aggregate, or to what has a name."""
+    """Read a move to an aggregate, or to a named target."""
     if not verb.endswith("PTP"):
         if "PTP" in verb:
             raise refusal(
                 program.place(number), "joints",
-                f"{verb} moves by a difference: from where, only the running program knows",
-                fix="write the axes that it comes to: PTP {A1 ..., A2 ...}",
+                f"{verb} is a relative move, whose start is known only while the program runs",
+                fix="write the axis values that it reaches: PTP {A1 ..., A2 ...}",
             )  # fmt: skip
         program.aside.append(number)
     elif to[0] != "{":
@@ -78,7 +78,7 @@ def _move(program: Program, number: int, verb: str, to: str) -> None:
 def _axes(
     program: Program, number: int, value: str
 ) -> tuple[tuple[str, ...], tuple[tuple[str, str], ...]]:
-    """Axes of the robot in an aggregate, and those beside them; none of a position."""
+    """Axes of the robot in an aggregate, and external ones; none for a Cartesian position."""
     found = AGGREGATE.search(value)
     entries = [ENTRY.fullmatch(part) for part in found[1].split(",")] if found else []
     there = {one[1].upper(): one[2] for one in entries if one is not None}
@@ -88,7 +88,7 @@ def _axes(
     if None in entries or own != [*ROBOT[: len(own)]] or len(own) < FEWEST:
         raise refusal(
             program.place(number), "joints",
-            f"names {', '.join(own)} alone: the other axes stay where the running program has them",
+            f"names only {', '.join(own)}: other axis values are known only while the program runs",
             fix="write all axes: {A1 ..., A2 ..., A3 ..., A4 ..., A5 ..., A6 ...}",
         )  # fmt: skip
     others = tuple((name, cell) for name, cell in there.items() if name[0] == "E")
@@ -96,5 +96,5 @@ def _axes(
 
 
 def _is_place(value: str) -> bool:
-    """Whether an aggregate is a position of the tool."""
+    """Whether an aggregate is a Cartesian position."""
     return bool(re.search(r"\{\s*(?:\w+\s*:)?\s*X\s", value, re.IGNORECASE))

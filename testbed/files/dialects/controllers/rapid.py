@@ -12,7 +12,7 @@ from testbed.units import counted
 TARGET = re.compile(r"\[\s*\[([^\[\]]*)\]\s*,\s*\[([^\[\]]*)\]\s*\]")
 """``[[10,20,30,40,50,60],[9E9,9E9,9E9,9E9,9E9,9E9]]``: robot axes, external axes."""
 INDEX = r"\s*(?:\{([^{}]{0,99})\})?\s*"
-"""Which of an array, or how many it has; bounded, as all that may be tried at each word is."""
+"""Index or size of an array; of bounded length, since it is tried at each word."""
 DECLARED = re.compile(rf"\bjointtarget\s+(\w+){INDEX}(:=|;|$)", re.IGNORECASE)
 """``CONST jointtarget p1 :=`` or, of an array, ``PERS jointtarget p{3} :=``."""
 MOVED = re.compile(rf"\bMoveAbsJ\b\s*(?:\\Conc\s*,\s*)?(\w*){INDEX}", re.IGNORECASE)
@@ -21,12 +21,12 @@ ASSIGNED = re.compile(r"\b(\w+)(?:\s?(?:\{[^{}]{0,99}\}|\.\w{1,99})){0,4}\s{0,99
 TOKEN = re.compile(r'"[^"]*"?|!.*|;|[^"!;]+')
 """A text, a comment, the end of a statement, or code."""
 ABSENT = 9e8
-"""An external axis of 9E9 is not there."""
+"""Value from which an external axis does not exist; RAPID writes 9E9."""
 OF_TOOL = re.compile(r"\b(?:Move|Trigg)[JLC]\b", re.IGNORECASE)
-"""Moves to positions of the tool."""
+"""Moves to Cartesian positions."""
 Axes = tuple[tuple[str, ...], tuple[tuple[str, str], ...]]
-"""Those of the robot, and those beside them."""
-ONE_EACH = "write each position as a jointtarget of its own, or its numbers into the move"
+"""Axes of the robot, then names and values of external ones."""
+ONE_EACH = "write each position as its own jointtarget, or its numbers in the move"
 
 
 def is_rapid(text: FileText) -> bool:
@@ -40,8 +40,8 @@ def read_rapid(text: FileText) -> JointList:
     Raises
     ------
     InputError
-        M35: there is no joint target, a move names one that is not declared, one gets its value
-        while the program runs, or the axes differ.
+        M35: there is no joint target, a move names one that is not declared, one is assigned a
+        value in the program, or the axes differ.
     """
     declared: dict[str, Target] = {}
     coded: dict[str, tuple[str, str]] = {}
@@ -89,12 +89,12 @@ def read_rapid(text: FileText) -> JointList:
 
 
 def _require_all(name: str, array: str, count: int, where: str) -> None:
-    """Refuse an array whose targets (count) are not those that it says it has, in one row."""
+    """Refuse an array of several dimensions, or with another number of targets than declared."""
     size = array.strip()
     if count and ("," in size or (size.isdigit() and int(size) != count)):
         raise refusal(
             where, "joints", f"{name[:40]}{{{size[:20]}}} has {counted(count, 'target')}",
-            allowed="an array has one dimension, and as many targets as it says", fix=ONE_EACH,
+            allowed="an array has one dimension and the declared number of targets", fix=ONE_EACH,
         )  # fmt: skip
 
 
@@ -104,14 +104,14 @@ def _moved(move: re.Match[str], declared: dict[str, Target], where: str) -> Targ
     if index is not None and not index.isdigit():
         raise refusal(
             where, "joints",
-            f"moves to {move[1][:40]}{{{index[:20]}}}: which one that is, only the running program "
-            "knows", fix=ONE_EACH + ", or give the declarations alone",
+            f"moves to {move[1][:40]}{{{index[:20]}}}, whose index is known only while the program "
+            "runs", fix=ONE_EACH + ", or give the declarations alone",
         )  # fmt: skip
     name = move[1] if index is None else f"{move[1]}{{{int(index)}}}"
     if name.lower() not in declared:
         raise refusal(
-            where, "joints", f'moves to "{name[:40]}", of which there is no jointtarget before',
-            fix="put its declaration into the same file, before the move",
+            where, "joints", f'moves to "{name[:40]}", which is no jointtarget declared before',
+            fix="declare it in the same file before the move",
         )  # fmt: skip
     return declared[name.lower()]
 
@@ -132,14 +132,14 @@ def _statements(text: FileText) -> Iterator[tuple[list[int], str]]:
 
 
 def _axes(found: re.Match[str]) -> Axes:
-    """Axes of a target as they are written, and the external ones that are there."""
+    """Axes of a target as written, and the external ones that exist."""
     others = [cell.strip() for cell in found[2].split(",") if not _absent(cell)]
     beside = tuple((f"eax_{'abcdef'[k % 6]}", cell) for k, cell in enumerate(others))
     return tuple(cell.strip() for cell in found[1].split(",")), beside
 
 
 def _absent(cell: str) -> bool:
-    """Whether an external axis is none."""
+    """Whether an external axis does not exist."""
     try:
         return abs(float(cell)) > ABSENT
     except ValueError:

@@ -1,4 +1,4 @@
-"""Joint targets of a program: those of its moves, or else those that it declares, as a sheet."""
+"""Joint targets of a program, as a sheet: those of its moves, or if it has none, those declared."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
@@ -10,73 +10,73 @@ from testbed.gates.text import FileText
 from testbed.units import counted
 
 ANOTHER = (
-    "gets another value here than its numbers: which one a move has, only the running program knows"
+    "is assigned another value here, so its value at a move is known only while the program runs"
 )
-LOST = "which joints the arm has there, only its controller knows"
+LOST = "only the controller knows the joint values there"
 
 
 @dataclass(frozen=True, slots=True)
 class Target:
-    """Joints as a program writes them."""
+    """Joint values as a program writes them."""
 
     line: int
     name: str
-    """Empty where it has none."""
+    """Its name; empty if it has none."""
     axes: tuple[str, ...]
     units: tuple[str, ...] = ()
-    """Of each axis; degrees if empty."""
+    """Unit of each axis; degrees if empty."""
     beside: tuple[tuple[str, str], ...] = ()
-    """Axes that are none of the robot's, by their names."""
+    """Names and values of axes that are not the robot's."""
 
 
 @dataclass(frozen=True, slots=True)
 class JointList:
-    """Joints of a program, and what else it moves to."""
+    """Joint targets of a program, and the number of its other moves."""
 
     sheet: Sheet
     aside: int = 0
-    """Moves to positions of the tool, whose joints no program says."""
+    """Number of moves to Cartesian positions, whose joint values no program states."""
 
     @property
     def note(self) -> tuple[str, ...]:
-        """A sentence on moves that are no row."""
+        """A sentence on moves that are not in the sheet."""
         if not self.aside:
             return ()
-        moves = f"{counted(self.aside, 'move')} to positions of the tool"
+        moves = f"{counted(self.aside, 'move')} to Cartesian positions"
         verb = "is" if self.aside == 1 else "are"
-        return (f"joints: {moves} {verb} left aside: {LOST}",)
+        return (f"joints: {moves} {verb} not used: {LOST}",)
 
 
 @dataclass(slots=True)
 class Program:
-    """What was met in a program so far, line by line."""
+    """Declarations and moves of a program, read line by line."""
 
     text: FileText
     taught: str
-    """How a target of joints is written in this language."""
+    """Example of a joint target in this language."""
     declared: dict[str, Target] = field(default_factory=dict)
-    """By their names in small letters."""
+    """Joint targets by their names in small letters."""
     again: dict[str, int] = field(default_factory=dict)
-    """Names that get a value that is not known here, and the line."""
+    """Names that are assigned an unknown value, and the line of each."""
     tool: dict[str, int] = field(default_factory=dict)
-    """Names of positions of the tool, and the line of each."""
+    """Names of Cartesian positions, and the line of each."""
     moves: list[Target] = field(default_factory=list)
     aside: list[int] = field(default_factory=list)
-    """Lines of the moves to positions of the tool."""
+    """Lines of the moves to Cartesian positions."""
 
     def place(self, line: int) -> str:
         """File and line."""
         return f"{self.text.where}:{line}"
 
     def declare(self, target: Target) -> None:
-        """Take a target that has a name; one that has it already gets another value."""
+        """Add a named target; a name that exists already is noted in `again`."""
         name = target.name.lower()
         if name in self.declared:
             self.again.setdefault(name, target.line)
         self.declared[name] = target
 
     def move_to(self, line: int, name: str) -> None:
-        """Move to what was declared, joints or a position of the tool."""
+        """Add a move to a declared target, joints or a Cartesian position."""
         key = name.lower()
         if key in self.declared:
             self.moves.append(replace(self.declared[key], line=line, name=name))
@@ -85,17 +85,17 @@ class Program:
         else:
             raise refusal(
                 self.place(line), "joints",
-                f'moves to "{name[:40]}", of which there is no target before',
-                fix="put its declaration into the same file, before the move, or take the move out",
+                f'moves to "{name[:40]}", which is not declared before the move',
+                fix="declare it in the same file before the move, or remove the move",
             )  # fmt: skip
 
     def joints(self) -> JointList:
-        """The targets of the moves, else those that are declared.
+        """The targets of the moves, or if there are none, those declared.
 
         Raises
         ------
         InputError
-            M35: there is none, one gets its value while the program runs, or the axes differ.
+            M35: there is none, one is assigned a value in the program, or the axes differ.
         """
         rows = self.moves or list(self.declared.values())
         used = {row.name.lower() for row in rows}
@@ -103,7 +103,7 @@ class Program:
             line, name = later[0]
             raise refusal(
                 self.place(line), "joints", f"{name[:40]} {ANOTHER}",
-                fix="write each position as a target of its own, or its numbers into the move",
+                fix="write each position as its own target, or its numbers in the move",
             )  # fmt: skip
         if not rows:
             raise self._none()
@@ -113,19 +113,19 @@ class Program:
         """The error of a program without joints."""
         lines = self.aside or list(self.tool.values())
         if not lines:
-            fix = f"give a program with joints: {self.taught}"
+            fix = f"give a program with joint targets: {self.taught}"
             return refusal(self.text.where, "joints", "has no joint target", fix=fix)
         return refusal(
             self.place(min(lines)), "joints",
-            f"has {counted(len(lines), 'position')} of the tool and no joint target: {LOST}",
-            fix=f"write the joints at each stop into a table, or into the program: {self.taught}",
+            f"has {counted(len(lines), 'Cartesian position')} and no joint target: {LOST}",
+            fix=f"write the joints at each stop in a table, or in the program: {self.taught}",
         )  # fmt: skip
 
 
 def sheet_of(text: FileText, rows: Sequence[Target]) -> Sheet:
     """Targets as a table ``pose_id, q1_deg ...``; without a name for each there is no pose_id.
 
-    External axes that are there, and not 0 throughout, become columns of which nothing is read.
+    External axes that exist, and are not 0 throughout, become columns that are not read.
 
     Raises
     ------

@@ -62,7 +62,7 @@ def _move(program: Program, number: int, verb: str, to: str) -> None:
     else:
         raise refusal(
             program.place(number), "joints",
-            "movej is given what is computed: its joints only the running program knows",
+            "movej has a computed target, whose joints are known only while the program runs",
             fix="write them as numbers: movej([0.1, -1.57, ...])",
         )  # fmt: skip
 

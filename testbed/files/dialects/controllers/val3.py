@@ -60,7 +60,7 @@ def _move(program: Program, number: int, verb: str, to: str) -> None:
     else:
         raise refusal(
             program.place(number), "joints",
-            "movej is given what is computed: its joints only the running program knows",
+            "movej has a computed target, whose joints are known only while the program runs",
             fix=f"write them as numbers: {TAUGHT}",
         )  # fmt: skip
 

@@ -106,28 +106,28 @@ def test_a_list_of_joints_is_proposed(tmp_path):
 
 PULSES = [f"C{k:05d}=1200,-340,5600,0,77,-12" for k in range(3)]
 REFUSED = {
-    "pulses": (job("PULSE", PULSES), "C0 is in pulses: how many of them an axis turns by a degree"),
-    "no kind": (["/JOB", "//POS", *PULSES], "no line ///POSTYPE says what the numbers of C0 are"),
-    "places of a job": (job("BASE", PULSES, ["MOVL C00000 V=9"]), "1 position of the tool and no"),
+    "pulses": (job("PULSE", PULSES), "C0 is in pulses: only parameters of the controller state"),
+    "no kind": (["/JOB", "//POS", *PULSES], "no line ///POSTYPE states whether C0 has"),
+    "places of a job": (job("BASE", PULSES, ["MOVL C00000 V=9"]), "1 Cartesian position and no"),
     "seven axes": (job("ANGLE", ["C00000=1,2,3,4,5,6,7"]), "C0 has 7 axes; at most 6"),
     "an increment": (
-        job("ANGLE", ANGLES, ["IMOV C00000 VJ=1"]), "IMOV moves by a difference: from where"
+        job("ANGLE", ANGLES, ["IMOV C00000 VJ=1"]), "IMOV is a relative move, whose start"
     ),
-    "a variable of a job": (job("ANGLE", ANGLES, ["MOVJ P001 VJ=1"]), 'moves to "P1", of which'),
-    "a difference of DRL": ([f"movej({POSJ[0]}, v=3, mod=DR_MV_MOD_REL)"], "moves by a difference"),
-    "the same without a name": ([f"movej({POSJ[0]}, 3, 3, 0, 0, 1)"], "moves by a difference"),
-    "a sum of DRL": ([f"p = {POSJ[0]}", "movej(p + posj(1, 0, 0, 0, 0, 0))"], "what is computed"),
-    "a sum of lists": ([f"movej({POSJ[0]} + {POSJ[1]}, v=3)"], "what is computed"),
-    "a changed point": ([f"p = {POSJ[0]}", "p[2] = 3", "movej(p)"], "p gets another value"),
-    "places of DRL": (["movel(posx(1,2,3,4,5,6))"], "1 position of the tool and no joint target"),
-    "an unknown point of AS": ([".PROGRAM a()", "JMOVE #p9", ".END"], 'moves to "p9", of which'),
+    "a variable of a job": (job("ANGLE", ANGLES, ["MOVJ P001 VJ=1"]), 'moves to "P1", which is'),
+    "a difference of DRL": ([f"movej({POSJ[0]}, v=3, mod=DR_MV_MOD_REL)"], "is a relative move"),
+    "the same without a name": ([f"movej({POSJ[0]}, 3, 3, 0, 0, 1)"], "is a relative move"),
+    "a sum of DRL": ([f"p = {POSJ[0]}", "movej(p + posj(1, 0, 0, 0, 0, 0))"], "a computed target"),
+    "a sum of lists": ([f"movej({POSJ[0]} + {POSJ[1]}, v=3)"], "has a computed target"),
+    "a changed point": ([f"p = {POSJ[0]}", "p[2] = 3", "movej(p)"], "p is assigned another value"),
+    "places of DRL": (["movel(posx(1,2,3,4,5,6))"], "1 Cartesian position and no joint target"),
+    "an unknown point of AS": ([".PROGRAM a()", "JMOVE #p9", ".END"], 'moves to "p9", which is'),
     "a taught point of AS": (
-        [".PROGRAM a()", "HERE #p0", "JMOVE #p0", ".JOINTS", LISTED[0]], "p0 gets another value"
+        [".PROGRAM a()", "HERE #p0", "JMOVE #p0", ".JOINTS", LISTED[0]], "p0 is assigned another"
     ),
-    "places of AS": ([".PROGRAM a()", "LMOVE t1", ".TRANS", "t1 1 2 3 4 5 6"], "1 position of the"),
-    "a point of VAL3": (["begin", "movej(pA, tTool, mNom)"], 'moves to "pA", of which there is no'),
+    "places of AS": ([".PROGRAM a()", "LMOVE t1", ".TRANS", "t1 1 2 3 4 5 6"], "1 Cartesian pos"),
+    "a point of VAL3": (["begin", "movej(pA, tTool, mNom)"], 'moves to "pA", which is not'),
     "a changed joint": (
-        ["begin", f"j = {{{LISTS[0]}}}", "j.j2 = 4", "movej(j, tTool, m)"], "j gets another value"
+        ["begin", f"j = {{{LISTS[0]}}}", "j.j2 = 4", "movej(j, tTool, m)"], "j is assigned another"
     ),
     "a joint that is left out": (
         ["<Database>", '<Data name="j" type="jointRx">', '<Value key="0" j1="1" j3="3" />'],

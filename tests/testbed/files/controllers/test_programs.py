@@ -63,7 +63,7 @@ def test_a_program_is_proposed_as_the_joints_of_its_stops(language, named, lines
     said, written = proposed(tmp_path, files, "--robot", ROBOT.name)
     assert f'format = "{language}"' in written
     left = any("LIN" in line for line in lines)
-    assert ("1 move to positions of the tool is left aside" in said) is left
+    assert ("1 move to Cartesian positions is not used" in said) is left
     table = read_session(tmp_path / "session.toml", ROBOT).measurements
     np.testing.assert_allclose(table.q, DATA.q, rtol=0, atol=1e-11)  # nine decimals of a degree
     np.testing.assert_allclose(table.position, DATA.T[:, :3, 3], rtol=0, atol=1e-12)
@@ -71,25 +71,25 @@ def test_a_program_is_proposed_as_the_joints_of_its_stops(language, named, lines
 
 PLACE = "{X 1,Y 2,Z 3,A 0,B 0,C 0,S 2,T 10}"
 REFUSED = {
-    "places alone": (["DEFDAT A", f"DECL E6POS XP1={PLACE}"], "which joints the arm has there"),
-    "a name of another file": (["DEF A( )", "PTP XHOME"], 'moves to "XHOME", of which there is no'),
-    "some axes": (["PTP {A1 10, A2 3}"], "names A1, A2 alone: the other axes stay"),
-    "a difference": (["PTP {A1 1}".replace("PTP", "PTP_REL"), "DEF A()"], "moves by a difference"),
-    "a changed axis": (["DEF A()", DAT[0], "XP1.A3 = 30", "PTP XP1"], "xp1 gets another value"),
-    "a part of a joint": (["DEF A()", f"{DAT[0]}", DAT[0], "PTP XP1"], "xp1 gets another value"),
-    "a register": (["/PROG A", "/MN", "1:J PR[3] 20% FINE ;"], "moves to PR[3]: what a register"),
+    "places alone": (["DEFDAT A", f"DECL E6POS XP1={PLACE}"], "only the controller knows the"),
+    "a name of another file": (["DEF A( )", "PTP XHOME"], 'moves to "XHOME", which is not'),
+    "some axes": (["PTP {A1 10, A2 3}"], "names only A1, A2: other axis values"),
+    "a difference": (["PTP {A1 1}".replace("PTP", "PTP_REL"), "DEF A()"], "is a relative move"),
+    "a changed axis": (["DEF A()", DAT[0], "XP1.A3 = 30", "PTP XP1"], "xp1 is assigned another"),
+    "a part of a joint": (["DEF A()", f"{DAT[0]}", DAT[0], "PTP XP1"], "xp1 is assigned another"),
+    "a register": (["/PROG A", "/MN", "1:J PR[3] 20% FINE ;"], "moves to PR[3]: only the"),
     "what was not taught": (
         ["/POS", "P[1]{ GP1: J1= ******* deg, J2= 0 deg };"], "P1 was never taught"
     ),
     "positions of a tool": (
         ["/PROG A", "/MN", "1:L P[1] 9mm/sec FINE ;", "/POS", "P[1]{ GP1: X = 1 mm, Y = 2 mm };"],
-        "1 position of the tool and no joint target",
+        "1 Cartesian position and no joint target",
     ),
-    "poses of UR": (["def a():", "  movej(p[1,2,3,0,0,0])"], "1 position of the tool and no joint"),
-    "an inverse": (["def a():", "  movej(get_inverse_kin(w, qnear=q))"], "1 position of the tool"),
-    "a sum": (["def a():", "  movej([0, 1+1, 2, 3, 4, 5])"], "movej is given what is computed"),
+    "poses of UR": (["def a():", "  movej(p[1,2,3,0,0,0])"], "1 Cartesian position and no joint"),
+    "an inverse": (["def a():", "  movej(get_inverse_kin(w, qnear=q))"], "1 Cartesian position"),
+    "a sum": (["def a():", "  movej([0, 1+1, 2, 3, 4, 5])"], "movej has a computed target"),
     "a list that is filled": (
-        ["def a():", "q=[0,0,0,0,0,0]", "q[1]=3", "movej(q)"], "q gets another value"
+        ["def a():", "q=[0,0,0,0,0,0]", "q[1]=3", "movej(q)"], "q is assigned another value"
     ),
     "nothing": (["program a()", "begin"], "has no joint target"),
 }  # fmt: skip
