@@ -24,7 +24,7 @@ from testbed.bounds import (
 )
 
 LENGTHS = {unit: FACTORS[unit] for unit in ("m", "mm", "um", "in")}
-ANGLES = {unit: FACTORS[unit] for unit in ("rad", "deg", "mdeg", "urad", "gon")}
+ANGLES = {unit: FACTORS[unit] for unit in ("rad", "mrad", "deg", "mdeg", "urad", "gon")}
 LOADS = {unit: FACTORS[unit] for unit in ("Nm", "Nmm", "N")}
 CURRENTS = {unit: FACTORS[unit] for unit in ("A", "mA")}
 UNITS = {"length": LENGTHS, "angle": ANGLES, "torque": LOADS, "current": CURRENTS}
@@ -34,10 +34,10 @@ WRITTEN = {
     "millimeters": "mm", "millimetre": "mm", "millimetres": "mm", "micron": "um", "microns": "um",
     "deg": "deg", "°": "deg", "º": "deg", "degree": "deg", "degrees": "deg", "grad": "deg",
     "degré": "deg", "degrés": "deg", "gradi": "deg", "grados": "deg", "gon": "gon",
-    "rad": "rad", "radian": "rad", "radians": "rad", "mdeg": "mdeg", "c": "degC", "degc": "degC",
-    "°c": "degC", "kg": "kg", "s": "s", "sec": "s", "second": "s", "seconds": "s", "nm": "Nm",
-    "n m": "Nm", "n*m": "Nm", "n·m": "Nm", "nmm": "Nmm", "n mm": "Nmm", "n": "N", "a": "A",
-    "amp": "A", "ma": "mA",
+    "rad": "rad", "radian": "rad", "radians": "rad", "mrad": "mrad", "mdeg": "mdeg", "c": "degC",
+    "degc": "degC", "°c": "degC", "kg": "kg", "s": "s", "sec": "s", "second": "s", "seconds": "s",
+    "nm": "Nm", "n m": "Nm", "n*m": "Nm", "n·m": "Nm", "nmm": "Nmm", "n mm": "Nmm", "n": "N",
+    "a": "A", "amp": "A", "ma": "mA",
 }  # fmt: skip
 """Units as people write them, in small letters."""
 QUATERNION_COLUMNS = ("qw", "qx", "qy", "qz")

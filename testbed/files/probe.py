@@ -267,8 +267,9 @@ def _probe_distances(plain: Probe, robot: Robot, session: Session) -> Probe:
     reach = float(np.ptp(flange_poses(robot.model, table.q)[:, :3, 3], axis=0).max())
 
     def misfit(some: Measurements) -> Misfit:
-        # no point of the tool comes nearer or farther than the robot moves it
-        if not LEAST_SPAN * reach < np.ptp(some.distance) < 2 * reach + TOOL:
+        # no point of the tool comes nearer to an anchor, or farther, than the robot moves it
+        spans = [np.ptp(some.distance[some.anchor == k]) for k in np.unique(some.anchor)]
+        if not LEAST_SPAN * reach < max(spans) < 2 * reach + TOOL:
             return Misfit(float("inf"), 0.0)
         try:
             start = start_frames(model, some, free_anchors=session.free_anchors)

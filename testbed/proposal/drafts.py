@@ -155,7 +155,8 @@ def _uncertainty(look: Found, section: str) -> tuple[Document, tuple[str, ...]]:
         for key, axes in missing.items()
         if not any(look.has(*(f"{u}{axis}" for axis in axes)) for u in ("u", "U95"))
     }
-    scatter = [name for name in look.head if SCATTER.search(name)]
+    read = {one.theirs for one in look.meanings}  # SD may be a slope distance
+    scatter = [name for name in look.head if SCATTER.search(name) and name not in read]
     found = "is named so" if scatter else "has it"
     notes = [
         f"uncertainty: no column {found}; {key} = {value} is assumed: your instrument's "

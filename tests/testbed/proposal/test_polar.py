@@ -31,7 +31,7 @@ WAYS = {
               ("Azimuth [deg]", "Elevation [deg]", "Range [mm]")), 1, "", [],
     ),
     "a surveyor's, without a unit": (
-        polar(-GON * AZIMUTH % 400, GON * ZENITH, RANGE, ("Hz", "V", "Slope distance")), -1, "_gon",
+        polar(-GON * AZIMUTH % 400, GON * ZENITH, RANGE, ("Hz", "V", "SD")), -1, "_gon",
         ["Hz is taken to grow clockwise", "V is taken as the angle from the zenith",
          "directions: no column states its unit; assumed: gon",
          "ranges: no column states its unit; assumed: m"],
@@ -57,6 +57,7 @@ def test_directions_and_ranges_are_proposed_as_they_were_meant(text, sense, unit
     (tmp_path / "a.csv").write_text(text)
     said, written = proposed(tmp_path, [tmp_path / "a.csv"], "--robot", ROBOT.name)
     assert "to fix" not in said
+    assert "is not used" not in said  # SD, which might be a scatter
     assert ('azimuth = "clockwise"' in written) is (sense < 0)
     assert unit in written
     for one in told:
