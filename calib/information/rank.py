@@ -1,4 +1,8 @@
-"""Rank: how many directions a measurement determines, and how many of them beyond the prior."""
+"""Rank: how many directions a measurement determines, which columns span them, what is learned."""
+
+from collections.abc import Sequence
+from math import sqrt
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -11,6 +15,8 @@ PRACTICAL_RATIO = 0.5
 """A direction is learned if measuring brings its sd below this part of its prior sd."""
 KEEP_TOLERANCE = 1e-6
 """A column is kept when more than this part of it lies outside the columns already kept."""
+PLAIN = 100.0
+"""A column this many times above that tolerance is independent whatever the rounding."""
 
 
 def singular_values(A: ArrayLike) -> Array:
@@ -63,3 +69,44 @@ def learned(A: Array, prior_sd: Array, factors: Array, ratio: float = PRACTICAL_
 def count(singular: Array, tolerance: float) -> int:
     """Number of singular values (k,) above `tolerance` times the largest."""
     return int((singular > tolerance * singular[0]).sum()) if singular.size else 0
+
+
+class Kept(NamedTuple):
+    """Columns kept, in the order they were offered, and all columns in terms of them."""
+
+    places: list[int]
+    coordinates: Array  # (p, f) scaled
+    silent: Index  # columns of no size
+
+
+def choose_columns(A: Array, order: Sequence[int]) -> Kept:
+    """Keep columns by Gram-Schmidt in the given order, and express all columns in the kept ones."""
+    size = np.linalg.norm(A, axis=0)
+    silent = np.flatnonzero(size <= RANK_TOLERANCE * size.max())
+    if not len(silent) and len(A) == A.shape[1]:
+        # where each is plainly told apart, one triangle proves it
+        rests = np.abs(np.diagonal(np.linalg.qr(A[:, order], mode="r")))
+        if (rests > PLAIN * KEEP_TOLERANCE * size[order]).all():
+            return Kept(list(order), np.eye(len(order)), silent)
+    basis = np.zeros((A.shape[0], min(A.shape)))
+    kept: list[int] = []
+    out = {*silent.tolist()}
+    for k in order:
+        if size[k] == 0 or k in out or len(kept) == basis.shape[1]:
+            continue
+        rest = A[:, k] / size[k]
+        Q = basis[:, : len(kept)]
+        # twice: once leaves rounding of the size of the column
+        for _ in range(2):
+            rest = rest - Q @ (Q.T @ rest)
+        length = sqrt(rest @ rest)
+        if length > KEEP_TOLERANCE:
+            basis[:, len(kept)] = rest / length
+            kept.append(k)
+    Q = basis[:, : len(kept)]
+    C = Q.T @ A
+    coordinates = np.zeros((len(kept), A.shape[1]))
+    if kept:
+        coordinates[:] = np.linalg.solve(C[:, kept], C)
+    coordinates[:, silent] = 0.0
+    return Kept(kept, coordinates, silent)

@@ -2,20 +2,19 @@
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
-from math import sqrt
-from typing import Annotated, NamedTuple
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from calib.arrays import LATER, Array, Index, check, frozen, wrong_shape
+from calib.arrays import LATER, Array, Bool, check, frozen, wrong_shape
 from calib.errors import refuse
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import Parameters
-from calib.information.dependencies import Dependency, causes_of, count_sentences, dependency
 from calib.information.rank import (
     KEEP_TOLERANCE,
     RANK_TOLERANCE,
+    choose_columns,
     count,
     practical_rank,
     singular_values,
@@ -23,10 +22,20 @@ from calib.information.rank import (
 )
 from calib.shown import Shown
 
-PLAIN = 100.0
-"""A column this many times above that tolerance is independent whatever the rounding."""
 PARALLEL = np.cos(np.deg2rad(1.0))
 """Axes within 1 degree count as parallel: then beta is identifiable and d is not (Hayati)."""
+STILL = 1e-9
+"""A joint [rad, m] or an orientation [1] whose range is smaller than this never moves."""
+
+
+@dataclass(frozen=True, slots=True)
+class Dependency:
+    """What a dropped number is equivalent to."""
+
+    name: str
+    """Of the dropped number."""
+    others: str
+    """The kept numbers that stand for it, in words; empty where nothing measured shows it."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -75,14 +84,6 @@ class Reduction(Shown):
     def __repr__(self) -> str:
         kept, dropped = len(self.kept), len(self.dropped)
         return f"Reduction({kept} kept, {dropped} dropped, condition {self.condition:.3g})"
-
-
-class _Kept(NamedTuple):
-    """Columns kept, in the order they were offered, and all columns in terms of them."""
-
-    places: list[int]
-    coordinates: Array  # (p, f) scaled
-    silent: Index  # columns of no size
 
 
 def reduce(
@@ -142,7 +143,7 @@ def reduce(
         raise refuse("A", A.shape, allowed, code="M27", message="nothing to reduce")
     small = triangle(A)
     singular = singular_values(small)
-    found = _choose_columns(small, _order(parameters, model))
+    found = choose_columns(small, _order(parameters, model))
     keep = sorted(found.places)
     rows = np.argsort(found.places)
     scale, names = parameters.free_scale, parameters.free_names
@@ -154,10 +155,10 @@ def reduce(
     # moments load springs, and where none bends they do nothing yet
     unloaded = {k for k in found.silent.tolist() if names[k].startswith("moment")}
     causes = [
-        *causes_of(model, parameters, q, n_directions < len(names)),
-        *count_sentences(len(A), len(keep), n_directions, len(names)),
+        *_causes(model, parameters, q, n_directions < len(names)),
+        *_count_sentences(len(A), len(keep), n_directions, len(names)),
     ]
-    told = [dependency(names, lengths, keep, mixing, k) for k in left if k not in unloaded]
+    told = [_dependency(names, lengths, keep, mixing, k) for k in left if k not in unloaded]
     every = len(keep) == len(names)
     spread = singular if every else singular_values(small[:, keep]) if keep else np.ones(1)
     return Reduction(
@@ -192,34 +193,74 @@ def _order(parameters: Parameters, model: RobotModel) -> list[int]:
     return [place[k] for k in order if k in place]
 
 
-def _choose_columns(A: Array, order: Sequence[int]) -> _Kept:
-    """Keep columns by Gram-Schmidt in the given order, and express all columns in the kept ones."""
-    size = np.linalg.norm(A, axis=0)
-    silent = np.flatnonzero(size <= RANK_TOLERANCE * size.max())
-    if not len(silent) and len(A) == A.shape[1]:
-        # where each is plainly told apart, one triangle proves it
-        rests = np.abs(np.diagonal(np.linalg.qr(A[:, order], mode="r")))
-        if (rests > PLAIN * KEEP_TOLERANCE * size[order]).all():
-            return _Kept(list(order), np.eye(len(order)), silent)
-    basis = np.zeros((A.shape[0], min(A.shape)))
-    kept: list[int] = []
-    out = {*silent.tolist()}
-    for k in order:
-        if size[k] == 0 or k in out or len(kept) == basis.shape[1]:
-            continue
-        rest = A[:, k] / size[k]
-        Q = basis[:, : len(kept)]
-        # twice: once leaves rounding of the size of the column
-        for _ in range(2):
-            rest = rest - Q @ (Q.T @ rest)
-        length = sqrt(rest @ rest)
-        if length > KEEP_TOLERANCE:
-            basis[:, len(kept)] = rest / length
-            kept.append(k)
-    Q = basis[:, : len(kept)]
-    C = Q.T @ A
-    coordinates = np.zeros((len(kept), A.shape[1]))
-    if kept:
-        coordinates[:] = np.linalg.solve(C[:, kept], C)
-    coordinates[:, silent] = 0.0
-    return _Kept(kept, coordinates, silent)
+def _causes(
+    model: RobotModel, parameters: Parameters, q: ArrayLike | None, lost: bool
+) -> list[str]:
+    """Sentences on joints that never move and an orientation that never changes."""
+    if q is None or not lost:
+        return []
+    (q,) = check(f"m {model.chain.n_joints}", q=q)
+    if len(q) < 2:
+        return []
+    said = [
+        f"joint {i + 1} never moves: its link cannot be told from the links beside it; "
+        "choose poses that move it"
+        for i in np.flatnonzero(np.ptp(q, axis=0) < STILL)
+    ]
+    arms = ("tool.x", "tool.y", "tool.z", *model.fixtures.names[: 3 * model.fixtures.counts[0]])
+    free = [name for name in arms if name in parameters.free_names]
+    R = model.poses(q)[:, :3, :3]
+    if free and np.abs(R - R[0]).max() < STILL:
+        said.append(
+            f"the tool keeps one orientation in all poses: {', '.join(free)} cannot be told from a "
+            "shift of the robot; hold them fixed or turn the tool"
+        )
+    return said
+
+
+def _count_sentences(n_rows: int, n_kept: int, rank: int, n_free: int) -> list[str]:
+    """Sentences on too few equations, and on directions between the two tolerances."""
+    said = []
+    if n_rows < n_free and n_kept == n_rows:
+        said.append(
+            f"{n_rows} equations tell at most {n_rows} of {n_free} numbers apart: "
+            "more poses may tell more"
+        )
+    if rank != n_kept:
+        said.append(
+            f"{n_kept} numbers are kept but the singular values count {rank} directions: "
+            "some are seen so weakly that rounding decides"
+        )
+    return said
+
+
+def _dependency(
+    names: Sequence[str], lengths: Bool, keep: Sequence[int], mixing: Array, k: int
+) -> tuple[Dependency, str]:
+    """What dropped number k is equivalent to, and a sentence on it."""
+    name, column = names[k], mixing[:, k]
+    # 1e-6 of a meter per radian or the like is below what the projection test resolves
+    terms = np.flatnonzero(np.abs(column) > KEEP_TOLERANCE)
+    if not terms.size:
+        said = f"{name} has no effect on anything measured: no measurement can find it"
+        return Dependency(name, ""), said
+    # equal parts stay in the order of the numbers, whatever rounding made of them
+    size = np.round(np.log(np.abs(column[terms])), 9)
+    terms = terms[np.argsort(-size, kind="stable")].tolist()
+    others = [names[keep[i]] for i in terms]
+    if len(terms) == 1 and abs(abs(column[terms[0]]) - 1) < KEEP_TOLERANCE:
+        same = "the same" if column[terms[0]] > 0 else "the opposite"
+        return Dependency(name, others[0]), (
+            f"{name} cannot be told from {others[0]}: any change of {name} looks like {same} "
+            f"change of {others[0]}"
+        )
+    shown = [
+        f"{column[i]:+.3g} {'m' if lengths[keep[i]] else 'rad'} of {other}"
+        for i, other in zip(terms[:4], others[:4], strict=True)
+    ]
+    more = f" and {len(terms) - 4} smaller terms" if len(terms) > 4 else ""
+    unit, stand = "m" if lengths[k] else "rad", f"{', '.join(others[:4])}{more}"
+    return Dependency(name, stand), (
+        f"{name} cannot be told from {stand}: 1 {unit} of {name} looks like "
+        f"{', '.join(shown)}{more}"
+    )

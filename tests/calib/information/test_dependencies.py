@@ -6,8 +6,7 @@ import pytest
 from calib.geometry.chain import Chain
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import parameters_of
-from calib.information.dependencies import Dependency
-from calib.information.reduction import reduce
+from calib.information.reduction import Dependency, reduce
 
 MODEL = RobotModel(Chain(np.zeros((2, 5))))
 

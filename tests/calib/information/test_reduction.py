@@ -11,7 +11,7 @@ from calib.geometry.jacobian import reflector_rows
 from calib.geometry.joint_errors import JointErrors, gravity_terms, harmonic_terms
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import CHARACTERISTIC_LENGTH, parameters_of
-from calib.information import reduction
+from calib.information import rank as independence
 from calib.information.rank import practical_rank, rank, singular_values
 from calib.information.reduction import Reduction, reduce
 from calib.information.sizes import weak_prior_sd
@@ -267,7 +267,7 @@ def test_a_direction_counts_as_learned_when_its_sd_is_halved():
 def test_one_triangle_keeps_what_columns_one_by_one_keep(free: tuple[str, ...], monkeypatch):
     model, q = perturbed(3), pool_r()[:29]
     quick = reduced(model, q, free)
-    monkeypatch.setattr(reduction, "PLAIN", np.inf)
+    monkeypatch.setattr(independence, "PLAIN", np.inf)
     slow = reduced(model, q, free)
     assert (quick.kept, quick.sentences) == (slow.kept, slow.sentences)
     assert np.array_equal(quick.mixing, slow.mixing)
