@@ -1,1 +1,1 @@
-"""What `truebed new` writes and `truebed check` reads: proposals from the files that are there."""
+"""Proposals that `truebed new` writes from a user's files, and what `truebed check` reads."""

@@ -1,17 +1,17 @@
-"""What a letter behind the axes means where a row holds two places: Xm beside Xn, or beside X."""
+"""Letters after axis names in rows with two positions, such as Xm beside Xn, or beside X."""
 
 from collections.abc import Collection
 
 AXES = ("x", "y", "z")
 MEASURED, NOMINAL, DEVIATION = ("m", "a"), "n", "d"
-"""Measured or actual, nominal, and the deviation of the two."""
+"""Letters for measured or actual values, nominal ones, and the deviation between both."""
 
 
 def stems_of_letters(texts: Collection[str]) -> dict[str, str]:
-    """Stems of names such as xm, where those of another place beside them tell what they mean.
+    """Stems of names such as xm, if the names of another position beside them make it clear.
 
-    Alone they tell nothing: xm may be x in meters. Beside a place with a letter of what was
-    measured, a place without a letter is where the robot was sent.
+    Alone such names are ambiguous: xm may be x in meters. Beside a position with a letter for
+    measured values, a position without a letter is the commanded one.
     """
     there = {
         letter

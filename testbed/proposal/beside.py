@@ -1,4 +1,4 @@
-"""What a session beside the files says of where their numbers are from."""
+"""The origin of numbers in files, from a session.toml in the same folder."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -8,14 +8,14 @@ from testbed.gates.toml import read_toml_bytes, toml_document
 from testbed.proposal.data import Document, Found
 
 MOST = 50
-"""Sessions of a folder that are looked at."""
+"""Largest number of sessions in a folder that are read."""
 SECTIONS = ("joints", "frames", "points", "ranges")
 
 
 def with_origin(document: Document, looks: Sequence[Found]) -> Document:
-    """A session with `simulated`, and what its covariances hold, as a session beside its files has.
+    """A session with `simulated`, and the meaning of its covariances, from a session of its files.
 
-    Only of the same file: what a virtual robot measured is never told as measured in earnest.
+    That session has to be about the same files. So simulated data never pass for real ones.
     """
     for look in looks:
         if not any(look.name in _files(document.get(name)) for name in SECTIONS):
@@ -39,7 +39,7 @@ def _beside(look: Found) -> list[dict[str, Any]]:
         try:
             other = toml_document(read_toml_bytes(path, str(path)), str(path))
         except InputError:
-            continue  # it is not what was asked about
+            continue  # the command is not about this session
         if any(look.path.name in _files(other.get(name)) for name in SECTIONS):
             found.append(other)
     return found

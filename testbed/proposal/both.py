@@ -1,4 +1,4 @@
-"""Points and distances of one robot as one session, where its files can be read together."""
+"""Points and distances of one robot as one session, if its files can be read together."""
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
@@ -17,18 +17,18 @@ from testbed.robots.robot import Robot
 
 OPTICAL = ("frames", "points")
 FITTED, STEPS = 300, 10
-"""Rows that frames are fitted to; steps from the closed form of an anchor's place."""
+"""Most rows that frames are fitted to; steps from the closed form of an anchor's position."""
 SAME = 1e-6
-"""Part of a distance below which it is the length of the point beside it."""
+"""Relative difference below which a distance is the length of the point in its row."""
 
 
 @dataclass(frozen=True, slots=True)
 class Joined:
-    """A session of both kinds, or why there is none."""
+    """A session with points and distances, or the reason why there is none."""
 
     draft: Draft | None
     sentence: str
-    """How well the distances fit beside the points, or what is against it."""
+    """How well the distances fit the points, or why they cannot be used."""
 
 
 def is_ranged(draft: Draft) -> bool:
@@ -39,22 +39,22 @@ def is_ranged(draft: Draft) -> bool:
 def joined_with(
     optical: Draft, ranged: Iterable[Draft], robot: Robot, read: Callable[[Draft], Session]
 ) -> Joined:
-    """One session of the positions of a draft and of the distances of one of some others.
+    """One session with the positions of a draft and the distances of one of several others.
 
     Parameters
     ----------
     optical : Draft
-        Which fits by itself.
+        Draft of the positions, which fits by itself.
     ranged : iterable of Draft
-        The same distances in each reading that is left open.
+        Drafts of the same distances, one for each possible interpretation.
     robot : Robot
-        Nominal.
+        Nominal robot.
     read : callable
-        A draft as a session; an InputError where it cannot be.
+        Reads a draft as a session, or raises an InputError.
     """
     drafts = [draft for one in ranged if (draft := merged(optical, one)) is not None]
     against, best, least = ["the files do not give the joints of both in one way"], None, np.inf
-    # joints beside the readings themselves before those of another file
+    # joints in the rows of the readings are preferred to those of another file
     for draft in sorted(drafts, key=lambda one: "match" in one.document):
         try:
             session = read(draft)
@@ -77,7 +77,7 @@ def joined_with(
 
 
 def merged(optical: Draft, ranged: Draft) -> Draft | None:
-    """A session of the tables of both; None where their joints are given in different ways."""
+    """A session with the tables of both; None if their joints are given in different ways."""
     one, two = optical.document, ranged.document
     name = next(section for section in OPTICAL if section in one)
     joints = one["joints"]
@@ -101,7 +101,7 @@ def merged(optical: Draft, ranged: Draft) -> Draft | None:
 
 
 def _own(document: Document, section: Document) -> Document | None:
-    """[joints] without its file, where that is the file of the readings themselves."""
+    """[joints] without its file, if that is the file of the readings."""
     joints = document["joints"]
     if any(joints.get(key) != section.get(key) for key in ("file", "sheet")):
         return None
@@ -109,13 +109,13 @@ def _own(document: Document, section: Document) -> Document | None:
 
 
 def _counts(session: Session) -> dict[str, int]:
-    """How many distances there are from each fixed point whose place is to be found."""
+    """Number of distances from each fixed point whose position is unknown."""
     anchors = session.measurements.anchor.tolist()
     return {session.anchor_names[k]: anchors.count(k) for k in session.free_anchors}
 
 
 def _same_reading(session: Session) -> bool:
-    """Whether each distance is the length of a point that stands in its own line."""
+    """Whether each distance is the length of the point in its own line."""
     table = session.measurements
     points = {session.place[k]: k for k in np.flatnonzero(~table.is_distance)}
     rows = [int(k) for k in np.flatnonzero(table.is_distance) if session.place[k] in points]
@@ -126,7 +126,7 @@ def _same_reading(session: Session) -> bool:
 
 
 def _left(robot: Robot, session: Session) -> float:
-    """Root mean square that distances leave where the positions say the tool is [m]."""
+    """Root mean square residual of distances, with the tool where the positions put it [m]."""
     table, groups = session.measurements, target_groups(session.measurements)
     far = np.flatnonzero(table.is_distance)
     if not groups or not len(far):
@@ -147,15 +147,15 @@ def _left(robot: Robot, session: Session) -> float:
 
 
 def _some(rows: Index) -> Index:
-    """At most so many rows, evenly spread."""
+    """At most `FITTED` rows, evenly spread."""
     return rows[np.linspace(0, len(rows) - 1, min(len(rows), FITTED)).round().astype(np.int64)]
 
 
 def _of_anchor(robot: Robot, session: Session, frames: Frames, rows: Index) -> Array:
-    """What a free place of the fixed point, and of the reflector, leaves of distances (m,) [m].
+    """Residuals of distances (m,) after fitting the fixed point, and the reflector if free [m].
 
-    The place is the closed form of spheres about the tool, then by steps; the reflector is that of
-    the positions, or near it where it may be another one.
+    The fixed point starts from the closed form for spheres about the tool, and is refined by steps;
+    the reflector is that of the positions, or near it if it may be another one.
     """
     table = session.measurements
     F, d = flange_poses(robot.model, table.q[rows]), table.distance[rows]

@@ -1,4 +1,4 @@
-"""What a file is, and whether it can be used: read whole, and computed is only what tells that."""
+"""What a file is, and whether it can be used: it is read completely, and nothing else computed."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -42,7 +42,7 @@ def checked(file: Path, robot: str | None) -> list[str]:
     Raises
     ------
     InputError
-        It cannot be used; as the verb that needs it would say.
+        The file cannot be used; the error is that of the command that needs it.
     """
     at = real(file, field="FILE", code="S37")
     if is_there(at, Path.is_dir):
@@ -66,7 +66,7 @@ def checked(file: Path, robot: str | None) -> list[str]:
 
 
 def _named(file: Path) -> str:
-    """What to do where nothing lies: names of what ships are shown by other verbs."""
+    """Advice for a missing file; shipped robots and scenes are shown by other commands."""
     for verb, names in (("robots", robot_names()), ("scenes", scene_names())):
         if str(file) in names:
             return f"`truebed {verb} {file}` shows what ships under that name"
@@ -74,7 +74,7 @@ def _named(file: Path) -> str:
 
 
 def _toml(file: Path, robot: str | None) -> list[str]:
-    """Sentences on a TOML file of ours, by what is in it."""
+    """Sentences on a TOML file of truebed, by its contents."""
     where = str(file)
     document = toml_document(read_toml_bytes(file, where), where)
     kind, keys = kind_of(document), set(document)
@@ -123,7 +123,7 @@ def _scenario(file: Path) -> list[str]:
 
 
 def _session(file: Path, document: dict[str, Any], robot: str | None) -> list[str]:
-    """Sentences on a session, and on its files where the robot is known."""
+    """Sentences on a session, and on its files if the robot is known."""
     settings = validated(document, CampaignFile, str(file))
     tables = [table.name for table in settings.observed]
     repeated = {"cycles": settings.cycles, "paths": settings.paths}
@@ -147,7 +147,7 @@ def _session(file: Path, document: dict[str, Any], robot: str | None) -> list[st
 
 
 def _read(file: Path, arm: Robot) -> list[str]:
-    """Sentences on measurements that were read whole."""
+    """Sentences on measurements that were read completely."""
     session = read_session(file, arm)
     probes = probed(arm, session)
     table = session.measurements
@@ -196,12 +196,12 @@ def _table(file: Path, arm: Robot | None) -> list[str]:
             raise
         if ours and error.code == "M35":
             raise
-        # not in the layout of the project: a session.toml says what is meant
+        # not in the layout of truebed: a session.toml is needed
         return [*said, f"identify needs a session.toml: truebed new session {file} --robot ROBOT"]
 
 
 def _columns(head: Sequence[str], known: dict[str, str], kind: str) -> list[str]:
-    """What the columns are taken for."""
+    """The meaning assumed for each column."""
     if kind in ("bare", "points", "frames"):
         return []
     own = [name for name in head if is_known(name)]

@@ -1,4 +1,4 @@
-"""Rows that visit a few poses many times in turn: what a test after ISO 9283 measures."""
+"""Rows that visit a few poses many times in turn, as a test after ISO 9283 does."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -19,32 +19,32 @@ from testbed.proposal.names import Meaning
 from testbed.units import counted
 
 MOST_POSES, FEWEST_CYCLES = 10, 10
-"""Poses of a test, and how often each is visited; to calibrate from, ten poses are too few."""
+"""Most poses of a test, and fewest visits of each; ten poses are too few for a calibration."""
 IN_TURN = 0.9
-"""Part of the rows after which the same pose comes again one cycle later."""
+"""Fraction of the rows whose pose must come again one cycle later."""
 CYCLE = {"cycle", "cycle no", "cycle nr", "run", "loop", "zyklus"}
-"""What a column is called that counts the cycles."""
+"""Names of a column that counts the cycles."""
 REACH = 20.0
-"""Positions never lie so far where they are in meters [m]."""
+"""Size of positions above which they cannot be in meters [m]."""
 TARGET, SEEN = ("command_x", "command_y", "command_z"), ("x", "y", "z")
 TURNS = ("rx", "ry", "rz")
 
 
 @dataclass(frozen=True, slots=True)
 class Cycles:
-    """A session for `truebed iso9283`, or why there is none though rows come in cycles."""
+    """A session for `truebed iso9283`, or why there is none although rows come in cycles."""
 
     document: Document | None
     sentence: str
-    """What rows show."""
+    """The cycles found, in words."""
     assumed: tuple[str, ...] = ()
     refused: tuple[str, ...] = ()
-    """What iso9283 will refuse, in its words."""
+    """What iso9283 would refuse, in its words."""
     odd: tuple[str, ...] = ()
 
 
 def cycles_in(looks: Sequence[Found], root: Path) -> Cycles | None:
-    """The test that the only table of some files is likely to be; None if it shows no cycles."""
+    """The likely test in the only table of some files; None if its rows show no cycles."""
     if len(looks) != 1 or looks[0].kind != "table" or not looks[0].has(*SEEN):
         return None
     look = looks[0]
@@ -70,7 +70,7 @@ def cycles_in(looks: Sequence[Found], root: Path) -> Cycles | None:
 
 
 def _proposed(look: Found, rows: list[tuple[str, ...]], sentence: str, root: Path) -> Cycles:
-    """[cycles] of a table whose rows say where the robot was sent."""
+    """[cycles] of a table whose rows have the commanded positions."""
     columns, assumed = dict[str, str](), list[str]()
     for stems, what in ((SEEN, "positions"), (TARGET, "commands")):
         means = [look.stems[stem] for stem in stems]
@@ -117,7 +117,7 @@ def _pose(look: Found, rows: list[tuple[str, ...]] | None = None) -> str:
 
 
 def _by_size(look: Found, means: Sequence[Meaning]) -> str:
-    """The unit that the size of some columns speaks for."""
+    """The likely unit of some columns, by the size of their numbers."""
     cells = [cell.replace(",", ".") for one in means for cell in look.column(one.theirs)]
     sizes = np.nan_to_num(np.abs([number_of(cell) for cell in cells]))
     return "mm" if sizes.max(initial=0.0) > REACH else "m"

@@ -1,4 +1,4 @@
-"""What the files of a user hold: tables with and without a head, exports, programs, workbooks."""
+"""Contents of a user's files: tables with and without a header, exports, programs, workbooks."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -25,16 +25,16 @@ from testbed.proposal.transforms import SHORT
 Kind = Literal["table", "bare", "points", "frames", "program"]
 Document = dict[str, Any]
 SQUARE = 4
-"""Rows and columns of a transform."""
+"""Number of rows and columns of a transform."""
 
 
 @dataclass(frozen=True, slots=True)
 class Found:
-    """One table of a file, and what it seems to be."""
+    """One table of a file, and its likely kind."""
 
     path: Path
     name: str
-    """Of the file, as session.toml has it."""
+    """Name of the file, as in session.toml."""
     sheet: str | None
     text: FileText
     kind: Kind
@@ -43,19 +43,19 @@ class Found:
     rows: int
     meanings: tuple[Meaning, ...] = ()
     width: int = 0
-    """Numbers of a row behind its names, where there is no head."""
+    """Number of numbers in a row after its names, in a table without a header."""
     names: int = 0
-    """Names of a row before its numbers, where there is no head."""
+    """Number of names in a row before its numbers, in a table without a header."""
     named: tuple[int, ...] = ()
-    """How many fields of an export may be names, the likely count first."""
+    """Possible numbers of name fields in an export, the likely one first."""
     length: str = ""
-    """Unit of an export, where it says one."""
+    """Unit of an export, if stated."""
     language: Language | None = None
-    """Of a program."""
+    """Language of a program."""
     notes: tuple[str, ...] = ()
-    """What is left aside of a program."""
+    """Notes on parts of a program that are not used."""
     also: "Found | None" = None
-    """The same rows as a table without a head, where they may be more than an export."""
+    """The same rows as a table without a header, if they may be more than an export."""
 
     @property
     def called(self) -> str:
@@ -64,7 +64,7 @@ class Found:
 
     @property
     def stems(self) -> dict[str, Meaning]:
-        """What each column is, by its own name without the unit."""
+        """Meaning of each column, by its name without the unit."""
         return {meaning.plain: meaning for meaning in self.meanings}
 
     def has(self, *stems: str) -> bool:
@@ -81,7 +81,7 @@ class Found:
 
 
 Part: TypeAlias = tuple[Found, Document, tuple[str, ...], str]
-"""File, keys of its table, what was taken without being said, and the layout of a bare file."""
+"""File, keys of its table, assumptions, and the layout of a file without a header."""
 
 
 def look_at(paths: Sequence[Path], root: Path) -> tuple[Found, ...]:
@@ -90,7 +90,7 @@ def look_at(paths: Sequence[Path], root: Path) -> tuple[Found, ...]:
     Raises
     ------
     InputError
-        R6: a file does not lie in the folder of the session; or it cannot be read as any of these.
+        R6: a file is not in the folder of the session; or it cannot be read as any of these.
     """
     found = []
     for k, path in enumerate(paths):
@@ -118,7 +118,7 @@ def look_at(paths: Sequence[Path], root: Path) -> tuple[Found, ...]:
 
 
 def _folder_above(paths: Sequence[Path]) -> str:
-    """The lowest folder with all files below it, told as they are."""
+    """The lowest folder that contains all files, in the form of the given paths."""
     folders = [path.parent for path in paths]
     alike = len({folder.is_absolute() for folder in folders}) == 1
     if not alike or any(".." in folder.parts for folder in folders):
@@ -127,7 +127,7 @@ def _folder_above(paths: Sequence[Path]) -> str:
 
 
 def _looked(path: Path, name: str, sheet: str | None, text: FileText) -> Found:
-    """What one table seems to be."""
+    """One table with its likely kind."""
     if (language := language_of(text)) is not None:
         found = joints_in(text, language)
         own = _of_sheet(path, name, sheet, text, "program", found.sheet)
@@ -154,14 +154,14 @@ def sheet_in(text: FileText, *, header: bool | None = None) -> Sheet:
 
 
 def _cells(line: str) -> list[str]:
-    """Cells of a line, whatever stands between them."""
+    """Cells of a line with any separator."""
     marks = [mark for mark in ("\t", ";", ",") if mark in line]
     cells = line.split(marks[0]) if marks else line.split()
     return [cell.strip() for cell in cells]
 
 
 def _has_head(line: str) -> bool:
-    """Whether a first line names columns: in data names stand first, then numbers."""
+    """Whether a first line names columns; lines of data have names first, then numbers."""
     cells = [cell for cell in _cells(line) if cell]
     numbers = [bool(NUMBER.fullmatch(cell)) for cell in cells]
     return 2 * sum(numbers) < len(cells) and not any(numbers[1:])
@@ -170,7 +170,7 @@ def _has_head(line: str) -> bool:
 def _of_sheet(
     path: Path, name: str, sheet: str | None, text: FileText, kind: Kind, table: Sheet
 ) -> Found:
-    """A table with a head."""
+    """A table with a header."""
     ahead = foretold(table.head)
     kept = [k for k, own in enumerate(table.head) if own not in ahead]
     units = [table.units[k] for k in kept] if table.units else []
@@ -179,9 +179,9 @@ def _of_sheet(
 
 
 def _points_by_name(means: tuple[Meaning, ...], table: Sheet) -> tuple[Meaning, ...]:
-    """The same where names of targets never come again: then each is the name of a point.
+    """The same meanings, but names of targets that never repeat are names of points.
 
-    So tables of Spatial Analyzer call it; a reflector is seen more than once.
+    Tables of Spatial Analyzer use such names; a reflector is measured more than once.
     """
     stems = {one.plain: one for one in means}
     one = stems.get("target")
@@ -195,7 +195,7 @@ def _points_by_name(means: tuple[Meaning, ...], table: Sheet) -> tuple[Meaning, 
 
 
 def _of_lines(path: Path, name: str, sheet: str | None, text: FileText) -> Found:
-    """Rows without a head: names, then numbers."""
+    """Rows without a header: names, then numbers."""
     comma = text.content("#", "//")[0][1]
     commented = any(line.lstrip()[:2] == "//" for line in text.lines)
     if (";" in comma or "\t" in comma) and not commented:
@@ -233,7 +233,7 @@ def _of_lines(path: Path, name: str, sheet: str | None, text: FileText) -> Found
 
 
 def _is_frame(fields: Sequence[Sequence[str]], width: int) -> bool:
-    """Whether the numbers behind a name are those of a frame."""
+    """Whether the numbers after a name are those of a frame."""
     if width != SHORT.size:
         return width in (6, 7, 16, 19)
     rows = [[number_of(cell) for cell in line[1 : SHORT.size + 1]] for line in fields]
@@ -241,7 +241,7 @@ def _is_frame(fields: Sequence[Sequence[str]], width: int) -> bool:
 
 
 def _require_a_line_each(text: FileText, content: Sequence[tuple[int, str]]) -> None:
-    """Refuse transforms that go over four lines each."""
+    """Refuse transforms written over four lines each."""
     if len(_cells(content[0][1])) != SQUARE:
         return
     rows = [[number_of(cell) for cell in _cells(line)] for _, line in content]

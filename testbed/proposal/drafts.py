@@ -1,4 +1,4 @@
-"""Readings of the files that may be meant, tables of a session.toml each."""
+"""Possible interpretations of the files, each as the tables of a session.toml."""
 
 import re
 from collections.abc import Iterator
@@ -14,26 +14,26 @@ from testbed.proposal.parts import joint_parts, seen_parts
 from testbed.proposal.rows.clocks import by_clocks, have_clocks
 
 PARTS = (1, 3)
-"""Parts of the rows of which the best one counts."""
+"""Numbers of parts into which rows are divided; the best part counts."""
 ASSUMED = {"position_um": 30, "distance_um": 30, "rotation_mdeg": 10}
-"""Standard uncertainties where no file has any: of a laser tracker at some meters."""
+"""Standard uncertainties if no file has any: those of a laser tracker at some meters."""
 SCATTER = re.compile(r"(?<![a-z])(std|stdev|stddev|sd|sigma|rms)(?![a-z])", re.IGNORECASE)
-"""In names of columns that say how readings scatter."""
+"""Words in names of columns that state the scatter of readings."""
 
 
 @dataclass(frozen=True, slots=True)
 class Draft:
-    """A session that may be meant."""
+    """A possible session."""
 
     document: Document
     notes: tuple[str, ...]
-    """What was taken as it is not said anywhere, in words."""
+    """Assumptions that no file states, in words."""
     jointless: bool = False
     """Whether no file has joints."""
 
 
 def drafts_of(looks: tuple[Found, ...], own: tuple[int, ...]) -> Iterator[Draft]:
-    """Sessions that may be meant, the likely ones first; `own` joints have columns, from 1."""
+    """Possible sessions, the likely ones first; `own` joints (from 1) have columns."""
     bare = [look for look in looks if look.kind == "bare"]
     heads = [look for look in looks if look.kind == "table"]
     if bare and heads:
@@ -52,7 +52,7 @@ def drafts_of(looks: tuple[Found, ...], own: tuple[int, ...]) -> Iterator[Draft]
     files = {id(group[0]): group for group in groups}
     taken: set[str] = set()
     for one, two in product(joints or [None], seen):
-        # both in one file without a head must be parts of one layout, and of two files none
+        # in one file without a header both must be of one layout, in two files of none
         if (
             one is not None
             and (one[0] is two[0]) != (one[3] == two[3])
@@ -73,7 +73,7 @@ def drafts_of(looks: tuple[Found, ...], own: tuple[int, ...]) -> Iterator[Draft]
 
 
 def _stations(looks: tuple[Found, ...]) -> list[tuple[Found, ...]]:
-    """Tables of one kind whose rows have names, or joints, are of one robot, in several files."""
+    """Tables of one kind in several files, with names or joints, as stations of one robot."""
     alike: dict[object, list[Found]] = {}
     for look in looks:
         jointed = look.has("q1") or look.has("q1_read")
@@ -87,7 +87,7 @@ def _stations(looks: tuple[Found, ...]) -> list[tuple[Found, ...]]:
 def _matched(
     joints: Part | None, seen: Part, own: tuple[int, ...], stations: tuple[Found, ...]
 ) -> Iterator[Draft]:
-    """Sessions of joints and readings, by each way that may match them."""
+    """Sessions of joints and readings, for each way that may match them."""
     look, keys, notes, _ = seen
     keys = dict(keys)
     section = keys.pop("section")
@@ -118,7 +118,7 @@ def _matched(
 
 
 def _without_station(keys: Document, stations: tuple[Found, ...]) -> Document:
-    """Keys of a section without a column of stations that says one and the same in each file."""
+    """Keys of a section without a column of stations whose value is constant in each file."""
     columns = dict(keys.get("columns", {}))
     if "station" not in columns or any(
         len(set(k.column(columns["station"]))) > 1 for k in stations
@@ -132,7 +132,7 @@ def _without_station(keys: Document, stations: tuple[Found, ...]) -> Document:
 def _of_each(
     joints: Part | None, seen: Part, own: tuple[int, ...], stations: tuple[Found, ...]
 ) -> Iterator[Draft]:
-    """The session of several stations whose files say the joints beside their readings."""
+    """The session of several stations whose files have the joints in the rows of the readings."""
     if joints is None or joints[0] is not seen[0] or len(stations) < 2:
         return
     for draft in _matched(joints, seen, own, stations):
@@ -142,7 +142,7 @@ def _of_each(
 
 
 def _uncertainty(look: Found, section: str) -> tuple[Document, tuple[str, ...]]:
-    """[uncertainty] where no columns have it."""
+    """[uncertainty] if no columns state it."""
     if section != "ranges" and set(covariance_names()) <= set(look.head):
         return {}, ()
     missing: dict[str, tuple[str, ...]] = {"position_um": ("x", "y", "z")}
@@ -174,14 +174,15 @@ def _uncertainty(look: Found, section: str) -> tuple[Document, tuple[str, ...]]:
 
 
 def _where(look: Found) -> Document:
-    """File, and sheet, of a table."""
+    """File and sheet of a table."""
     return {"file": look.name} | ({"sheet": look.sheet} if look.sheet is not None else {})
 
 
 def _ways(one: Found, two: Found) -> tuple[str, ...]:
-    """pose_id where the joints have all names of the readings, else order; of an export both.
+    """Ways to match: pose_id if the joints have all names of the readings, else order.
 
-    Where both files have clocks and not as many rows, time instead of order, and else after it.
+    An export gets both. If both files have clocks, time replaces order for different numbers of
+    rows, and comes after it otherwise.
     """
     if two.kind in ("points", "frames"):
         return ("pose_id", "order") if one.has("pose_id") else ("order",)

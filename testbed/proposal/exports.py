@@ -1,4 +1,4 @@
-"""Tables of session.toml that an export of Spatial Analyzer may be meant as."""
+"""Possible tables of session.toml for an export of Spatial Analyzer."""
 
 from collections.abc import Iterator
 

@@ -1,4 +1,4 @@
-"""Where joints and readings may stand in rows that no line names."""
+"""Possible columns of joints and readings in rows without a header."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -13,19 +13,19 @@ Names = tuple[str, ...]
 
 @dataclass(frozen=True, slots=True)
 class Layout:
-    """Columns of one way to read the rows, by their numbers from 1."""
+    """Columns in one interpretation of the rows, by their numbers from 1."""
 
     name: str
-    """The same of joints and readings that go together."""
+    """Name, equal for joints and readings that belong together."""
     joints: Names = ()
     position: Names = ()
     rotation: Names = ()
     said: tuple[str, ...] = ()
-    """What is taken, where the numbers do not stand one by one."""
+    """Assumption on the order of numbers, if they are not separate columns."""
 
 
 def layouts(look: Found, n: int) -> Iterator[Layout]:
-    """Where joints, position and rotation may stand in rows without a head."""
+    """Possible columns of joints, position and rotation in rows without a header."""
     for skip in (0, 1):
         left, at = look.width - skip, look.names + skip
         if left == n:

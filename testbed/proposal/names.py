@@ -1,4 +1,4 @@
-"""Columns of other programs under our names: what a name says, and what it leaves open."""
+"""Names of columns in other programs: their meaning in our names, and what stays ambiguous."""
 
 import re
 from collections.abc import Mapping, Sequence
@@ -43,15 +43,15 @@ ENDS = re.compile(r"^(.*?)[\s_]*[\[(/,]\s*([^\])]+?)\s*[\])]?$")
 
 @dataclass(frozen=True, slots=True)
 class Meaning:
-    """What a column may be."""
+    """Possible meaning of a column."""
 
     theirs: str
     stem: str
-    """Own name without its unit: q1, x, rx, ux, U95x, pose_id; as it is where we know it."""
+    """Our name without its unit: q1, x, rx, ux, U95x, pose_id; unchanged if it is ours already."""
     unit: str
-    """As the name says; empty if it says none."""
+    """Unit in the name; empty if it has none."""
     known: bool = False
-    """Whether it is a name of ours already."""
+    """Whether it is already one of our names."""
 
     @property
     def plain(self) -> str:
@@ -61,10 +61,10 @@ class Meaning:
 
 
 def meanings(head: Sequence[str], units: Sequence[str] = ()) -> tuple[Meaning, ...]:
-    """What the columns of a table are, each of ours once; the others are left out.
+    """Meanings of the columns of a table, each of our names at most once; others are left out.
 
-    A stem that several columns claim alike is given to none. `units` are those that a line below
-    the names says, "" of columns that have none.
+    A stem that fits several columns equally is given to none. `units` are those of a line below the
+    names, "" for columns without one.
     """
     found, shifted, turns = [], _from_zero(head), _of_this_head(head)
     if "q0" in {name.strip().lower() for name in head if name not in shifted}:
@@ -98,7 +98,7 @@ def meanings(head: Sequence[str], units: Sequence[str] = ()) -> tuple[Meaning, .
 
 
 def _of_this_head(head: Sequence[str]) -> dict[str, str]:
-    """Stems of names that mean something beside the others of a table alone."""
+    """Stems of names that have a meaning only together with others of the table."""
     texts = {without_unit(name)[0] for name in head}
     found = turns_of_letters(head) | stems_of_letters(texts)
     for names in JOINTS:
@@ -116,19 +116,19 @@ def _of_this_head(head: Sequence[str]) -> dict[str, str]:
 
 
 def _joint_alone(text: str) -> str:
-    """A name without the words that say nothing of which joint it is."""
+    """A name without the words that do not identify the joint."""
     return " ".join(word for word in text.split() if word not in OF_JOINTS)
 
 
 def _of_one(place: str, turn: str) -> bool:
-    """Whether the names of a place and of a turn say alike that they were measured."""
+    """Whether the names of a position and a rotation agree on being measured."""
     said = [[bool(words & set(without_unit(name)[0].split())) for words in MEASURED]
             for name in (place, turn)]  # fmt: skip
     return said[0] == said[1] and any(said[0])
 
 
 def _measured(labels: Sequence[str]) -> list[str]:
-    """Of several labels those that say that they were measured, where others do not; else all."""
+    """Those labels that mean measured values, if some do and others do not; else all."""
     for words in MEASURED:
         said = [one for one in labels if words & set(without_unit(one)[0].split())]
         if 0 < len(said) < len(labels):
@@ -138,7 +138,7 @@ def _measured(labels: Sequence[str]) -> list[str]:
 
 
 def _from_zero(head: Sequence[str]) -> dict[str, str]:
-    """Joints that are counted from 0, under the names that they have when counted from 1."""
+    """Joints counted from 0, with their names when counted from 1."""
     families: dict[str, dict[int, str]] = {}
     for name in head:
         if (joint := FROM_ZERO.fullmatch(_joint_alone(without_unit(name)[0]))) is not None:
@@ -146,7 +146,7 @@ def _from_zero(head: Sequence[str]) -> dict[str, str]:
     shifted = {}
     for word, columns in families.items():
         count = len(columns)
-        # q0 to q3 are a quaternion, and two say too little
+        # q0 to q3 are a quaternion, and two are too few to decide
         is_turn = word[-1] == "q" and count == 4
         if count > 2 and set(columns) == set(range(count)) and not is_turn:
             for number, name in columns.items():
@@ -156,7 +156,7 @@ def _from_zero(head: Sequence[str]) -> dict[str, str]:
 
 
 def targets_in_a_row(head: Sequence[str]) -> dict[str, dict[str, str]]:
-    """Columns by axis of targets that stand in one row, by their labels: x1 y1 z1, x2 y2 z2."""
+    """Columns by axis of several targets in one row, by their labels: x1 y1 z1, x2 y2 z2."""
     found: dict[str, dict[str, str]] = {}
     for name in head:
         text = without_unit(name)[0]
@@ -175,22 +175,22 @@ def targets_in_a_row(head: Sequence[str]) -> dict[str, dict[str, str]]:
 
 
 def is_wished(name: str) -> bool:
-    """Whether a column is a coordinate that was wished for, or a difference."""
+    """Whether a column is a commanded coordinate, or a difference."""
     words = without_unit(name)[0].split()
     return bool(words) and bool({"x", "y", "z"} & set(words)) and bool(WISHED & set(words))
 
 
 def turns_of_letters(head: Sequence[str]) -> dict[str, str]:
-    """Which turns the letters A B C, or W P R, are beside X Y Z; empty where they are not there."""
+    """Rotations meant by the letters A B C, or W P R, beside X Y Z; empty without them."""
     texts = {without_unit(name)[0] for name in head}
     both = (turns for turns in LETTERS if {*turns, "x", "y", "z"} <= texts)
     return next(both, {})
 
 
 def _meaning(name: str, head: Sequence[str], turns: Mapping[str, str]) -> Meaning | None:
-    """What one column is; None if its name says nothing that we know.
+    """Meaning of one column; None if its name is unknown.
 
-    `turns` are names that are turns in this table alone.
+    `turns` are names that are rotations in this table only.
     """
     text, unit = without_unit(name)
     entry = entry_of(text, [without_unit(one)[0] for one in head])
@@ -230,7 +230,7 @@ def _meaning(name: str, head: Sequence[str], turns: Mapping[str, str]) -> Meanin
 
 
 def _wished(name: str, text: str, unit: str) -> Meaning | None:
-    """A coordinate of a target, or how far from it something was; None for their turns."""
+    """A coordinate of a target, or a difference from it; None for their rotations."""
     if text in ("dx", "dy", "dz"):
         return Meaning(name, f"difference_{text[1]}", unit)
     words = set(text.split())
@@ -242,14 +242,14 @@ def _wished(name: str, text: str, unit: str) -> Meaning | None:
 
 
 def _of_quaternion(text: str, head: Sequence[str]) -> bool:
-    """Whether a name ends with x, y, z or w where all four have the words before it."""
+    """Whether a name ends with x, y, z or w, and all four exist with the same words before."""
     before, _, last = text.rpartition(" ")
     wanted = {f"{before} {axis}" for axis in "xyzw"}
     return last in tuple("xyzw") and wanted <= {without_unit(name)[0] for name in head}
 
 
 def _coordinate(name: str, text: str, unit: str, head: Sequence[str]) -> Meaning | None:
-    """A coordinate, a turn, or the uncertainty of one."""
+    """A coordinate, a rotation, or the uncertainty of one."""
     words = text.split()
     for mark, prefix in ((EXPANDED, "U95"), (STANDARD, "u")):
         glued = re.fullmatch(rf"({'|'.join(sorted(map(re.escape, mark), reverse=True))})(r?[xyz])",

@@ -1,4 +1,4 @@
-"""Tables of session.toml that one file may be meant as, the likely ones first."""
+"""Possible tables of session.toml for one file, the likely ones first."""
 
 from collections.abc import Iterator, Mapping
 from itertools import product
@@ -19,11 +19,11 @@ from testbed.proposal.turns import turn_columns, turnings
 TARGET = ("command_x", "command_y", "command_z")
 DIFFERENCE = ("difference_x", "difference_y", "difference_z")
 TURN = 6.4
-"""Joints never turn so far where they are in radians [rad]."""
+"""Size of joint values above which they cannot be in radians [rad]."""
 REACH = 20.0
-"""Positions never lie so far where they are in meters [m]."""
+"""Size of positions above which they cannot be in meters [m]."""
 BESIDE_JOINTS = ("pose_id", "temperature_degC", "payload_kg", "order", "time", "time_s")
-"""What a file of joints may say besides."""
+"""Other columns that a file of joints may have."""
 BOTH_JOINTS = (
     "joints: no file says which ones count; the commanded ones are used, not those that were read "
     "back"
@@ -31,7 +31,7 @@ BOTH_JOINTS = (
 
 
 def joint_parts(look: Found, own: tuple[int, ...]) -> Iterator[Part]:
-    """[joints] of a file, in each unit that is left open; `own` joints have columns, from 1."""
+    """[joints] of a file, for each possible unit; `own` joints (from 1) have columns."""
     if look.kind == "program":
         yield look, {"format": look.language}, look.notes, ""
     elif look.kind == "bare":
@@ -59,9 +59,9 @@ def joint_parts(look: Found, own: tuple[int, ...]) -> Iterator[Part]:
 
 
 def seen_parts(look: Found, own: tuple[int, ...]) -> Iterator[Part]:
-    """[points] or [frames] of a file, in each unit and convention that is left open.
+    """[points] or [frames] of a file, for each possible unit and convention.
 
-    `own` joints have columns, from 1.
+    `own` are the numbers of joints with columns, from 1.
     """
     n = own[-1]
     if look.kind in ("points", "frames"):
@@ -95,9 +95,9 @@ def seen_parts(look: Found, own: tuple[int, ...]) -> Iterator[Part]:
 
 
 def _targets(look: Found, n: int) -> Iterator[Part]:
-    """[points] of a file whose rows hold several targets each, in each unit that is left open.
+    """[points] of a file with several targets in each row, for each possible unit.
 
-    Of two that cannot be on one tool each is read alone.
+    Two targets that cannot be on one tool are read separately.
     """
     ahead = foretold(look.head)
     found = targets_in_a_row([name for name in look.head if name not in ahead])
@@ -123,7 +123,7 @@ def _targets(look: Found, n: int) -> Iterator[Part]:
 
 
 def _not_both(look: Found, found: Mapping[str, Mapping[str, str]], unit: str) -> str:
-    """Why two targets in each row are not on one tool; empty where they may be."""
+    """Why two targets in each row cannot be on one tool; empty if they can."""
     one, other = (
         FACTORS[unit] * signed(look, [own[axis] for axis in "xyz"]).T for own in found.values()
     )
@@ -131,7 +131,7 @@ def _not_both(look: Found, found: Mapping[str, Mapping[str, str]], unit: str) ->
 
 
 def _sum_said(place: dict[str, str]) -> str:
-    """What is taken where a table has targets, and how far from them something was."""
+    """The assumption for a table with targets and differences from them."""
     target, away = (", ".join(place[stem] for stem in stems) for stems in (TARGET, DIFFERENCE))
     return (
         f"positions: none was measured as such; taken as the targets {target} plus the differences "
@@ -141,7 +141,7 @@ def _sum_said(place: dict[str, str]) -> str:
 
 
 def _distances(look: Found, n: int) -> Iterator[Part]:
-    """[ranges] of a file, in each unit that is left open."""
+    """[ranges] of a file, for each possible unit."""
     if not look.has("anchor"):
         raise refusal(
             str(look.path), "anchor", "has distances but no column anchor",
@@ -166,7 +166,7 @@ def _distances(look: Found, n: int) -> Iterator[Part]:
 
 
 def _more(look: Found) -> dict[str, str]:
-    """Columns besides joints and places, by our names."""
+    """Columns other than joints and positions, by our names."""
     own = (
         "pose_id", "target", "station", "anchor", "time", "temperature_degC", "payload_kg", "order"
     )  # fmt: skip
@@ -180,13 +180,13 @@ def _more(look: Found) -> dict[str, str]:
                       if not one.known}  # fmt: skip
     name = found.get("pose_id")
     if name is not None and look.has("target") == (len(set(look.column(name))) == look.rows):
-        # a name that comes again is a reflector; beside one, numbers that do not are of rows
+        # a name that repeats is a reflector; numbers that do not repeat beside it count rows
         del found["pose_id"]
     return found
 
 
 def _drives(look: Found, n: int) -> dict[str, str]:
-    """Columns of what the drives of all joints report, by our names."""
+    """Columns of reported torques or currents of all joints, by our names."""
     for kind, unit in (("torque", "Nm"), ("current", "A")):
         there = [look.stems[s] for s in (f"{kind}{k + 1}" for k in range(n)) if s in look.stems]
         if len(there) == n:

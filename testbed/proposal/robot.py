@@ -1,4 +1,4 @@
-"""A robot.toml from a table of link numbers, or an empty one with what belongs where."""
+"""A robot.toml from a table of link numbers, or an empty one that explains its keys."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -24,28 +24,28 @@ KEYS = {
     "upper_deg": {"upper", "max", "q max", "upper limit", "hi"},
     "max_speed_deg_s": {"speed", "max speed", "velocity"},
 }
-"""Keys of a turning joint, and what people call them."""
+"""Keys of a turning joint, and names that people use for them."""
 NEEDED = ("d_mm", "a_mm", "alpha_deg")
 ALIKE = (("d_mm", "a_mm"), ("theta_deg", "alpha_deg", "beta_deg"), ("lower_deg", "upper_deg"))
-"""Columns of one unit, as nobody writes d in mm and a in meters."""
+"""Groups of columns with the same unit; nobody writes d in mm and a in meters."""
 NUMBERED = ("joint", "axis", "link", "i", "j", "no", "nr", "#", "")
-"""What a column is called that only numbers the joints."""
+"""Names of a column that only numbers the joints."""
 TO = {"mm": {"mm": 1.0, "m": 1e3, "in": 25.4}, "deg": {"deg": 1.0, "rad": 180 / np.pi}}
 SMALL = {"mm": (("mm", "m"), 8.0), "deg": (("deg", "rad"), 6.4)}
-"""Usual units of lengths and angles, and the largest sizes that are still meters and radians."""
+"""Usual units of lengths and angles, and the largest numbers that can be meters or radians."""
 TURNS, SLIDES = {"lower_deg": -180.0, "upper_deg": 180.0}, {"lower_mm": -1e3, "upper_mm": 1e3}
-"""Limits of joints that have none."""
+"""Limits of joints without any."""
 TRAVEL = {"lower_deg": "lower_mm", "upper_deg": "upper_mm", "max_speed_deg_s": "max_speed_mm_s"}
-"""Keys of a turning joint, and those of a sliding one in their place."""
+"""Keys of a turning joint, and the corresponding ones of a sliding joint."""
 KIND = ("kind", "type", "joint type")
-"""What a column is called that says which joints slide."""
+"""Names of a column that states which joints slide."""
 KINDS = {
     **dict.fromkeys(("r", "revolute", "rotary", "rotational", "rotation", "turning"), False),
     **dict.fromkeys(("p", "prismatic", "linear", "translational", "translation", "sliding"), True),
 }
-"""Whether a joint slides, by what people write there."""
+"""Whether a joint slides, by the words in that column."""
 Column = tuple[str, Sequence[float], str]
-"""What a column is called, its numbers, and the unit that it states, if any."""
+"""Name of a column, its numbers, and its unit, if stated."""
 HEAD = """\
 # {origin}
 # Link numbers in the order Rz(q + theta) Tz(d) Tx(a) Rx(alpha) Ry(beta), joint after joint.
@@ -70,8 +70,8 @@ def robot_text(table: Path | None, joints: int, name: str) -> tuple[str, tuple[s
     Raises
     ------
     InputError
-        M21: names and a line below them say other units; M25: a cell is no number; M35: the table
-        has no columns d, a and alpha.
+        M21: names and a line below them state different units; M25: a cell is not a number; M35:
+        the table has no columns d, a and alpha.
     """
     if table is None:
         rows: list[dict[str, float]] = [dict.fromkeys(("theta_deg", *NEEDED), 0.0)] * joints
@@ -157,7 +157,7 @@ def _rows(sheet: Sheet) -> tuple[list[dict[str, float]], list[bool], tuple[str, 
 
 
 def _slides(sheet: Sheet) -> tuple[str, list[bool]]:
-    """Which joints slide, and the column that says so; all turn where none does."""
+    """Which joints slide, and the column that states it; without one all turn."""
     for column, name in enumerate(sheet.head):
         words = [row[column].strip().lower() for row in sheet.rows]
         if name.strip().lower() in KIND and all(word in KINDS for word in words):
@@ -166,14 +166,14 @@ def _slides(sheet: Sheet) -> tuple[str, list[bool]]:
 
 
 def _kind(key: str) -> str:
-    """Unit of a key, which stands at its end."""
+    """Unit at the end of a key."""
     return "mm" if key.endswith("_mm") else "deg"
 
 
 def _units(found: Mapping[str, Column]) -> dict[str, tuple[str, str]]:
-    """Unit of each column and, where it does not state one, why that is taken.
+    """Unit of each column and, if it does not state one, the reason for it.
 
-    Columns that are alike have one unit: that which one of them states, or else that of the
+    Columns of a group have one unit: that which one of them states, or else that which fits the
     largest number in any of them.
     """
     units: dict[str, tuple[str, str]] = {}

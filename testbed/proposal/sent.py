@@ -1,4 +1,4 @@
-"""Places that a controller made, told from those that an instrument saw."""
+"""Positions computed by a controller, distinguished from those that an instrument measured."""
 
 from dataclasses import replace
 
@@ -12,11 +12,11 @@ from testbed.proposal.drafts import Draft
 from testbed.robots.robot import Robot
 
 PLACE = ("x_", "y_", "z_")
-"""Before the unit of a coordinate."""
+"""Names of coordinates before their unit."""
 
 
 def is_of_a_controller(robot: Robot, session: Session | None) -> bool:
-    """Whether the nominal robot explains positions better than a real one is explained."""
+    """Whether the nominal robot fits positions better than it would fit a real robot's."""
     groups = [] if session is None else target_groups(session.measurements)
     if session is None or not groups:
         return False
@@ -36,7 +36,7 @@ def places_of(draft: Draft) -> tuple[str, ...]:
 
 
 def without_sent(robot: Robot, draft: Draft, session: Session | None) -> tuple[Draft, str]:
-    """A draft of several files without those that a controller made, and what to say of them."""
+    """A draft of several files without those computed by a controller, and a sentence on these."""
     name = next((key for key in ("frames", "points") if "files" in draft.document.get(key, {})), "")
     if session is None or not name:
         return draft, ""

@@ -1,4 +1,4 @@
-"""A session.toml from the files of a user: readings tried with the nominal robot, and told."""
+"""A session.toml from a user's files: interpretations are tried with the nominal robot."""
 
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -21,30 +21,30 @@ from testbed.robots.robot import Robot
 from testbed.units import counted
 
 MOST_JOINTS = 20
-"""Above the number of joints that a file has columns of."""
+"""More than the number of joints in any file."""
 SHOWN = 8
-"""Columns that nothing is known of, by name."""
+"""Largest number of unknown columns that are named."""
 JOINTS = 6
-"""Of a robot that nobody names."""
+"""Assumed number of joints if no robot is named."""
 
 
 @dataclass(frozen=True, slots=True)
 class Proposed:
-    """The session that fits, or that is likely, and how that is known."""
+    """The session that fits, or the likely one, and the evidence for it."""
 
     document: Document
     assumed: tuple[str, ...]
-    """What no file says."""
+    """Assumptions that no file states."""
     tried: str
-    """How well this and other readings fit, in words."""
+    """How well this and other interpretations fit, in words."""
     fits: bool
-    """Whether the robot has been where the file says."""
+    """Whether the robot fits the positions in the files."""
     unused: tuple[str, ...] = ()
     """Files, sheets or columns that are not read."""
     to_mend: tuple[str, ...] = ()
-    """What `identify` will refuse, in its words."""
+    """What `identify` would refuse, in its words."""
     odd: tuple[str, ...] = ()
-    """What it will leave out, or warn of."""
+    """What it would leave out, or warn of."""
     is_test: bool = False
     """Whether it is for `iso9283`, not for `identify`."""
 
@@ -57,15 +57,15 @@ def propose_session(looks: tuple[Found, ...], robot: Robot | None, root: Path) -
     looks : tuple of Found
         Tables that were found.
     robot : Robot or None
-        With which readings are tried; without it units are taken by their size.
+        Robot with which interpretations are tried; without it units follow from sizes.
     root : Path
         Folder of the session.
 
     Raises
     ------
     InputError
-        M27: a file has no rows; M35: no file has readings, or heads that do not go together; what
-        reading the files says, where no reading of them can be proposed.
+        M27: a file has no rows; M35: no file has readings, or headers do not fit together; or the
+        error of reading the files, if no interpretation can be proposed.
     """
     for one in looks:
         if not one.rows:
@@ -93,9 +93,9 @@ def propose_session(looks: tuple[Found, ...], robot: Robot | None, root: Path) -
 
 
 def _of_visits(proposed: Proposed, looks: tuple[Found, ...]) -> Proposed:
-    """The same where files of one head have joints of their own: each is a visit of the robot.
+    """The same, with each file as a visit if files with equal headers have their own joints.
 
-    Where poses of one name have the same joints they are what several stations saw of them.
+    If poses of one name have the same joints, the files are measurements by several stations.
     """
     tables = {key: each for key, each in proposed.document.items() if isinstance(each, dict)}
     name = tables.get("joints", {}).get("file")
@@ -149,9 +149,9 @@ def _same_poses(alike: list[Found], joints: list[str]) -> bool:
 
 
 def _proposed(looks: tuple[Found, ...], robot: Robot | None, root: Path) -> Proposed:
-    """The same without the files that it leaves aside."""
+    """The same session without the files that it does not use."""
     own = columns_of(robot) if robot is not None else tuple(range(1, _count(looks) + 1))
-    if robot is None:  # what only a fit can tell is not offered
+    if robot is None:  # interpretations that only a fit can decide are not offered
         looks = tuple(replace(one, also=None) for one in looks)
     drafts, n = list(drafts_of(looks, own)), len(own)
     if not drafts:
@@ -200,7 +200,7 @@ def _proposed(looks: tuple[Found, ...], robot: Robot | None, root: Path) -> Prop
 
 
 def _not_known(looks: tuple[Found, ...]) -> str:
-    """The columns of tables that are taken for nothing, in words."""
+    """The unknown columns of tables, in words."""
     names = [
         name
         for one in looks
@@ -213,7 +213,7 @@ def _not_known(looks: tuple[Found, ...]) -> str:
 
 
 def _untried(drafts: list[Draft]) -> Draft:
-    """The likely draft, with readings of the other kind where there are such."""
+    """The likely draft, with readings of the other kind if there are any."""
     first = drafts[0]
     others = [one for one in drafts if is_ranged(one) != is_ranged(first)]
     pairs = [(one, first) if is_ranged(first) else (first, one) for one in others]
@@ -222,17 +222,17 @@ def _untried(drafts: list[Draft]) -> Draft:
 
 
 def _joints(look: Found) -> set[int]:
-    """Numbers of the joints that a file has columns of."""
+    """Numbers of the joints with columns in a file."""
     return {k for k in range(1, MOST_JOINTS) if f"q{k}" in look.stems or f"q{k}_read" in look.stems}
 
 
 def columns_of(robot: Robot) -> tuple[int, ...]:
-    """Numbers of the joints that a table of a robot has columns of."""
+    """Numbers of the joints with columns in a table of this robot."""
     return tuple(robot.controller.counted(robot.model.chain.n_joints) + 1)
 
 
 def _require_joints(looks: tuple[Found, ...], robot: Robot) -> None:
-    """Refuse a file with some of the joints: there is no other one to name."""
+    """Refuse a file with only some of the joints, if no other file has the rest."""
     own = columns_of(robot)
     for look in looks:
         there = _joints(look)
@@ -247,7 +247,7 @@ def _require_joints(looks: tuple[Found, ...], robot: Robot) -> None:
 
 
 def _count(looks: tuple[Found, ...]) -> int:
-    """Joints of the robot, as the columns have them."""
+    """Number of joints of the robot, by the columns."""
     for look in looks:
         known = {f"q{k + 1}" for k in range(9)} & set(look.stems)
         if known:

@@ -1,4 +1,4 @@
-"""Numbers in columns of files, and the unit that their size speaks for."""
+"""Numbers in columns of files, and their likely unit by their size."""
 
 from collections.abc import Sequence
 
@@ -9,25 +9,25 @@ from testbed.files.dialects.numbers import number_of
 from testbed.proposal.data import Found
 
 FEW = 300
-"""Rows whose numbers are looked at."""
+"""Number of rows that are used."""
 
 
 def by_size(
     look: Found, names: Sequence[str], most: float, units: tuple[str, str]
 ) -> tuple[str, ...]:
-    """Both units, the one that the size of the numbers speaks for first."""
+    """Both units, with the likely one by the size of the numbers first."""
     sizes = _numbers(look, names)
     large = bool(np.nan_to_num(sizes).max(initial=0.0) > most)
     return units if large else units[::-1]
 
 
 def signed(look: Found, names: Sequence[str]) -> Array:
-    """Numbers (k, m) of some columns; nan where a cell is none."""
+    """Numbers (k, m) of some columns; nan for cells that are not numbers."""
     cells = [[cell.replace(",", ".") for cell in look.column(name)[:FEW]] for name in names]
     return np.array([[number_of(cell) for cell in column] for column in cells])
 
 
 def _numbers(look: Found, names: Sequence[str]) -> Array:
-    """Sizes of all numbers in some columns; nan where a cell is none."""
+    """Absolute values of all numbers in some columns; nan for cells that are not numbers."""
     values: Array = signed(look, names).ravel() if names else np.array([np.nan])
     return np.abs(values)

@@ -1,4 +1,4 @@
-"""A proposal as a commented TOML file: how it is known, what is assumed, what is not used."""
+"""A proposal as a TOML file with comments on evidence, assumptions and unused data."""
 
 import shlex
 from collections.abc import Sequence
@@ -45,7 +45,7 @@ MAY = """
 def session_text(
     proposed: Proposed, looks: Sequence[Found], name: str, robot: str | None, model: str | None
 ) -> str:
-    """The text of a session.toml at path `name`; `robot` is how the user called `model`."""
+    """The text of a session.toml at path `name`; `robot` is the user's name for `model`."""
     verb = "iso9283" if proposed.is_test else "identify"
     files = ", ".join(f"{look.called} ({counted(look.rows, 'row')})" for look in looks)
     lines = [f"# Proposed by truebed new session from {files}", f"# {proposed.tried}."]
@@ -71,7 +71,7 @@ def session_text(
 
 
 def next_command(proposed: Proposed, name: str, robot: str | None) -> str:
-    """What to type next, of a session.toml of a name."""
+    """The command to type next for a session.toml."""
     name = shlex.quote(name)
     if proposed.is_test:
         return f"truebed iso9283 {name}"
@@ -80,14 +80,14 @@ def next_command(proposed: Proposed, name: str, robot: str | None) -> str:
 
 
 def _called(looks: Sequence[Found], name: str) -> str:
-    """What the session is called: as its file of data, or as the folder of several."""
+    """Name of the session: that of its data file, or of the folder of several."""
     files = {look.name for look in looks}
     alone = len(files) == 1
     return Path(files.pop()).stem if alone else Path(name).absolute().parent.name
 
 
 def _unused(section: str, document: Document, looks: Sequence[Found]) -> list[str]:
-    """A comment on the columns of a section's file that nothing reads, once for each file."""
+    """A comment on unused columns of a section's file, once per file."""
     table = document.get(section)
     if not isinstance(table, dict) or (place := _place(table)) is None:
         return []

@@ -1,4 +1,4 @@
-"""Entries of transforms: by their names, or by where they stand in rows without names."""
+"""Entries of transforms, by their names or by their place in rows without names."""
 
 import re
 from collections.abc import Collection, Sequence
@@ -14,9 +14,9 @@ TRANSFORM = re.compile(r"([a-z]) ?([0-4]) ?([0-4])")
 
 
 def entry_of(text: str, others: Sequence[str]) -> str:
-    """The stem of an entry, x or r12, where all of one letter are there; else empty.
+    """The stem of an entry, x or r12, if all entries of its letter exist; else empty.
 
-    Those are twelve, or nine of the letter r; the last row of a transform is none.
+    There are twelve entries, or nine for the letter r; the last row of a transform has none.
     """
     entry = TRANSFORM.fullmatch(text)
     if entry is None:
@@ -51,23 +51,23 @@ def axis_names(texts: Collection[str]) -> dict[str, str]:
 
 @dataclass(frozen=True, slots=True)
 class Block:
-    """Where a transform stands in the numbers of a row."""
+    """Places of the entries of a transform in the numbers of a row."""
 
     words: str
     place: tuple[int, ...]
-    """Of x, y, z."""
+    """Places of x, y, z."""
     turn: tuple[int, ...]
-    """Of r11, r12 ... r33."""
+    """Places of r11, r12 ... r33."""
     size: int = 12
     last: tuple[int, ...] = ()
-    """Of the row 0 0 0 1, where it is there."""
+    """Places of the row 0 0 0 1, if it exists."""
 
     def fits(self, numbers: Array) -> bool:
-        """Whether most rows (m, size) are transforms if they are read so."""
+        """Whether most rows (m, size) are transforms in this order."""
         turns = numbers[:, self.turn]
         good: Bool = np.asarray(np.isfinite(turns).all(axis=1))
         R = np.where(good[:, None], turns, 0.0).reshape(-1, 3, 3)
-        # as loose as what is read and set right
+        # as tolerant as reading, which corrects such rotations
         good &= np.abs(R @ np.swapaxes(R, 1, 2) - np.eye(3)).max(axis=(1, 2)) < MENDED
         if self.last:
             good &= (numbers[:, self.last] == (0.0, 0.0, 0.0, 1.0)).all(axis=1)
@@ -87,4 +87,4 @@ BLOCKS = (
     Block("transforms, 4 x 4, column by column", (12, 13, 14), (0, 4, 8, 1, 5, 9, 2, 6, 10), 16,
           (3, 7, 11, 15)),
 )  # fmt: skip
-"""Ways to write one."""
+"""Usual orders of the entries."""

@@ -1,4 +1,4 @@
-"""Which draft of a session fits: each is read, and the nominal robot's base and tool fitted."""
+"""The draft of a session that fits best, after fitting base and tool of the nominal robot."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -25,20 +25,20 @@ from testbed.robots.robot import Robot
 from testbed.units import counted
 
 FITTED = 60
-"""Rows that frames are fitted to."""
+"""Number of rows that frames are fitted to."""
 AXES = 3
-"""Equations of a position, where a distance has one."""
+"""Equations of a position; a distance has one."""
 GUESSED = ("M20", "M22", "M23", "V9")
-"""Codes of numbers that are not what they were taken for."""
+"""Error codes of numbers with another meaning than assumed."""
 BY_SIZE = "units and conventions are guessed from the numbers and from common use"
 
 
 @dataclass(frozen=True, slots=True)
 class _Fit:
-    """What base and tool leave of a draft, and how many equations tell how many numbers."""
+    """Misfit of a draft after fitting base and tool, with counts of equations and unknowns."""
 
     score: float
-    """[m]; infinite where nothing could be fitted."""
+    """Misfit [m]; infinite if nothing could be fitted."""
     equations: int
     numbers: int
 
@@ -49,7 +49,7 @@ class _Fit:
 
     @property
     def noise(self) -> float:
-        """The score by degrees of freedom [m]: infinite where no equation is left over."""
+        """The misfit by degrees of freedom [m]; infinite without any."""
         left = self.equations - self.numbers
         return self.score * float(np.sqrt(self.equations / left)) if left > 0 else np.inf
 
@@ -60,24 +60,24 @@ NONE = _Fit(np.inf, 0, 0)
 def tried_with(
     drafts: Sequence[Draft], looks: tuple[Found, ...], robot: Robot, root: Path
 ) -> tuple[Draft, str, bool]:
-    """The draft that fits a robot, how well it and others do, in words, and whether it does.
+    """The draft that fits a robot best, how well it and others fit in words, and whether it fits.
 
     Parameters
     ----------
     drafts : sequence of Draft
-        The likely ones first.
+        Drafts, the likely ones first.
     looks : tuple of Found
         The files.
     robot : Robot
-        Nominal.
+        Nominal robot.
     root : Path
         Folder of the session.
 
     Raises
     ------
     InputError
-        No draft can be read, or none fits and what is wrong with the file is known: as `identify`
-        would say it.
+        No draft can be read, or none fits and the fault of the file is known; the error is that of
+        `identify`.
     """
     texts = beginnings([draft.document for draft in drafts], looks, root)
 
@@ -93,7 +93,7 @@ def tried_with(
             return None
 
     sessions = [readable(draft) for draft in drafts]
-    # where a shot was missed, a part of the rows still shows the reading
+    # if a reading was lost and later rows are shifted, a part of the rows still fits
     for parts in PARTS:
         fits = [_fit(robot, session, parts) for session in sessions]
         best = _best(drafts, sessions, fits)
@@ -142,7 +142,7 @@ def tried_with(
 
 
 def unnamed(look: Found) -> InputError:
-    """The error of rows without a head whose numbers stand in no order that is tried."""
+    """The error for rows without a header whose numbers are in none of the tried orders."""
     return refusal(
         str(look.path), "file",
         f"no line names its {look.width} columns, and they are no joints and places in any order "
@@ -158,9 +158,9 @@ def _by_an_instrument(
     best: int,
     robot: Robot,
 ) -> tuple[int, set[int], str]:
-    """The best draft, or that of other columns where its own are a controller's poses.
+    """The best draft, or that of other columns if its own are a controller's poses.
 
-    Then the drafts of those as well, and what to say of them.
+    Also returns the drafts of those poses, and a sentence on them.
     """
     own = places_of(drafts[best])
     others = [
@@ -185,7 +185,7 @@ def _of_both(
     robot: Robot,
     read: Callable[[Draft], Session],
 ) -> tuple[Draft, str]:
-    """The best draft with the readings of the other kind, and how they fit, or why they are not."""
+    """The best draft with readings of the other kind, and how they fit or why they are not used."""
     ranged = [draft for draft in drafts if is_ranged(draft)]
     optical = [k for k, draft in enumerate(drafts) if not is_ranged(draft)]
     if not ranged or not optical:
@@ -194,14 +194,14 @@ def _of_both(
     if not good:
         files = names_of([drafts[k] for k in optical])
         return drafts[best], f". No interpretation of the positions in {files} fits: not used"
-    # of one kind alone the likely readings are ahead
+    # within one kind the likely interpretations come first
     first = best if best in good else min(good, key=lambda k: fits[k].noise)
     found = Joined(None, "")
     for k in (first, *(k for k in good if k != first)):
         found = joined_with(drafts[k], ranged, robot, read)
         if found.draft is not None:
             return found.draft, f"; {found.sentence}"
-    # a position tells what three distances do
+    # a position counts like three distances
     rows = [0 if one is None else len(one.measurements) for one in sessions]
     kept = first if AXES * rows[first] >= rows[best] else best
     few = [drafts[k] for k in optical]
@@ -213,7 +213,7 @@ def _of_both(
 
 
 def _fitting(robot: Robot, least: float, others: Sequence[float], count: int, parts: int) -> str:
-    """How well a draft and others, the best one first, fit in some part of the rows [m]."""
+    """Sentence on the misfit of a draft and of others, the best first, in parts of the rows [m]."""
     tried = f"with only base and tool fitted to a nominal {robot.name}, errors are {_shown(least)}"
     if parts > 1:
         tried += f" in the best of {parts} parts of the rows, and larger in all of them"
@@ -225,9 +225,9 @@ def _fitting(robot: Robot, least: float, others: Sequence[float], count: int, pa
 
 
 def _best(drafts: Sequence[Draft], sessions: Sequence[Session | None], fits: Sequence[_Fit]) -> int:
-    """The draft of least estimated noise; of those of other readings that fit, the one with most.
+    """The draft of least estimated noise; among other files that fit, the one with most rows.
 
-    A few rows are always fitted well, so that they would win over a file with many.
+    A few rows always fit well, and would otherwise win over a file with many.
     """
     noise = [one.noise for one in fits]
     first = int(np.argmin(noise))
@@ -242,13 +242,13 @@ def _best(drafts: Sequence[Draft], sessions: Sequence[Session | None], fits: Seq
 
 
 def _seen(draft: Draft) -> str:
-    """The files that the readings of a draft come from, and their sheet."""
+    """The files and sheets of the readings of a draft."""
     tables = (draft.document.get(name, {}) for name in SEEN)
     return repr([(each.get("file"), each.get("files"), each.get("sheet")) for each in tables])
 
 
 def _same_rows(one: Session | None, other: Session | None) -> bool:
-    """Whether two readings of files come to the same joints and the same places."""
+    """Whether two interpretations of files give the same joints and positions."""
     if one is None or other is None:
         return False
     return all(
@@ -258,13 +258,13 @@ def _same_rows(one: Session | None, other: Session | None) -> bool:
 
 
 def _fit(robot: Robot, session: Session | None, parts: int) -> _Fit:
-    """What base and tool leave in the best of some parts of the rows of one target."""
+    """Misfit after fitting base and tool to the best of several parts of the rows of one target."""
     if session is None:
         return NONE
     table, groups = session.measurements, target_groups(session.measurements)
     if not groups and parts == 1:
         stated = probe(robot, session).stated
-        # the tool and the places; with all of these free the base is the world
+        # the tool and the positions; if all of these are free, the base is the world
         free = len(session.free_anchors)
         numbers = 3 + 3 * free + (6 if free < len(session.anchor_names) else 0)
         return _Fit(stated.score, min(len(table), FITTED), numbers) if stated is not None else NONE

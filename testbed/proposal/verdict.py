@@ -1,4 +1,4 @@
-"""What `identify` will say of a proposed session: read whole, and probed, as it does."""
+"""What `identify` will report on a proposed session, which is read and probed in the same way."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -24,20 +24,20 @@ from testbed.proposal.data import Document, Found
 from testbed.robots.robot import Robot
 
 CELLS = ("M25", "V9")
-"""Codes of rows that can be left out to see what else there is."""
+"""Error codes of rows that can be left out to find further errors."""
 SHOWN = 6
-"""Sentences on rows that are left out, or odd."""
+"""Largest number of sentences on rows that are left out, or odd."""
 
 
 @dataclass(frozen=True, slots=True)
 class Foretold:
-    """What becomes of a session, in the words of `identify`."""
+    """Errors and warnings of a session, in the words of `identify`."""
 
     refused: tuple[str, ...] = ()
     odd: tuple[str, ...] = ()
-    """What it will leave out or warn of."""
+    """What `identify` will leave out or warn of."""
     unread: tuple[str, ...] = ()
-    """Columns, of which file."""
+    """Unused columns, by file."""
 
 
 def verdict_on(
@@ -52,11 +52,11 @@ def verdict_on(
     looks : sequence of Found
         Its files.
     robot : Robot or None
-        Whose joints these are; without it only the cells are looked at.
+        Robot of the measurements; without it only the cells are checked.
     root : Path
         Folder of the session.
     fits : bool
-        Whether the robot fits at all; that it does not is said already.
+        Whether the robot fits at all; if not, that has been reported already.
     """
     settings = validated(document, CampaignFile, SESSION_FILE)
     if "joints.csv" in (table := document.get("joints", {})).get("file", "") and not any(
@@ -84,7 +84,7 @@ def verdict_on(
     if session is None:
         return Foretold(tuple(refused))
     odd = list(session.masked)
-    if not refused:  # else they only say again what was left out
+    if not refused:  # else they only repeat what was left out
         odd += session.warnings
     try:
         odd += [text for one in probed(robot, session) for text in one.warnings]
@@ -97,7 +97,7 @@ def verdict_on(
         refused.append(str(error.located(session.where)))
     if len(odd) > SHOWN:
         odd = [*odd[:SHOWN], f"and {len(odd) - SHOWN} more"]
-    # each file by its own name: which folder it is in is said by the session
+    # each file by its own name, since the session states the folder
     left = [f"{Path(one.where).name}: columns {', '.join(one.columns)}" for one in session.unread]
     return Foretold(tuple(refused), tuple(odd), tuple(left))
 
@@ -118,13 +118,13 @@ def _require_enough(robot: Robot, session: Session) -> None:
     table = session.measurements
     if independent_equations(table, free)[1] > free.n_free:
         return
-    # as they stand to each other: an anchor in the middle of the base shows less than elsewhere
+    # in the fitted frames, since an anchor at the center of the base determines less than elsewhere
     model = start_frames(model, table, free_anchors=session.free_anchors).model
     require_equations(model, table, free)
 
 
 def _cells(settings: SessionFile, sources: Sources) -> tuple[str, ...]:
-    """Cells of one session that are no numbers, as far as that shows without a robot."""
+    """Cells of one session that are not numbers, as far as this is known without a robot."""
     if isinstance(settings, CampaignFile) and settings.session:
         return ()
     refused = []

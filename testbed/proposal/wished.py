@@ -1,4 +1,4 @@
-"""Targets and differences that stand beside what was measured: what they are, and whether so."""
+"""Targets and differences in rows of measurements: what they are, and whether they agree."""
 
 import numpy as np
 
@@ -12,11 +12,11 @@ from testbed.proposal.words import ANGLE
 from testbed.strict import toml_value
 
 UNITS = ("mm", "m")
-"""Of columns that say none; the measured ones are tried in each, then targets and differences."""
+"""Units tried for columns without one: first for measured ones, then targets and differences."""
 
 
 def wished_lines(look: Found) -> tuple[list[str], set[str]]:
-    """Words on the targets and differences of a table with measured positions; their columns."""
+    """Notes on targets and differences in a table with measured positions, and their columns."""
     stems = look.stems
     if not look.has("x", "y", "z"):
         return [], set()
@@ -64,13 +64,13 @@ def _checked(
 
 
 def _units(columns: list[Meaning]) -> tuple[str, ...]:
-    """The unit that columns say, or those that they may have."""
+    """The stated unit of columns, or the possible ones."""
     known = {one.stem.rpartition("_")[2] if one.known else one.unit for one in columns}
     return UNITS if "" in known else (known.pop(),)
 
 
 def _meters(look: Found, columns: list[Meaning], unit: str) -> tuple[Array, float]:
-    """Numbers (m, 3) of columns in a unit [m], and one of their last digits [m]."""
+    """Numbers (m, 3) of columns with a unit [m], and the size of their last digit [m]."""
     cells = [[cell.replace(",", ".") for cell in look.column(one.theirs)] for one in columns]
     digits = min(len(cell.partition(".")[2]) for column in cells for cell in column)
     values: Array = np.array([[number_of(cell) for cell in column] for column in cells]).T
@@ -78,5 +78,5 @@ def _meters(look: Found, columns: list[Meaning], unit: str) -> tuple[Array, floa
 
 
 def is_angle(name: str) -> bool:
-    """Whether a column is a direction in which an instrument looked."""
+    """Whether a column is a direction angle of an instrument."""
     return bool(ANGLE & set(without_unit(name)[0].split()))

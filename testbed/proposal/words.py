@@ -1,4 +1,4 @@
-"""Words that people and programs name columns with, in the languages of common exports."""
+"""Words in names of columns by people and programs, in the languages of common exports."""
 
 import re
 
@@ -10,7 +10,7 @@ FROM_ZERO = re.compile(rf"(.*?\b{_JOINT}[\s_]*a?)([0-9])")
 """The same, of programs that count joints from 0."""
 OF_JOINTS = {"position", "positions", "pos", "angle", "angles", "value", "state", "states",
              "winkel", "wert", "angolo", "ángulo", "angulo"}  # fmt: skip
-"""Words beside a joint that say nothing of which it is."""
+"""Words beside a joint that do not identify it."""
 JOINTS = (
     ("shoulder pan joint", "shoulder lift joint", "elbow joint", "wrist 1 joint", "wrist 2 joint",
      "wrist 3 joint"),
@@ -18,15 +18,15 @@ JOINTS = (
     ("base", "shoulder", "elbow", "wrist1", "wrist2", "wrist3"),
     ("s", "l", "u", "r", "b", "t"),
 )  # fmt: skip
-"""Joints 1 to 6 by names of makers, where all of them are there: Universal Robots, Yaskawa."""
+"""Joints 1 to 6 by names of makers, used if all of them exist: Universal Robots, Yaskawa."""
 PLACE = re.compile(r"(?:p|pos|tcp|pt)([xyz])")
-"""A coordinate that is written in one word: Px, TCPx."""
+"""A coordinate written as one word: Px, TCPx."""
 OF_TARGET = re.compile(r"(.*?) ?([xyz]) ?(\d{0,3})")
 """A coordinate of one of several targets: x1, P1 x, SMR A x."""
 BEHIND = re.compile(r"([xyz]) ([^\W\d].*)")
-"""The same with the word behind: X raw."""
+"""The same with the word after it: X raw."""
 READ = {"read", "meas", "msr", "actual", "act", "feedback", "measured", "current", "ist", "istwert"}
-"""Words of a joint that was read back."""
+"""Words for a joint value that was read back."""
 TARGETS = {"goal", "target", "nominal", "nom", "cmd", "command", "commanded", "ref", "set", "t",
            "soll", "sollwert", "reference", "desired", "programmed", "prog", "planned", "plan",
            "theo", "theoretical", "predicted", "expected", "calc", "calculated", "computed",
@@ -40,19 +40,19 @@ MEASURED = (
      "medido", "medida", "测量", "实测", "測定", "測定値", "実測", "実測値"},
     {"actual", "act", "ist", "istwert", "real", "true", "réel", "reel", "reale", "实际"},
 )  # fmt: skip
-"""Words of what an instrument saw: beside the first ones, the others are what a controller says."""
+"""Words for measured values; beside the first ones, the others are values of a controller."""
 CONTROLLED = {"robot", "rob", "controller", "tcp", "flange"}
-"""Words of what a controller says, where other columns do not say so."""
+"""Words for values of a controller, if other columns do not have them."""
 DIFFERENCES = {"dif", "diff", "difference", "delta", "δ", "err", "error", "dev", "deviation",
                "abw", "abweichung", "differenz", "écart", "ecart", "scostamento", "deviazione",
                "desviación", "desviacion", "偏差", "误差", "誤差"}  # fmt: skip
 WISHED = TARGETS | DIFFERENCES
-"""Words of a place that was not measured."""
+"""Words for a position that was not measured."""
 DISTANCE = {"distance", "dist", "range", "length"}
-"""Words of a distance from a fixed point, where no angle stands beside it."""
+"""Words for a distance from a fixed point, if there is no angle beside it."""
 ANGLE = {"azimuth", "elevation", "zenith", "hz", "horizontal", "vertical"}
 DRIVES = {"torque": "torque", "tau": "torque", "moment": "torque", "effort": "torque"}
-"""Words of what a drive reports; a current is known by its unit, or as that of a motor."""
+"""Words for quantities that a drive reports; a current is known by its unit, or the word motor."""
 LOADS = {"payload", "load"}
 SPREAD = {"std", "sd", "sigma", "stdev", "rms", "min", "max", "minimum", "maximum"}
 EXPANDED = {"u95", "u95%", "unc95"}
@@ -78,9 +78,9 @@ TURNS = {
     "qw": "qw", "qx": "qx", "qy": "qy", "qz": "qz", "q0": "qw",
 }  # fmt: skip
 QUATERNION = ("qw", "qx", "qy", "qz")
-"""Of four numbers counted from 0, as q0, or from 1 beside joints of another name, as ABB does."""
+"""Names of four numbers counted from 0, as q0, or from 1 beside joints of another name (ABB)."""
 SHIFTS = {"tx": "x", "ty": "y", "tz": "z"}
-"""Beside turns Rx Ry Rz these are a place; alone they may be targets."""
+"""Beside rotations Rx Ry Rz these are a position; alone they may be targets."""
 OF_TURNS = {
     *TURNS.values(),
     *(f"r{i}{j}" for i in "123" for j in "123"),
@@ -93,4 +93,4 @@ OF_TURNS = {
     "axis_angle",
 }
 LETTERS = ({"a": "rz", "b": "ry", "c": "rx"}, {"w": "rx", "p": "ry", "r": "rz"})
-"""Turns of KUKA, about z, then y, then x, and of FANUC, about fixed x, y, z: they are the same."""
+"""Equal rotations: of KUKA, about z, then y, then x, and of FANUC, about fixed x, y, z."""

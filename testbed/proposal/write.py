@@ -1,4 +1,4 @@
-"""New files: written whole or not at all, and never over another."""
+"""New files, written completely or not at all, and never over another."""
 
 import os
 import re
@@ -13,7 +13,7 @@ from testbed.robots.catalog import ROBOT_FILE
 
 
 def require_new(path: Path) -> None:
-    """Refuse a place where something is, or that is no place for a file.
+    """Refuse a path that exists already, or where no file can be written.
 
     Raises
     ------
@@ -37,7 +37,7 @@ def plain_name(path: Path) -> str:
 
 
 def seen_from(out: Path, robot: str) -> str:
-    """A robot as a file `out` names it: by the path from there, or a shipped one by its name."""
+    """Name of a robot in a file `out`: its relative path, or the name of a shipped robot."""
     if robot in robot_names():
         return robot
     file = Path(robot) / ROBOT_FILE if Path(robot).is_dir() else Path(robot)
@@ -45,6 +45,6 @@ def seen_from(out: Path, robot: str) -> str:
 
 
 def write_new(path: Path, text: str) -> None:
-    """Write a file that is not there yet; what steers a terminal is written out."""
+    """Write a new file; control characters of terminals are written as text."""
     require_new(path)
     atomic_write(path, visible(text).encode())

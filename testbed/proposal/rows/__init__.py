@@ -1,1 +1,1 @@
-"""Rows that a proposal is tried with, and which of two files belong together."""
+"""Rows with which a proposal is tried, and matching of rows in two files."""

@@ -1,4 +1,4 @@
-"""Lines of long files that are enough to try readings with."""
+"""First lines of long files, which are enough to try interpretations."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
@@ -9,22 +9,22 @@ from testbed.proposal.data import Document, Found
 from testbed.proposal.rows.clocks import REACH, beside_readings
 
 TRIED = 300
-"""Lines of one file that readings are tried with."""
+"""Number of lines of one file with which interpretations are tried."""
 MATCHED = 2000
-"""Rows of several files above which they are tried with their first lines, too."""
+"""Number of rows of several files above which only their first lines are tried as well."""
 SEEN = ("frames", "points", "ranges")
 
 
 def beginnings(
     documents: Sequence[Document], looks: Sequence[Found], root: Path
 ) -> dict[tuple[Path, str | None], FileText]:
-    """The text that sessions are tried with, of each file in a folder: of long ones a part."""
+    """The text of each file in a folder with which sessions are tried; a part of long ones."""
     texts = {(root / one.name, one.sheet): _beginning(one, looks) for one in looks}
     return texts | {(root / one.name, one.sheet): text for one, text in _logs(documents, looks)}
 
 
 def _beginning(look: Found, looks: Sequence[Found]) -> FileText:
-    """A file, or its first lines where it is long."""
+    """A file, or its first lines if it is long."""
     whole = len(looks) > 1 and max(one.rows for one in looks) <= MATCHED
     lines = look.text.lines if whole else look.text.lines[:TRIED]
     return replace(look.text, lines=lines)
@@ -33,7 +33,7 @@ def _beginning(look: Found, looks: Sequence[Found]) -> FileText:
 def _logs(
     documents: Sequence[Document], looks: Sequence[Found]
 ) -> Iterator[tuple[Found, FileText]]:
-    """Long logs of joints whose times bring them to readings: their rows about the first ones."""
+    """Long logs of joints that are matched to readings by time: rows near the first ones."""
     if max(one.rows for one in looks) <= MATCHED:
         return
     files = {(one.name, one.sheet): one for one in looks}

@@ -1,4 +1,4 @@
-"""Joints and readings of two files by their clocks: how far apart they are, and which rows meet."""
+"""Matching of joints and readings in two files by their clocks, with the offset and tolerance."""
 
 from dataclasses import replace
 
@@ -13,7 +13,7 @@ from testbed.proposal.data import Document, Found, sheet_in
 
 REACH = "match_within_s"
 STEPS = (1.0, 2.0, 5.0, 10.0)
-"""Of a power of ten: numbers that a reach in time is rounded up to."""
+"""Multiples of a power of ten to which a tolerance in time is rounded up."""
 
 
 def have_clocks(one: Found, two: Found) -> bool:
@@ -22,15 +22,15 @@ def have_clocks(one: Found, two: Found) -> bool:
 
 
 def by_clocks(joints: Found, seen: Found) -> tuple[Document, str]:
-    """Keys of a session that matches two files by their times, and what is taken so, in words.
+    """Keys of a session that matches two files by their times, and the assumption in words.
 
-    A reading belongs to the joints nearest in time. How far these may be is the largest distance
-    that is not longer than the step of the log, rounded up; the step itself where few are so near.
+    A reading belongs to the joints nearest in time. The tolerance is the largest distance in time
+    up to the step of the log, rounded up; it is the step itself if few readings are so near.
     """
     document: Document = {"match": "time"}
     log, shots = (_moments(look) for look in (joints, seen))
     if log is None or shots is None or log.kind != shots.kind or not len(log.seconds):
-        return document, ""  # reading says what is wrong with them
+        return document, ""  # reading the session reports the error
     times = np.sort(log.seconds)
     gap = nearest(times, shots.seconds)[1]
     steps = np.diff(times)
@@ -45,7 +45,7 @@ def by_clocks(joints: Found, seen: Found) -> tuple[Document, str]:
 
 
 def beside_readings(joints: Found, seen: Found, lines: int, within: float) -> FileText:
-    """A log of joints without the rows that are far in time from the first lines of readings."""
+    """A log of joints without rows that are far in time from the first lines of readings."""
     log, shots = (_moments(look) for look in (joints, seen))
     if log is None or shots is None or log.kind != shots.kind:
         return joints.text
@@ -62,7 +62,7 @@ def beside_readings(joints: Found, seen: Found, lines: int, within: float) -> Fi
 
 
 def _moments(look: Found) -> Moments | None:
-    """The moments of a file's rows that have one; None where they cannot be read."""
+    """The times of a file's rows that have one; None if they cannot be read."""
     clock = look.stems["time"]
     own = "time_s" if "s" in (clock.unit, clock.stem.rpartition("_")[2]) else "time"
     cells = [cell for cell in look.column(clock.theirs) if cell]
