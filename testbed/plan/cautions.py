@@ -1,6 +1,7 @@
 """What a plan did not test or count, in words: what to look at before its moves are made."""
 
 from itertools import product
+from typing import NamedTuple
 
 import numpy as np
 
@@ -32,7 +33,7 @@ def mark(plan: Plan) -> str:
     whole = f"Every pose {listed(tested or ['keeps to the joint limits'])}"
     if tests_contact(plan):
         whole += ", and every move is free"
-    open_ = [text.removeprefix(WARNING).partition(",")[0] for text in untested(plan)]
+    open_ = [one.what for one in _untested(plan)]
     return f"! {whole}; but {' and '.join(open_)}" if open_ else f"✓ {whole}"
 
 
@@ -77,30 +78,50 @@ def untested(plan: Plan) -> tuple[str, ...]:
 
     A reflector alone may be seen from all around; a 6-D target never is.
     """
+    return tuple(f"{WARNING}{one.what}, since {one.why}" for one in _untested(plan))
+
+
+class _Untested(NamedTuple):
+    """Something that was not asked."""
+
+    what: str
+    """Which thing was not tested, in words."""
+    why: str
+    """Why it was not, and what to do."""
+
+
+def _untested(plan: Plan) -> list[_Untested]:
+    """What `untested` warns of, part by part."""
     said = [*_shapes(plan), *_floor(plan)]
     if plan.scenario.tracker.measures == "pose" and not tests_cone(plan):
         said.append(
-            f"{WARNING}whether the probe faces the tracker was not tested, since [tracker] "
-            "acceptance_deg is 180; write what the probe can take, such as 60, or some of these "
-            "poses cannot be measured"
+            _Untested(
+                "whether the probe faces the tracker was not tested",
+                "[tracker] acceptance_deg is 180; write what the probe can take, such as 60, or "
+                "some of these poses cannot be measured",
+            )
         )
     if not plan.scenario.pool.line_of_sight:
         said.append(
-            f"{WARNING}whether the beam is blocked was not tested, since [pool] line_of_sight is "
-            "false; some of these poses may be hidden"
+            _Untested(
+                "whether the beam is blocked was not tested",
+                "[pool] line_of_sight is false; some of these poses may be hidden",
+            )
         )
-    return tuple(said)
+    return said
 
 
-def _shapes(plan: Plan) -> list[str]:
-    """Warnings of bodies whose shape the robot's file does not give, or not so that it is read."""
+def _shapes(plan: Plan) -> list[_Untested]:
+    """Bodies whose shape the robot's file does not give, or not so that it is read."""
     said = []
     if plan.unread:
         links, it = listed([f"link {k}" for k in plan.unread]), len(plan.unread) == 1
         said.append(
-            f"{WARNING}whether {links} hit{'s' * it} anything was tested in part only, since a "
-            f"shape of {'it' if it else 'each'} is none that is read; write it as a box, cylinder, "
-            "sphere, capsule or mesh"
+            _Untested(
+                f"whether {links} hit{'s' * it} anything was tested in part only",
+                f"a shape of {'it' if it else 'each'} is none that is read; write it as a box, "
+                "cylinder, sphere, capsule or mesh",
+            )
         )
     if not plan.shapeless:
         return said
@@ -112,22 +133,28 @@ def _shapes(plan: Plan) -> list[str]:
         moves = f"{listed([f'link {k}' for k in plan.shapeless])} hit anything or hide"
         gives = "them"
     said.append(
-        f"{WARNING}whether {moves} the target was not tested, since the robot's file gives {gives} "
-        "a shape that collides; add shapes, or look at every move before the robot makes it"
+        _Untested(
+            f"whether {moves} the target was not tested",
+            f"the robot's file gives {gives} a shape that collides; add shapes, or look at every "
+            "move before the robot makes it",
+        )
     )
     return said
 
 
-def _floor(plan: Plan) -> list[str]:
-    """A warning where the floor that the robot was tested against is not that of the room."""
+def _floor(plan: Plan) -> list[_Untested]:
+    """Where the floor that the robot was tested against is not that of the room."""
     T = plan.nominal.chain.T_world_base
     stands = any(_is_below(one, T[:3, 3]) for one in plan.obstacles)
     if T[2, 2] >= UPRIGHT or stands or plan.mounted or not tests_contact(plan):
         return []
     return [
-        f"{WARNING}whether the robot hits the floor of the room was not tested, since the z axis "
-        "of its base does not point up, and the floor of its file lies across that axis; write "
-        "mounting_height_mm in robot.toml, or the floor as an obstacle below the base"
+        _Untested(
+            "whether the robot hits the floor of the room was not tested",
+            "the z axis of its base does not point up, and the floor of its file lies across that "
+            "axis; write mounting_height_mm in robot.toml, or the floor as an obstacle below the "
+            "base",
+        )
     ]
 
 

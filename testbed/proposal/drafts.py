@@ -19,6 +19,8 @@ ASSUMED = {"position_um": 30, "distance_um": 30, "rotation_mdeg": 10}
 """Standard uncertainties if no file has any: those of a laser tracker at some meters."""
 SCATTER = re.compile(r"(?<![a-z])(std|stdev|stddev|sd|sigma|rms)(?![a-z])", re.IGNORECASE)
 """Words in names of columns that state the scatter of readings."""
+EACH_A_STATION = "stations: each file is one, and the frame of the first is the world"
+"""What is taken as said of files that may be stations."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,7 +104,7 @@ def _matched(
         document[section] = {
             "files": [one.name for one in stations], **_without_station(keys, stations)
         }  # fmt: skip
-        said.append("stations: each file is one, and the frame of the first is the world")
+        said.append(EACH_A_STATION)
         ways = ("pose_id",)
     if look.kind == "bare":
         document["dialect"] = {"header": False}

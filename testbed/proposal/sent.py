@@ -8,7 +8,7 @@ from testbed.files.frames_fit import target_groups
 from testbed.files.rows.exact import exactness
 from testbed.files.rows.shifts import FEWEST, as_read, misfit_of, spread_out
 from testbed.files.session import Session
-from testbed.proposal.drafts import Draft
+from testbed.proposal.drafts import EACH_A_STATION, Draft
 from testbed.robots.robot import Robot
 
 PLACE = ("x_", "y_", "z_")
@@ -54,6 +54,6 @@ def without_sent(robot: Robot, draft: Draft, session: Session | None) -> tuple[D
     if not made or not left:
         return draft, ""
     own = {"files": left} if len(left) > 1 else {"file": left[0]}
-    notes = tuple(one for one in draft.notes if len(left) > 1 or not one.startswith("stations: "))
+    notes = tuple(one for one in draft.notes if len(left) > 1 or one != EACH_A_STATION)
     said = f". {', '.join(made)} is left aside: it has a controller's own poses"
     return replace(draft, document=draft.document | {name: own | section}, notes=notes), said

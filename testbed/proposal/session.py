@@ -11,7 +11,7 @@ from testbed.proposal.beside import with_origin
 from testbed.proposal.both import is_ranged, merged
 from testbed.proposal.cycles import cycles_in
 from testbed.proposal.data import Document, Found
-from testbed.proposal.drafts import Draft, drafts_of
+from testbed.proposal.drafts import EACH_A_STATION, Draft, drafts_of
 from testbed.proposal.names import is_wished
 from testbed.proposal.rows.clocks import REACH
 from testbed.proposal.tried import tried_with, unnamed
@@ -124,7 +124,7 @@ def _of_visits(proposed: Proposed, looks: tuple[Found, ...]) -> Proposed:
         {"name": stem, "file": one.name, "base": "free", "tool": "free"}
         for stem, one in zip(names, alike, strict=True)
     ]
-    notes = tuple(note for note in proposed.assumed if not note.startswith("stations: "))
+    notes = tuple(note for note in proposed.assumed if note != EACH_A_STATION)
     note = (
         f"sessions: {len(alike)} files have the same columns and joints of their own: each is a "
         'visit of the robot with its own base and tool; write "same as NAME" where one stayed'

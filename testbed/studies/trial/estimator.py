@@ -52,11 +52,8 @@ class Estimator:
     """Joint errors that were offered, and what became of them."""
     steps: tuple[ClimbStep, ...] = ()
     """How the choice went."""
-
-    @property
-    def extended(self) -> bool:
-        """Whether it fits joint errors beside the geometry."""
-        return self.why.startswith("extended")
+    extended: bool = False
+    """Whether it fits joint errors beside the geometry."""
 
     def fit(self, measured: Measurements, parameters: Parameters | None = None) -> Identification:
         """Identify from one table; `parameters` replaces what is free."""
@@ -125,15 +122,16 @@ def estimator_for(bench: Laboratory, mode: Mode, measured: Measurements) -> Esti
             loss=settings.loss,
         )
         why, evidence, climbed = choice.sentence, choice.log_evidence, choice.climb
-        if choice.chosen == "extended":
+        extended = choice.chosen == "extended"
+        if extended:
             found = choice.identification
             nominal, free, given = choice.starts[1], found.parameters, found.prior
-    if extended:
+    if settings.model == "extended":
         nominal, free, _ = with_joint_terms(nominal, free)
         given = scenario_prior(settings.prior or WEAK, free, nominal)
     why += f"; {own}" * bool(own)
     asked = ((), ()) if climbed is None else (climbed.offered, climbed.steps)
-    return Estimator(mode, nominal, free, given, settings.loss, why, evidence, *asked)
+    return Estimator(mode, nominal, free, given, settings.loss, why, evidence, *asked, extended)
 
 
 def scenario_prior(settings: PriorSettings, parameters: Parameters, model: RobotModel) -> Prior:

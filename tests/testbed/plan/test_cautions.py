@@ -76,12 +76,14 @@ def test_an_arm_of_plain_shapes_is_tested_like_one_of_meshes(tmp_path):
         ((3,), "whether link 3 hits anything or hides the target was not tested, since the robot's "
                "file gives it a shape"),
         ((2, 5), "whether link 2 and link 5 hit anything or hide the target was not tested"),
+        ((2, 3, 5), "whether link 2, link 3 and link 5 hit anything or hide the target was not "
+                    "tested"),
     ],
 )  # fmt: skip
 def test_links_without_a_shape_are_named(bare, words):
     made = replace(quick_plan(), shapeless=bare)
     assert mark(made).startswith("! Every pose is free of collisions, ")
-    assert words.partition(",")[0] in mark(made)
+    assert words.partition(", since")[0] in mark(made)
     (said,) = untested(made)
     assert words.partition(" gives")[0] in said
     assert clearance_words(made)
