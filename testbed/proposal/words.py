@@ -70,8 +70,9 @@ PLAIN = {
     "payload_kg": {"payload", "load"},
     "order": {"order", "sequence", "measuring order", "measured order"},
     "time": {"time", "timestamp", "time stamp", "date time", "datetime", "utc", "utc time",
-             "local time", "measurement time", "zeit", "zeitstempel", "datum zeit",
-             "datum uhrzeit", "horodatage", "date heure", "data ora", "fecha hora", "时间", "時刻"},
+             "local time", "measurement time", "time of day", "clock", "zeit", "uhrzeit",
+             "zeitstempel", "datum zeit", "datum uhrzeit", "horodatage", "date heure",
+             "data ora", "fecha hora", "时间", "時刻"},
 }  # fmt: skip
 TURNS = {
     "rx": "rx", "ry": "ry", "rz": "rz", "roll": "rx", "pitch": "ry", "yaw": "rz",

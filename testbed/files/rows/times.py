@@ -22,17 +22,20 @@ SLASHED = re.compile(
 )
 """``11/23/2026 2:03:00 PM``, ``23/11/2026 14:03``: day or month comes first."""
 YEAR_FIRST = re.compile(r"(\d{4})/(\d{1,2})/(\d{1,2})(?!\d)")
-NOON = 12
+CLOCK = re.compile(r"(\d{1,2}):(\d{2})(?::(\d{2}(?:[.,]\d{1,6})?))?")
+"""``14:03:00.25``: a time of day, whose day nothing says."""
+NOON, HOUR = 12, 3600.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Moments:
     """When rows were measured, by a clock that another file may have, too."""
 
-    kind: Literal["numbers", "dates", "dates with time zones"]
+    kind: Literal["numbers", "times of day", "dates", "dates with time zones"]
     """What the times are written as: only times of one kind can be held against each other."""
     seconds: Array
-    """(m,) since the zero of the clock, of dates since 1970 [s]; nan of rows that are not good."""
+    """(m,) since the zero of the clock, of dates since 1970, of times of day since the midnight
+    before the first row [s]; nan of rows that are not good."""
 
     def rows(self, index: Index) -> "Moments":
         """The same for some rows (indices)."""
@@ -52,9 +55,13 @@ def moments_of(table: DataTable, good: Bool) -> tuple[Moments | None, tuple[str,
         said = (f"{table.where}: the times are numbers without a unit and taken as seconds; call "
                 "their column time_s if they are",)  # fmt: skip
         if not np.isfinite(seconds[good]).all():
-            texts = table.texts("time")
+            texts = [table.texts("time")[row] for row in np.flatnonzero(good)]
+            if (clock := _of_day(texts)) is not None:
+                seconds = np.full(len(table), np.nan)
+                seconds[good] = clock
+                return Moments("times of day", seconds), ()
             try:
-                moments = _moments([texts[row] for row in np.flatnonzero(good)])
+                moments = _moments(texts)
             except ValueError:
                 return None, (_unread(table),)
             zoned = sum(moment.tzinfo is not None for moment in moments)
@@ -71,6 +78,26 @@ def moments_of(table: DataTable, good: Bool) -> tuple[Moments | None, tuple[str,
     if not np.isfinite(seconds[good]).all():
         return None, (_unread(table),)
     return Moments("numbers", seconds), said
+
+
+def _of_day(texts: Sequence[str]) -> Array | None:
+    """Times of day (m,) [s], those after a midnight on; None where some are none, or go back.
+
+    Of rows that lie more than half a day apart nothing says how many days they do.
+    """
+    found = [one for text in texts if (one := CLOCK.fullmatch(text)) is not None]
+    if len(found) < len(texts) or not found:
+        return None
+    parts = np.array(
+        [[float((one[k] or "0").replace(",", ".")) for k in (1, 2, 3)] for one in found]
+    )
+    if (parts >= (2 * NOON, 60.0, 60.0)).any():
+        return None
+    seconds = parts @ (HOUR, 60.0, 1.0)
+    day = 2 * NOON * HOUR
+    seconds = seconds + day * np.cumsum(np.diff(seconds, prepend=seconds[:1]) < -day / 2)
+    steps = np.diff(seconds)
+    return None if (steps < 0).any() or (steps > day / 2).any() else seconds
 
 
 def times_of(

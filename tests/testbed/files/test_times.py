@@ -42,6 +42,8 @@ def stated(offsets):
         [moment.strftime("%m/%d/%Y %-I:%M:%S %p") for moment in MOMENTS],
         [moment.strftime("%-d/%-m/%Y %H:%M") for moment in MOMENTS],
         [moment.strftime("%Y/%-m/%d %H:%M:%S") for moment in MOMENTS],
+        [moment.strftime("%H:%M:%S.250") for moment in MOMENTS],
+        [(moment - timedelta(hours=1)).strftime("%-H:%M") for moment in MOMENTS],
     ],
     ids=[
         "clocks that go back",
@@ -55,12 +57,28 @@ def stated(offsets):
         "month first",
         "day first",
         "year first",
+        "time of day",
+        "over midnight",
     ],
 )
 def test_rows_one_minute_apart_are_so_in_every_way_to_write_them(tmp_path, texts):
     session = read(tmp_path, texts)
     np.testing.assert_array_equal(session.time, 60.0 * np.arange(COUNT))
     assert not session.warnings
+
+
+def test_times_of_day_that_go_back_or_jump_by_half_a_day_are_not_used(tmp_path):
+    texts = [moment.strftime("%H:%M:%S") for moment in MOMENTS]
+    for wrong in (
+        [*texts[:5], "00:10:00", *texts[6:]],
+        [*texts[:-1], "14:00:00"],
+        [*texts[:-1], "24:00:00"],
+        [*texts[:-1], "2026-10-25 01:29:00"],
+    ):
+        session = read(tmp_path, wrong)
+        assert session.time is None
+        assert "the times cannot be read" in session.warnings[0]
+    assert read(tmp_path, texts).set_up.date == ""  # the day is not said
 
 
 def test_times_with_and_without_a_zone_are_not_compared(tmp_path):

@@ -3,6 +3,8 @@
 Truth: joints and places of each stop, from which both logs are written.
 """
 
+from datetime import UTC, datetime, timedelta
+
 import numpy as np
 import pytest
 
@@ -49,9 +51,16 @@ def test_a_long_log_is_matched_by_the_clock(tmp_path, monkeypatch):
     np.testing.assert_allclose(read(tmp_path).q, DATA.q, atol=1e-12)
 
 
-@pytest.mark.parametrize("name", ["time_s", "Zeitstempel (s)"])
-def test_shots_of_some_stops_get_the_joints_of_these(name, tmp_path):
-    rows = two(tmp_path, STOPS, STOPS[4:] + 1.3, range(4, SHOTS), name=name)
+def of_day(seconds):
+    """Times by a clock that shows no day, about midnight."""
+    begin = datetime(2026, 3, 1, 23, 59, tzinfo=UTC)
+    return [f"{begin + timedelta(seconds=float(one)):%H:%M:%S.%f}" for one in seconds]
+
+
+@pytest.mark.parametrize(("name", "shown"), [("time_s", list), ("Uhrzeit", of_day)])
+def test_shots_of_some_stops_get_the_joints_of_these(name, shown, tmp_path):
+    log, shots = ([*map(str, shown(times))] for times in (STOPS, STOPS[4:] + 1.3))
+    rows = two(tmp_path, log, shots, range(4, SHOTS), name=name)
     _, written = proposed(tmp_path, files(tmp_path), "--robot", ROBOT.name)
     assert "match_within_s = 2.0\n" in written
     np.testing.assert_allclose(read(tmp_path).q, DATA.q[rows], atol=1e-12)

@@ -29,6 +29,8 @@ BELOW = {
     "who exported it": ("\nExported by Tracker X\nOperator,Meier", 2),
     "a comma in a sentence": ("End of export, 12 points", 1),
     "one word": ("EOF", 1),
+    "words and their values": ("Operator:,Meier\nTemperature:,20.5\nFit error,0.012", 3),
+    "a rule": ("------\nTotal: 12", 2),
 }
 
 
@@ -71,6 +73,8 @@ def test_a_sentence_that_is_named_as_the_rows_are_is_a_row():
     rows = [["Point 1", "1.5", "2.5"], ["Point 2", "1.5", "3.5"], ["Point 3"]]
     assert table_ends(rows) == 3
     assert table_ends([*rows[:2], ["Operator 3"]]) == 2
+    assert table_ends([["left", "1.5", "2.5"], ["right", "1.5", "3.5"], ["low", "1.5"]]) == 3
+    assert table_ends([["left", "1.5", "2.5"], ["right", "1.5", "3.5"], ["Air:", "1.5"]]) == 2
     assert table_ends([["only", "words"], ["no", "numbers: here"]]) == 2
 
 
