@@ -22,7 +22,7 @@ from testbed.studies.wen2022.records import PaperBudget, environment
 from testbed.units import counted, listed
 
 FEWEST_LOCAL = 10
-"""Poses in a region below which its calibration says more of their choice than of the place."""
+"""Fewest poses of a region; with fewer, their choice matters more than the place."""
 
 
 def fitted(laboratory: Laboratory, seen: Measurements, mode: Mode = "paper") -> Identification:
@@ -36,7 +36,7 @@ def steps_of(
     """Estimates (k, f) of the paper's estimator from one visit of each set [m or rad].
 
     Visits follow each other in time, `pose_time` a pose [s]. Sets of one size are visited and
-    fitted all at once, where arrays know how; others one by one.
+    fitted all at once if arrays can express them; otherwise one by one.
     """
     free, size = laboratory.free("paper"), len(sets[0])
     if all(len(chosen) == size for chosen in sets) and 6 * size > free.n_free:
@@ -66,7 +66,7 @@ def location_sets(
 ) -> list[Index]:
     """One random set from each of the four regions of the pool, whose estimates give u_w.
 
-    Of the paper's own 50 poses there are as many as the region has.
+    With the paper's own number, 50 poses, a smaller region gives all that it has.
     """
     (x, y), wanted, sets = budget.location_border_mm, budget.location_poses, list[Index]()
     usual = BudgetSettings().location_poses
@@ -90,7 +90,7 @@ def location_sets(
 
 
 def fewer_than_usual(setting: Setting, budget: BudgetSettings) -> str:
-    """Which of the paper's random sets a small pool cannot have, in words; empty if none."""
+    """The random sets of the paper that a small pool cannot provide, in words; empty if none."""
     n, told = len(setting.pool_q), list[str]()
     if large := sorted(size for size in {budget.poses, *budget.pose_numbers} if size > n):
         told.append(f"sets of {listed([str(size) for size in large])} poses are all {n} of it")
@@ -107,7 +107,7 @@ def repeats_of(trial: Trial) -> Array:
 
 
 def paper_budget_study(scenario: Scenario, setting: Setting, needed: Records) -> PaperBudget:
-    """The paper's contributors: repeats, number of poses, location; designed sets against random.
+    """The paper's uncertainty budget: repeats, number and location of poses, designed and random.
 
     The repeats of a designed set are those of its trial, first visit included.
 

@@ -1,12 +1,12 @@
-"""What Wen et al. 2022 print.
+"""Figures printed by Wen et al. 2022.
 
 Source: Wen et al., Chinese Journal of Scientific Instrument 43(9), 2022: calibration of a Staubli
 TX60 with a laser tracker, optimal against random pose sets. Units as printed: mm and deg.
 
 The tracker is a Leica AT960 with T-MAC, six degrees of freedom (MPE 15 um + 6 um/m); the robot
 moves at 62.5 mm/s and waits 4 s. 1000 poses of a box of 900 x 1200 x 800 mm are the pool, 50 the
-test; 100 random sets are drawn, and each set is measured 10 times. Two poses are called enough for
-24 parameters, over 12 rows per pose; a pose holds six freedoms.
+test; 100 random sets are drawn, and each set is measured 10 times. The paper states that two poses
+are enough for 24 parameters, with 12 rows per pose; a pose has only six degrees of freedom.
 """
 
 from dataclasses import dataclass
@@ -20,11 +20,11 @@ Column = Literal[
     "nominal", "u_r_best", "u_r_random", "u_p_random", "u_w_random", "u_best", "u_random", "ratio"
 ]
 COLUMNS: tuple[Column, ...] = get_args(Column)
-"""Of Table 3: nominal value; repeatability of the optimal and of a random set, number of poses and
-their location of random sets; combined uncertainty of the optimal and of random sets; their
+"""Columns of Table 3: nominal value; repeatability of the optimal and a random set, number of poses
+and their location of random sets; combined uncertainty of the optimal and of random sets; their
 ratio."""
 PARTS = COLUMNS[1:5]
-"""Of the combined uncertainties: the first of u_best, the others of u_random."""
+"""Parts of the combined uncertainties: the first of u_best, the others of u_random."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,14 +38,14 @@ class SetErrors:
     optimal: bool
     """Chosen by the index, or else random."""
     before_mm: float
-    """On its own poses, nominal model [mm]."""
+    """Error on its own poses, nominal model [mm]."""
     after_mm: float
-    """On its own poses, identified model [mm]."""
+    """Error on its own poses, identified model [mm]."""
     held_out_mm: float
-    """On the 50 test poses, identified model [mm]."""
+    """Error on the 50 test poses, identified model [mm]."""
 
     def is_like(self, poses: int, designed: bool, index: str) -> bool:
-        """Whether a set has this size, and was chosen as this one was."""
+        """Whether a set has this size and was chosen in the same way."""
         chosen = designed == self.optimal and (index == self.index or not designed)
         return chosen and poses == self.poses
 
@@ -63,9 +63,9 @@ TABLE3_INDEX = "O2"
 """Index that chose the optimal set of Table 3 and of the tool point, with 29 poses; the random side
 has 50 poses and more."""
 TABLE3_BEST, TABLE3_RANDOM = "table 3 best", "table 3 random"
-"""Names of its two columns of combined uncertainties where they are carried to the tool."""
+"""Names of its two columns of combined uncertainties when propagated to the tool."""
 DRAWS = 10_000
-"""Of the Monte Carlo of the tool point."""
+"""Number of draws of the Monte Carlo of the tool point."""
 
 SETS = (
     SetErrors("O1", 61, True, 0.545, 0.086, 0.097),
@@ -92,12 +92,12 @@ PARAMETER_RATIO = 0.11
 
 @dataclass(frozen=True, slots=True)
 class Misprint:
-    """A place where what is printed cannot be, and what is used here instead."""
+    """An impossible printed form, and the one used here instead."""
 
     what: str
     printed: str
     used: str
-    """The form used in this program; "as printed" where the printed one is only shown."""
+    """The form used in this program; "as printed" if the printed one is only shown."""
     why: str
 
 
@@ -157,7 +157,7 @@ MISPRINTS = (
         "any others can be given",
     ),
 )
-"""Where the printed form is not the one used."""
+"""Printed forms that are not used."""
 
 # `COLUMNS` of each parameter; angles (theta, alpha, beta) in deg, lengths (d, a) in mm
 TABLE3 = {
@@ -186,7 +186,7 @@ TABLE3 = {
     "a6": (0, 0.0018, 0.0062, 0.0119, 0.0065, 0.0018, 0.0149, 0.12),
     "alpha6": (0, 0.0009, 0.0026, 0.0078, 0.0033, 0.0009, 0.0089, 0.1),
 }
-"""In chain order. Trap: u_random of beta2 is printed 0.0036, its own components add to 0.0025."""
+"""In chain order. Note that u_random of beta2 is printed as 0.0036, but its parts add to 0.0025."""
 
 PARAMETERS = tuple(TABLE3)
 """Names of the paper's 24 parameters, as in `RobotModel.names`."""

@@ -1,4 +1,4 @@
-"""Which pose set of a scenario stands for the paper's optimal one, in Table 3 and at the tool."""
+"""Choice of the pose set of a scenario that stands for the paper's optimal one."""
 
 from testbed.scenario.scenario import Scenario
 from testbed.scenario.tables import TrialSettings
@@ -18,13 +18,13 @@ def is_paper_set(trial: TrialSettings) -> bool:
 def designed_trials(scenario: Scenario) -> tuple[str, ...]:
     """Names of the designed trials, the one that stands for the paper's set first.
 
-    That is the set of 29 poses that DETMAX chose by O2 in unweighted rows; where there is none, one
-    by O2 of another size, else one by another index as in the paper, else the first designed one.
+    That is the set of 29 poses that DETMAX chose by O2 in unweighted rows; if there is none, one by
+    O2 of another size, else one by another index as in the paper, else the first designed one.
     The others follow in the order of the scenario.
     """
 
     def distance(trial: TrialSettings) -> tuple[bool, bool, bool]:
-        """How far a set is from the paper's: false goes before true."""
+        """Sort key: differences of a set from the paper's, the most important first."""
         sized = trial.poses == POSE_NUMBER[TABLE3_INDEX]
         return not by_paper(trial), not is_paper_set(trial), not (is_paper_set(trial) and sized)
 
@@ -36,12 +36,12 @@ def designed_trials(scenario: Scenario) -> tuple[str, ...]:
 
 
 def tool_trials(scenario: Scenario) -> tuple[str, ...]:
-    """Trials whose full covariance is carried to the tool: designed ones, or else the first."""
+    """Trials whose full covariance is propagated to the tool: designed ones, or else the first."""
     return designed_trials(scenario) or (scenario.trial[0].name,)
 
 
 def stand_in(scenario: Scenario) -> str:
-    """Why the first of `designed_trials` is not the paper's set; empty where it is."""
+    """Why the first of `designed_trials` is not the paper's set; empty if it is."""
     designed = designed_trials(scenario)
     if not designed or is_paper_set(scenario.trial_named(designed[0])):
         return ""

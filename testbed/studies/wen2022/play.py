@@ -1,7 +1,7 @@
-"""The protocol of Wen et al. 2022 on many robots: its uncertainties, and the errors they miss.
+"""The protocol of Wen et al. 2022 on many robots: its uncertainties, and the true errors.
 
-Robot k of every kind is drawn from the same random numbers, meets the same pool and the same noise.
-Both estimators move the paper's 24 numbers. Like `comparison`, this module judges by the truth.
+Robot k of every kind has the same random numbers, pool and noise. Both estimators fit the paper's
+24 numbers. Like `compare`, this module uses the truth.
 """
 
 from collections.abc import Sequence
@@ -36,13 +36,13 @@ from testbed.studies.wen2022.stated import held_by_covariance, held_by_type_a
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Visit:
-    """One robot in the laboratory with its pool, and the secret that judges."""
+    """One robot in the laboratory with its pool, and the truth that judges."""
 
     robot: int
-    """From 0."""
+    """Number of the robot, from 0."""
     laboratory: Laboratory
     true: Array
-    """(t, 3) the secret: noise-free tool points at the held-out poses [m]."""
+    """(t, 3) true, noise-free tool points at the held-out poses [m]."""
 
     def measure(self, chosen: Index, name: str, repeat: int = 0) -> Measurements:
         """Visit pool poses (m,) once; repeats follow each other in time."""
@@ -56,7 +56,7 @@ class Visit:
         return steps_of(own, sets, *names, pose_time=own.tracker.pose_time)
 
     def random(self, size: int, name: str) -> Index:
-        """A random set (m,) of this robot's own."""
+        """A random set (m,) drawn for this robot."""
         rng = stream(self.laboratory.scenario.seed, "reexamined", "set", name, self.robot)
         N = len(self.laboratory.setting.pool_q)
         return random_selection(N, min(size, N), rng)
@@ -71,7 +71,7 @@ OF_A_TRIAL = (
     *("own_before", "own_after", "error"),
     *("u_best", "inside", "numbers_inside", "distance_u"),
 )
-"""Figures of a trial on a robot; the last four of sets alone that were chosen as in the paper."""
+"""Figures of a trial on a robot; the last four only for sets chosen as in the paper."""
 AXES = dict.fromkeys(("pool", "before", *OF_A_TRIAL), -1) | {
     "u_best": 1,
     "u_r": 0,
@@ -125,7 +125,7 @@ def play_robot(laboratory: Laboratory, truth: str, pools: PoolSets, robot: int) 
 
 
 def visit_robot(laboratory: Laboratory, truth: str, pools: PoolSets, robot: int) -> Visit:
-    """Draw robot number `robot` of one kind, and give it its pool."""
+    """Draw robot number `robot` of one kind, with its pool."""
     kind, p = truth_of_kind(laboratory.scenario, truth), robot % len(pools.pool_q)
     own = laboratory.with_poses(pools.pool_q[p], pools.test_q[p])
     own = own.with_robot(kind, "reexamined", "robot", robot)
@@ -133,9 +133,9 @@ def visit_robot(laboratory: Laboratory, truth: str, pools: PoolSets, robot: int)
 
 
 def play(visit: Visit, trial: TrialSets, pool: int) -> dict[str, Any]:
-    """Calibrate once with each estimator; on the paper's sets repeat, and judge what is stated.
+    """Calibrate once with each estimator; for the paper's sets also repeat and judge statements.
 
-    Names as in `Reexamined`.
+    Keys are the fields of `Reexamined`.
     """
     chosen = trial.indices[pool] if trial.designed else visit.random(trial.poses, trial.trial)
     seen = visit.measure(chosen, trial.trial)

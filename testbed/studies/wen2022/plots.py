@@ -38,7 +38,7 @@ TITLES = {
     "covariance": "point in region of\nthe weighted fit",
 }
 APART = 0.16
-"""Between the rows of one set, in rows."""
+"""Distance between the rows of one set, in rows."""
 LANE = 0.15
 """Half the height of a step from 1 to the ratio, in rows."""
 
@@ -64,7 +64,7 @@ def ratio_apart(found: tuple[Split, ...]) -> str:
         left.set_title("what the random side counts")
         for y, split in enumerate(found):
             whole, repeats, _ = split.geometric
-            # first what repeats alone say, then what only the random side counts
+            # first the step by repeats alone, then that by further parts of the random side
             steps = ((1.0, repeats, DARK, -LANE), (repeats, whole, MIDDLE, LANE))
             for start, end, color, lane in steps:
                 low, high = sorted((start, end))
@@ -95,7 +95,7 @@ def ratio_apart(found: tuple[Split, ...]) -> str:
 
 
 def like_for_like(predicted: tuple[Predicted, ...], found: tuple[Errors, ...]) -> str:
-    """Designed against random sets of the same size: what noise predicts, what is true."""
+    """Designed against random sets of the same size: predicted by noise, and true."""
     trials = list(dict.fromkeys(one.trial for one in found))
     poses = {one.trial: one.poses for one in found}
     truths = list(dict.fromkeys(one.truth for one in found))
@@ -133,7 +133,7 @@ def dot(ax: "Axes", middle: float, ends: tuple[float, float], row: int, estimato
 
 
 def what_u_best_holds(found: tuple[Held, ...], level: float = 0.95) -> str:
-    """Share of the truth inside each 95 % statement."""
+    """Share of true points inside each 95 % statement."""
     truths = list(dict.fromkeys(one.truth for one in found))
     rows = [(one.truth, one.trial) for one in found]
     with drawing(1, len(STATEMENTS), height=0.8 + 0.34 * len(rows), sharey=True) as (figure, axes):

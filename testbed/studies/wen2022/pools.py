@@ -1,7 +1,7 @@
-"""Pools, the pose sets chosen from each, and what noise alone makes of them; no truth in it.
+"""Pools, the pose sets chosen from each, and their uncertainty from noise alone, without the truth.
 
-A designed set is one set and has its own luck. So every trial's recipe is followed anew in each of
-several pools, and figures come with the scatter between them.
+Results of a single designed set depend on chance. So every trial's method is used anew in each of
+several pools, and figures have the scatter between them.
 """
 
 from collections.abc import Sequence
@@ -31,16 +31,16 @@ RANDOM_SETS = 200
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Noise:
-    """What each pose of a pool tells of the free numbers, in scaled columns."""
+    """Information of each pose of a pool on the free numbers, in scaled columns."""
 
     exact: Array
     """(N, f, f) J'S^-1 J: information of the whitened rows."""
     normal: Array
     """(N, f, f) J'WJ of the paper's unweighted rows."""
     scatter: Array
-    """(N, f, f) J'W S WJ: how the noise S comes through these."""
+    """(N, f, f) J'W S WJ: the noise S propagated through these rows."""
     goal: Array
-    """(f, f) mean over the held-out poses of what the numbers do to the tool point."""
+    """(f, f) mean over the held-out poses of J'J of the tool point."""
     scale: Array
     """(f,) units of the columns [m or rad]."""
 
@@ -119,8 +119,8 @@ def play_pool(laboratory: Laboratory, pool: int) -> PoolSets:
 def trial_sets(own: Laboratory, noise: Noise, trial: TrialSettings | None, pool: int) -> TrialSets:
     """A trial's kind of set in one pool; without a trial the random set of the paper's budget.
 
-    A designed set is chosen here. Random ones are drawn anew for each robot, so that the mean
-    over many of them is predicted, and they have no places in the pool.
+    A designed set is chosen here. Random ones are drawn anew for each robot: their prediction is a
+    mean over many sets, and they have no places in the pool.
     """
     seed, N = own.scenario.seed, len(noise.exact)
     size = min(own.scenario.budget.poses, N) if trial is None else trial.poses
@@ -145,7 +145,7 @@ def trial_sets(own: Laboratory, noise: Noise, trial: TrialSettings | None, pool:
 
 
 def pose_number(laboratory: Laboratory, pool: int) -> tuple[int, int]:
-    """Poses at which O1 and O2 of random sets settle in the paper's rows; -1 for never."""
+    """Numbers of poses at which O1 and O2 of random sets settle in the paper's rows; -1: never."""
     blocks = laboratory.design_blocks("paper")
     largest = min(laboratory.scenario.studies.pose_count_max, len(blocks))
     problem = Problem.of_blocks(blocks, len(blocks), "D")

@@ -1,7 +1,7 @@
-"""The ratio of the paper's protocol taken apart, and means over robots and pools.
+"""The ratio of the paper's protocol split into parts, and means over robots and pools.
 
-Where there are several pools, the unit of every interval is the pool with its robots, so that it
-holds the luck of the sets that were chosen from it too; with one pool the robot is the unit.
+With several pools, the unit of every interval is the pool with its robots, so that intervals
+include the variation between sets chosen from different pools; with one pool the robot is the unit.
 """
 
 from collections.abc import Sequence
@@ -20,10 +20,10 @@ PRINTED = "printed"
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Split:
-    """The ratio of the paper's protocol and what it is made of; means over the 24 numbers."""
+    """The ratio of the paper's protocol and its parts; means over the 24 numbers."""
 
     truth: str
-    """Kind of robots, or `PRINTED`: then intervals have no width."""
+    """Kind of robots, or `PRINTED`, whose intervals have no width."""
     trial: str
     """The optimal set."""
     poses: int
@@ -32,12 +32,12 @@ class Split:
     repeats: Mean
     """u_r of the optimal set over u_r of the random one."""
     counted: Mean
-    """u_r / u_rand: what the random side counts besides (times u_best / u_r of the optimal set,
-    which is 1 where u_c is zero)."""
+    """u_r / u_rand, due to the further parts of the random side (times u_best / u_r of the optimal
+    set, which is 1 if u_c is zero)."""
     geometric: tuple[float, ...]
-    """(3,) geometric means of the same: the first is the product of the others."""
+    """(3,) geometric means of these three; the first is the product of the others."""
     shares: tuple[Mean, ...]
-    """(3,) of u_r, u_p, u_w in the variance of u_rand."""
+    """(3,) shares of u_r, u_p, u_w in the variance of u_rand."""
     p_over_r: Mean
     w_over_r: Mean
 
@@ -50,19 +50,19 @@ def over(values: Array, pool: Index, *, probability: float = 0.95) -> Mean:
     values : (R,) array
         One figure per robot.
     pool : (R,) array
-        Pool of each robot, 0 to P - 1, each as often. One pool: the robots are the units.
+        Pool of each robot, 0 to P - 1, equally often. With one pool the robots are the units.
     """
     return mean_over_robots(_of_units(values, pool), probability=probability)
 
 
 def share_over(values: Array, points: int, pool: Index) -> Mean:
-    """The same of one share per robot (R,), each of so many points."""
+    """Mean of one share per robot (R,), each of `points` points, with its interval."""
     each = _of_units(values, pool)
     return share_over_robots(each, points * len(values) / len(each))
 
 
 def _of_units(values: Array, pool: Index) -> Array:
-    """Means over the robots of each pool; of one pool the robots themselves."""
+    """Means over the robots of each pool; with one pool the values of the robots."""
     if not pool.any():
         return values
     return np.array([values[pool == p].mean() for p in range(int(pool.max()) + 1)])
@@ -74,7 +74,7 @@ def over_pools(values: Array) -> Mean:
 
 
 def printed_split() -> Split:
-    """Table 3 taken apart; u_rand is the root sum of squares of its printed parts."""
+    """Table 3 split into parts; u_rand is the root sum of squares of its printed parts."""
     parts = [paper.table3(column)[None] for column in paper.PARTS]
     return split_of(None, PRINTED, 0, parts, np.zeros(len(paper.PARAMETERS)))
 
@@ -87,9 +87,9 @@ def combined(u_c: Array, *parts: Array) -> Array:
 def split_of(
     kind: Reexamined | None, trial: str, poses: int, parts: Sequence[Array], u_c: Array
 ) -> Split:
-    """From u_r of the optimal set, and u_r, u_p, u_w of random ones (R, f) each, and u_c (f,).
+    """The split for u_r of the optimal set, u_r, u_p, u_w of random ones (R, f), and u_c (f,).
 
-    Of robots of one kind, or as printed (1, f).
+    For robots of one kind, or as printed (1, f).
     """
     repeated, u_r, u_p, u_w = parts
     best, random = combined(u_c, repeated), combined(u_c, u_r, u_p, u_w)

@@ -1,4 +1,4 @@
-"""What the re-examination of the paper leaves behind: the sets, one record per kind of robot."""
+"""Records of the re-examination of the paper: the sets, and one record per kind of robot."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -26,21 +26,21 @@ ESTIMATORS: tuple["Mode", ...] = ("paper", "whitened")
 Both move the paper's 24 numbers."""
 TYPE_A = ("distance", "point")
 STATEMENTS = (*TYPE_A, "unweighted", "covariance")
-"""What is said at 95 %. Of type A, as the paper's uncertainty is: |P| within t u of |P|, with
-Student's t of the repeats; the point itself within that. Beside the paper, the ellipsoid of the
-full covariance that a fit claims of itself: unweighted, and whitened."""
+"""Statements at 95 %. Two are of type A, as the paper's uncertainty is: |P| within t u, with
+Student's t of the repeats, and the point itself within t u of |P|. Two are not in the paper: the
+ellipsoid by the full covariance of a fit, unweighted and whitened."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class TrialSets(Shown):
-    """One trial's kind of set in each of P pools, and what measurement noise alone makes of it."""
+    """One trial's kind of set in each of P pools, with its uncertainty from noise alone."""
 
     trial: str
     poses: int
     designed: bool
-    """Chosen by a criterion, one set per pool; or else drawn at random, anew for each robot."""
+    """Whether it is chosen by a criterion, once per pool; else it is drawn anew for each robot."""
     by_paper: bool
-    """Chosen as in the paper: DETMAX on an index of unweighted rows."""
+    """Whether it is chosen as in the paper: DETMAX on an index of unweighted rows."""
     criterion: str
     indices: Index
     """(P, m) places in the pool; (P, 0) for random sets."""
@@ -65,7 +65,7 @@ class PoolSets(Shown):
     sets: tuple[TrialSets, ...]
     """One per trial, in the order of the scenario; then the random set of the paper's budget."""
     pose_number: Annotated[Index, "P", 2]
-    """(P, 2) poses at which O1 and O2 of random sets settle; -1 where they do not."""
+    """(P, 2) number of poses at which O1 and O2 of random sets settle; -1 if they do not."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -77,20 +77,20 @@ class Reexamined(Shown):
     trials: Annotated[tuple[str, ...], "s"]
     """(s,) names, as in the scenario."""
     best: Annotated[tuple[str, ...], "d"]
-    """(d,) those of them that were chosen as in the paper: its protocol is played with these."""
+    """(d,) those chosen as in the paper, with which its protocol is played."""
     pool: Annotated[Index, "R"]
     """(R,) pool of each robot."""
     before: Annotated[Array, "R"]
     """(R,) mean held-out error of the nominal model [m]."""
     own_before: Annotated[Array, "s", "R"]
-    """(s, R) mean distance to what was measured at the calibration poses, nominal model [m]."""
+    """(s, R) mean distance to the readings at the calibration poses, nominal model [m]."""
     own_after: Annotated[Array, "s", "R"]
     """(s, R) the same for the model identified by the paper's estimator [m]."""
     error: Annotated[Array, "s", 2, "R"]
     """(s, 2, R) mean held-out error against the truth, per estimator [m]."""
     u_best: Annotated[Array, "d", "R", "f"]
-    """(d, R, f) scatter of repeated calibrations on the designed set, eq. (8) without u_c, which is
-    the scenario's [m or rad]."""
+    """(d, R, f) scatter of repeated calibrations on the designed set, eq. (8) without the u_c of
+    the scenario [m or rad]."""
     u_r: Annotated[Array, "R", "f"]
     """(R, f) the same on one random set of 50 poses."""
     u_p: Annotated[Array, "R", "f"]
@@ -109,7 +109,7 @@ class Reexamined(Shown):
 class PaperBudget(Shown):
     """The paper's uncertainties per parameter: contributors and their combination [m, rad].
 
-    Each designed trial stands on the optimal side in turn; the random side is one for all.
+    Each designed trial is compared with the same random side.
     """
 
     names: Annotated[tuple[str, ...], "f"]
@@ -126,7 +126,7 @@ class PaperBudget(Shown):
     location: Annotated[Array, "f"]
     """(f,) u_w over four regions."""
     environment: Annotated[Array, "f"]
-    """(f,) u_c as the scenario gives it; zero in the paper."""
+    """(f,) u_c by the scenario; zero in the paper."""
     best: Annotated[Array, "d", "f"]
     """(d, f) u_best = RSS(u_r, u_c), eq. (8)."""
     random: Annotated[Array, "f"]
@@ -147,13 +147,13 @@ class PaperBudget(Shown):
 class ToolPointStudy(Shown):
     """Monte Carlo of the tool point: zero pose first, then the held-out poses.
 
-    The paper's form draws independent parameters and looks at |P|; the correct form draws from the
-    full covariance and looks at all three directions.
+    The paper's form draws independent parameters and evaluates |P|; the correct form draws from the
+    full covariance and evaluates all three directions.
     """
 
     source: Annotated[tuple[str, ...], "s"]
-    """(s,) whose uncertainties: "table 3 best", "table 3 random", "ours best" (the set that stands
-    for the paper's), "ours random", then "ours, NAME" for the other designed trials."""
+    """(s,) source of the uncertainties: "table 3 best", "table 3 random", "ours best" (the set that
+    stands for the paper's), "ours random", then "ours, NAME" for the other designed trials."""
     distance_sd: Annotated[Array, "s", "1 + t"]
     """(s, 1 + t) sd of |P|, paper form [m]."""
     distance_range: Annotated[Array, "s", 2]
@@ -162,7 +162,7 @@ class ToolPointStudy(Shown):
     """(s, 1 + t, 3) sd of x, y, z with the same independent draws [m]."""
     trials: Annotated[tuple[str, ...], "d"]
     """(d,) trials whose full covariance (default estimator) the correct form uses: the designed
-    ones, that of "ours best" first; the first trial where none is designed."""
+    ones, that of "ours best" first; the first trial if none is designed."""
     covariance: Annotated[Array, "d", "1 + t", 3, 3]
     """(d, 1 + t, 3, 3) Monte Carlo covariance of the tool point, correct form [m^2]."""
     linear: Annotated[Array, "d", "1 + t", 3, 3]
@@ -182,17 +182,17 @@ def environment(budget: BudgetSettings, names: Sequence[str]) -> Array:
 
 
 def paper_budget_of(campaign: Campaign) -> PaperBudget | None:
-    """The paper's uncertainties per parameter; None if nobody asked."""
+    """The paper's uncertainties per parameter; None if not played."""
     return campaign.records.find(PAPER_BUDGET, PaperBudget)
 
 
 def tool_point_of(campaign: Campaign) -> ToolPointStudy | None:
-    """Monte Carlo of the tool point; None if nobody asked."""
+    """Monte Carlo of the tool point; None if not played."""
     return campaign.records.find(TOOL_POINT, ToolPointStudy)
 
 
 def pool_sets_of(campaign: Campaign) -> PoolSets | None:
-    """Pools and sets of the re-examination of the paper; None if nobody asked."""
+    """Pools and sets of the re-examination of the paper; None if not played."""
     return campaign.records.find(SETS_KEY, PoolSets)
 
 

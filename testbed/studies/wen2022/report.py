@@ -1,4 +1,4 @@
-"""The report's re-examination of the paper: the verdict, claim by claim, and what it rests on."""
+"""The report's re-examination of the paper: the verdict claim by claim, and its basis."""
 
 from dataclasses import replace
 from math import inf
@@ -19,11 +19,11 @@ from testbed.studies.wen2022.summary import Reexamination, of_kind, reexaminatio
 from testbed.units import MM, NARROW, counted, fixed, plain
 
 CENTRAL = (14, 15, 16, 13)
-"""Claims that decide what the paper is worth, the first one above all."""
+"""The central claims of the paper, the most important first."""
 
 
 def verdict_of(again: Reexamination, examined: Examined, trial: Verdict) -> Verdict:
-    """The verdict on the paper, from the findings; what the trials say stands behind it."""
+    """The verdict on the paper from the findings, followed by that of the trials."""
     total, holds, found = len(examined.findings), examined.count("holds"), examined.findings
     central = found[CENTRAL[0]]
     said = {"holds": "holds", "in part": "holds in part"}.get(central.verdict, "does not hold")
@@ -46,7 +46,7 @@ def verdict_of(again: Reexamination, examined: Examined, trial: Verdict) -> Verd
 
 
 def tally(examined: Examined) -> str:
-    """How many claims hold, hold in part, do not, are misprints."""
+    """Numbers of claims that hold, hold in part, do not hold, or are misprints."""
     count = examined.count
     rest = {
         "in part": f"{count('in part')} in part",
@@ -58,7 +58,7 @@ def tally(examined: Examined) -> str:
 
 
 def chosen_kind(again: Reexamination) -> str:
-    """On which kind of robots the claims are judged, and why."""
+    """The kind of robots on which the claims are judged, and why."""
     if len(again.kinds) < 2:
         return f"Judged on {again.judged.truth} robots."
     left = ", ".join(
@@ -66,13 +66,13 @@ def chosen_kind(again: Reexamination) -> str:
         for one in again.kinds
     )
     return (
-        f"Judged on {again.judged.truth} robots, which keep an error like the paper's after "
-        f"calibration ({left}; printed are 0.097 to 0.132 mm)."
+        f"Judged on {again.judged.truth} robots, whose error after calibration is nearest to the "
+        f"paper's ({left}; the paper prints 0.097 to 0.132 mm)."
     )
 
 
 def next_step(again: Reexamination) -> str:
-    """What to do instead."""
+    """Recommendation of what to do instead."""
     worst = min(one.shares[1].value for one in of_kind(again.statements, again.judged))
     if worst >= 0.9:
         return "Compare pose sets of the same size, and count the same contributions on both sides."
@@ -89,24 +89,24 @@ def reexamined_section(again: Reexamination, examined: Examined) -> Section:
         claim_table(examined),
         Text(procedure(again)),
         Figure(
-            "Why the printed ratio is small. Left: what the variance of the random side is made "
-            "of. Right: the ratio in geometric means, from 1 by way of repeats against repeats "
-            "(blue) to the printed kind of ratio (diamond) by what only the random side counts.",
+            "Why the printed ratio is small. Left: parts of the variance of the random side. "
+            "Right: the ratio in geometric means, from 1 through repeats against repeats (blue) to "
+            "the ratio as in the paper (diamond), with the parts that only the random side counts.",
             plots.ratio_apart((printed_split(), *again.splits)),
         ),
         Figure(
             "Like for like: designed against random sets of the same size, with 95 % intervals "
             "over pools (left) and over pools and robots. Left of the line the designed set is "
-            "better. The panels have scales of their own.",
+            "better. Each panel has its own scale.",
             plots.like_for_like(again.predictions, again.errors),
         ),
         tables.predicted_table(again.predictions),
         tables.error_table(again.errors),
         Figure(
             f"Share of the truth inside 95{NARROW}% statements, with 95 % intervals; the line is "
-            "the promise. Open: the interval does not reach it. The first three are of type A, "
-            "as the paper's u best is; the others are what the covariance of a fit claims, which "
-            "the paper does not state.",
+            "the stated level. Open: the interval does not reach it. The first three are of type "
+            "A, as the paper's u best is; the others are regions by the covariance of a fit, which "
+            "are not in the paper.",
             plots.what_u_best_holds(again.statements),
             on_paper=False,  # the table has these shares, and what is stated
         ),
@@ -122,24 +122,24 @@ def reexamined_section(again: Reexamination, examined: Examined) -> Section:
 
 
 def number_and_place(split: Split) -> str:
-    """How much number and place of the poses scatter on one kind of robots, and why."""
+    """Scatter from number and place of the poses on one kind of robots, and its cause."""
     printed = printed_split()
     why = (
-        "Noise alone makes about as much, so they add little but a second and a third count of it."
+        "Noise alone explains about as much, so they mostly count it a second and a third time."
         if max(split.p_over_r.value, split.w_over_r.value) < NOISE_ONLY
-        else "Noise alone makes about as much as repeats: the rest is what the model lacks, seen "
-        "from different poses."
+        else "Noise alone explains about as much as repeats: the rest is model error, which "
+        "differs from pose to pose."
     )
     return (
-        f"On {split.truth} robots number and place of the poses scatter the estimates "
+        f"On {split.truth} robots estimates scatter with number and place of the poses "
         f"{fixed(split.p_over_r.value, 1)} and {fixed(split.w_over_r.value, 1)} times as much as "
-        f"repeats do (printed {fixed(printed.p_over_r.value, 1)} and "
+        f"between repeats (printed {fixed(printed.p_over_r.value, 1)} and "
         f"{fixed(printed.w_over_r.value, 1)}). {why}"
     )
 
 
 def repeats_alone(again: Reexamination) -> str:
-    """Whether the scatter of repeats is what noise predicts, and what is printed."""
+    """Whether the scatter of repeats agrees with the noise, and with the printed one."""
     by_set = {one.trial: one for one in again.splits}
     said = [
         f"{fixed(one.numbers.value * few_repeats(again.repeats), 2)} for {one.trial}, and "
@@ -150,8 +150,9 @@ def repeats_alone(again: Reexamination) -> str:
         and one.estimator == "paper"
     ]
     return (
-        f"Repeats see noise alone. For {again.repeats} of them noise predicts a mean u_r best / "
-        f"u_r random of {'; '.join(said)}. Printed is {fixed(printed_split().repeats.value, 2)}."
+        f"Repeats show noise alone. For {again.repeats} of them noise predicts a mean u_r best / "
+        f"u_r random of {'; '.join(said)}. The paper has "
+        f"{fixed(printed_split().repeats.value, 2)}."
     )
 
 
@@ -171,18 +172,18 @@ def few_repeats(count: int) -> float:
 
 
 NOISE_ONLY = 1.5
-"""Below this u_p and u_w are what noise makes of sets of such sizes and places."""
+"""Ratio to u_r below which u_p and u_w are explained by noise in sets of such sizes and places."""
 
 
 def procedure(again: Reexamination) -> str:
     """How the study was made."""
     sets, budget, (pools, n, _) = again.sets, again.budget, again.sets.pool_q.shape
     unit = (
-        f"Every pool met {counted(again.robots // pools, 'robot')} of each kind, and the unit "
-        "of intervals is the pool with its robots: they hold the luck of the designed sets too."
+        f"Every pool was used with {counted(again.robots // pools, 'robot')} of each kind, and the "
+        "unit of intervals is the pool with its robots: they include variation of designed sets."
         if pools > 1
-        else "There is one pool, and the unit of intervals is the robot: they do not hold the luck "
-        "of the designed sets."
+        else "There is one pool, and the unit of intervals is the robot: they do not include "
+        "variation of designed sets."
     )
     return (
         f"{counted(again.robots, 'robot')} of each kind were drawn and measured by the paper's "
@@ -192,13 +193,13 @@ def procedure(again: Reexamination) -> str:
         f"{counted(pools, 'pool')} of {n} poses were drawn, and every designed "
         "set was chosen anew from each; random sets were drawn anew for each robot. The error is "
         f"that of the tool point against the noise-free truth at {sets.test_q.shape[1]} held-out "
-        "poses of the pool. Robots of all kinds come from the same random numbers and meet the "
-        f"same noise. {unit}"
+        "poses of the pool. Robots of all kinds have the same random numbers and the same noise. "
+        f"{unit}"
     )
 
 
 def answer(campaign: Campaign) -> Answer | None:
-    """The first screen: how many claims hold; None where many robots were not played."""
+    """The first screen: how many claims hold; None if many robots were not played."""
     again, examined = reexamination_of(campaign), examine(campaign)
     if again is None or examined is None:
         return None

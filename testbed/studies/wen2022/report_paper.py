@@ -81,10 +81,10 @@ def ratio_table(budget: PaperBudget, unlike: str) -> Table:
 
 
 def paper_section(campaign: Campaign, examined: Examined | None) -> Section | None:
-    """The claims, then printed figures beside ours; None where nothing of the paper is played."""
+    """The claims, then printed figures beside ours; None if nothing of the paper is played."""
     if examined is None or not (examined.robots or plays_paper(campaign.scenario)):
         return None
-    # over many robots the claims stand first in the report
+    # with many robots the claims come first in the report
     blocks: list[Block] = [] if examined.robots else [claim_table(examined)]
     if examined.silent:
         silent = listed([str(number) for number in examined.silent])
@@ -112,7 +112,7 @@ def paper_section(campaign: Campaign, examined: Examined | None) -> Section | No
 
 
 def statement_table(found: Sequence[Judged]) -> Table:
-    """What is stated at 95 % of each set, and what of it holds on this robot."""
+    """The 95 % statements of each set, and how often they contain the truth on this robot."""
     columns = {
         "set": [one.trial for one in found],
         "mean error mm": [fixed(one.error * MM, 3) for one in found],
@@ -125,24 +125,24 @@ def statement_table(found: Sequence[Judged]) -> Table:
     runs = found[0].replications
     over = f"over {runs} replications" if runs else "on this one calibration"
     return of_columns(
-        "What the paper states, and what its fit claims: shares that hold the truth, of 95 % "
-        "promised",
+        "Statements of the paper, and by the covariance of its fit: shares that contain the truth, "
+        "of 95 % stated",
         columns,
         size="small",
         note="type A, the scatter of repeats, is what the paper states (t: Student's factor of "
         "the repeats); the covariance of its fit, "
-        f"s² inv(J'WJ) with s² = RSS / (12 m − f), is not in the paper and judged beside, {over}. "
-        "Neither can see what the model lacks.",
+        f"s² inv(J'WJ) with s² = RSS / (12 m − f), is not in the paper and judged as well, {over}. "
+        "Neither includes what the model lacks.",
     )
 
 
 def misprints() -> str:
-    """Where the printed form differs from the one used here; `paper` has both, and why."""
+    """Differences between the printed forms and those used here, with reasons (`paper`)."""
     return f"Not used as printed: {'; '.join(one.what for one in paper.MISPRINTS)}."
 
 
 def claim_table(examined: Examined) -> Table:
-    """Each claim: printed, ours, verdict; where it does not hold as printed, why."""
+    """Each claim: printed, ours, verdict, and the reason if it does not hold as printed."""
     speaks, here = f"{THIS} says", THIS
     note = (
         "One true robot can contradict a general statement, but not prove an average over robots."
@@ -171,10 +171,10 @@ def claim_table(examined: Examined) -> Table:
 
 
 def measured(number: int, found: Finding) -> bool:
-    """Whether a figure says enough: the claim holds, or robots were measured for it."""
+    """Whether the figure is enough: the claim holds, or many robots were measured for it."""
     return found.verdict == "holds" or CLAIMS[number].over is not None
 
 
 def clause(text: str) -> str:
-    """The first clause of some sentences: what stands against a claim."""
+    """The first clause of some sentences, with the reason against a claim."""
     return f"{re.split(r'[.:;] ', text)[0].rstrip('.')}."

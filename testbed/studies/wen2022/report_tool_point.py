@@ -58,15 +58,15 @@ def of_set(study: ToolPointStudy, source: str) -> str:
 
 
 def inflation(study: ToolPointStudy, campaign: Campaign) -> str:
-    """How much |P| hides and how much independent draws inflate, in one campaign."""
+    """How much smaller |P| and how much larger independent draws make u, in one campaign."""
     said = []
     for k, source in enumerate(study.source):
         if source in (paper.TABLE3_BEST, OURS_BEST):
             ratio = study.spatial[k, 0] / study.distance_sd[k, 0]
             said.append(f"{fixed(float(ratio), 1)} times ({of_set(study, source)})")
     text = (
-        "The paper draws independent numbers and looks at |P|; at the zero pose the same draws "
-        f"spread {' and '.join(said)} as much in three dimensions. "
+        "The paper draws independent numbers and evaluates |P|; at the zero pose the same draws "
+        f"scatter {' and '.join(said)} as much in three dimensions. "
         if said
         else ""
     )
@@ -100,13 +100,13 @@ def tool_section(campaign: Campaign) -> Section | None:
 
 
 def ranges(clouds: Mapping[str, tuple[Cloud, Cloud]]) -> str:
-    """How many ranges are as wide as so many draws make them, in words."""
+    """Number of ranges that are as wide as expected from the number of draws, in words."""
     found = ranges_of(clouds)
     good = sum(one.good for one in found)
     printed = ", the one printed range in our sources among them" * any(
         one.printed and one.good for one in found
     )
     return (
-        f"{good} of {len(found)} ranges are as wide as linear propagation makes those of so many "
+        f"{good} of {len(found)} ranges are as wide as linear propagation predicts for so many "
         f"draws{printed}."
     )

@@ -40,13 +40,13 @@ ARRAYS = {name: name for name in ("pool", "u_best", "u_r", "u_p", "u_w")} | {
     "own_error_after_m": "own_after",
     "inside": "inside",
 }
-"""Names of what each robot gave, and the fields of its record."""
+"""Names of arrays over robots, and the fields of their record."""
 SET_ARRAYS = {name: name for name in ("indices", "index")} | {
     "own_error_before_m": "own_before",
     "own_error_after_m": "own_after",
     "held_out_error_m": "error",
 }
-"""Names of what calibrated sets gave, and the fields of their record."""
+"""Names of arrays over calibrated sets, and the fields of their record."""
 SPLIT = {name: name for name in ("ratio", "repeats", "counted", "geometric")} | {
     "variance_shares": "shares",
     "u_p_over_u_r": "p_over_r",
@@ -106,7 +106,7 @@ def _claims(examined: Examined) -> dict[int, dict[str, str]]:
 
 
 def _ratios(budget: PaperBudget, k: int) -> list[Quantity]:
-    """What the k-th designed set gives against the random side."""
+    """Ratios of the k-th designed set to the random side."""
     return [
         Quantity("mean_u_ratio_best_to_random", budget.ratio[k]),
         Quantity("mean_u_r_ratio_best_to_random", budget.repeats_ratio[k]),
@@ -114,7 +114,7 @@ def _ratios(budget: PaperBudget, k: int) -> list[Quantity]:
 
 
 def _inside(stated: Judged) -> list[Quantity]:
-    """What the paper's type A statements hold, and what the covariance of its fit holds."""
+    """Shares of truth inside the paper's type A statements, and by the covariance of its fit."""
     return [
         *map(Quantity, (f"type_a_{name}" for name in TYPE_A), stated.type_a),
         Quantity("type_a_numbers", stated.numbers),
@@ -124,7 +124,7 @@ def _inside(stated: Judged) -> list[Quantity]:
 
 
 def published_arrays(campaign: Campaign) -> list[Quantity]:
-    """What each robot gave, and each calibrated set on this one."""
+    """Arrays over robots, and over calibrated sets on this one."""
     many = {
         f"reexamined/{study.truth}/{name}": getattr(study, field)
         for study in reexamined_of(campaign)
@@ -143,7 +143,7 @@ def published_arrays(campaign: Campaign) -> list[Quantity]:
 
 
 def _rank(rank: Rank) -> Iterator[Quantity]:
-    """One designed set among random ones; what does not depend on the estimator is said once."""
+    """One designed set among random ones; figures independent of the estimator occur once."""
     key = rank.estimator
     if key == ESTIMATORS[0]:
         yield Quantity("poses", rank.poses)
@@ -191,7 +191,7 @@ def _reexamined(again: Reexamination, examined: Examined | None) -> Iterator[Qua
 
 
 def _on_one_kind(again: Reexamination, kind: Reexamined) -> Iterator[Quantity]:
-    """The same on one kind of robots."""
+    """The figures on one kind of robots."""
     yield Quantity("before_mm", over(kind.before, kind.pool), METRE)
     for split in of_kind(again.splits, kind):
         yield from below(f"protocol/{split.trial}", fields_of(split, SPLIT))
@@ -218,5 +218,5 @@ def _on_one_kind(again: Reexamination, kind: Reexamined) -> Iterator[Quantity]:
 
 
 def _share(mean: Mean) -> dict[str, object]:
-    """A share with its interval, which ends at none and at all."""
+    """A share with its interval, limited to 0 and 1."""
     return {"value": mean.value, "ci_95": [max(mean.low, 0.0), min(mean.high, 1.0)]}

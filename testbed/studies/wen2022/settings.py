@@ -14,7 +14,7 @@ from testbed.studies.wen2022.paper_set import by_paper
 SETS_KEY = "reexamined.sets"
 """Record of the pools and the pose sets chosen from them, which all kinds of robots share."""
 FEWEST_POSES = 100
-"""Poses of a pool below which its four regions are too poor to calibrate in each."""
+"""Fewest poses of a pool, so that each of its four regions has enough for a calibration."""
 
 
 class ReexaminedSettings(ManyRobots):
@@ -25,7 +25,7 @@ class ReexaminedSettings(ManyRobots):
     needs_paper_set: ClassVar[bool] = True
 
     pools: Annotated[int, Field(ge=1, le=1000)] = 12
-    """Pools, each with designed sets and held-out poses of its own; each meets as many robots."""
+    """Number of pools, each with its own designed sets and held-out poses, and as many robots."""
     truths: Annotated[tuple[TruthName, ...], Field(min_length=1, max_length=len(TRUTHS))] = (
         "rigid",
         "wen2022",
@@ -33,7 +33,7 @@ class ReexaminedSettings(ManyRobots):
     """Kinds of robots: presets of [truth] as they ship, whatever this scenario's [truth] says."""
 
     def own_contradictions(self, scenario: Scenario) -> Iterable[str]:
-        """The paper's protocol needs its pools, its sets and a tracker as it assumed it."""
+        """Missing pools or sets of the paper's protocol, or a tracker that it does not assume."""
         if self.robots > 1 and self.robots % self.pools:
             nearest = max(1, round(self.robots / self.pools)) * self.pools
             yield (
@@ -50,7 +50,7 @@ class ReexaminedSettings(ManyRobots):
                 "[reexamined] plays the protocol of the paper, and no [[trial]] chooses its set as "
                 'there; write method = "detmax" and rows = "paper" in one, or robots = 0'
             )
-        if not scenario.studies.paper_budget:  # else it is said already
+        if not scenario.studies.paper_budget:  # else it is reported already
             yield from of_budget(scenario)
         if scenario.pool.size < FEWEST_POSES:
             yield (

@@ -1,8 +1,8 @@
-"""What 95 % statements hold of the truth: the paper's, of type A, and the covariances of fits.
+"""How often 95 % statements contain the truth: the paper's, of type A, and covariances of fits.
 
 The paper states the scatter of repeated calibrations (type A), as an uncertainty of the distance of
-the tool point to the base. The covariance that its unweighted fit claims, s^2 inv(J'WJ) with
-s^2 = RSS / (12 m - f), is not in the paper: it is judged beside, and never in its place.
+the tool point to the base. The covariance of its unweighted fit, s^2 inv(J'WJ) with s^2 = RSS /
+(12 m - f), is not in the paper: it is judged in addition, and never instead.
 """
 
 from dataclasses import dataclass
@@ -23,21 +23,21 @@ def held_by_type_a(
 ) -> tuple[Bool, Array, float]:
     """Whether each of the statements "distance" and "point" holds, u of |P|, and its factor t.
 
-    Student's t has the degrees of freedom of the repeats, from which all u come. The effective ones
-    of JCGM 100:2008, G.4.1, would be more, but ask for independent estimates of u.
+    Student's t has the degrees of freedom of the repeats, from which all u are computed. The
+    effective ones of JCGM 100:2008, G.4.1, would be more, but need independent estimates of u.
 
     Parameters
     ----------
     found : Identification
-        By the paper's estimator.
+        Result of the paper's estimator.
     u : (f,) array
         u_best: scatter of repeats with u_c, taken as independent, as in the paper [m or rad].
     count : int
-        Repeats.
+        Number of repeats.
     q, true : (t, n), (t, 3) arrays
-        Held-out poses, and the secret: the noise-free tool points there [rad, m; m].
+        Held-out poses, and the true, noise-free tool points there [rad, m; m].
     origin : (3,) array
-        Where distances are taken from [m].
+        Point from which distances are taken [m].
 
     Returns
     -------
@@ -62,7 +62,7 @@ def held_by_covariance(found: Identification, q: Array, true: Array) -> Bool:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Judged:
-    """What one set's statements hold of this robot; shares of its held-out poses."""
+    """Shares of held-out poses at which the statements of one set contain the truth."""
 
     trial: str
     distance_u: float
@@ -70,23 +70,23 @@ class Judged:
     factor: float
     """Student's t of the repeats."""
     type_a: tuple[float, ...]
-    """|P| in t u, the point in t u (`TYPE_A`)."""
+    """Shares with |P| within t u, and with the point within t u (`TYPE_A`)."""
     numbers: float
     """Share of the numbers within t u_best of the truth, type A."""
     unweighted: float
-    """Point in the region of the covariance that the unweighted fit claims: not in the paper."""
+    """Share with the point in the region by the unweighted fit's covariance; not in the paper."""
     unweighted_numbers: float
-    """Numbers in its intervals."""
+    """Share of the numbers in its intervals."""
     replications: int
-    """Of the calibration behind the last two; 0: this one calibration."""
+    """Replications behind the last two figures; 0 for this one calibration."""
     error: float
     """Mean held-out position error [m]."""
 
 
 def judged_statements(campaign: Campaign, trial: Trial) -> Judged | None:
-    """Judge what the paper states of one set, and what its unweighted fit claims.
+    """Judge the paper's statements on one set, and those of its unweighted fit.
 
-    None where the paper's estimator was not played.
+    None if the paper's estimator was not played.
     """
     estimate = next((one for one in trial.estimates if one.mode == "paper"), None)
     if estimate is None:
@@ -98,7 +98,7 @@ def judged_statements(campaign: Campaign, trial: Trial) -> Judged | None:
     count, q = len(estimate.repeated), setting.test_q
     held, u_distance, factor = held_by_type_a(found, u, count, q, true, origin)
     off = np.abs(found.step - seen.true_step)
-    # one calibration's poses share its error; replications say what a region holds on average
+    # poses of one calibration share its error; replications give the average share in a region
     points, numbers = (
         (seen.inside, seen.parameter_inside)
         if runs is None

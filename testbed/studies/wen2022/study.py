@@ -99,7 +99,7 @@ class Wen2022Study:
         return pools.gather(parts) if key == SETS_KEY else play.gather(parts)
 
     def answer(self, scenario: Scenario, records: Records) -> Answer | None:
-        """How many claims hold, where the protocol was played on many robots."""
+        """Number of claims that hold, if the protocol was played on many robots."""
         from testbed.studies.wen2022 import report
 
         return report.answer(campaign_of(scenario, records))
@@ -111,7 +111,7 @@ class Wen2022Study:
         return tuple(published(campaign_of(scenario, records)))
 
     def arrays(self, scenario: Scenario, records: Records) -> Sequence[Quantity]:
-        """What each robot gave."""
+        """Arrays over robots and calibrated sets."""
         from testbed.studies.wen2022.results import published_arrays
 
         return published_arrays(campaign_of(scenario, records))

@@ -1,4 +1,4 @@
-"""What the re-examination shows, each figure with its interval over pools and robots."""
+"""Results of the re-examination, each figure with its interval over pools and robots."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -30,7 +30,7 @@ from testbed.units import MM, Mean
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Predicted:
-    """What noise alone makes of a designed set against random ones, over pools."""
+    """Uncertainty from noise alone of a designed set relative to random ones, over pools."""
 
     trial: str
     poses: int
@@ -55,7 +55,7 @@ class Errors:
     error: Annotated[Mean, METRE]
     """Mean error with the designed set [m]."""
     other: Annotated[Mean, METRE]
-    """With random sets [m]."""
+    """Mean error with random sets [m]."""
     ratio: Mean
     """Logarithm of the ratio."""
     joint: Mean
@@ -63,20 +63,20 @@ class Errors:
 
     @property
     def outcome(self) -> Outcome:
-        """Better or worse where the joint interval lies on one side of 1."""
+        """Better or worse if the joint interval lies on one side of 1."""
         return outcome_of(self.joint)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Held:
-    """What 95 % statements from u_best hold on one kind of robot."""
+    """How often 95 % statements from u_best contain the truth on one kind of robot."""
 
     truth: str
     trial: str
     shares: tuple[Mean, ...]
-    """(4,) of held-out points, per statement."""
+    """(4,) share of held-out points inside each statement."""
     numbers: Mean
-    """Of the 24 numbers within t u_best."""
+    """Share of the 24 numbers within t u_best."""
     u: Annotated[Mean, METRE]
     """Stated u of |P| [m]."""
     error: Mean
@@ -89,7 +89,7 @@ class PaperRow:
 
     printed: paper.SetErrors
     place: int
-    """Of the trial in the record."""
+    """Index of the trial in the record."""
     own_before: Annotated[Mean, METRE]
     own_after: Annotated[Mean, METRE]
     after: Annotated[Mean, METRE]
@@ -100,24 +100,24 @@ S = TypeVar("S", Split, Held)
 
 
 def of_kind(found: Sequence[T], kind: Reexamined) -> list[T]:
-    """What was found on one kind of robots."""
+    """The results on one kind of robots."""
     return [one for one in found if one.truth == kind.truth]
 
 
 def first_of(found: Sequence[S], trial: str) -> list[S]:
-    """The same with one trial in front."""
+    """The results with those of one trial first."""
     return sorted(found, key=lambda one: one.trial != trial)
 
 
 @dataclass(frozen=True, eq=False)
 class Reexamination:
-    """The paper's protocol on many robots: its records, and what they show."""
+    """The paper's protocol on many robots: its records and results."""
 
     kinds: tuple[Reexamined, ...]
     """One record per kind of robots, at least one, in the order of the scenario."""
     sets: PoolSets
     repeats: int
-    """Of each optimal set, and of the random one."""
+    """Number of repeats of each optimal set, and of the random one."""
     paper_set: str
     """Trial that stands for the paper's optimal set, that of Table 3."""
     budget: BudgetSettings
@@ -146,7 +146,7 @@ class Reexamination:
 
     @cached_property
     def splits(self) -> tuple[Split, ...]:
-        """Every kind of robot and optimal set of the paper, in the order of the records."""
+        """The split for every kind of robot and optimal set, in the order of the records."""
         poses = {one.trial: one.poses for one in self.sets.sets}
         return tuple(
             split_of(
@@ -230,7 +230,7 @@ class Reexamination:
 
 
 def reexamination_of(campaign: Campaign) -> Reexamination | None:
-    """What a campaign says over many robots; None where they were not played."""
+    """The re-examination over many robots; None if it was not played."""
     scenario, kinds = campaign.scenario, reexamined_of(campaign)
     if not kinds:
         return None

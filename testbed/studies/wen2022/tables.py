@@ -1,4 +1,4 @@
-"""The tables of the re-examination: the ratio apart, like for like, what u_best holds, 1 to 3."""
+"""Tables of the re-examination: ratio, sets of equal size, shares inside u_best, Tables 1 to 3."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -20,7 +20,7 @@ def of_columns(caption: str, columns: Mapping[str, Sequence[str]], **rest: Any) 
 
 
 def split_table(again: Reexamination) -> Table:
-    """The ratio of the protocol taken apart, printed and ours."""
+    """The ratio of the protocol split into parts, printed and ours."""
     found = (printed_split(), *again.splits)
     geometric = [[fixed(part, 2) for part in split.geometric] for split in found]
     columns = {
@@ -39,8 +39,8 @@ def split_table(again: Reexamination) -> Table:
         "u_w / u_r": [plus_minus(split.w_over_r) for split in found],
     }
     return of_columns(
-        f"The ratio taken apart: Table 3 and the same protocol on {again.robots} robots of each "
-        "kind",
+        f"The ratio split into parts: Table 3 and the same protocol on {again.robots} robots of "
+        "each kind",
         columns,
         align="llrrrrrrrrr",
         size="small",
@@ -54,7 +54,7 @@ def split_table(again: Reexamination) -> Table:
 
 
 def predicted_table(found: tuple[Predicted, ...]) -> Table:
-    """What noise alone makes of designed sets against random ones."""
+    """Uncertainty from noise alone of designed sets relative to random ones."""
     first = [one for one in found if one.estimator == ESTIMATORS[0]]
     columns: dict[str, list[str]] = {
         "set": [one.trial for one in first],
@@ -101,7 +101,7 @@ def error_table(found: tuple[Errors, ...]) -> Table:
 
 
 def held_table(found: tuple[Held, ...]) -> Table:
-    """What 95 % statements made from u_best hold."""
+    """How often 95 % statements from u_best contain the truth."""
     columns = {
         "robots": [one.truth for one in found],
         "set": [one.trial for one in found],
@@ -114,16 +114,16 @@ def held_table(found: tuple[Held, ...]) -> Table:
         "weighted fit: point in region": [share(one.shares[3]) for one in found],
     }
     return of_columns(
-        "What 95 % statements hold of the truth at the held-out poses",
+        "How often 95 % statements contain the truth at the held-out poses",
         columns,
         align="llrrrrrrrr",
         size="small",
         note="type A: what the paper states, the scatter of repeated calibrations with independent "
         "numbers: of the distance of the tool point to the base; the same figure read as an "
         "uncertainty of the point; the numbers themselves. t: Student's factor, of as many "
-        "degrees of freedom as repeats less one. fit: what the paper "
-        "does not state and we judge beside it, the 95 % ellipsoid from the full covariance that a "
-        "fit claims of itself: unweighted rows with s² = RSS / (12 m − 24), and rows weighted by "
+        "degrees of freedom as repeats less one. fit: not in the paper, "
+        "the 95 % ellipsoid by the full covariance of a "
+        "fit: unweighted rows with s² = RSS / (12 m − 24), and rows weighted by "
         "their noise; the same 24 numbers. ± half of the 95 % interval over pools and robots.",
     )
 

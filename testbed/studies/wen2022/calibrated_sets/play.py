@@ -1,7 +1,7 @@
 """Every designed set among random sets of its size: each measured once, calibrated and judged.
 
-The random sets are those whose indices the record ``random_sets`` has. Both estimators move the
-paper's numbers from the nominal robot. Like `play`, this module judges by the truth.
+The random sets are those whose indices the record ``random_sets`` has. Both estimators fit the
+paper's numbers from the nominal robot. Like `play`, this module uses the truth.
 """
 
 from collections.abc import Sequence
@@ -37,7 +37,7 @@ from testbed.studies.wen2022.records import ESTIMATORS
 def random_calibrations(
     scenario: Scenario, setting: Setting, needed: Records, piece: int
 ) -> RandomCalibrations:
-    """One designed trial's set, as its trial measured it, among random ones; a piece each."""
+    """The set of one designed trial, as measured there, among random ones; one piece per trial."""
     bench, settings = open_laboratory(scenario, setting), scenario.designed[piece]
     name, trial = settings.name, needed.get(settings.name, Trial)
     sets = drawn_sets(scenario, settings, len(setting.pool_q))
@@ -65,7 +65,7 @@ def gather(parts: Sequence[RandomCalibrations]) -> RandomCalibrations:
 
 
 def drawn_sets(scenario: Scenario, settings: TrialSettings, pool: int) -> Index:
-    """Random sets (k, m) of a trial's size: those that the record ``random_sets`` is about."""
+    """Random sets (k, m) of a trial's size, those of the record ``random_sets``."""
     rng = stream(scenario.seed, "random_sets", settings.name)
     count = scenario.studies.random_sets
     return np.array([random_selection(pool, settings.poses, rng) for _ in range(count)])
@@ -74,7 +74,7 @@ def drawn_sets(scenario: Scenario, settings: TrialSettings, pool: int) -> Index:
 def calibrated(
     bench: Laboratory, sets: Index, visits: Sequence[Measurements] | ManyTables
 ) -> tuple[CalibratedSets, tuple[str, ...]]:
-    """Sets (K, m) calibrated from one visit each, and those that gave no estimate, in words."""
+    """Calibrate sets (K, m) from one visit each; also a sentence for each without an estimate."""
     setting, free = bench.setting, bench.free("paper")
     fits = [fit_each(setting.nominal, visits, free, mode=mode) for mode in ESTIMATORS]
     good = np.logical_and.reduce([found.converged for found in fits])
@@ -116,7 +116,7 @@ def held_out_errors(setting: Setting, predicted: Sequence[Array]) -> Array:
 
 
 def lost(fits: Sequence[Fits], k: int) -> str:
-    """Which set gave no estimate, and why."""
+    """Sentence on a set without an estimate, and the reason."""
     mode, found = next(
         (mode, found)
         for mode, found in zip(ESTIMATORS, fits, strict=True)

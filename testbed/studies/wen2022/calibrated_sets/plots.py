@@ -12,7 +12,7 @@ from testbed.studies.wen2022.records import ESTIMATORS
 from testbed.units import MM
 
 MOST_SETS = 4
-"""Designed sets in one figure; the table holds all."""
+"""Most designed sets in one figure; the table has all."""
 DRAWN: Look = {"marker": "^", "color": MIDDLE, "markersize": 2.8, "markerfacecolor": "none"}
 CHOSEN: Look = {"marker": "o", "color": DARK, "markersize": 5.2}
 

@@ -1,4 +1,4 @@
-"""What calibrated pose sets leave behind: designed ones, and random ones of their size."""
+"""Records of calibrated pose sets: designed ones, and random ones of their size."""
 
 from dataclasses import dataclass
 from typing import Annotated
@@ -8,9 +8,9 @@ from calib.information.observability import IndexName
 from testbed.studies.trial.records import Campaign
 
 RANDOM_CALIBRATIONS = "random_calibrations"
-"""Record on the one robot of the campaign."""
+"""Key of the record on the one robot of the campaign."""
 INDICES: tuple[IndexName, ...] = ("O1", "O2")
-"""Indices that the paper settles its sets by, in its own rows."""
+"""Indices by which the paper fixes the size of its sets, in its own rows."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -20,9 +20,9 @@ class CalibratedSets:
     indices: Annotated[Index, "K", "m"]
     """(K, m) places in the pool."""
     index: Annotated[Array, 2, "K"]
-    """(2, K) observability of each set: `INDICES`."""
+    """(2, K) observability of each set by `INDICES`."""
     own_before: Annotated[Array, "K"]
-    """(K,) mean distance to what was measured at the set's own poses, nominal model [m]."""
+    """(K,) mean distance to the readings at the set's own poses, nominal model [m]."""
     own_after: Annotated[Array, 2, "K"]
     """(2, K) the same for the identified model [m]."""
     error: Annotated[Array, 2, "K"]
@@ -37,11 +37,11 @@ class AgainstRandom:
     poses: int
     criterion: str
     designed: CalibratedSets
-    """The one set, as its trial measured it."""
+    """The designed set, as its trial measured it."""
     random: CalibratedSets
-    """Those that gave an estimate with both estimators."""
+    """Random sets with an estimate by both estimators."""
     failed: tuple[str, ...]
-    """Which of the random sets gave none, and why."""
+    """Random sets without an estimate, and the reasons."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -55,5 +55,5 @@ class RandomCalibrations:
 
 
 def random_calibrations_of(campaign: Campaign) -> RandomCalibrations | None:
-    """Designed sets among random ones, all calibrated; None if nobody asked."""
+    """Designed sets among random ones, all calibrated; None if not played."""
     return campaign.records.find(RANDOM_CALIBRATIONS, RandomCalibrations)

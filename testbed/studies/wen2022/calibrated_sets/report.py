@@ -46,7 +46,7 @@ def sets_section(campaign: Campaign) -> Section | None:
 
 
 MOST_LOST = 10
-"""Sets without an estimate that the report lists."""
+"""Most sets without an estimate that the report lists."""
 
 
 def related(rank: Rank) -> str:

@@ -1,4 +1,4 @@
-"""What calibrated random sets show: ranks of the designed ones, spreads, index against error."""
+"""Results of calibrated random sets: ranks of the designed ones, spreads, index against error."""
 
 from dataclasses import dataclass
 from typing import Annotated
@@ -50,7 +50,7 @@ class Rank:
     criterion: str
     estimator: Mode
     index: str
-    """Observability index beside which the errors stand: the set's own, or O1."""
+    """Observability index that is compared with the errors: the set's own, or O1."""
     designed_index: float
     random_index: OverSets
     designed: Annotated[float, METRE]
@@ -64,13 +64,13 @@ class Rank:
     own_after: Annotated[float, METRE]
     random_own_after: Annotated[OverSets, METRE]
     sets: int
-    """Random sets that were calibrated."""
+    """Number of random sets that were calibrated."""
     better_than: int
-    """Random sets that leave a larger held-out error."""
+    """Number of random sets with a larger held-out error."""
     own_lower_than: int
-    """Random sets that leave a larger error on their own poses."""
+    """Number of random sets with a larger error on their own poses."""
     starts_lower_than: int
-    """Random sets whose poses have a larger error before calibration."""
+    """Number of random sets with a larger error on their own poses before calibration."""
     correlation: float
     """Rank correlation of index and held-out error among the random sets."""
     correlation_ends: tuple[float, float]
@@ -78,7 +78,7 @@ class Rank:
 
 
 def rank_of(one: AgainstRandom, mode: Mode) -> Rank:
-    """Where a designed set stands by one estimator."""
+    """Rank of a designed set by one estimator."""
     k, drawn, own = ESTIMATORS.index(mode), one.random, one.designed
     i, index = index_of_choice(one)
     error, after = drawn.error[k], drawn.own_after[k]
@@ -110,14 +110,14 @@ def rank_of(one: AgainstRandom, mode: Mode) -> Rank:
 
 
 def index_of_choice(one: AgainstRandom) -> tuple[int, str]:
-    """Place and name of the index beside which errors stand: the set's own, or O1."""
+    """Place and name of the index compared with errors: the set's own, or O1."""
     known = [k for k, name in enumerate(INDICES) if name == one.criterion]
     place = known[0] if known else 0
     return place, INDICES[place]
 
 
 def ranks(campaign: Campaign) -> tuple[Rank, ...]:
-    """Every designed set by every estimator; none where random sets were not calibrated."""
+    """Every designed set by every estimator; none if random sets were not calibrated."""
     study = random_calibrations_of(campaign)
     sets = study.sets if study else ()
     return tuple(rank_of(one, mode) for one in sets for mode in ESTIMATORS)
@@ -126,8 +126,8 @@ def ranks(campaign: Campaign) -> tuple[Rank, ...]:
 def rank_correlation(x: Array, y: Array) -> tuple[float, float, float]:
     """Spearman's rank correlation of two figures (n,), with its 95 % interval.
 
-    Without spread in either figure, or with fewer than four pairs, nothing is told: 0 (-1 to 1).
-    It is that of `scipy.stats`, whose import alone takes a second; tests compare the two.
+    Without spread in either figure, or with fewer than four pairs, it is 0 (-1 to 1). The value is
+    that of `scipy.stats`, whose import alone takes a second; tests compare both.
 
     References
     ----------
@@ -153,20 +153,20 @@ class TableRow:
 
     printed: paper.SetErrors
     sets: int
-    """Pose sets behind it: one, or all random ones that were calibrated."""
+    """Number of pose sets: one, or all random ones that were calibrated."""
     own_before: OverSets
     own_after: OverSets
-    """By the paper's estimator."""
+    """Error on its own poses by the paper's estimator."""
     error: OverSets
-    """Held out, by the paper's estimator."""
+    """Held-out error by the paper's estimator."""
     weighed: OverSets | None
-    """Held out, with noise weighed; None where that was not played."""
+    """Held-out error by the whitened estimator; None if not played."""
 
 
 def table_rows(campaign: Campaign) -> tuple[TableRow | None, ...]:
     """A row for each printed one; None for a set that this campaign does not play.
 
-    Random rows are those of all calibrated random sets; where there are none, of the one trial.
+    Random rows are those of all calibrated random sets; if there are none, of the one trial.
     """
     return tuple(_of_sets(campaign, row) or _of_trial(campaign, row) for row in paper.SETS)
 

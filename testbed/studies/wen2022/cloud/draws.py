@@ -1,11 +1,10 @@
-"""The tool point at the zero pose draw by draw: its clouds, and what their ranges should be.
+"""The tool point at the zero pose draw by draw: its clouds, and the expected ranges.
 
-The record keeps what is said of all draws. The draws themselves are made once more, from the
-streams that they came from: report and recording show the same points, and no run folder holds
-them.
+The record has figures over all draws. The draws themselves are repeated from their streams when
+needed, so that report and recording show the same points, and no run folder has to contain them.
 
-Ranges have a prediction of their own, without a draw: the ends of M normal numbers whose standard
-deviation is that of linear propagation.
+Ranges are predicted without draws: they are those of M normal numbers whose standard deviation is
+that of linear propagation.
 """
 
 from collections.abc import Mapping, Sequence
@@ -31,16 +30,16 @@ PAIRS = {
     "Table 3 of the paper": (TABLE3_BEST, TABLE3_RANDOM),
     "this campaign": (OURS_BEST, OURS_RANDOM),
 }
-"""Whose budgets: the optimal set's, and that of random sets."""
+"""Pairs of budgets: that of the optimal set, and that of random sets."""
 SHOWN = 500
-"""Draws of a cloud that are drawn as points: the first ones, which are a fair sample of all."""
+"""Number of draws shown as points: the first ones, which are a fair sample."""
 
 CONFIDENCE = 0.999
-"""That all good ranges are found good: one seed in a thousand blames them, not one in twenty."""
+"""Probability that all correct ranges pass; one seed in a thousand fails, not one in twenty."""
 BEYOND = 12.0
-"""No normal number in 10^32 lies so many standard deviations from its mean."""
+"""Standard deviations that one normal number in 10^32 exceeds."""
 LINE = np.linspace(-BEYOND, BEYOND, 2401)
-"""Where integrals over normal numbers are summed: their integrands are smooth over steps of .01."""
+"""Nodes of sums for integrals over normal numbers; integrands are smooth over steps of .01."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -48,17 +47,17 @@ class Cloud:
     """Tool points of independently drawn numbers at the zero pose, in world axes."""
 
     source: str
-    """Whose uncertainties: one of a pair of `PAIRS`."""
+    """Source of the uncertainties: one of a pair of `PAIRS`."""
     nominal: Array
-    """(3,) where the nominal model has the tool point [m]."""
+    """(3,) tool point of the nominal model [m]."""
     points: Array
-    """(M, 3) from there to the tool point of each draw [m]."""
+    """(M, 3) tool point of each draw minus the nominal one [m]."""
     linear: Array
     """(3, 3) covariance by linear propagation, J diag(u^2) J' [m^2]."""
 
     @property
     def shown(self) -> Array:
-        """(k, 3) the draws that are drawn as points [m]."""
+        """(k, 3) the draws that are shown as points [m]."""
         return self.points[:SHOWN]
 
     @property
@@ -73,7 +72,7 @@ class Cloud:
 
 
 def clouds_of(campaign: Campaign) -> dict[str, tuple[Cloud, Cloud]]:
-    """Optimal and random cloud by whose budgets they are; none where they were not drawn."""
+    """Optimal and random cloud for each pair of budgets; none if they were not drawn."""
     study = tool_point_of(campaign)
     if study is None:
         return {}
@@ -92,7 +91,7 @@ def clouds_of(campaign: Campaign) -> dict[str, tuple[Cloud, Cloud]]:
 
 @lru_cache(maxsize=4)
 def _cloud(nominal: RobotModel, seed: int, source: str, draws: int, standard: bytes) -> Cloud:
-    """The draws behind one row of the record: tables, claims and figures ask for the same."""
+    """The draws behind one row of the record, shared by tables, claims and figures."""
     u, zero = np.frombuffer(standard), np.zeros((1, nominal.chain.n_joints))
     point = frozen(nominal.poses(zero)[0, :3, 3])
     steps = independent_draws(u, draws, draws_of(seed, source))
@@ -102,7 +101,7 @@ def _cloud(nominal: RobotModel, seed: int, source: str, draws: int, standard: by
 
 @dataclass(frozen=True, slots=True)
 class Range:
-    """Smallest to largest of the draws along one axis, and whether so many draws reach as far."""
+    """Smallest to largest of the draws along one axis, and whether that is as expected."""
 
     source: str
     axis: str
@@ -112,9 +111,9 @@ class Range:
     u: float
     """Standard uncertainty along the axis by linear propagation [m]."""
     printed: bool
-    """In the paper, or else drawn here."""
+    """Whether it is printed in the paper; else it was drawn here."""
     good: bool
-    """The half width lies where that of M normal numbers with this u does."""
+    """Whether the half width agrees with that of M normal numbers with this u."""
 
     @property
     def half_width(self) -> float:
@@ -123,9 +122,9 @@ class Range:
 
 
 def ranges_of(clouds: Mapping[str, Sequence[Cloud]]) -> tuple[Range, ...]:
-    """The printed range that is known, beside the cloud that repeats it, then those drawn here.
+    """The one printed range in our sources, then the ranges drawn here.
 
-    They are judged together: if all are as predicted, all pass with `CONFIDENCE`.
+    They are judged together: if all are as predicted, all pass with probability `CONFIDENCE`.
     """
     raw: list[tuple[Cloud, int, Array, int, bool]] = []
     for cloud in (cloud for pair in clouds.values() for cloud in pair):
@@ -145,16 +144,16 @@ def ranges_of(clouds: Mapping[str, Sequence[Cloud]]) -> tuple[Range, ...]:
 
 @cache
 def predicted_band(draws: int, comparisons: int) -> tuple[float, float]:
-    """Where the half width of a range of M normal numbers lies, in their standard deviation.
+    """Interval for the half width of a range of M normal numbers, in their standard deviation.
 
-    If all of so many ranges are made of normal numbers, all of them lie there with `CONFIDENCE`.
+    If all ranges are those of normal numbers, all lie inside with probability `CONFIDENCE`.
 
     Parameters
     ----------
     draws : int
         M, at least 2.
     comparisons : int
-        Ranges that are judged together.
+        Number of ranges that are judged together.
     """
     from scipy.optimize import brentq
 

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 ROOM = 1.06
-"""Views reach so many times as far as the widest range."""
+"""Extent of the views relative to the widest range."""
 WIDE = 2.7
 """Width on paper of the two views beside each other [in]."""
 WORDS = 1.5
@@ -25,7 +25,7 @@ WORDS = 1.5
 def zero_pose_clouds(clouds: Mapping[str, tuple[Cloud, Cloud]]) -> str:
     """Both clouds from above, from the front and from the side, all at one scale [mm].
 
-    The views stand as on a drawing: that of x and z below x and y, that of z and y beside it.
+    The views are arranged as on a drawing: x and z below x and y, and z and y beside it.
     """
     widest = np.max([np.abs(one.ends).max(axis=1) for pair in clouds.values() for one in pair], 0)
     x, y, z = ROOM * MM * widest
