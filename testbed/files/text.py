@@ -143,8 +143,8 @@ def _names(cells: Sequence[str], below: Sequence[Sequence[str]]) -> tuple[str, .
     """
     named, rows = len(_trimmed(cells)), list(map(_trimmed, below[:FIRST]))
     width = min([len(cells), *map(len, rows)])
-    more = rows and width < 2 * named and not all(row[width - 1].isdigit() for row in rows)
-    return tuple(cells[: max(named, width) if more else named])
+    more = named < width < 2 * named and not all(row[width - 1].isdigit() for row in rows)
+    return tuple(cells[: width if more else named])
 
 
 def _of_groups(head: tuple[str, ...], title: tuple[int, str], separator: str) -> tuple[str, ...]:

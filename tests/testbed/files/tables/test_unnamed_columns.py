@@ -70,6 +70,12 @@ def test_a_column_without_a_name_and_a_title_is_called_by_its_place(tmp_path):
     assert sheet(tmp_path, "a,b,,\n1,2,,\n3,4,,\n").head == ("a", "b")
 
 
+def test_rows_without_a_cell_are_no_wider_than_the_names(tmp_path):
+    with pytest.raises(InputError, match="holds numbers"):
+        sheet(tmp_path, '5\n""\n')
+    assert sheet(tmp_path, 'a,b,\n1,2\n"",\n').head == ("a", "b")
+
+
 DAMAGED = {
     "commas before decimals": "pose,x,y,z,,,\np,1,5,2,7,3,1\nq,1,5,2,7,3,1\n",
     "a longer row": "a,b,\n1,2,0.5\n3,4,\n5,6,0.7,8\n",
