@@ -22,7 +22,7 @@ from calib.identification.ladders import ladders_of
 from calib.identification.larger_noise import HONEST, noise_factor, under_noise
 from calib.identification.levels import Ladder, Level, joined, prior_of, with_errors
 from calib.identification.prior import Prior, weak_prior
-from calib.identification.result import Identification
+from calib.identification.result import Identification, Reason
 from calib.identification.robust import Loss
 from calib.identification.row_ladders import NOTHING_KNOWN, RowTerms, row_ladders
 from calib.kinds import checked_kinds
@@ -206,13 +206,18 @@ def extended_by(
 
 def sentence_of(found: Climb, nominal: RobotModel) -> str:
     """What was chosen and why; `nominal` may have joint errors of its own."""
+    return reason_of(found, nominal).sentence
+
+
+def reason_of(found: Climb, nominal: RobotModel) -> Reason:
+    """The parts of `sentence_of`."""
     known = bool(nominal.joint_errors.terms) or nominal.joint_errors.springs is not None
     if found.taken:
         names = " and ".join(level.name for level in found.taken)
-        text = f"extended by {names}: the measurements support it (log evidence {found.gain:+.1f})"
+        text = f"the measurements support it (log evidence {found.gain:+.1f})"
         if found.confirmed:
             text += f", and {_misses(found, found.before, found.after)} with it"
-        return text
+        return Reason("extended", f" by {names}", text)
     if refused := [step for step in found.steps if not step.taken]:
         step = refused[0]
         why = (
@@ -220,18 +225,17 @@ def sentence_of(found: Climb, nominal: RobotModel) -> str:
             if found.confirmed
             else f"but fewer than {FOLDS * FEWEST_TO_CONFIRM} poses cannot confirm any"
         )
-        return (
-            f"geometric: the measurements support {step.level} (log evidence {step.gain:+.1f}), "
-            f"{why}"
-        )
+        text = f"the measurements support {step.level} (log evidence {step.gain:+.1f}), {why}"
+        return Reason("geometric", "", text)
     if found.best is None:
         held = "others than those that the robot has already" if known else "terms to add"
-        return f"geometric: no joint of this robot has {held}"
+        return Reason("geometric", "", f"no joint of this robot has {held}")
     more = " beyond the robot's own" if known else ""
-    return (
-        f"geometric: the measurements do not support joint errors{more} (log evidence "
+    text = (
+        f"the measurements do not support joint errors{more} (log evidence "
         f"{found.best[1]:+.1f} at best, for {found.best[0]})"
     )
+    return Reason("geometric", "", text)
 
 
 def _misses(found: Climb, before: float, after: float) -> str:

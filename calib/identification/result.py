@@ -1,7 +1,7 @@
 """The result of an identification: model, estimated numbers, covariance and tests, also as text."""
 
 from dataclasses import dataclass, field, replace
-from typing import Annotated, Literal
+from typing import Annotated, Literal, NamedTuple
 
 import numpy as np
 
@@ -20,6 +20,21 @@ from calib.shown import ResultTable, Shown, decimals
 Mode = Literal["whitened", "paper"]
 ILL_CONDITIONED = 1e3
 """Condition number of the kept columns above which the poses are too much alike."""
+
+
+class Reason(NamedTuple):
+    """Which model is fitted and why, in parts."""
+
+    model: str
+    """geometric or extended."""
+    levels: str
+    """By which levels it was extended; empty where it was not."""
+    because: str
+
+    @property
+    def sentence(self) -> str:
+        """All of it."""
+        return f"{self.model}{self.levels}: {self.because}"
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -14,8 +14,9 @@ from calib.identification.ladders import ladders_of
 from calib.identification.levels import Ladder, Level
 from calib.identification.many.fit import ManyFits, fit_many
 from calib.identification.many.tables import ManyTables, known_to_many
-from calib.identification.model_choice import choose
+from calib.identification.model_choice import choose, reason_of
 from calib.identification.prior import Prior, own_prior, own_words
+from calib.identification.result import Reason
 from calib.identification.robust import Loss
 from calib.identification.row_ladders import RowTerms, row_ladders
 from calib.information.sizes import usual_sizes
@@ -33,6 +34,10 @@ UNSAID = {
 """Ladders that are never climbed here, and why."""
 
 
+AS_ASKED = Reason("geometric", "", "as the scenario says")
+"""Of a model that no reading decided."""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Estimator:
     """One way to identify, the same for every visit of a trial."""
@@ -44,7 +49,7 @@ class Estimator:
     """What is free."""
     prior: Prior | None = None
     loss: Loss = "squared"
-    why: str = ""
+    reason: Reason = AS_ASKED
     """Which model it fits and why, in words."""
     log_evidence: float = field(default=float("nan"))
     """Log odds of the extended model; nan where the evidence was not asked."""
@@ -52,8 +57,11 @@ class Estimator:
     """Joint errors that were offered, and what became of them."""
     steps: tuple[ClimbStep, ...] = ()
     """How the choice went."""
-    extended: bool = False
-    """Whether it fits joint errors beside the geometry."""
+
+    @property
+    def extended(self) -> bool:
+        """Whether it fits joint errors beside the geometry."""
+        return self.reason.model == "extended"
 
     def fit(self, measured: Measurements, parameters: Parameters | None = None) -> Identification:
         """Identify from one table; `parameters` replaces what is free."""
@@ -106,11 +114,10 @@ def estimator_for(bench: Laboratory, mode: Mode, measured: Measurements) -> Esti
     given = own_prior(free, nominal)
     if settings.prior is not None:
         given = scenario_prior(settings.prior, free, nominal)
-    why, evidence = "geometric: as the scenario says", float("nan")
+    reason, evidence = AS_ASKED, float("nan")
     climbed: Climb | None = None
-    extended = settings.model == "extended"
-    if extended:
-        why = "extended: as the scenario says"
+    if settings.model == "extended":
+        reason = reason._replace(model="extended")
     elif settings.model == "choose":
         weak = settings.prior or WEAK
         choice = choose(
@@ -121,17 +128,18 @@ def estimator_for(bench: Laboratory, mode: Mode, measured: Measurements) -> Esti
             ladders=scenario_ladders(weak, nominal, bench.robot, measured, gear_orders(bench)),
             loss=settings.loss,
         )
-        why, evidence, climbed = choice.sentence, choice.log_evidence, choice.climb
-        extended = choice.chosen == "extended"
-        if extended:
+        climbed, evidence = choice.climb, choice.log_evidence
+        reason = reason_of(climbed, nominal)
+        if choice.chosen == "extended":
             found = choice.identification
             nominal, free, given = choice.starts[1], found.parameters, found.prior
     if settings.model == "extended":
         nominal, free, _ = with_joint_terms(nominal, free)
         given = scenario_prior(settings.prior or WEAK, free, nominal)
-    why += f"; {own}" * bool(own)
+    if own:
+        reason = reason._replace(because=f"{reason.because}; {own}")
     asked = ((), ()) if climbed is None else (climbed.offered, climbed.steps)
-    return Estimator(mode, nominal, free, given, settings.loss, why, evidence, *asked, extended)
+    return Estimator(mode, nominal, free, given, settings.loss, reason, evidence, *asked)
 
 
 def scenario_prior(settings: PriorSettings, parameters: Parameters, model: RobotModel) -> Prior:

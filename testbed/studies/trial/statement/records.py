@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from math import isnan
 from typing import Annotated
 
-from calib.arrays import Array, Bool, FloatOrNan, Index
+from calib.arrays import LATER, Array, Bool, FloatOrNan, Index
 from calib.identification.climbing import ClimbStep, Offer
 from calib.identification.lack_of_fit import LackOfFit
 from calib.measurement.observations import Measurements
@@ -141,6 +141,10 @@ class Statement(Shown):
     one."""
     warnings: tuple[str, ...]
     """What could not be stated, and what to do about it."""
+    levels: Annotated[str, LATER] = ""
+    """By which levels of joint errors the model is extended, as `why` says it."""
+    because: Annotated[str, LATER] = ""
+    """Why it was fitted, as `why` says it."""
 
 
 SUMS = (

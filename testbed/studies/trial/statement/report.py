@@ -5,10 +5,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from calib.identification.result import Reason
 from calib.uncertainty.statement.belief import Belief
 from testbed.report.choice import choice_tables
 from testbed.report.page import Block, Figure, Points, Table, Text, printed
 from testbed.studies.trial import plots, plots_uncertainty
+from testbed.studies.trial.estimator import AS_ASKED
 from testbed.studies.trial.records import Campaign, Trial
 from testbed.studies.trial.statement.records import SUMS, Statement, sums_of
 from testbed.units import (
@@ -84,10 +86,9 @@ def weighed(statements: list[tuple[Trial, Statement]]) -> tuple[str, ...]:
     """What weighs each calibration: all of the first one, of the others what is theirs alone."""
     found = []
     for k, (trial, statement) in enumerate(statements):
-        name, _, why = statement.why.partition(": ")
-        if statement.model != "geometric" or why != AS_SAID:
-            levels = name.removeprefix(statement.model)
-            found.append(f"{trial.name}: {statement.model} model{levels}, {why}.")
+        chosen = Reason(statement.model, statement.levels, statement.because)
+        if chosen.because and chosen != AS_ASKED:  # older records do not hold it
+            found.append(f"{trial.name}: {chosen.model} model{chosen.levels}, {chosen.because}.")
         said = reasons(statement, brief=k > 0)
         found += said if k == 0 else [f"{trial.name}: {shorter(text, found)}" for text in said]
     return tuple(found)
@@ -99,7 +100,6 @@ def shorter(text: str, before: Sequence[str]) -> str:
     return f"{first}." if colon and any(one.endswith(rest) for one in before) else text
 
 
-AS_SAID = "as the scenario says"
 ELSEWHERE = ("No test of the", "The parameters alone do not explain the readings")
 """How sentences begin that repeat the table of tests and the reasons of the verdict."""
 

@@ -135,7 +135,9 @@ def state(
     )
     return Statement(
         model="extended" if estimator.extended else "geometric",
-        why=estimator.why,
+        why=estimator.reason.sentence,
+        levels=estimator.reason.levels,
+        because=estimator.reason.because,
         log_evidence=estimator.log_evidence,
         offered=estimator.offered,
         steps=estimator.steps,

@@ -223,7 +223,7 @@ def test_the_model_is_chosen_by_what_the_robot_needs_and_the_result_says_why():
     climbed = estimator_for(sagging, "whitened", seen(sagging))
     assert climbed.extended
     assert climbed.log_evidence > 30
-    assert climbed.why.startswith(
+    assert climbed.reason.sentence.startswith(
         "extended by sag and small waves: the measurements support it (log"
     )
     assert {o.level for o in climbed.offered if o.outcome == "taken"} == {"sag", "small waves"}
