@@ -1,4 +1,4 @@
-"""Errors of the geometric numbers of robots that a model can hold, in their uncertainties."""
+"""Errors of geometric numbers over their uncertainties, for robots that a model can match."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -19,17 +19,16 @@ from testbed.studies.trial.compare import true_step
 from testbed.studies.trial.statement.sources import systematic_covariance
 
 EXACT = 1e-9
-"""A model that repeats the noise-free truth this well holds it [m]."""
+"""Largest error at which a model counts as matching the noise-free truth [m]."""
 
 Errors = tuple[Array, float]
 """Normalized errors (f,) and NEES of the geometric numbers."""
 
 
 def parameter_errors(found: Identification, measured: MeasuredRobot) -> Errors | None:
-    """Those of a robot; None if its numbers cannot hold the truth.
+    """Errors of one robot; None if the geometric model cannot match the truth.
 
-    They cannot where joints or links do what no geometry does, or where numbers that differ are
-    held fixed.
+    It cannot if joints or links have errors beyond geometry, or if numbers that differ are held.
     """
     if not _geometric(measured):
         return None
@@ -42,10 +41,10 @@ def parameter_errors(found: Identification, measured: MeasuredRobot) -> Errors |
 def many_parameter_errors(
     found: Sequence[Identification], measured: Sequence[MeasuredRobot]
 ) -> list[Errors | None]:
-    """The same of each robot of a kind.
+    """Errors of each robot of a kind, as in `parameter_errors`.
 
-    What numbers can hold follows from noise-free poses, wherever these are: all robots meet those
-    that they were identified from, which is one fit of all.
+    Whether numbers can match the truth is tested at noise-free poses. These are the identification
+    poses, the same for all robots, so that one joint fit is enough.
     """
     nominal, parameters = measured[0].laboratory.setting.nominal, found[0].parameters
     tables = ManyTables.alike([one.seen for one in measured])
@@ -58,7 +57,7 @@ def many_parameter_errors(
     )
     if not together or tables is None:
         return [parameter_errors(*one) for one in zip(found, measured, strict=True)]
-    # what the nominal model knows of joint errors belongs to the comparison
+    # joint errors of the nominal model are part of the comparison
     true = ManyModels.each(
         nominal,
         [
@@ -79,7 +78,7 @@ def many_parameter_errors(
 
 
 def _geometric(measured: MeasuredRobot) -> bool:
-    """Whether a robot does what some geometry does."""
+    """Whether some geometry can match a robot."""
     truth = measured.laboratory.truth
     return not truth.model.joint_errors.coefficients.any() and truth.unmodelled == UnmodelledTerms()
 
@@ -87,7 +86,7 @@ def _geometric(measured: MeasuredRobot) -> bool:
 def _in_uncertainties(
     found: Identification, measured: MeasuredRobot, step: Array, p: Array
 ) -> Errors | None:
-    """Errors against a true step (f,), which leads to points p (t, 3) at the judging poses [m]."""
+    """Errors against a true step (f,), with its points p (t, 3) at the judging poses [m]."""
     if point_distances(p, measured.true).max() > EXACT:
         return None
     wrong = found.step - step

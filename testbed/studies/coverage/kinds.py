@@ -1,8 +1,8 @@
-"""Kinds of robots beside the presets of the truth: what hides, what is shared, used otherwise.
+"""Kinds of robots in addition to the presets of the truth: hidden or shared errors, or other use.
 
-A `slight` robot is wrong by physics that no estimator has, a quarter to three quarters of the noise
-after the best geometric fit, which no test sees. The others differ in how they are measured or
-used.
+The errors of a `slight` robot come from physics that no estimator has. After the best geometric fit
+they are a quarter to three quarters of the noise, which tests do not detect. The other kinds differ
+in how they are measured or used.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -30,26 +30,26 @@ MISFITS: tuple[Mapping[str, Any], ...] = (
         "backlash_side": "load",
     },
 )
-"""Sag of springs, waves of high order, a mixture with bending bearings and play: robots in turn."""
+"""Sag of springs, waves of high order, and a mixture with bending bearings and play, in turn."""
 SOFT = ("drive_nm_per_mrad", "bearing_nm_per_mrad")
 SIZES = (0.25, 0.75)
-"""Of the misfit of a slight robot, in sd of the noise per axis."""
+"""Range of the misfit of a slight robot, in sd of the noise per axis."""
 SIZED_AT = 100
-"""Postures of the pool over which a misfit is sized."""
+"""Number of postures of the pool over which the size of a misfit is computed."""
 UNIT = 0.05
-"""Scale of `MISFITS` at which a misfit is sized: small, where all of them are linear."""
+"""Scale of `MISFITS` at which sizes are computed; small, so that all effects are linear."""
 FELT = 1e-4
-"""Part of the noise that terms so small leave at least, or an arm does not feel them."""
+"""Smallest misfit at that scale, in units of the noise, for terms to affect an arm."""
 LEVEL = 1e-6
-"""A place is told by what varies by more over the pool [m or rad]: a level arm is at one height."""
+"""Least variation over the pool of a number that divides it [m, rad]; some arms have one height."""
 MEMORY = 15.0
-"""Rows over which the noise of a drifting station remembers."""
+"""Correlation length of the noise of a drifting station, in rows."""
 MORE_KG = 3.0
-"""Hangs on a loaded robot where it is used and did not where it was measured."""
+"""Payload of a loaded robot in use, which it did not have when measured [kg]."""
 PLACES = ("half", "joint 1", "elbow", "low")
-"""What a robot is calibrated in one part of and used in another: robots in turn."""
+"""Ways to divide the pool into a part for calibration and one for use, for robots in turn."""
 APART = (0.4, 0.6)
-"""Shares of the pool that lie in the part measured, and below the part used."""
+"""Fractions of the pool: that in the measured part, and that below the used part."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -57,13 +57,13 @@ class Use:
     """Where a robot is measured and used, and how."""
 
     laboratory: Laboratory
-    """With this robot, as it is measured."""
+    """The laboratory in which this robot is measured."""
     used: Laboratory
-    """The same as it is used."""
+    """The laboratory in which it is used."""
     payload: tuple[float, float]
-    """What it carries where it is measured and where it is used [kg]."""
+    """Payload when measured and when used [kg]."""
     one_move: bool
-    """Whether it is judged where a single move ends."""
+    """Whether it is judged by single moves."""
 
 
 def drawn(laboratory: Laboratory, kind: str, robot: int, truth: TruthSettings | None = None) -> Use:
@@ -86,21 +86,21 @@ def drawn(laboratory: Laboratory, kind: str, robot: int, truth: TruthSettings | 
 
 
 def in_turn(several: Sequence[T], robot: int) -> Iterator[T]:
-    """All of them, begun at another one for each robot."""
+    """All of them, starting with another one for each robot."""
     return (several[(robot + k) % len(several)] for k in range(len(several)))
 
 
 def slight(
     laboratory: Laboratory, truth: TruthSettings, terms: Mapping[str, Any], size: float, robot: int
 ) -> TruthSettings | None:
-    """The truth with such terms, scaled so that geometry leaves `size` sd of the noise of them.
+    """The truth with `terms`, scaled to a misfit of `size` sd of the noise after a geometric fit.
 
-    None where it leaves nothing, as of the sag of an arm whose axes are all upright.
+    None if there is no misfit, as for the sag of an arm whose axes are all upright.
 
     References
     ----------
-    Misfit is what the best geometric fit over the pool leaves, root mean square per axis: what a
-    geometry absorbs is none.
+    Misfit is the residual of the best geometric fit over the pool, root mean square per axis:
+    effects that geometry absorbs do not count.
     """
     q = laboratory.pool_q[:SIZED_AT]
     still = truth.model_copy(update={"angle_sd_deg": 0.0, "length_sd_mm": 0.0})
@@ -119,7 +119,7 @@ def slight(
 
 
 def scaled(laboratory: Laboratory, terms: Mapping[str, Any], scale: float) -> dict[str, Any]:
-    """Terms of the truth with so many times the effect, for an arm of any number of joints."""
+    """Terms of the truth with `scale` times the effect, for an arm of any number of joints."""
     from testbed.scenario.presets import along
 
     joints = laboratory.robot.model.chain.n_joints
@@ -135,10 +135,10 @@ def scaled(laboratory: Laboratory, terms: Mapping[str, Any], scale: float) -> di
 def apart(
     laboratory: Laboratory, robot: int, counts: tuple[int, int, int]
 ) -> tuple[Array, Array, Array]:
-    """Postures to identify from, to hold out and to judge at, the last in another part.
+    """Postures to identify from, to hold out, and to judge at; the last in another part.
 
-    The part is told by one number: how far to the side, turned, bent or high. Measured where it is
-    below the pool's share `APART[0]`, used above `APART[1]`.
+    The part follows from one number: how far to the side, turned, bent or high a posture is. It is
+    measured below the quantile `APART[0]` of the pool, and used above `APART[1]`.
     """
     told = (
         (place, where(laboratory, place, laboratory.pool_q)) for place in in_turn(PLACES, robot)
@@ -156,7 +156,7 @@ def apart(
 
 
 def where(laboratory: Laboratory, place: str, q: Array) -> Array:
-    """(m,) the number that tells parts of the room or of a joint's range apart."""
+    """(m,) the number that divides the workspace, or the range of a joint, into parts."""
     if place == "joint 1":
         return np.abs(q[:, 0] - np.median(laboratory.pool_q[:, 0]))
     if place == "elbow":
@@ -167,7 +167,7 @@ def where(laboratory: Laboratory, place: str, q: Array) -> Array:
 def remembering(
     laboratory: Laboratory, parts: tuple[Measurements, Measurements]
 ) -> tuple[Measurements, Measurements]:
-    """Rows in time order whose position noise remembers `MEMORY` rows, of the stated variance.
+    """Rows in time order with position noise correlated over `MEMORY` rows, of stated variance.
 
     References
     ----------
@@ -188,6 +188,6 @@ def remembering(
 
 
 def in_random_order(laboratory: Laboratory, chosen: Index, robot: int) -> Index:
-    """The chosen poses as they are visited where a drift is looked for."""
+    """The chosen poses in random order, as they are visited to detect drift."""
     rng = stream(laboratory.scenario.seed, "coverage", "order", robot)
     return np.asarray(rng.permutation(chosen))

@@ -1,9 +1,8 @@
-"""Does the stated uncertainty hold? Many robots of each kind, calibrated, validated and judged.
+"""The coverage study: many robots of each kind are calibrated, validated and judged.
 
-Poses of one robot share its parameter error, so the robot is the unit. Robot k of every kind is
-drawn from the same random numbers and meets the same noise and the same validation and judging
-poses; all of it comes from streams of its own. Only the judge here sees the truth; what a statement
-says comes from what the tracker saw.
+Poses of one robot share its parameter error, so the robot is the unit. Robot k of every kind has
+the same random numbers, noise, validation poses and judging poses, from its own streams. Only the
+judging uses the truth; statements are computed from the tracker's readings.
 """
 
 from collections.abc import Mapping, Sequence
@@ -35,8 +34,8 @@ from testbed.studies.trial.records import Trial
 OF_NUMBERS = ("normal_error", "nees")
 OF_A_ROBOT = ("extended", "log_evidence", "before", *OF_NUMBERS)
 AT_ONCE = BLOCK
-"""Robots of a kind: what their fits need has room, and arrays of more are no quicker. As many as a
-piece of a small study has: a robot is the same in a large one, to rounding."""
+"""Robots of a kind that are fitted at once; larger arrays are not faster. It is the number in a
+piece of a small study, so that a robot has the same results in a large one, to rounding."""
 AXES = dict.fromkeys((*OF_A_MODEL, *OF_A_ROBOT), -1)
 
 
@@ -49,7 +48,7 @@ def play_robots(
     found: dict[str, list[CoverageStudy]] = {kind: [] for kind in kinds}
     for k in range(0, len(robots), AT_ONCE):
         some = robots[k : k + AT_ONCE]
-        poses = [poses_of(laboratory, robot) for robot in some]  # every kind meets the same
+        poses = [poses_of(laboratory, robot) for robot in some]  # the same for every kind
         for kind in kinds:
             measured = measure_robots(laboratory, kind, chosen, some, poses)
             found[kind].append(_play_some(kind, measured, ladders, len(robots)))
@@ -59,7 +58,7 @@ def play_robots(
 def _play_some(
     kind: str, measured: Sequence[MeasuredRobot], ladders: Sequence[Ladder], robots: int
 ) -> CoverageStudy:
-    """Some of the robots of one kind, so many that what their fits need has room in memory."""
+    """Play some of the robots of one kind, few enough for their fits to have room in memory."""
     level = measured[0].laboratory.scenario.table(CoverageSettings).level
     found = many_models(measured, ladders, robots)
     errors = many_parameter_errors([fits[0] for fits, *_ in found], measured)
@@ -72,7 +71,7 @@ def _play_some(
 
 
 def gather(parts: Sequence[CoverageStudy]) -> CoverageStudy:
-    """The robots of all parts; numbers that one of them cannot hold are judged on none."""
+    """The robots of all parts; numbers that some robot's model cannot match are judged on none."""
     if all(part.names for part in parts):
         return together(parts, AXES)
     found = together(parts, {name: axis for name, axis in AXES.items() if name not in OF_NUMBERS})
@@ -107,7 +106,7 @@ def _played(
     judged: Sequence[Mapping[str, Any]],
     before: float,
 ) -> CoverageStudy:
-    """The record of one robot, its models found and judged."""
+    """The record of one robot from its models and judgements."""
     scenario = measured.laboratory.scenario
     fits, evidence, extended = found
     normal_error, nees = errors or (np.zeros(0), np.nan)
@@ -129,7 +128,7 @@ def _played(
 
 
 def offered(laboratory: Laboratory) -> tuple[Ladder, ...]:
-    """What every robot is offered beside its geometry: the robot file says it, no reading does."""
+    """Joint errors on offer for every robot, by the robot file and not by any reading."""
     robot = laboratory.robot
     return ladders_of(laboratory.setting.nominal, moments=robot.moments, limits=robot.limits)
 
@@ -137,7 +136,7 @@ def offered(laboratory: Laboratory) -> tuple[Ladder, ...]:
 def many_models(
     measured: Sequence[MeasuredRobot], ladders: Sequence[Ladder], robots: int = 0
 ) -> list[tuple[tuple[Identification, ...], float, bool]]:
-    """What `models` finds of each robot of a kind, where `robots` are played in all."""
+    """Results of `models` for each robot of a kind, with `robots` played in all."""
     own, seen = measured[0].laboratory, [one.seen for one in measured]
     nominal, free = own.setting.nominal, own.free("whitened")
     bare = identify_many(nominal, seen, free, prior=own_prior(free, nominal))
@@ -148,10 +147,10 @@ def many_models(
 def models(
     measured: MeasuredRobot, ladders: Sequence[Ladder]
 ) -> tuple[tuple[Identification, ...], float, bool]:
-    """Geometric and extended model of a robot, the log evidence, and whether it climbs.
+    """Geometric and extended model of a robot, the log evidence, and whether the latter is chosen.
 
-    The geometric one is what is identifiable, without a prior; the extended one is under the weak
-    prior. Validation poses have no say in the choice: they would no longer be a test.
+    The geometric one has the identifiable numbers, without a prior; the extended one has the weak
+    prior. Validation poses are not used for the choice, or they would no longer be a test.
     """
     nominal, free = measured.laboratory.setting.nominal, measured.laboratory.free("whitened")
     choice = choose(nominal, measured.seen, free, ladders=ladders)
@@ -162,5 +161,5 @@ def models(
 def _found(
     bare: Identification, choice: ModelChoice
 ) -> tuple[tuple[Identification, ...], float, bool]:
-    """What is kept of a choice."""
+    """The models, log evidence and outcome of a choice."""
     return (bare, choice.identifications[1]), choice.log_evidence, choice.chosen == "extended"

@@ -1,4 +1,4 @@
-"""The figures of the coverage study: attained coverage with bands, and what sharpness it costs."""
+"""The figures of the coverage study: attained coverage with bands, and the radii of statements."""
 
 from math import floor
 from typing import TYPE_CHECKING
@@ -32,9 +32,9 @@ LOOKS: dict[str, Look] = {
 }
 MARKERS = {"region": "^", "model": "o", "discrepancy": "s", "conformal": "D"}
 APART = 0.16
-"""Between the rows of one kind of robot, in rows."""
+"""Distance between the rows of one kind of robot, in rows."""
 FINE = 0.8
-"""Where every share lies above this, an axis begins at the last twentieth below them; else at 0."""
+"""If all shares are above this, the axis begins at the next twentieth below them; else at 0."""
 
 
 def attained(cells: tuple[Cell, ...]) -> str:

@@ -19,27 +19,27 @@ from testbed.studies.coverage.summary import Cell, cells
 from testbed.studies.trial.records import Campaign
 
 CURVES = (style.LEAF, style.SKY, style.ORANGE, style.VERMILION, style.PINK, style.BLUE)
-"""One per kind of robot, in turn."""
+"""Colors of the kinds of robots, in turn."""
 STAGES = 40
-"""The clouds of robots grow in so many rows."""
+"""Number of steps in which the clouds of robots grow."""
 PANEL, GAP, ROW = 100.0, 12.0, 27.0
-"""Width of a statement's panel, between panels, height of a row; a percent is about a point."""
+"""Width of a panel, gap between panels, height of a row; a percent is about one point."""
 NAMES, FOOT = 168.0, 30.0
 """Room for the names of rows, and for the numbers below."""
 GOLDEN = 0.6180339887498949
-"""Fractional steps of this fill an interval evenly: no two robots lie on each other."""
+"""Steps of this size, modulo 1, fill an interval evenly, so that robots do not overlap."""
 SPREAD = 0.55
-"""Part of a row over which its robots lie."""
+"""Fraction of a row's height over which its robots are spread."""
 MOST_SHOWN = 2000
-"""Robots of a kind that come in: more are no more to the eye, and each is some kB."""
+"""Most robots of a kind that are shown; more look the same, and each takes some kB."""
 FRAMES = 144
-"""About the length of the phase."""
+"""Approximate number of frames of the phase."""
 
 
 def running(shares: Array, made: Bool) -> Array:
-    """Mean over the first robot, the first two ... of shares (R,), of those made (R,) [%].
+    """Running mean of shares (R,) over the robots with a statement, `made` (R,) [%].
 
-    Before the first of them it is that one.
+    Before the first such robot it has the share of that one.
     """
     count, first_made = np.cumsum(made), int(np.argmax(made))
     total = np.cumsum(np.where(made, shares, 0.0))
@@ -54,7 +54,7 @@ def first_of(study: CoverageStudy, model: int, statement: int) -> tuple[Array, B
 
 
 def chapter(campaign: Campaign) -> Chapter:
-    """Robots of all kinds come in one by one, beside the promise."""
+    """Chapter in which robots of all kinds appear one by one, beside the promised share."""
     studies = STUDY.of(campaign)
     found, robots = cells(studies), studies[0].before.size
     shown = min(robots, MOST_SHOWN)
@@ -90,7 +90,7 @@ def chapter(campaign: Campaign) -> Chapter:
 def _draw(
     studies: tuple[CoverageStudy, ...], found: Sequence[Cell], pen: Pen, phase: Phase
 ) -> None:
-    """Clouds of all kinds of robots, exactly as the records have them."""
+    """Draw the clouds of all kinds of robots from the records."""
     _draw_frame(pen, studies)
     for k, cell in enumerate(found):
         row, column = divmod(k, len(STATEMENTS))
@@ -111,7 +111,7 @@ def _chart(studies: tuple[CoverageStudy, ...], i: int) -> Chart:
 
 
 def _draw_frame(pen: Pen, studies: tuple[CoverageStudy, ...]) -> None:
-    """Promise, edges and words of the panels."""
+    """Draw promised share, edges and words of the panels."""
     import rerun as rr
 
     rows = len(studies) * len(MODELS)

@@ -34,7 +34,7 @@ NAMES = {
 
 
 def section(campaign: Campaign) -> Section:
-    """The verdict, how it was found, table and figures, and the parameters."""
+    """The verdict, the procedure, table and figures, and the parameters."""
     studies = STUDY.of(campaign)
     found = cells(studies)
     robots = counted(studies[0].before.size, "robot")
@@ -47,7 +47,7 @@ def section(campaign: Campaign) -> Section:
         Figure(
             f"Share of held-out points inside what is stated, mean over {robots} of each kind; the "
             f"line is the promise, {level}. Thick: 95 % band of each; thin: bands that hold all "
-            f"{len(found)} at once. Open: falls short. The panels have scales of their own.",
+            f"{len(found)} at once. Open: falls short. Each panel has its own scale.",
             attained(found),
             phone=on_phone(attained, found),
         ),
@@ -68,7 +68,7 @@ def section(campaign: Campaign) -> Section:
 
 
 def believable_sentence(found: tuple[Cell, ...]) -> str:
-    """On which robots each statement keeps its promise, the most believable statement first."""
+    """The robots on which each statement keeps its promise, the most believable first."""
     phrases, refused = [], [cell.truth for cell in found if cell.refused]
     for statement in ("region", "conformal", "model", "discrepancy"):
         made = [c for c in found if c.statement == statement and not c.refused]
@@ -102,7 +102,7 @@ def on(kept: list[str], truths: list[str]) -> str:
 
 
 def consequences(studies: tuple[CoverageStudy, ...], found: tuple[Cell, ...]) -> tuple[str, ...]:
-    """What to take home, in plain sentences."""
+    """The conclusions in sentences."""
     warned = {
         (study.truth, model): float(flagged.mean())
         for study in studies
@@ -145,7 +145,7 @@ def consequences(studies: tuple[CoverageStudy, ...], found: tuple[Cell, ...]) ->
 
 
 def width(found: tuple[Cell, ...]) -> str:
-    """What the believed region holds, and what it costs beside a ball that needs no model."""
+    """Coverage of the believed region, and its size relative to a ball that needs no model."""
     radii = {(c.truth, c.model, c.statement): c.radius for c in found}
     made = [c for c in found if c.statement == BELIEVED and not c.refused]
     if not made:
@@ -161,7 +161,7 @@ def width(found: tuple[Cell, ...]) -> str:
 
 
 def climbing(studies: tuple[CoverageStudy, ...]) -> str:
-    """How often the evidence asks for the extended model."""
+    """Share of robots on which the evidence supports the extended model."""
     kinds: dict[str, list[str]] = {}
     for study in studies:
         kinds.setdefault(percent(float(study.extended.mean())), []).append(study.truth)
@@ -170,7 +170,7 @@ def climbing(studies: tuple[CoverageStudy, ...]) -> str:
 
 
 def obeyed(studies: tuple[CoverageStudy, ...]) -> str:
-    """What happens to whoever does as the program says."""
+    """Coverage for users who follow the program's advice."""
     each = []
     for study in studies:
         mean, (_, without) = advised(study), followed(study)
@@ -186,7 +186,7 @@ def obeyed(studies: tuple[CoverageStudy, ...]) -> str:
 
 
 def unnoticed(study: CoverageStudy, found: tuple[Cell, ...]) -> tuple[str, ...]:
-    """Robots on which the chosen model's parameters fall short and no test says so."""
+    """Robots on which the chosen model's parameters fall short without any test showing it."""
     chosen = int(study.extended.mean() > 0.5)
     short = any(
         (cell.truth, cell.model, cell.statement) == (study.truth, MODELS[chosen], "model")
@@ -226,7 +226,7 @@ def procedure(campaign: Campaign) -> str:
 
 
 def numbers_sentence(check: NumbersCheck) -> str:
-    """Whether the numbers themselves are where they are stated to be."""
+    """Whether the intervals of the numbers contain their true values as stated."""
     f = len(check.names)
     verdict = "as stated" if check.passed else "NOT as stated"
     return (
@@ -249,7 +249,7 @@ def span_of(radii: list[float]) -> str:
 
 
 def answer(campaign: Campaign) -> Answer:
-    """The first screen: whether the believed region keeps its promise, and what does not."""
+    """The first screen: whether the believed region keeps its promise, and which others do not."""
     studies = STUDY.of(campaign)
     found = cells(studies)
     made = [cell for cell in found if cell.statement == BELIEVED and not cell.refused]

@@ -17,8 +17,8 @@ if TYPE_CHECKING:
 KindName = Literal[
     TruthName, "slight", "hidden", "shift", "drifting", "loaded", "one_move"
 ]  # fmt: skip
-"""Kinds beside the presets: what hides behind the noise, what all readings share, what is used
-elsewhere than measured, noise that remembers, another load at use, single moves."""
+"""Kinds in addition to the presets: misfit below the noise, errors that all readings share, use
+elsewhere than measured, noise correlated in time, another payload in use, single moves."""
 KINDS: tuple[KindName, ...] = get_args(KindName)
 SLIGHT = ("slight", "shift", "one_move")
 """Kinds whose misfit is 0.25 to 0.75 of the noise, which tests of one robot often miss."""
@@ -38,12 +38,12 @@ class CoverageSettings(ManyRobots):
     "drifting" (noise that is correlated in time), "loaded" (a payload at use only), "one_move"
     (judged where a single move ends)."""
     validation_poses: Annotated[int, Field(ge=1, le=5000)] = 40
-    """Measured on each robot beside its calibration; drawn anew for each as the pool is."""
+    """Number of validation poses measured on each robot, drawn anew for each like the pool."""
     level: Annotated[float, Field(ge=0.5, le=0.999)] = 0.95
-    """Content that every statement promises."""
+    """Probability that every statement promises."""
 
     def own_contradictions(self, scenario: Scenario) -> Iterable[str]:
-        """A radius that needs no model of the error asks for enough poses."""
+        """Too few poses for a radius that needs no model of the error."""
         tracker = scenario.tracker
         missed = tracker.missed if isinstance(tracker, At960Tracker) else 0
         needed = max(FEWEST, fewest_poses(self.level)) + missed
@@ -55,7 +55,7 @@ class CoverageSettings(ManyRobots):
             )
 
     def truth_of(self, scenario: Scenario, kind: str) -> TruthSettings:
-        """[truth] that robots of a kind are drawn from; slight ones get their misfit by size."""
+        """[truth] from which robots of a kind are drawn; slight ones get a misfit of their size."""
         preset = kind if kind in TRUTHS else "elastic" if kind == "loaded" else "rigid"
         truth = truth_of_kind(scenario, preset)
         if kind != "one_move":
@@ -63,7 +63,7 @@ class CoverageSettings(ManyRobots):
         return truth.model_copy(update={"joint_repeatability_mdeg": None})
 
     def _fault(self, scenario: Scenario, robot: "Robot", truth: str) -> Fault | None:
-        """The same; a station's own errors must be stated."""
+        """Fault of one kind; "hidden" needs a statement of the station's own errors."""
         if truth == "hidden" and not isinstance(scenario.tracker, At960Tracker):
             message = (
                 '[coverage] truths has "hidden", and [tracker] preset is "paper", which states no '

@@ -1,7 +1,7 @@
-"""What the coverage study found: cells with intervals, for the report and for result.json.
+"""Results of the coverage study: cells with intervals, for the report and for result.json.
 
-Many cells are looked at together, so that a statement "falls short" is said by bands that all hold
-at once with 95 % probability (Bonferroni); the same goes for all parameters of a model.
+Many cells are judged together, so "falls short" is decided by bands that all hold at once with 95 %
+probability (Bonferroni); the same applies to all parameters of a model.
 """
 
 from collections.abc import Iterator
@@ -23,12 +23,12 @@ from testbed.units import Mean
 
 Outcome = Literal["holds", "wide", "short", "undecided", "refused"]
 TWICE = 2.0
-"""Times the promised share outside: where that many may be, more robots are needed to tell."""
+"""Factor on the promised share outside; an interval that allows so many needs more robots."""
 ARRAYS = (
     *("inside", "radius_m", "mean_error_m", "p_value", "held_out_p", "flagged", "log_evidence"),
     *("believed", "growth", "p_drift", "nees", "normal_error"),
 )
-"""Fields of a study that arrays.npz keeps, those that are lengths with their unit."""
+"""Fields of a study in arrays.npz; names of lengths end in their unit."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -46,13 +46,13 @@ class Cell:
     radius: float
     """Mean volume-equivalent radius [m]."""
     refused: bool = False
-    """Whether it is made on no robot: the share is that of whoever would use it all the same."""
+    """Whether it is stated on no robot; the share then applies if it were used all the same."""
 
     @property
     def outcome(self) -> Outcome:
         """Whether the joint interval reaches the promise, lies above it, or below.
 
-        Undecided: it also holds a share that leaves `TWICE` as many points outside as promised.
+        Undecided if it also contains a share with `TWICE` as many points outside as promised.
         """
         if self.refused:
             return "refused"
@@ -64,37 +64,37 @@ class Cell:
 
     @property
     def believable(self) -> bool:
-        """Whether nothing contradicts the promise; of few robots that says little."""
+        """Whether nothing contradicts the promise, which means little with few robots."""
         return self.outcome != "short"
 
     @property
     def kept(self) -> bool:
-        """Whether the promise is kept, and there are robots enough to tell."""
+        """Whether the promise is kept, with enough robots to show it."""
         return self.outcome in ("holds", "wide")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class NumbersCheck:
-    """The numbers of a geometric model that can hold the truth: intervals, NEES, ranks."""
+    """Tests of the numbers of a geometric model that can match the truth: intervals, NEES, rank."""
 
     truth: str
     names: tuple[str, ...]
     shares: Array
-    """(f,) share of robots whose interval holds the true value."""
+    """(f,) share of robots whose interval contains the true value."""
     band: Array
-    """(2,) holds all f shares at once in 99.9 % of honest studies."""
+    """(2,) contains all f shares at once in 99.9 % of studies with correct intervals."""
     nees: float
-    """Mean over robots; expected f."""
+    """Mean NEES over robots; expected f."""
     nees_band: Array
     """(2,) 99.9 % band of that mean."""
     nees_p: float
-    """Of the whole distribution, Kolmogorov-Smirnov against chi-square."""
+    """P-value of its distribution, Kolmogorov-Smirnov against chi-square."""
     rank_p: float
-    """Of the ranks of the true values among what is stated: smallest over the numbers, times f."""
+    """P-value of the ranks of true values in the stated distributions: the smallest, times f."""
 
     @property
     def passed(self) -> bool:
-        """Whether every test lies where chance allows."""
+        """Whether every test passes."""
         low, high = self.band
         return bool(
             low <= self.shares.min()
@@ -129,7 +129,7 @@ def cells(studies: tuple[CoverageStudy, ...]) -> tuple[Cell, ...]:
 
 
 def points_of(study: CoverageStudy, model: int, statement: int) -> Array:
-    """How many points the share of each robot (R,) is of: those with a region, if it is one."""
+    """Number of points of the share of each robot (R,): those with a region, for regions."""
     every = np.full(study.before.size, float(study.judged))
     if STATEMENTS[statement] != BELIEVED:
         return every
@@ -138,7 +138,7 @@ def points_of(study: CoverageStudy, model: int, statement: int) -> Array:
 
 
 def advised(study: CoverageStudy) -> Mean | None:
-    """The share of whoever does as told, with its interval; None if nothing is believed."""
+    """Share for users who follow the advice, with its interval; None if nothing is believed."""
     shares, _ = followed(study)
     robots, model = np.arange(study.before.size), study.extended.astype(np.int64)
     region = STATEMENTS.index(BELIEVED)
@@ -148,10 +148,10 @@ def advised(study: CoverageStudy) -> Mean | None:
 
 
 def followed(study: CoverageStudy) -> tuple[Array, int]:
-    """Shares (r,) of whoever does as told, and on how many robots nothing was to be believed.
+    """Shares (r,) for users who follow the advice, and the number of robots without a statement.
 
-    The model is the one that the evidence chooses, the statement the believed region where there is
-    one.
+    The model is the one that the evidence chooses, and the statement is the believed region, if
+    there is one.
     """
     robots = np.arange(study.before.size)
     model = study.extended.astype(np.int64)
@@ -160,7 +160,7 @@ def followed(study: CoverageStudy) -> tuple[Array, int]:
 
 
 def numbers_check(study: CoverageStudy) -> NumbersCheck | None:
-    """Parameter-level tests; None where the geometric model cannot hold the truth."""
+    """Tests of the parameters; None if the geometric model cannot match the truth."""
     f, count = len(study.names), study.before.size
     if not f:
         return None
@@ -185,7 +185,7 @@ def numbers_check(study: CoverageStudy) -> NumbersCheck | None:
 
 
 def uniform_p(values: Array) -> float:
-    """Chance (Kolmogorov-Smirnov) that uniform values (n,) lie as unevenly on 0 to 1 as these.
+    """P-value (Kolmogorov-Smirnov) of values (n,) for a uniform distribution on 0 to 1.
 
     References
     ----------
@@ -198,7 +198,7 @@ def uniform_p(values: Array) -> float:
 
 
 def share_interval(mean: Mean) -> list[float]:
-    """Interval of a share, which ends at none and at all."""
+    """Interval of a share, limited to 0 and 1."""
     return [max(mean.low, 0.0), min(mean.high, 1.0)]
 
 
@@ -212,12 +212,12 @@ def published(studies: tuple[CoverageStudy, ...]) -> list[Quantity]:
 
 
 def published_arrays(study: CoverageStudy) -> list[Quantity]:
-    """What each robot gave, in arrays.npz."""
+    """Arrays over robots, in arrays.npz."""
     return in_si({name: getattr(study, name.removesuffix("_m")) for name in ARRAYS})
 
 
 def _of_kind(study: CoverageStudy, found: tuple[Cell, ...]) -> Iterator[Quantity]:
-    """Attained coverage on robots of one kind, and what the program's advice was worth."""
+    """Attained coverage on robots of one kind, and that of following the program's advice."""
     yield Quantity("before_mean_mm", study.before.mean(), METRE)
     yield Quantity("extended_chosen", study.extended.mean())
     for i, model in enumerate(MODELS):

@@ -38,7 +38,7 @@ MARKS = {"holds": "", "wide": "", "short": " NO", "undecided": " ?", "refused": 
 
 
 def summary_table(studies: tuple[CoverageStudy, ...]) -> Table:
-    """The first screen: one row per kind of robot, a column per model and statement."""
+    """The table of the first screen: a row per kind of robot, a column per model and statement."""
     return Table(
         caption=f"Share of true tool points inside {percent(studies[0].level)} statements, over "
         f"{counted(studies[0].before.size, 'robot')} of each kind",
@@ -57,7 +57,7 @@ def summary_table(studies: tuple[CoverageStudy, ...]) -> Table:
 
 
 def coverage_table(studies: tuple[CoverageStudy, ...], found: tuple[Cell, ...]) -> Table:
-    """Truth x model x statement: share inside with its band, radius, and the word."""
+    """Share inside with its band, radius and outcome, by kind of robot, model and statement."""
     rows, strong = [], []
     for study in studies:
         for i, model in enumerate(MODELS):
@@ -121,7 +121,7 @@ def numbers_table(checks: list[NumbersCheck], study: CoverageStudy) -> Table:
 
 
 def advice_table(studies: tuple[CoverageStudy, ...]) -> Table:
-    """What the program chooses and believes, and what comes of it."""
+    """The models that the program chooses, the statements it makes, and their coverage."""
     rows = []
     for study in studies:
         chosen, robots = study.extended.astype(int), np.arange(study.before.size)
@@ -150,14 +150,14 @@ def advice_table(studies: tuple[CoverageStudy, ...]) -> Table:
 
 
 def attained_share(mean: Mean) -> str:
-    """A share with its band, in percent, to the first digit of the band."""
+    """A share with its band in percent, rounded to the first digit of the band."""
     half = 100 * mean.half_width
     places = min(max(1, -math.floor(math.log10(half))), 4) if half > 0 else 1
     return f"{fixed(100 * mean.value, places)} ± {fixed(half, places)}{NARROW}%"
 
 
 def share_of(value: float) -> str:
-    """A share in percent with one decimal; all or nothing only where it is just that."""
+    """A share in percent with one decimal; 0 and 100 only if exact."""
     if value in (0.0, 1.0):
         return f"{100 * value:.0f}{NARROW}%"
     if value >= 0.9995:
