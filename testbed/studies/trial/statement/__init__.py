@@ -1,1 +1,1 @@
-"""What to believe of a calibration, and why."""
+"""Uncertainty statements of a calibration, and the evidence for them."""

@@ -1,4 +1,4 @@
-"""What could not be stated of a calibration, or rests on trust, and what to do about it."""
+"""Warnings of a calibration: what could not be stated, or is assumed, and what to do about it."""
 
 from calib.arrays import Index
 from calib.held_out_counts import FEWEST, fewest_poses
@@ -15,11 +15,11 @@ def warnings_of(
     shared: float,
     unseen: tuple[str, ...],
 ) -> tuple[str, ...]:
-    """What a reader must know of the statements, and what to do about it.
+    """Warnings on the statements, and what to do about them.
 
     Too few held-out poses are a warning, not an error: the calibration itself is as good as before.
-    Gross errors count where some are in the fit or were set aside; `shared` [m] was added to the
-    conformal radius; `unseen` errors of the tracker show at no held-out pose.
+    Gross errors are mentioned if some are in the fit or were set aside; `shared` [m] was added to
+    the conformal radius; `unseen` errors of the tracker are visible at no held-out pose.
     """
     need, warnings = fewest_poses(LEVEL), []
     if held_out < need:

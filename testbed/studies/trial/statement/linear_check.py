@@ -19,7 +19,7 @@ from calib.uncertainty.validation import LinearCheck, validate
 from testbed.studies.trial.statement.records import LEVEL
 
 FLAT = 1e-9
-"""Part of the largest variance below which a direction does not scatter: few numbers are free."""
+"""Fraction of the largest variance below which a direction does not scatter."""
 DIGITS = 1
 """Digits of a stated uncertainty that linear propagation must get right; each more takes a hundred
 times the draws."""
@@ -34,8 +34,8 @@ def linear_check(
 ) -> tuple[LinearCheck, int]:
     """First-order propagation against Monte Carlo, at the posture with the largest stated u.
 
-    Numbers are drawn from their covariance, but where springs share what the measurements tell:
-    there virtual calibrations of the `measurements` identified from say where they fall.
+    Numbers are drawn from their covariance. If springs share information of the measurements, they
+    are drawn by virtual calibrations of `measurements` instead.
 
     References
     ----------
@@ -80,9 +80,9 @@ def linear_check(
 
 
 def matched(along: Array, sigma: Array) -> Array:
-    """The linear part (M, k) of draws with the mean and covariance (k, k) that it has on average.
+    """The linear part (M, k) of draws, adjusted to its exact mean and covariance (k, k).
 
-    It is known without draws: taken out of them, it leaves what is not linear to scatter.
+    These are known without draws, so that only the nonlinear part has sampling scatter.
     """
     own = np.linalg.cholesky(np.cov(along, rowvar=False).reshape(sigma.shape))
     white = np.linalg.solve(own, (along - along.mean(axis=0)).T)
@@ -92,8 +92,8 @@ def matched(along: Array, sigma: Array) -> Array:
 def moved_targets(model: RobotModel, q: Array, steps: Array, target: Array) -> Array:
     """Points (M, N, 3) of a target (3,) on the tool under M moved models [m].
 
-    A tool frame that moves by t and turns by R carries the target to t + R target in the old frame:
-    the tool point of a frame that moves by that much.
+    A tool frame that moves by t and turns by R takes the target to t + R target in the old frame,
+    which is the tool point of a frame that moves by as much.
     """
     if target.any():
         end, steps = model.chain.n_numbers, steps.copy()
@@ -102,7 +102,7 @@ def moved_targets(model: RobotModel, q: Array, steps: Array, target: Array) -> A
 
 
 def moving_axes(covariance: Array) -> Array:
-    """Directions (3, k) in which a point scatters at all: world axes unless it lies in a plane."""
+    """Directions (3, k) in which a point scatters: world axes unless it stays in a plane."""
     values, vectors = np.linalg.eigh(covariance)
     flat = values <= FLAT * values[-1]
     return np.eye(3) if not flat.any() else np.asarray(vectors[:, ~flat])

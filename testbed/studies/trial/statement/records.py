@@ -1,4 +1,4 @@
-"""What is stated of a calibration, and the visit of the held-out poses on which that rests."""
+"""Records of the statements of a calibration, and of the visit of held-out poses behind them."""
 
 from dataclasses import dataclass
 from math import isnan
@@ -21,42 +21,42 @@ from calib.uncertainty.trust import Trust
 from calib.uncertainty.validation import LinearCheck
 
 LEVEL = 0.95
-"""Content that every statement promises."""
+"""Probability that every statement promises."""
 BELIEVED = ("region", "move")
-"""Statements that are believed; the others stand beside them."""
+"""Believed statements; the others are for comparison."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Validation(Shown):
-    """The held-out poses, measured once after the trials; and the secret that judges statements."""
+    """The held-out poses, measured once after the trials, and the truth that judges statements."""
 
     seen: Measurements
     """One visit of the held-out poses, in their order; missed shots have no row."""
     judge_q: Annotated[Array, "j", "n"]
-    """(j, n) further poses drawn as the pool is, never measured [rad, m]."""
+    """(j, n) judging poses, drawn like the pool and never measured [rad, m]."""
     judge_true: Annotated[Array, "j", 3]
-    """(j, 3) secret: noise-free true points there of the tool point that is judged [m]."""
+    """(j, 3) truth: noise-free positions of the judged tool point there [m]."""
     judge_moved: Annotated[Array, "j", 3]
-    """(j, 3) secret: where one move to each of them ends [m]."""
+    """(j, 3) truth: its position after one move to each of them [m]."""
     terms: Annotated[tuple[str, ...], "k"]
     """(k,) terms of the truth that are switched on."""
     term_rms: Annotated[Array, "k"]
-    """(k,) secret: root mean square displacement of the tool at the held-out poses by each term
+    """(k,) truth: root mean square displacement of the tool at the held-out poses by each term
     alone [m]."""
     together_rms: float
-    """The same by all of them at once [m]."""
+    """The same by all terms at once [m]."""
     interaction_rms: float
-    """Of what they do together beyond the sum of each alone [m]."""
+    """Root mean square difference between that and the sum of each alone [m]."""
 
 
 @dataclass(frozen=True, slots=True)
 class Replayed:
-    """What the end-to-end bootstrap said."""
+    """Result of the end-to-end bootstrap."""
 
     replicates: int
-    """Virtual calibrations of the identified robot."""
+    """Number of virtual calibrations of the identified robot."""
     agrees: bool
-    """Whether they scatter as the stated covariance says."""
+    """Whether they scatter according to the stated covariance."""
     worst: float
     """Ratio of replicated to stated standard deviation that is farthest from 1."""
     bias: float
@@ -66,43 +66,43 @@ class Replayed:
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Statement(Shown):
-    """What the default estimator's result may be trusted with, and why."""
+    """Statements of the default estimator's result, and the evidence for them."""
 
     model: str
-    """geometric or extended: what was fitted."""
+    """The fitted model, geometric or extended."""
     why: str
     """Which model and why, in words."""
     log_evidence: FloatOrNan
-    """Log odds of the extended model; nan where the evidence was not asked."""
+    """Log odds of the extended model; nan if the evidence was not computed."""
     offered: tuple[Offer, ...]
-    """Joint errors that were offered to the model, and what became of them."""
+    """Joint errors on offer for the model, and the outcome of each."""
     steps: tuple[ClimbStep, ...]
-    """How the choice went, level by level."""
+    """Steps of the choice, level by level."""
     outliers: tuple[str, ...]
-    """Shots of the calibration that do not fit the others, by name of the pose."""
+    """Readings of the calibration that do not fit the others, by name of the pose."""
     outlier_poses: Index
-    """Their poses in the pool."""
+    """(k,) their poses in the pool."""
     set_aside: Index
-    """Held-out poses whose shot is grossly wrong and was set aside; only under a robust loss."""
+    """(k,) held-out poses with a gross error that were set aside; only with a robust loss."""
     lack_of_fit: LackOfFit | None
     """All visits fitted together: misfit against the scatter of repeats; None without repeats or
     with a robust loss."""
     held_out: HeldOut
-    """Errors of the measured held-out poses, and what was predicted for them."""
+    """Errors at the measured held-out poses, and those predicted."""
     belief: Belief | None
-    """What is believed, wherever it is asked for; None where nothing can be believed."""
+    """The believed region at any posture; None if nothing can be believed."""
     point: StatedPoint | None
-    """The same as one radius, at poses like the held-out ones."""
+    """The believed region as one radius, at poses like the held-out ones."""
     questions: Questions
-    """Tests, together."""
+    """All tests together."""
     frame: OtherFrame | None
-    """Whether the held-out readings stand in another frame; None where too few were measured."""
+    """Test for held-out readings in another frame; None if too few were measured."""
     drifting: Drifting | None
-    """Whether the noise remembers; None for distances or a handful of rows."""
+    """Test for noise with memory; None for distances or very few rows."""
     discrepancy: Discrepancy | None
     conformal: Conformal | None
     bootstrap: Replayed | None
-    """None with a robust loss or a prior, which it does not play."""
+    """Result of the bootstrap; None with a robust loss or a prior, which it does not support."""
     linear: LinearCheck
     """Whether first-order propagation holds, at the held-out pose with the largest stated u."""
     linear_pose: int
@@ -110,34 +110,34 @@ class Statement(Shown):
     sources: Annotated[tuple[str, ...], "s"]
     """(s,) sources of uncertainty."""
     source_u: Annotated[Array, "s"]
-    """(s,) 3-D standard uncertainty that each leaves at the tool, RMS over held-out poses [m]."""
+    """(s,) 3-D standard uncertainty at the tool by each source, RMS over held-out poses [m]."""
     combined_u: float
-    """All of them together: the parameters alone [m]."""
+    """Standard uncertainty by all of them: that of the parameters alone [m]."""
     larger_noise_u: float
-    """What repeats or angles ask for beyond the stated noise, at the tool; zero for nothing [m]."""
+    """Standard uncertainty by noise beyond the stated one, from repeats or angles; or zero [m]."""
     drift_u: float
-    """What a drift may leave there; zero where none is in the region [m]."""
+    """Standard uncertainty by drift; zero if none is in the region [m]."""
     misfit_u: float
-    """The same of the largest misfit up to its limit; zero where nothing is believed [m]."""
+    """Standard uncertainty by the misfit at its upper limit; zero if nothing is believed [m]."""
     discrepancy_u: FloatOrNan
-    """What held-out poses show beyond that [m]; nan where it was not estimated."""
+    """Standard uncertainty that held-out poses show beyond that; nan if not estimated [m]."""
     systematic: Annotated[Array, "f", "f"]
-    """(f, f) covariance that the tracker's systematic errors leave in the estimate; zero where it
-    states none [m, rad]."""
+    """(f, f) covariance of the estimate by the tracker's systematic errors; zero if it states none
+    [m, rad]."""
     trust: Trust
     names: Annotated[tuple[str, ...], "w"]
     """(w,) statements made: region, move, parameters, bootstrap, discrepancy, conformal."""
     radius: Annotated[Array, "w"]
-    """(w,) 3-D radius that holds the tool point with `LEVEL` at poses like the held-out ones; the
-    conformal one with what the tracker hides from these [m]."""
+    """(w,) 3-D radius that contains the tool point with probability `LEVEL` at poses like the
+    held-out ones; the conformal one includes errors of the tracker that these do not show [m]."""
     attained: Annotated[Array, "w"]
-    """(w,) secret: share of true tool points inside, at the judging poses; of the region of one
+    """(w,) truth: share of true tool points inside, at the judging poses; for the region of one
     move, share of single moves that end inside."""
     honest: FloatOrNan
-    """Least share at the judging poses that 999 of 1000 robots would have if the believed region
-    is honest; nan where nothing is believed."""
+    """Share at the judging poses that 999 of 1000 robots reach if the believed region is correct;
+    nan if nothing is believed."""
     inside: Annotated[Bool, "t"]
-    """(t,) secret: true held-out tool point inside the believed region; none inside without
+    """(t,) truth: whether the held-out tool point is inside the believed region; false without
     one."""
     warnings: tuple[str, ...]
     """What could not be stated, and what to do about it."""
@@ -157,9 +157,9 @@ SUMS = (
 def sums_of(statement: Statement) -> dict[str, float]:
     """Lines of the budget below the sources, 3-D standard uncertainty at the tool [m].
 
-    The parameters alone are the sum of the sources; what is believed is the sum of these, of noise
-    that repeats show beyond the stated one, of drift and of the misfit up to its limit, times the
-    factor of the region over that of chi-square. The discrepancy stands beside it.
+    The parameters alone are the sum of the sources. The believed uncertainty is the sum of these,
+    of noise beyond the stated one, of drift and of the misfit at its limit, times the factor of the
+    region over that of chi-square. The discrepancy is listed separately.
     """
     lines = {"parameters alone": statement.combined_u}
     if statement.larger_noise_u:

@@ -1,4 +1,4 @@
-"""The statements that are made of one calibration's tool point, and how honest ones would fare."""
+"""Statements on the tool point of one calibration, and the coverage that correct ones have."""
 
 from dataclasses import replace
 from functools import partial
@@ -17,7 +17,7 @@ from calib.uncertainty.statement.stated_point import common_radius
 from calib.uncertainty.tool_point import ToolStatement, tool_statement
 
 HONEST_DRAWS, HONEST = 1000, 0.999
-"""Robots drawn as the region says they are; share of them that stay above what is asked of one."""
+"""Robots drawn according to the region; share of them above the limit that one has to reach."""
 
 
 def tool_regions(
@@ -34,19 +34,19 @@ def tool_regions(
     Parameters
     ----------
     whole : Identification
-        What was identified; its covariance has the systematic part.
+        Result of the identification; its covariance includes the systematic part.
     judgement : Judgement
-        With or without a belief, a bootstrap and a discrepancy.
+        Judgement, with or without a belief, a bootstrap and a discrepancy.
     systematic : (f, f) array
-        Covariance that the tracker's systematic errors leave in the estimate.
+        Covariance of the estimate by the tracker's systematic errors [m, rad].
     q : (N, n) array
         Postures [rad, m].
     target : (3,) array
         The point on the tool [m].
     repeatability : (n,) array
-        Standard deviation with which each joint comes back [rad, m].
+        Standard deviation of each joint's repeatability [rad, m].
     at : OperatingConditions
-        Under which the robot goes there.
+        Conditions of the robot there.
     """
     found: dict[str, ToolStatement] = {}
     if judgement.belief is not None:
@@ -68,7 +68,7 @@ def tool_regions(
 
 
 def radii(regions: dict[str, ToolStatement], judgement: Judgement) -> dict[str, float]:
-    """R95 of each of the regions: the radius that holds the point at a pose like theirs [m]."""
+    """R95 of each region: the radius that contains the point at a pose like theirs [m]."""
     point = judgement.point
     known = {} if point is None else {"region": point.radius_mean, "move": point.radius_move}
     return {
@@ -80,9 +80,9 @@ def radii(regions: dict[str, ToolStatement], judgement: Judgement) -> dict[str, 
 def honest_share(
     belief: Belief, q: Array, target: Array, at: OperatingConditions, rng: np.random.Generator
 ) -> float:
-    """Least share of postures q (N, n) that an honest region holds, for `HONEST` of all robots.
+    """Share of postures q (N, n) inside a correct region that a part `HONEST` of robots reaches.
 
-    Postures of one robot share its parameter error, so that one robot may stay far below 95 %.
+    Postures of one robot share its parameter error, so that one robot may be far below 95 %.
 
     References
     ----------

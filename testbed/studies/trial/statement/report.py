@@ -1,4 +1,4 @@
-"""The statement of each calibration in the report: what to believe, and why."""
+"""The statements of each calibration in the report, and the evidence for them."""
 
 import re
 from collections.abc import Sequence
@@ -31,10 +31,10 @@ COLUMNS = {
     "discrepancy": "with discrepancy",
     "conformal": "conformal ball",
 }
-"""Statements that have a column; the bootstrap's numbers are those of the parameters alone."""
+"""Statements with a column; the bootstrap has those of the parameters alone."""
 REFUTED = "✗"
 TINY = re.compile(r"p (= [0-9.]+e-[0-9]+|< 1e-300)")
-"""A p-value that nobody reads."""
+"""Pattern of a tiny p-value, which is shortened."""
 BUDGET_NOTE = (
     "Over the held-out poses (3-D, k = 1, rms). noise beyond the stated: as repeats or angles "
     "show. believed: the sum, enlarged where held-out poses require a larger k. discrepancy: what "
@@ -42,11 +42,11 @@ BUDGET_NOTE = (
 )
 QUESTIONS = {"misfit": "misfit p", "another frame": "another frame p", "drift": "drift p"}
 LEAST_SOURCES = 3
-"""Of a budget that is drawn."""
+"""Fewest sources of a budget for a figure."""
 
 
 def statement_blocks(campaign: Campaign) -> list[Block]:
-    """Every statement made, how much of the truth it holds, which is believed, and why."""
+    """Every statement, its coverage of the truth, which one is believed, and why."""
     made = ((trial, estimate.statement) for trial, estimate in campaign.estimates)
     statements = [(trial, statement) for trial, statement in made if statement is not None]
     if not statements:
@@ -83,7 +83,7 @@ def statement_blocks(campaign: Campaign) -> list[Block]:
 
 
 def weighed(statements: list[tuple[Trial, Statement]]) -> tuple[str, ...]:
-    """What weighs each calibration: all of the first one, of the others what is theirs alone."""
+    """Reasons for each calibration: all for the first, for the others those not yet given."""
     found = []
     for k, (trial, statement) in enumerate(statements):
         chosen = Reason(statement.model, statement.levels, statement.because)
@@ -95,17 +95,17 @@ def weighed(statements: list[tuple[Trial, Statement]]) -> tuple[str, ...]:
 
 
 def shorter(text: str, before: Sequence[str]) -> str:
-    """A sentence without what follows its colon, if one before it says the same there."""
+    """A sentence without the part after its colon, if an earlier one has the same part."""
     first, colon, rest = text.partition(": ")
     return f"{first}." if colon and any(one.endswith(rest) for one in before) else text
 
 
 ELSEWHERE = ("No test of the", "The parameters alone do not explain the readings")
-"""How sentences begin that repeat the table of tests and the reasons of the verdict."""
+"""Beginnings of sentences that repeat the table of tests and the reasons of the verdict."""
 
 
 def map_ends(campaign: Campaign, belief: Belief) -> str:
-    """Where a map of the pool ends: postures at the edge of what was proven, and outside."""
+    """Postures of the pool at the edge of what was proven, and outside, in words."""
     place = belief.proven.applies(campaign.setting.pool_q).place
     edge, outside = (int((place == word).sum()) for word in ("edge", "outside"))
     text = ""
@@ -117,7 +117,7 @@ def map_ends(campaign: Campaign, belief: Belief) -> str:
 
 
 def statement_table(campaign: Campaign, statements: list[tuple[Trial, Statement]]) -> Table:
-    """One row per trial: the radius of each statement, and what of the truth it holds."""
+    """One row per trial: the radius of each statement, and its coverage of the truth."""
     names = [n for n in COLUMNS if any(n in one.names for _, one in statements)]
     rows = []
     for trial, statement in statements:
@@ -147,7 +147,7 @@ def statement_table(campaign: Campaign, statements: list[tuple[Trial, Statement]
 
 
 def question_table(statements: list[tuple[Trial, Statement]]) -> Table:
-    """Distinct questions asked of the same readings, and what comes of them together."""
+    """The tests of the same readings, and their joint result."""
     asked = [name for name in QUESTIONS if any(name in s.questions.names for _, s in statements)]
     rows = []
     for trial, statement in statements:
@@ -168,7 +168,7 @@ def question_table(statements: list[tuple[Trial, Statement]]) -> Table:
 
 
 def answer(statement: Statement) -> str:
-    """What the tests together saw, in a few words."""
+    """Joint result of the tests in a few words."""
     found, frame = statement.questions, statement.frame
     seen = []
     for name in found.said:
@@ -182,9 +182,9 @@ def answer(statement: Statement) -> str:
 
 
 def reasons(statement: Statement, *, brief: bool = False) -> tuple[str, ...]:
-    """Sentences that weigh one calibration: what is in the region, then shots, repeats, warnings.
+    """Sentences on one calibration: parts of the region, then outliers, repeats and warnings.
 
-    The radius itself stands in a table. A brief account leaves out what tables say of every trial.
+    The radius itself is in a table. A brief account leaves out what tables have for every trial.
     """
     point = statement.point
     stated = point.sentence[1:] if point is not None else "\n"

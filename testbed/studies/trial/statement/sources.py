@@ -1,4 +1,4 @@
-"""Sources of a calibration's uncertainty: noise, joints, the tracker's errors; what is in none."""
+"""Sources of a calibration's uncertainty: noise, joints, errors of the tracker, and others."""
 
 from dataclasses import dataclass, replace
 from itertools import compress
@@ -22,38 +22,38 @@ from testbed.scenario.laboratory import At960Tracker
 from testbed.studies.trial.statement.records import LEVEL
 
 DRIFT_COUNTS = 1 / 3
-"""Part of the stated u from which drift counts: below it u grows by 5 % at most."""
+"""Fraction of the stated u from which drift is mentioned; below it u would grow by at most 5 %."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class UncertaintySources:
-    """What each source leaves in the estimate, and at the tool."""
+    """Uncertainty by each source, in the estimate and at the tool."""
 
     names: tuple[str, ...]
     """(s,) sources."""
     at_tool: Array
     """(s,) 3-D standard uncertainty, RMS over the postures asked for [m]."""
     combined: float
-    """All of them together [m]."""
+    """Standard uncertainty by all of them [m]."""
     systematic: Array
-    """(f, f) covariance that the tracker's systematic errors leave in the estimate."""
+    """(f, f) covariance of the estimate by the tracker's systematic errors [m, rad]."""
 
 
 def uncertainty_sources(
     bench: Laboratory, result: Identification, measured: Measurements, outliers: Index, q: Array
 ) -> UncertaintySources:
-    """Take the uncertainty of one estimate apart, at the tool point of postures q (N, n).
+    """Split the uncertainty of one estimate into sources, at the tool point of postures q (N, n).
 
     Parameters
     ----------
     bench : Laboratory
-        What the tracker states of itself, and how well joints repeat.
+        Laboratory, for the tracker's stated errors and the repeatability of joints.
     result : Identification
-        In the mode *whitened*.
+        Result in the mode *whitened*.
     measured : Measurements
-        What it was identified from.
+        Measurements that it was identified from.
     outliers : (k,) array of int
-        Rows that a robust loss found to be grossly wrong: what they still do has its own line.
+        Rows with gross errors by a robust loss; their remaining effect has its own line.
     q : (N, n) array
         Postures [rad, m].
     """
@@ -73,7 +73,7 @@ def uncertainty_sources(
 
 
 def plan_of(result: Identification, measured: Measurements) -> Frozen:
-    """The curvature of a fit; a robust loss has weighed its rows."""
+    """The curvature of a fit, with the weights of a robust loss."""
     if result.loss != "squared":
         weighed = measured.covariance / np.maximum(result.weights, 1e-12)[:, None, None]
         measured = replace(measured, covariance=weighed)
@@ -88,7 +88,7 @@ def plan_of(result: Identification, measured: Measurements) -> Frozen:
 def row_noise(
     bench: Laboratory, result: Identification, measured: Measurements, outliers: Index
 ) -> list[RowNoise]:
-    """What scatters anew in every row: the tracker, the joints, and gross errors where named."""
+    """Independent errors of every row: tracker, joints, and gross errors if there are any."""
     setting, m = bench.setting, len(measured)
     own, joints = (in_rounds if bench.rounds else of_the_target)(bench, measured)
     noise = [RowNoise("tracker noise", own)]
@@ -118,7 +118,7 @@ def of_the_target(bench: Laboratory, measured: Measurements) -> tuple[Array, Arr
 
 
 def in_rounds(bench: Laboratory, measured: Measurements) -> tuple[Array, Array]:
-    """The same of rows that rounds brought, each with its own place and target."""
+    """Covariances (m, 6, 6) for rows of rounds, each with its own station and target."""
     model, sigma_q = bench.setting.nominal, bench.setting.joint_repeatability
     own, joints = np.zeros((2, len(measured), 6, 6))
     for one in bench.rounds:
@@ -130,7 +130,7 @@ def in_rounds(bench: Laboratory, measured: Measurements) -> tuple[Array, Array]:
 
 
 def systematic_inputs(bench: Laboratory, measured: Measurements) -> tuple[CommonInput, ...]:
-    """What the tracker states to get wrong the same way all campaign long; none if it does not."""
+    """Systematic errors that the tracker states, constant over a campaign; or none."""
     settings = bench.scenario.tracker
     if not isinstance(settings, At960Tracker) or not settings.systematic:
         return ()
@@ -143,7 +143,7 @@ def systematic_inputs(bench: Laboratory, measured: Measurements) -> tuple[Common
 def systematic_covariance(
     bench: Laboratory, result: Identification, measured: Measurements
 ) -> Array:
-    """Covariance (f, f) that the tracker's systematic errors leave in an estimate; often zero."""
+    """Covariance (f, f) of an estimate by the tracker's systematic errors; often zero [m, rad]."""
     common = systematic_inputs(bench, measured)
     if not common or result.mode == "paper":
         return np.zeros_like(result.covariance)
@@ -153,7 +153,7 @@ def systematic_covariance(
 def unseen_sources(
     bench: Laboratory, result: Identification, measured: Measurements, judged: Measurements
 ) -> tuple[str, ...]:
-    """Errors of the tracker that count at the tool and that no held-out pose can show."""
+    """Errors of the tracker that matter at the tool but are visible at no held-out pose."""
     settings = bench.scenario.tracker
     if not isinstance(settings, At960Tracker) or not settings.systematic or not len(judged):
         return ()
@@ -162,7 +162,7 @@ def unseen_sources(
 
 
 def drift_left(bench: Laboratory) -> float:
-    """What a wandering station leaves in the readings, 3-D, RMS over time [m].
+    """Error of readings by a drifting station, 3-D, RMS over time [m].
 
     References
     ----------
@@ -184,9 +184,9 @@ def systematic_reach(
     *,
     level: float = LEVEL,
 ) -> float:
-    """How far the tracker's systematic errors reach at postures q (N, n), on average [m].
+    """Mean radius of the tracker's systematic errors at postures q (N, n) [m].
 
-    No held-out pose shows it: both visits have these errors in common.
+    Held-out poses do not show them, since both visits have the same errors.
     """
     if not systematic.any():
         return 0.0
@@ -196,7 +196,7 @@ def systematic_reach(
 
 
 def unmodelled_effects(bench: Laboratory, u: float) -> tuple[str, ...]:
-    """What is known to be wrong and in no covariance, where it counts beside a stated u [m]."""
+    """Known errors that are in no covariance, if they matter compared with a stated u [m]."""
     left = drift_left(bench)
     if left <= DRIFT_COUNTS * u:
         return ()
