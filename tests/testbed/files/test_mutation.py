@@ -52,6 +52,13 @@ TP = "/POS\n" + "\n".join(
     for j, row in enumerate(DEG, 1)
 )
 UR = "def a():\n" + "\n".join(f"movej([{','.join(map(str, row))}], a=1)" for row in DATA.q)
+LISTS = [", ".join(f"{v:.9f}" for v in row) for row in DEG]
+DRL = "\n".join(f"movej(posj({row}), v=30, a=30)" for row in LISTS)
+AS = ".JOINTS\n" + "\n".join(f"#p{k} {row.replace(',', '')}" for k, row in enumerate(LISTS))
+JBI = "/JOB\n//POS\n///POSTYPE ANGLE\n" + "\n".join(
+    f"C{k:05d}={row.replace(' ', '')}" for k, row in enumerate(LISTS)
+)
+VAL3 = "begin\n" + "\n".join(f"movej({{{row}}}, tTool, mNom)" for row in LISTS)
 PROGRAM = (
     'match = "order"\n[joints]\nfile = "cal.txt"\nformat = "rapid"\n'
     f'[points]\nfile = "smr.txt"\nformat = "sa"\n{SIGMAS}'
@@ -65,7 +72,23 @@ VISITS = (
     '[[session]]\nname = "d"\nfile = "d.csv"\nheld_out = true\nframe_poses = 6\n'
     'conditions = { payload_kg = 1, date = "2026-11-22" }\n'
 )
+PLACES = DATA.T[:, :3, 3]
+FAR = np.linalg.norm(PLACES, axis=1)
+CLOCK = {"time": [f"23:{50 + k // 6}:{k % 6}0" for k in range(len(DATA.q))]}
+LOG = csv(CLOCK | {f"q{j + 1}_deg": column for j, column in enumerate(DEG.T)})
+DIRECTIONS = csv(
+    CLOCK
+    | {"azimuth_gon": -200 / np.pi * np.arctan2(PLACES[:, 1], PLACES[:, 0])}
+    | {"zenith_gon": 200 / np.pi * np.arccos(PLACES[:, 2] / FAR), "range_m": FAR}
+) + "Total points: 12\n"  # fmt: skip
+CLOCKS = (
+    'match = "time"\nmatch_within_s = 2\n[joints]\nfile = "joints.csv"\n'
+    f'[points]\nfile = "a.csv"\nazimuth = "clockwise"\n{SIGMAS}'
+)
 FILES = {
+    "directions": (
+        {"a.csv": DIRECTIONS, "joints.csv": LOG, "session.toml": CLOCKS}, "session.toml", None
+    ),
     "poses": ({"a.csv": POSES}, "a.csv", None),
     "matrices": ({"a.csv": MATRIX, "s.toml": f"[frames]\n{SIGMAS}{SHARED}"}, "a.csv", "s.toml"),
     "points": ({"a.csv": POINTS, "s.toml": f"[points]\n{SIGMAS}{STATED}"}, "a.csv", "s.toml"),
@@ -88,7 +111,10 @@ FILES = {
             {"cal.txt": text, "smr.txt": SA, "session.toml": PROGRAM.replace("rapid", name)},
             "session.toml", None,
         )
-        for name, text in (("rapid", RAPID), ("krl", KRL), ("fanuc", TP), ("urscript", UR))
+        for name, text in (
+            ("rapid", RAPID), ("krl", KRL), ("fanuc", TP), ("urscript", UR), ("doosan", DRL),
+            ("kawasaki", AS), ("inform", JBI), ("val3", VAL3),
+        )
     },
 }  # fmt: skip
 PIECES = (
