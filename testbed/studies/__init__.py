@@ -1,7 +1,7 @@
-"""The register of studies: names only; one is imported when it is asked for.
+"""The register of studies: names only; a study is imported when it is used.
 
 Studies of other distributions join through the entry-point group `truebed.studies`; the name of the
-entry is the name of its table, and it is looked up only where a scenario has such a table.
+entry is the name of its table, and it is loaded only if a scenario has such a table.
 """
 
 from collections.abc import Collection, Mapping
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from testbed.studies.protocol import Study
 
 SHIPPED = ("trial", "pose_sets", "coverage", "wen2022", "compensation")
-"""In the order of their records; the last one with an answer has the first screen of a report."""
+"""In the order of their records; the last one with an answer provides the first screen."""
 GROUP = "truebed.studies"
 
 
@@ -29,7 +29,7 @@ def study_named(name: str) -> "Study":
     Raises
     ------
     InputError
-        No distribution brings it, several do, or what they bring is no study.
+        No distribution provides it, several do, or what they provide is not a study.
     """
     from testbed.studies.protocol import Study
 
@@ -59,7 +59,7 @@ def all_studies(scenario: "Scenario") -> tuple["Study", ...]:
 
 
 def declared_tables(keys: Collection[str]) -> dict[str, "type[StudyTable]"]:
-    """The tables of shipped studies, and those among `keys` that another distribution brings."""
+    """The tables of shipped studies, and those among `keys` from other distributions."""
     from testbed.scenario.scenario import Scenario
 
     tables = dict(_shipped_tables())
@@ -76,8 +76,8 @@ def declared_tables(keys: Collection[str]) -> dict[str, "type[StudyTable]"]:
 def load_scenario(name_or_path: str | Path, *, finished: bool = False) -> "Scenario":
     """A scenario from a shipped scene's name, a file, or a run folder.
 
-    With `finished` it is that of a finished run, whose hash guards it: its numbers count as they
-    are, whatever preset stands beside them.
+    With `finished` it is that of a finished run, guarded by its hash: its numbers are used
+    unchanged, whatever preset is named beside them.
 
     Raises
     ------
@@ -129,10 +129,10 @@ WITH_TABLE = ("coverage", "wen2022", "compensation")
 
 
 def _entries() -> list[EntryPoint]:
-    """What installed distributions offer."""
+    """Entry points of installed distributions."""
     return list(entry_points(group=GROUP))
 
 
 def _distribution(entry: EntryPoint) -> str:
-    """Who brings an entry."""
+    """Distribution of an entry."""
     return entry.dist.name if entry.dist else entry.value

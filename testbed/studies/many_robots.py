@@ -1,4 +1,4 @@
-"""What the studies of many robots share: kinds, blocks and stacking."""
+"""Common parts of the studies of many robots: kinds, blocks and stacking."""
 
 import dataclasses
 import json
@@ -27,12 +27,12 @@ TruthName = Literal["rigid", "wen2022", "soft", "elastic", "unmodelled", "drives
 
 
 TRUTHS: tuple[TruthName, ...] = get_args(TruthName)
-"""Presets of the truth, from the one a geometric model knows to those no model knows."""
+"""Presets of the truth, from one that a geometric model can match to those that none can."""
 
 
 BLOCK, LARGE_BLOCK, MANY = 25, 250, 2500
-"""Robots in a piece of work: few, so that a run that was stopped has little to play again; more
-where there are so many robots in all that what the pieces share would cost too much."""
+"""Robots in a piece of work: few, so that a stopped run has little to repeat; more for so many
+robots in all that the common work of the pieces would cost too much."""
 
 
 class ManyRobots(StudyTable):
@@ -79,10 +79,10 @@ class ManyRobots(StudyTable):
 
     @abstractmethod
     def own_contradictions(self, scenario: Scenario) -> Iterable[str]:
-        """The same, beyond what all such tables ask for, where the study is on."""
+        """Further contradictions of this table, if the study is on."""
 
     def faults(self, scenario: Scenario, robot: "Robot") -> list[Fault]:
-        """Faults of kinds of robots that this one cannot be; none if the study is off."""
+        """Faults for kinds that are impossible for this robot; none if the study is off."""
         if not self.robots:
             return []
         faults = [found for truth in self.truths if (found := self._fault(scenario, robot, truth))]
@@ -96,11 +96,11 @@ class ManyRobots(StudyTable):
         return faults
 
     def truth_of(self, scenario: Scenario, kind: str) -> TruthSettings:
-        """[truth] of one kind of robots: what the hash of its record reads."""
+        """[truth] of one kind of robots, from which the hash of its record follows."""
         return truth_of_kind(scenario, kind)
 
     def _fault(self, scenario: Scenario, robot: "Robot", truth: str) -> Fault | None:
-        """What keeps the robot from being of one kind; None if nothing does."""
+        """Fault if the robot cannot be of one kind; else None."""
         from calib.identification.joint_models import gravity_quarters
 
         quarters, joints = gravity_quarters(robot.model.chain), robot.model.chain.n_joints
@@ -153,7 +153,7 @@ def of_each_kind(records: Records, table: ManyRobots, kind: type[T]) -> tuple[T,
 
 
 def truth_of_kind(scenario: Scenario, truth: str) -> TruthSettings:
-    """[truth] of one kind of robot: its preset, as a file that names only the preset has it."""
+    """[truth] of one kind of robot: its preset without further keys."""
     at960 = scenario.tracker.preset == "at960"
     robot = robot_of({"robot": scenario.robot})
     document = resolved_truth({"preset": truth}, robot, at960=at960)
@@ -168,7 +168,7 @@ class Dataclass(Protocol):
 
 R = TypeVar("R", bound=Dataclass)
 Axes = Mapping[str, int]
-"""The arrays of a study's record that hold one figure per robot, and which axis counts robots."""
+"""Arrays of a study's record with one figure per robot, and their axis of robots."""
 
 
 def alone(axes: Axes, **figures: ArrayLike) -> dict[str, Any]:
@@ -177,10 +177,10 @@ def alone(axes: Axes, **figures: ArrayLike) -> dict[str, Any]:
 
 
 def together(parts: Sequence[R], axes: Axes) -> R:
-    """Records of some robots each as one of all, in the order given.
+    """Join records of some robots each to one of all, in the given order.
 
-    What counts no robots is taken from the first part. One part is looked at at a time, for there
-    may be thousands.
+    Fields without an axis of robots are taken from the first part. Parts are read one at a time,
+    since there may be thousands.
     """
     first = parts[0]
     fields = [(name, axis % getattr(first, name).ndim) for name, axis in axes.items()]

@@ -1,4 +1,4 @@
-"""Figures over robots: means, shares and ratios with their intervals, and how these are said.
+"""Figures over robots: means, shares and ratios with their intervals, and their wording.
 
 The robot is the unit: poses of one robot share its error.
 """
@@ -14,14 +14,14 @@ from testbed.units import MM, NARROW, Mean, decimals, fixed, percent
 
 Outcome = Literal["better", "worse", "undecided"]
 ROUNDING = 1e-12
-"""Part of a figure below which its interval is rounding alone."""
+"""Relative width below which an interval is rounding alone."""
 CONFIDENCE = 0.95
 
 
 def mean_over_robots(values: Array, *, probability: float = 0.95, least: float = 0.0) -> Mean:
     """Mean and confidence interval of one figure per robot (R,), R at least 2.
 
-    Their standard deviation is taken for no less than `least`.
+    The standard deviation is at least `least`.
 
     References
     ----------
@@ -35,16 +35,16 @@ def mean_over_robots(values: Array, *, probability: float = 0.95, least: float =
 
 
 def share_over_robots(values: Array, points: ArrayLike, *, probability: float = 0.95) -> Mean:
-    """The same of one share per robot (R,), each of so many points (R,); R may be 1.
+    """Mean and interval of one share per robot (R,), each of `points` (R,) points; R may be 1.
 
-    Points of one robot hang together, so robots differ at least as much as if each point were drawn
-    by itself: where a few robots happen to hold the same share, or hold everything, their scatter
-    says too little. One robot alone says nothing of others.
+    Points of one robot are correlated, so robots differ at least as much as for independent points.
+    If a few robots happen to have equal shares, or all points inside, their scatter is too small.
+    One robot alone shows nothing about others.
 
     References
     ----------
-    The least variance is the binomial p (1 - p) / n, with p as Agresti and Coull 1998 have it,
-    which no count makes 0 or 1.
+    The least variance is the binomial p (1 - p) / n, with p after Agresti and Coull 1998, which is
+    0 or 1 for no count.
     """
     if len(values) < 2:
         return Mean(float(values.mean()), 1.0)
@@ -72,7 +72,7 @@ def family_confidence(comparisons: int) -> float:
 def plus_minus(mean: Mean, places: int = 2) -> str:
     """A figure with the half width of its interval; a printed figure has none.
 
-    `places` is the least number of decimals: a narrow interval asks for more.
+    `places` is the least number of decimals; a narrow interval has more.
     """
     if mean.half_width <= ROUNDING * abs(mean.value):
         return fixed(mean.value, places)

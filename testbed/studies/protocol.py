@@ -1,7 +1,7 @@
-"""What a study is: the records it leaves, how each is played, and what is said of them.
+"""The interface of a study: its records, how each is played, and the results from them.
 
-A study is one question asked of a campaign. It declares its records and what they depend on, plays
-them piece by piece, joins the pieces in a fixed order, and says what came out. The runner, the run
+A study is one question about a campaign. It declares its records and what they depend on, plays
+them piece by piece, joins the pieces in a fixed order, and returns results. The runner, the run
 folder, the report and the recording know studies by this interface only.
 """
 
@@ -28,17 +28,17 @@ class Cut:
     """How the work on one record, or on several together, is cut into pieces."""
 
     name: str
-    """Of the pieces; records with one name come from the same pieces."""
+    """Name of the pieces; records with the same name come from the same pieces."""
     total: int
-    """What is counted in all: robots, pools, designed sets."""
+    """Number of robots, pools or designed sets in all."""
     size: int
-    """How many of them each piece has, but for the last: the scenario decides, no machine."""
+    """Number of these in each piece but the last; the scenario decides it, not the machine."""
     reads: Mapping[str, Json]
-    """What decides a piece beside its number and size: without the total, so that all full pieces
-    are kept where more is asked for."""
+    """Values on which a piece depends besides its number and size; not the total, so that full
+    pieces are kept if that is raised."""
 
     single: bool = False
-    """Whether figures of each robot are kept in float32, decided as `size` is."""
+    """Whether figures of each robot are kept in float32; decided like `size`."""
 
     @property
     def count(self) -> int:
@@ -46,7 +46,7 @@ class Cut:
         return max(1, -(-self.total // self.size))
 
     def block(self, piece: int) -> range:
-        """What one piece has."""
+        """Range of one piece."""
         return range(piece * self.size, min(self.total, (piece + 1) * self.size))
 
 
@@ -55,17 +55,17 @@ class Record:
     """One file under trials/: its class, and all that its numbers depend on."""
 
     key: str
-    """Fixed for ever, whatever files are called: random streams and old run folders know it."""
+    """Key that never changes, whatever the names of files, since streams and run folders use it."""
     kind: type
     """Class of the finished record."""
     reads: Mapping[str, Json]
-    """What of the scenario decides it; its hash follows from this."""
+    """Values of the scenario on which it depends; its hash follows from these."""
     needs: tuple[str, ...] = ()
-    """Keys of the records that `play` is handed; they are made first."""
+    """Keys of the records that `play` gets; they are made first."""
     cut: Cut | None = None
-    """Into independent pieces of work, parts of the record's class; None: it is one."""
+    """Division into independent pieces, parts of the record's class; None for a single piece."""
     vital: bool = False
-    """Without it there is no campaign: bad input ends the run and leaves nothing behind."""
+    """Whether the campaign needs it: if so, bad input ends the run and leaves no files."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,14 +74,14 @@ class Task:
 
     study: str
     keys: tuple[str, ...]
-    """The records: several only where they are cut together."""
+    """Keys of the records; several only if they are cut together."""
     piece: int = 0
     block: range = range(0)
-    """What of the total it has, where it is a piece."""
+    """Range of the total, for a piece."""
 
     @property
     def key(self) -> str:
-        """The record, where it is one."""
+        """Key of the record, if it is a single one."""
         (key,) = self.keys
         return key
 
@@ -92,7 +92,7 @@ class Records:
 
     values: Mapping[str, object]
     failed: Mapping[str, str]
-    """Why others failed, by key."""
+    """Reasons of failed records, by key."""
 
     def __repr__(self) -> str:
         names, failed = some(list(self.values), 6), len(self.failed)
@@ -114,16 +114,16 @@ class Records:
 
 @dataclass(frozen=True, slots=True)
 class Answer:
-    """A study's answer to the question a scene asks, for the first screen."""
+    """A study's answer to the question of a scene, for the first screen."""
 
     verdict: Verdict
     table: Table
     """Its figures."""
     next_step: str
-    """What a person should do after reading it."""
+    """Recommended next step."""
     picture: Callable[[], Figure] | None = None
-    """Draws what shows it at a glance, for the page alone; without one the first figure of the
-    study's own section stands there."""
+    """Function that draws a figure for the page; without one the page has the first figure of the
+    study's own section."""
 
 
 @runtime_checkable
@@ -140,26 +140,26 @@ class Study(Protocol):
 
     @property
     def keys(self) -> tuple[str, ...]:
-        """All record keys it may ever use; no trial may be called so."""
+        """All record keys that it may use, which are no names of trials."""
 
     def records(self, scenario: Scenario) -> tuple[Record, ...]:
-        """The records of this scenario; none where the study is off."""
+        """The records of this scenario; none if the study is off."""
 
     def play(self, scenario: Scenario, task: Task, needed: Records) -> object:
-        """One record, from what is handed in alone: the same bytes in any process and order.
+        """One record from the arguments alone, with the same bytes in any process and order.
 
-        Of a piece the parts of its records by key, those of each the same whatever others there
-        are; where one cannot be computed, each is asked for alone.
+        For a piece, the parts of its records by key, each independent of the others; if one cannot
+        be computed, each is requested separately.
         """
 
     def gather(self, scenario: Scenario, key: str, parts: Sequence[Any]) -> object:
         """The record from its parts in two or more pieces, in the order of their numbers.
 
-        Those of a cut that is `single` are read each time one is asked for, figures in float32.
+        Parts of a `single` cut are read each time they are used, with figures in float32.
         """
 
     def answer(self, scenario: Scenario, records: Records) -> Answer | None:
-        """Its answer to the question of the scene; None where it has nothing to say."""
+        """Its answer to the question of the scene; None if it has none."""
 
     def results(self, scenario: Scenario, records: Records) -> Sequence[Quantity]:
         """Its part of result.json."""
@@ -168,7 +168,7 @@ class Study(Protocol):
         """Its part of arrays.npz."""
 
     def sections(self, scenario: Scenario, records: Records, *, first: bool) -> Sequence[Section]:
-        """Its sections of the report; `first` says whether the first screen is its answer."""
+        """Its sections of the report; `first` is true if its answer is the first screen."""
 
     def recording(self, scenario: Scenario, records: Records) -> Sequence["Chapter"]:
         """Its chapters of the recording."""

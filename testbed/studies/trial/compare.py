@@ -1,4 +1,4 @@
-"""Identified against true: held-out errors, parameters, and whether the stated regions hold them.
+"""Identified against true: held-out errors, parameters, and whether stated regions contain them.
 
 This module, `replication` and `population` judge; with the simulator they alone look at the truth.
 """
@@ -35,7 +35,7 @@ from testbed.studies.trial.statement.records import Validation
 INTERVAL = coverage_factor(1)
 """Half width of a 95 % interval in standard uncertainties."""
 REFIT_POSES = 200
-"""Poses of the pool at which the truth is written down in the estimated numbers."""
+"""Number of pool poses at which the truth is expressed by the estimated numbers."""
 
 
 def target_prediction(
@@ -47,8 +47,8 @@ def target_prediction(
 ) -> tuple[Array, Array, Array]:
     """Point (m, 3), rotation (m, 3, 3) and stated covariance (m, 6, 6) at joints q [m, rad].
 
-    `covariance` (P, P) is that of all numbers of the model, zero where they are not estimated. The
-    joints are visited in turn; `at` says more of them.
+    `covariance` (P, P) is that of all numbers of the model, zero for those not estimated. The poses
+    are visited in turn; `at` has further conditions.
     """
     T, J = model.poses_and_jacobian(q, in_turn(q) if at is None else at)
     point, rows = reflector_rows(T, J, np.broadcast_to(target, (len(q), 3)))
@@ -57,9 +57,9 @@ def target_prediction(
 
 
 def measured_distance(seen: Measurements, model: RobotModel) -> Array:
-    """Distance (m,) [m] between the points that were measured and those that `model` predicts.
+    """Distance (m,) between the measured points and those that `model` predicts [m].
 
-    Of a distance row, by how much that distance is missed.
+    For a distance row it is the error of the distance.
     """
     if seen.is_distance.any():
         return predict(model, seen).misses
@@ -69,7 +69,7 @@ def measured_distance(seen: Measurements, model: RobotModel) -> Array:
 def noise_free(model: RobotModel, like: Measurements, q: Array) -> Measurements:
     """Measurements of `model` without noise at q (m, n), of the kind of the first row of `like`.
 
-    Where `like` sees several targets from several places, every pose has a row of each.
+    If `like` has several targets or stations, every pose has a row of each.
     """
     T, m = model.poses(q), len(q)
     kinds = np.unique(like.target_key, axis=0, return_index=True)[1]
@@ -94,19 +94,18 @@ def true_step(
     like: Measurements,
     unmodelled: UnmodelledTerms | None = None,
 ) -> Array:
-    """True values minus nominal (f,) of the estimated parameters, in the gauge they were kept in.
+    """True values minus nominal (f,) of the estimated parameters, in their gauge.
 
-    With a prior on all free numbers these are estimated, and none stands for another: the step as
-    drawn.
+    With a prior on all free numbers no number stands for another, and this is the step as drawn.
 
-    The kept set is refitted to noise-free poses of the true geometry (without joint errors), so
-    redundant truth lands where the estimate can hold it, exactly and not only to first order. Where
-    the estimated set cannot represent the truth this is its best fit over poses of the pool.
+    Otherwise the kept set is refitted to noise-free poses of the true geometry (without joint
+    errors), so that redundant numbers of the truth are expressed by it exactly and not only to
+    first order. If it cannot represent the truth, this is its best fit over poses of the pool.
     """
     prior = identification.prior
     if prior is not None and set(prior.names) == set(identification.names):
         return drawn_step(setting, identification, unmodelled)
-    # what the nominal model knows of joint errors belongs to the comparison
+    # joint errors of the nominal model are part of the comparison
     geometry = replace(setting.true, joint_errors=setting.nominal.joint_errors)
     table = noise_free(geometry, like, setting.pool_q[:REFIT_POSES])
     exact = identify(setting.nominal, table, identification.parameters, prior=prior)
@@ -120,8 +119,8 @@ def drawn_step(
 ) -> Array:
     """True minus nominal (f,) of the estimated numbers, term by term as they were drawn.
 
-    Joint terms of the true robot that the model does not have are left out; the same wave of a
-    joint may have another name there. What nothing in the true robot defines is nan.
+    Joint terms of the true robot that the model lacks are left out; the same wave of a joint may
+    have another name there. Numbers that nothing in the true robot defines are nan.
     """
     nominal, true = setting.nominal, setting.true
     values = dict(zip(nominal.names, nominal.chain.step_to(true.chain), strict=False))
@@ -142,10 +141,11 @@ def drawn_step(
 def _drawn_beyond(
     setting: Setting, model: RobotModel, unmodelled: UnmodelledTerms
 ) -> dict[str, float]:
-    """True springs and play, in the numbers of a model that found them; nan where none is defined.
+    """True springs and play in the numbers of a fitted model; nan for undefined ones.
 
-    A bend at its load is that load over the stiffness. Moments stand for others that act alike, and
-    a tilt for them. Play is a number of its approach alone if that decides on its side.
+    A bend at its reference load is that load over the stiffness. Moments and tilts are undefined,
+    since each stands for others that act alike. Play is the number of an approach term only if the
+    approach alone decides on its side.
     """
     known, errors, play = setting.nominal.joint_errors, model.joint_errors, unmodelled.backlash
     values = dict[str, float]()
@@ -171,7 +171,7 @@ def _drawn_beyond(
 
 
 def _wave(term: JointTerm) -> tuple[object, ...]:
-    """What tells a term from others, whatever its name."""
+    """Key of a term, independent of its name."""
     return term.joint, term.wave, term.weights
 
 
@@ -189,17 +189,17 @@ def compare(
     Parameters
     ----------
     setting : Setting
-        Holds the truth and the held-out poses.
+        The truth and the held-out poses.
     identification : Identification
-        What was identified.
+        Result to judge.
     measurements : Measurements
-        What it was identified from.
+        Measurements that it was identified from.
     truth : (f,) array
-        From `true_step` [m, rad].
+        Result of `true_step` [m, rad].
     systematic : (f, f) array, optional
-        Covariance that errors common to all rows add to that of the estimate.
+        Covariance of the estimate by errors common to all rows, to be added.
     at : OperatingConditions, optional
-        What is known of the held-out poses; by default that they are visited in turn.
+        Conditions of the held-out poses; by default they are visited in turn.
     """
     q, target = setting.test_q, setting.target
     at = in_turn(q) if at is None else at
@@ -238,11 +238,11 @@ def compare(
 
 
 def held_by_repeats(estimate: Estimate) -> tuple[Bool, float]:
-    """Whether each number (f,) keeps its 95 % interval of type A, t s, and Student's factor t.
+    """Whether the 95 % interval of type A, t s, contains each true number (f,), and Student's t.
 
-    s is the scatter of v repeated calibrations, with v - 1 degrees of freedom. Where the model
-    lacks nothing, the interval of a calibration that is none of them holds the truth in 95 % of
-    cases, of one among them more often.
+    s is the scatter of v repeated calibrations, with v - 1 degrees of freedom. If the model lacks
+    nothing, the interval of a further calibration contains the truth in 95 % of cases, that of one
+    of the repeats more often.
     """
     seen, found = estimate.comparison, estimate.identification
     factor = float(student_factor(len(estimate.repeated) - 1))
@@ -252,10 +252,10 @@ def held_by_repeats(estimate: Estimate) -> tuple[Bool, float]:
 def attained(
     validation: Validation, regions: Mapping[str, ToolStatement], radius: float | None
 ) -> Array:
-    """Share (w,) of the true points at the judging poses that each statement holds.
+    """Share (w,) of the true points at the judging poses inside each statement.
 
-    The region of one move is asked for where single moves end. `radius` [m] is that of a ball about
-    the predicted points; None without a ball.
+    The region of one move is compared with the ends of single moves. `radius` [m] is that of a ball
+    about the predicted points; None without a ball.
     """
     true, moved = validation.judge_true, validation.judge_moved
     shares = [
@@ -269,6 +269,6 @@ def attained(
 
 
 def held_by(region: ToolStatement | None, setting: Setting) -> Bool:
-    """Whether (t,) each true held-out tool point lies in its region; none without a region."""
+    """Whether (t,) each true held-out tool point is in its region; false without a region."""
     true = target_points(setting.test_true, setting.target)
     return np.zeros(len(true), dtype=bool) if region is None else region.holds(true)

@@ -1,6 +1,6 @@
-"""Whether tool points conform to the tolerance of a scenario, and how often that is wrong.
+"""Decisions whether tool points conform to the tolerance of a scenario, and how many are wrong.
 
-JudgedDecisions is on what the calibration states; the truth is asked afterwards.
+Decisions use what the calibration states; afterwards they are compared with the truth.
 """
 
 from dataclasses import dataclass, replace
@@ -26,18 +26,18 @@ PROGRAMS = {
 
 @dataclass(frozen=True, slots=True, eq=False)
 class JudgedDecisions:
-    """Decisions at the held-out poses, for a program as it was or corrected."""
+    """Decisions at the held-out poses, for the original program or the corrected one."""
 
     made: Conformity
     wrong: int
-    """Secret: passes whose true point is out of tolerance, and fails whose true point is within."""
+    """Truth: number of passes with the true point out of tolerance, and of fails with it within."""
 
 
 def decide(campaign: Campaign, estimate: Estimate) -> dict[str, JudgedDecisions]:
-    """Decisions on one calibration; none without a tolerance, or where nothing is believed.
+    """Decisions on one calibration; none without a tolerance, or if nothing is believed.
 
-    Before, the robot is sent to joints of the nominal model, and deviates as the identified model
-    says; after, the program was corrected, and no deviation is predicted.
+    With the original program the robot gets joints of the nominal model, and the identified model
+    predicts its deviation; with the corrected one no deviation is predicted.
     """
     settings, setting = campaign.scenario.tolerance, campaign.setting
     belief = estimate.belief

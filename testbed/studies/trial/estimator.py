@@ -1,4 +1,4 @@
-"""What an estimator of a scenario fits: model, free numbers, prior and loss; and which model."""
+"""Estimators of a scenario: model and its choice, free numbers, prior and loss."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -31,7 +31,7 @@ UNSAID = {
     "torque": "the rows of this laboratory say none",
     "lengths": "the rows of this laboratory say no temperature",
 }
-"""Ladders that are never climbed here, and why."""
+"""Ladders that are never used here, and the reasons."""
 
 
 AS_ASKED = Reason("geometric", "", "as the scenario says")
@@ -40,31 +40,31 @@ AS_ASKED = Reason("geometric", "", "as the scenario says")
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Estimator:
-    """One way to identify, the same for every visit of a trial."""
+    """An estimator, the same for every visit of a trial."""
 
     mode: Mode
     nominal: RobotModel
-    """Start of the fit; with joint terms, all zero, where the extended model is fitted."""
+    """Start of the fit; for the extended model with joint terms, all zero."""
     parameters: Parameters
-    """What is free."""
+    """Free numbers."""
     prior: Prior | None = None
     loss: Loss = "squared"
     reason: Reason = AS_ASKED
     """Which model it fits and why, in words."""
     log_evidence: float = field(default=float("nan"))
-    """Log odds of the extended model; nan where the evidence was not asked."""
+    """Log odds of the extended model; nan if the evidence was not computed."""
     offered: tuple[Offer, ...] = ()
-    """Joint errors that were offered, and what became of them."""
+    """Joint errors on offer, and the outcome of each."""
     steps: tuple[ClimbStep, ...] = ()
-    """How the choice went."""
+    """Steps of the choice."""
 
     @property
     def extended(self) -> bool:
-        """Whether it fits joint errors beside the geometry."""
+        """Whether it fits joint errors in addition to geometry."""
         return self.reason.model == "extended"
 
     def fit(self, measured: Measurements, parameters: Parameters | None = None) -> Identification:
-        """Identify from one table; `parameters` replaces what is free."""
+        """Identify from one table; `parameters` replaces the free numbers."""
         return identify(
             self.nominal,
             measured,
@@ -75,16 +75,16 @@ class Estimator:
         )
 
     def fit_many(self, tables: ManyTables, first: Identification) -> ManyFits | None:
-        """Identify from tables like that of a first identification, and of the same numbers.
+        """Identify the same numbers from several tables like that of a first identification.
 
-        None where arrays do not know the estimator, or one of the fits is no estimate.
+        None if arrays cannot express the estimator, or if one of the fits does not converge.
         """
         told = first.prior is not None and set(first.prior.names) == set(first.names)
         enough = 6 * tables.seen.shape[2] > first.rank
         known = known_to_many(self.nominal) and self.loss == "squared"
         if not known or not (told if first.prior is not None else enough):
             return None
-        # a frame moves by products, in which a number that is held would not stay as it is
+        # frames move by products, in which a held number would not keep its value
         start = first.model if _whole_frames(first) else None
         fits = fit_many(
             self.nominal, tables, first.parameters,
@@ -94,17 +94,17 @@ class Estimator:
 
 
 def _whole_frames(found: Identification) -> bool:
-    """Whether of each frame, base and tool, all numbers are free or none is."""
+    """Whether all or none of the numbers of base and of tool are free."""
     counts = (sum(name.startswith(frame) for name in found.names) for frame in ("base.", "tool."))
     return all(count in (0, 6) for count in counts)
 
 
 def estimator_for(bench: Laboratory, mode: Mode, measured: Measurements) -> Estimator:
-    """The estimator `mode` of a scenario; where the evidence decides, it looks at `measured` only.
+    """The estimator `mode` of a scenario; a choice by evidence uses `measured` only.
 
-    Chosen geometry is fitted without a prior unless the scenario gives one: everything that the
-    measurements can tell apart, as if the question had not been asked. Joint errors that the robot
-    has already have the weak prior in any case: many of them no measurement tells.
+    If geometry is chosen, all numbers that the measurements determine are fitted without a prior,
+    unless the scenario states one, as if there had been no choice. Joint errors that the robot has
+    already get the weak prior in any case, since measurements do not determine many of them.
     """
     nominal, free = bench.setting.nominal, bench.free(mode)
     if mode == "paper":
@@ -154,7 +154,7 @@ def scenario_prior(settings: PriorSettings, parameters: Parameters, model: Robot
 
 
 def _sizes(settings: PriorSettings) -> tuple[tuple[float, float], float]:
-    """Of one and two waves a turn, and of sag [rad]."""
+    """Prior sd of one and two waves per turn, and of sag [rad]."""
     first, second = (float(MDEG * size) for size in settings.harmonics_mdeg)
     return (first, second), float(MDEG * settings.gravity_mdeg)
 
@@ -166,7 +166,7 @@ def scenario_ladders(
     measured: Measurements,
     gear: tuple[tuple[float, ...], ...] = (),
 ) -> tuple[Ladder, ...]:
-    """The ladders of an arm and of what its rows say, with the sizes that a scenario believes in.
+    """The ladders of an arm and of its rows' conditions, with the prior sizes of a scenario.
 
     `gear` as in `RowTerms`.
     """
@@ -183,9 +183,9 @@ def scenario_ladders(
 
 
 def gear_orders(bench: Laboratory) -> tuple[tuple[float, ...], ...]:
-    """Waves a turn of each drive, one and two a turn of its motor, where the scenario has gears.
+    """Waves per turn of each drive, for one and two per turn of its motor, if it has gears.
 
-    A ratio stands on the drive; what the gear does there is the secret.
+    The ratio is known from the drive; the errors of the gear are part of the truth.
     """
     truth, joints = bench.scenario.truth, bench.robot.model.chain.n_joints
     if not np.any(truth.gear_mdeg):
@@ -195,7 +195,7 @@ def gear_orders(bench: Laboratory) -> tuple[tuple[float, ...], ...]:
 
 
 def _with_own_sizes(level: Level, settings: PriorSettings) -> Level:
-    """A level whose numbers have the sizes that the scenario gives them by name."""
+    """A level whose numbers have the prior sizes that the scenario states by name."""
     named = {name: np.radians(size) for name, size in settings.sd_deg.items()}
     both = zip(level.names, level.sd, strict=True)
     return replace(level, sd=np.array([named.get(name, sd) for name, sd in both]))

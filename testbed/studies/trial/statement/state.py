@@ -1,8 +1,8 @@
-"""The statement of a calibration: what may be said of the tool point, and what to believe.
+"""The statements of a calibration on its tool point, and which of them to believe.
 
-Weighed are sources of uncertainty, observations that do not fit, whether linear propagation holds
-at the tool point, and errors at held-out poses. All of it comes from what the tracker measured;
-only `attained` and `inside`, which `compare` adds, are the truth's.
+They use sources of uncertainty, observations that do not fit, the check of linear propagation at
+the tool point, and errors at held-out poses. All of these come from the tracker's readings; only
+`attained` and `inside`, which `compare` adds, use the truth.
 """
 
 from dataclasses import replace
@@ -43,7 +43,7 @@ from testbed.studies.trial.statement.sources import (
 )
 
 SET_ASIDE = 0.05
-"""Chance that any observation of a sound validation visit is set aside."""
+"""Probability that any observation of a sound validation visit is set aside."""
 
 
 def state(
@@ -54,22 +54,22 @@ def state(
     validation: Validation,
     name: str,
 ) -> Statement:
-    """Weigh what may be said of the tool point after one calibration.
+    """Compute the statements on the tool point after one calibration.
 
     Parameters
     ----------
     bench : Laboratory
         The laboratory.
     estimator : Estimator
-        What was fitted.
+        Estimator that was used.
     result : Identification
-        From the first visit.
+        Its result from the first visit.
     visits : list of Measurements
         All visits of the trial's poses.
     validation : Validation
         The held-out poses, measured.
     name : str
-        Of the trial: the bootstrap and the Monte Carlo draw from streams named after it.
+        Name of the trial, after which the streams of bootstrap and Monte Carlo are named.
     """
     first, setting, seed = visits[0], bench.setting, bench.scenario.seed
     search = search_outliers(estimator.nominal, result, first)
@@ -89,7 +89,7 @@ def state(
     )
     lack = None
     if not robust and len(visits) > 1:
-        # all visits fitted together: does the model miss more than repeats scatter?
+        # all visits fitted together: is the misfit larger than the scatter of repeats?
         lack = estimator.fit(joined(visits), result.parameters).lack_of_fit
     kept = sound_held_out(result, validation.seen, first)
     observations = validation.seen.rows(kept)
@@ -198,9 +198,9 @@ def state(
 def in_time(bench: Laboratory, first: Measurements, kept: Index) -> tuple[Index, Index]:
     """Place in time of the rows of the first visit, and of those kept (n,) of the held-out one.
 
-    Both visits see their poses in the order in which they were drawn, a random one (a greedy set in
-    that of being chosen, which raises no more false alarms: 3 % of 180 campaigns below .05); the
-    held-out one begins when the first visit of the largest trial has ended.
+    Both visits measure their poses in the order in which they were drawn, a random one. Those of a
+    greedy set are in the order of being chosen, which raises no more false alarms (3 % of 180
+    campaigns below .05). The held-out visit begins after the first visit of the largest trial.
     """
     scenario = bench.scenario
     begin = max(trial.poses for trial in scenario.trial) * rounds_per_visit(scenario)
@@ -208,7 +208,7 @@ def in_time(bench: Laboratory, first: Measurements, kept: Index) -> tuple[Index,
 
 
 def told_by(bench: Laboratory) -> str:
-    """What tells how well joints come back."""
+    """Source of the repeatability of joints, in words."""
     own = bench.scenario.truth.joint_repeatability_mdeg is None
     return "the robot's description" if own else "the scenario"
 
@@ -216,9 +216,9 @@ def told_by(bench: Laboratory) -> str:
 def beyond_sources(
     whole: Identification, belief: Belief | None, drifting: Drifting | None, q: Array, target: Array
 ) -> tuple[float, float, float]:
-    """What is believed beyond the stated sources, 3-D at the tool, RMS over q (N, n) [m].
+    """Uncertainty beyond the stated sources, 3-D at the tool, RMS over q (N, n) [m].
 
-    Noise larger than stated, where repeats or angles show it; a drift; the largest hidden misfit.
+    Noise larger than stated, if repeats or angles show it; drift; and the largest hidden misfit.
     """
     if belief is None:
         return 0.0, 0.0, 0.0
@@ -247,9 +247,9 @@ def summary(played: Bootstrap) -> Replayed:
 
 
 def sound_held_out(result: Identification, validation: Measurements, used: Measurements) -> Index:
-    """Rows of the held-out observations that are not grossly wrong.
+    """Rows of the held-out observations without gross errors.
 
-    Rows are set aside only under a robust loss, which says that gross errors are to be expected.
+    Rows are set aside only with a robust loss, by which gross errors are to be expected.
     """
     if result.loss == "squared" or len(validation) < FEWEST:
         return np.arange(len(validation))
@@ -259,7 +259,7 @@ def sound_held_out(result: Identification, validation: Measurements, used: Measu
 
 
 def sound_rows(result: Identification, visits: Measurements) -> Measurements:
-    """All visits of poses and points; under a robust loss without the grossly wrong rows."""
+    """All visits of poses and points; with a robust loss without rows with gross errors."""
     visits = visits.rows(~visits.is_distance)
     if result.loss == "squared" or len(visits) < FEWEST:
         return visits
@@ -268,9 +268,9 @@ def sound_rows(result: Identification, visits: Measurements) -> Measurements:
 
 
 def gross(size: Array) -> Bool:
-    """Which of m squared sizes are gross errors; none if they are too many to be that.
+    """Which of m squared sizes are gross errors; none if there would be too many.
 
-    What the model misses everywhere is no gross error: sizes count in units of the median one.
+    Sizes are relative to the median, since misfit at all poses is not a gross error.
     """
     usual = max(float(np.median(size)) / float(chdtri(3, 0.5)), 1.0)
     found = size > usual * chdtri(3, SET_ASIDE / len(size))
