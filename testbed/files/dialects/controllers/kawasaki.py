@@ -6,11 +6,11 @@ from testbed.files.dialects.controllers.targets import JointList, Program, Targe
 from testbed.files.refusal import refusal
 from testbed.gates.text import FileText
 
-NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
+NUMBER = r"[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?"
 CELL = re.compile(rf"\s*{NUMBER}\s*")
 NAME = r"[A-Za-z]\w*(?:\[[^\]]{0,20}\])?"
-LISTED = re.compile(rf"\s*#({NAME})((?:[\s,]+{NUMBER}){{4,20}})\s*$")
-PLACE = re.compile(rf"\s*({NAME})(?:[\s,]+{NUMBER}){{6,20}}\s*$")
+LISTED = re.compile(rf"\s*#({NAME})((?:\s+{NUMBER}){{4,20}})\s*$")
+PLACE = re.compile(rf"\s*({NAME})(?:\s+{NUMBER}){{6,20}}\s*$")
 SECTION = re.compile(r"\s*\.([A-Z]+)\b", re.IGNORECASE)
 PARTS = ("PROGRAM", "JOINTS", "TRANS")
 POINT = re.compile(rf"\s*(?:POINT|HERE)\s+#({NAME})\s*(?:=\s*(.*))?$", re.IGNORECASE)
@@ -52,6 +52,12 @@ def read_kawasaki(text: FileText) -> JointList:
                 moves.append((number, move[2].strip()))
             else:
                 program.aside.append(number)
+        elif section == "JOINTS" and line.lstrip().startswith("#"):
+            raise refusal(
+                program.place(number), "joints",
+                f"{line.split()[0][:40]} is not followed by numbers with spaces between them",
+                allowed=TAUGHT, fix="write the joints so, with decimal points",
+            )  # fmt: skip
         elif section == "TRANS" and (place := PLACE.match(line)) is not None:
             program.tool.setdefault(place[1].lower(), number)
     for number, to in moves:  # joints are listed behind the program

@@ -124,6 +124,9 @@ REFUSED = {
     "a taught point of AS": (
         [".PROGRAM a()", "HERE #p0", "JMOVE #p0", ".JOINTS", LISTED[0]], "p0 is assigned another"
     ),
+    "decimal commas of AS": (
+        [".JOINTS", LISTED[0].replace(".", ",")], "#p0 is not followed by numbers with spaces"
+    ),
     "places of AS": ([".PROGRAM a()", "LMOVE t1", ".TRANS", "t1 1 2 3 4 5 6"], "1 Cartesian pos"),
     "a point of VAL3": (["begin", "movej(pA, tTool, mNom)"], 'moves to "pA", which is not'),
     "a changed joint": (
@@ -159,10 +162,12 @@ def test_axes_of_a_track_are_named_beside_the_joints(tmp_path):
     assert [row[-1] for row in found.rows] == ["0", "700"]
 
 
-@pytest.mark.parametrize("part", ["posj(", "#p1 ", "1 ", "C0=", "{", "<Value ", "<!--", "j1=", "["])
+@pytest.mark.parametrize(
+    "part", ["posj(", "#p1 ", "1 ", "C0=", "{", "<Value ", "<!--", "j1=", "[", "616350656,"]
+)
 def test_a_long_line_that_says_nothing_is_read_in_time(part, tmp_path):
     begin = process_time()
-    for lead in ("", "posj(", "movej(", "#p ", "JMOVE #", "C00001=", "<Data ", "x="):
+    for lead in ("", "posj(", "movej(", "#p 1 2 3 4 ", "JMOVE #", "C00001=", "<Data ", "x="):
         (tmp_path / "a.txt").write_text(f" {lead}{part * (9000 // len(part))}\n")
         text = read_text(tmp_path / "a.txt", "a.txt")
         language_of(text)
