@@ -16,7 +16,7 @@ from testbed.recording import style
 from testbed.recording.cell import draw_beam, draw_station
 from testbed.recording.chart import Chart, Series, before_after, fit_chart
 from testbed.recording.pen import Pen
-from testbed.recording.story import Chapter, Story, numbered
+from testbed.recording.story import Chapter, Story, floor_height, numbered, stance
 from testbed.recording.timeline import Phase, evenly, spread, visit
 from testbed.robots.robot import Robot
 from testbed.units import counted
@@ -36,7 +36,7 @@ AXES_COLORS = (style.VERMILION, style.LEAF, style.BLUE)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ShownCalibration:
-    """A calibration as it is drawn: everything in the robot's base frame."""
+    """A calibration as it is drawn: everything in the robot's base frame, turned to stand level."""
 
     calibration: Calibration
     measured: Index
@@ -44,11 +44,13 @@ class ShownCalibration:
     judged: Index
     """(j,) rows whose errors are judged that the robot goes to."""
     station: Array
-    """(4, 4) where the measuring frame is, seen from the base [m]."""
+    """(4, 4) where the measuring frame is, seen from the base with z up [m]."""
     seen: Array
     """(m, 3) where the target was seen; of a distance row where it is predicted [m]."""
     factor: int
     """How many times larger than life errors are drawn: all but gross ones below their size."""
+    buried: bool = False
+    """Whether the measuring frame lies below the floor of the room, where the file gives it."""
 
     def vectors(self, misses: RowErrors) -> Array:
         """(m, 3) what a model misses, base axes [m]."""
@@ -58,13 +60,13 @@ class ShownCalibration:
     def has_tracker(self) -> bool:
         """Whether the measuring frame can be that of a tracker that stands beside the robot."""
         away = np.linalg.norm(self.station[:3, 3]) > TRACKER_AWAY
-        return bool(away and self.station[2, 2] > UPRIGHT)
+        return bool(away and self.station[2, 2] > UPRIGHT and not self.buried)
 
 
 def show(calibration: Calibration) -> ShownCalibration:
-    """Place a calibration in the base frame."""
+    """Place a calibration in the base frame; an arm that the file hangs on a wall hangs there."""
     model, table = calibration.fit.identification.model, calibration.measurements
-    station = inverse(model.chain.T_world_base)
+    station = stance(calibration.nominal.chain.T_world_base) @ inverse(model.chain.T_world_base)
     T, offset = station @ tool_poses(model, table), targets(model.fixtures, table)
     predicted = T[:, :3, 3] + (T[:, :3, :3] @ offset[:, :, None])[:, :, 0]
     before = np.linalg.norm(calibration.before_misses.vector, axis=1)
@@ -91,16 +93,22 @@ def calibration_story(calibration: Calibration, robot: Robot) -> Story:
     source, shown = calibration.source, show(calibration)
     # a robot whose numbers were chosen anew may count from another base
     base = shown.station @ robot.model.chain.T_world_base
+    chain = replace(robot.model.chain, T_world_base=base)
+    floor = robot.base_offset
+    if base[2, 2] < UPRIGHT:
+        floor = floor_height(chain, robot)
+        buried = robot.mounting_height is not None and shown.station[2, 3] < floor
+        shown = replace(shown, buried=buried)
     return Story(
         identity=f"{source.name}-calibration-{calibration.split.seed}",
         name=f"{source.name}, calibration of {source.robot}",
         summary=summary(calibration),
         robot=robot,
-        chain=replace(robot.model.chain, T_world_base=base),
+        chain=chain,
         reach=shown.seen,
         station=shown.station[:3, 3] if shown.has_tracker else AHEAD,
         has_tracker=shown.has_tracker,
-        draw=lambda pen: draw_cell(shown, robot.base_offset, pen),
+        draw=lambda pen: draw_cell(shown, floor, pen),
         chapters=(_measure(shown), _identify(shown), _evaluate(shown)),
     )
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from calib.arrays import Array
 from calib.geometry.chain import Chain, forward
-from calib.geometry.frames import slide
+from calib.geometry.frames import leveled, slide, transform
 from testbed.recording.chart import Chart
 from testbed.recording.pen import Pen
 from testbed.recording.style import Color
@@ -142,6 +142,13 @@ def floor_height(chain: Chain, robot: Robot) -> float:
     if robot.mounting_height is not None and T[2, 2] < UPRIGHT:
         return float(T[2, 3]) - robot.mounting_height
     return float((chain.T_world_base @ slide(0, 0, robot.base_offset))[2, 3])
+
+
+def stance(T_world_base: Array) -> Array:
+    """How a base (4, 4) stands in the room (4, 4), its place aside; none if it stands level."""
+    R, axes = T_world_base[:3, :3], leveled(T_world_base)
+    turn = np.eye(3) if (axes == R).all() else axes.T @ R
+    return transform(turn, np.zeros(3))
 
 
 def timeline_of(chapters: Sequence[Chapter]) -> Timeline:

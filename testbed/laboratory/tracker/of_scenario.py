@@ -4,34 +4,13 @@ from typing import Any
 
 import numpy as np
 
-from calib.arrays import Array
 from calib.geometry.chain import Chain
-from calib.geometry.frames import slide, transform
+from calib.geometry.frames import leveled, slide, transform
 from calib.uncertainty.statement.instrument import InstrumentErrors
 from testbed.laboratory.tracker.errors import NESTS, GrossErrors, StationBias, StationDrift, draw
 from testbed.laboratory.tracker.tracker import Tracker
 from testbed.scenario.laboratory import At960Tracker, PaperTracker
 from testbed.streams import stream
-
-LEVEL = 1e-9
-"""A base is level within this: what rounding leaves of its stated turn [rad]."""
-STEEP = 0.5**0.5
-"""Rise of an axis at 45 degrees."""
-
-
-def leveled(T_world_base: Array) -> Array:
-    """Axes (3, 3) in the world of an instrument that was leveled beside a base (4, 4).
-
-    z is up; x goes where the base's x goes as seen from above or, where that is steep as on a wall,
-    where the base's z goes. They are the base's own axes if it stands level.
-    """
-    R, up = T_world_base[:3, :3], np.array([0.0, 0.0, 1.0])
-    if np.abs(R[:, 2] - up).max() < LEVEL:
-        return R
-    ahead = R[:, 0] if abs(R[2, 0]) < STEEP else R[:, 2]
-    x = ahead - ahead[2] * up
-    x = x / np.linalg.norm(x)
-    return np.stack([x, np.cross(up, x), up], axis=1)
 
 
 def tracker_from(

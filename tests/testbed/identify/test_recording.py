@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from calib.geometry.frames import inverse, rot_y, rot_z, slide
 from testbed.identify.handback.deliver import delivered_robot
 from testbed.identify.recording import calibration_story, show
 from testbed.identify.recording_regions import regions_at
-from testbed.recording.story import timeline_of
+from testbed.recording.story import stance, timeline_of
 from testbed.recording.write import story_bytes
 from tests.calibrated import real, robot
 from tests.planes import unfitting
@@ -95,3 +96,32 @@ def test_ellipsoids_are_the_believed_regions_seen_from_the_base(opened, shown):
     S = stated.covariance
     np.testing.assert_allclose(axes @ np.swapaxes(axes, 1, 2), S, atol=1e-5 * S.max())
     assert regions_at(replace(found, proof=replace(found.proof, belief=None)), [0], base) is None
+
+
+def test_an_arm_that_hangs_is_drawn_as_it_hangs_beside_a_level_tracker(shown):
+    """Its file says how the base is turned; up in the picture is up in the room."""
+    wall = slide(0.0, 0.0, 1.5) @ rot_z(0.4) @ rot_y(np.pi / 2)
+    seen = slide(2.0, 1.0, 0.3) @ rot_z(-1.3) @ wall  # by a tracker that is level
+    level = stance(wall) @ inverse(seen)
+    np.testing.assert_allclose(level[:3, 2], [0.0, 0.0, 1.0], atol=1e-15)
+    for upright in (np.eye(4), slide(1.0, 2.0, 0.0) @ rot_z(0.7)):
+        np.testing.assert_array_equal(stance(upright), np.eye(4))
+    found = real()
+    chain = replace(found.nominal.chain, T_world_base=wall)
+    hung = show(replace(found, nominal=replace(found.nominal, chain=chain)))
+    np.testing.assert_allclose(hung.station, stance(wall) @ shown.station, atol=1e-15)
+    np.testing.assert_allclose(hung.seen, shown.seen @ stance(wall)[:3, :3].T, atol=1e-12)
+    # a frame below the floor of the room is no tracker's
+    for below, stands in ((0.5, False), (4.0, True)):
+        there = replace(robot(), model=replace(robot().model, chain=chain), mounting_height=below)
+        lower = slide(0.0, 0.0, -1.0) @ rot_z(0.3)  # of the measuring frame, seen from the base
+        place = inverse(stance(wall)) @ lower
+        model = found.fit.identification.model
+        told = replace(model, chain=replace(model.chain, T_world_base=inverse(place)))
+        fits = tuple(
+            replace(one, identification=replace(one.identification, model=told))
+            for one in found.fits
+        )
+        moved = replace(found, fits=fits, nominal=replace(found.nominal, chain=chain))
+        drawn = replace(there, model=replace(there.model, chain=told.chain))
+        assert calibration_story(moved, drawn).has_tracker is stands

@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from calib.geometry.frames import exp_so3, rot_x, rot_y, rot_z, slide, transform
+from calib.geometry.frames import exp_so3, leveled, rot_x, rot_y, rot_z, slide, transform
 from calib.uncertainty.statement.instrument import LEVEL, InstrumentErrors
 from testbed.laboratory.bench import open_bench
 from testbed.laboratory.tracker.errors import NESTS
-from testbed.laboratory.tracker.of_scenario import leveled, tracker_from
+from testbed.laboratory.tracker.of_scenario import tracker_from
 from testbed.plan.tour import readings_of
 from testbed.plan.words import axes_words
 from testbed.scenario.laboratory import At960Tracker
