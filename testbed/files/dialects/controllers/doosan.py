@@ -6,7 +6,7 @@ from testbed.files.dialects.controllers.targets import JointList, Program, Targe
 from testbed.files.refusal import refusal
 from testbed.gates.text import FileText
 
-NUMBER = re.compile(r"\s*[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?\s*")
+NUMBER = re.compile(r"\s*[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?\s*")
 JOINTS = re.compile(r"(?:posj\s*\(\s*)?\[([^\[\]()]*)\]\s*\)?|posj\s*\(([^\[\]()]*)\)")
 GIVEN = re.compile(r"\s*(?:global\s+)?(\w+)(\[[^\]]{0,20}\])?\s*=(?!=)\s*(.*)")
 MOVED = re.compile(r"(?:^|[\s;:])(a?move\w{1,2}|servo[jl])\s*\((?:\s*pos\s*=)?\s*(.*)")

@@ -8,7 +8,9 @@ from testbed.gates.text import FileText
 
 POSITION = re.compile(r"\s*P\[(\d{1,6})[^\]]{0,99}\]\s*\{(.*)")
 GROUP = re.compile(r"GP(\d)\s*:")
-ENTRY = re.compile(r"\b([JE])(\d)\s*=\s*([-+]?(?:\d+\.?\d*|\.\d+)|\*+)\s*(deg|mm)?", re.IGNORECASE)
+ENTRY = re.compile(
+    r"\b([JE])(\d)\s*=\s*([-+]?(?:\d+(?:\.\d*)?|\.\d+)|\*+)\s*(deg|mm)?", re.IGNORECASE
+)
 PLACE = re.compile(r"\bX\s*=")
 MOVED = re.compile(r"\s*\d*\s*:\s*([JLCA])\s+(PR?)\[([^\]:]{1,20})")
 """``1:J P[1:above] 20% FINE``; comments after // or ! do not match."""

@@ -11,7 +11,7 @@ KIND = re.compile(r"\s*///POSTYPE\s+(\w+)", re.IGNORECASE)
 POSITION = re.compile(r"\s*(C|P|BC|BP|EC|EX)(\d{1,6})\s*=\s*([^=]*)$", re.IGNORECASE)
 MOVED = re.compile(r"\s*(MOV[JLCS]|IMOV)\s+(.*)", re.IGNORECASE)
 TO = re.compile(r"\s*([CP])(\d{1,6})\b", re.IGNORECASE)
-CELL = re.compile(r"\s*[-+]?(?:\d+\.?\d*|\.\d+)\s*")
+CELL = re.compile(r"\s*[-+]?(?:\d+(?:\.\d*)?|\.\d+)\s*")
 ANGLES, PULSES = ("ANGLE", "JOINT", "DEGREE", "DEG"), "PULSE"
 MOST = 6
 """Axes whose order in a job is that of the arm: a seventh turns between two of the others."""

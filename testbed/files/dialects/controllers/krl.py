@@ -6,7 +6,7 @@ from testbed.files.dialects.controllers.targets import JointList, Program, Targe
 from testbed.files.refusal import refusal
 from testbed.gates.text import FileText
 
-NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
+NUMBER = r"[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?"
 ENTRY = re.compile(rf"\s*([A-Z]\w*)\s+({NUMBER})\s*", re.IGNORECASE)
 AGGREGATE = re.compile(r"\{\s*(?:\w+\s*:)?([^{}]*)\}")
 DECLARED = re.compile(

@@ -7,7 +7,7 @@ from testbed.files.dialects.controllers.targets import JointList, Program, Targe
 from testbed.files.refusal import refusal
 from testbed.gates.text import FileText
 
-NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
+NUMBER = r"[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?"
 CELL = re.compile(rf"\s*(?:({NUMBER})|d2r\s*\(\s*({NUMBER})\s*\))\s*")
 LIST = re.compile(r"\[([^\[\]]*)\]")
 GIVEN = re.compile(r"\s*(?:global\s+|local\s+)?(\w+)(\[[^\]]{0,20}\])?\s*=(?!=)\s*(.*)")

@@ -6,7 +6,7 @@ from testbed.files.dialects.controllers.targets import JointList, Program, Targe
 from testbed.files.refusal import refusal
 from testbed.gates.text import FileText
 
-NUMBER = re.compile(r"\s*[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?\s*")
+NUMBER = re.compile(r"\s*[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?\s*")
 NAME = r"\w+(?::\w+)?(?:\[[^\]]{0,20}\])?"
 LIST = re.compile(r"\s*\{([^{}]*)\}")
 GIVEN = re.compile(rf"\s*({NAME})(\.\w+)?\s*=(?!=)\s*(.*)")

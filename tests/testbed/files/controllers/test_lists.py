@@ -176,3 +176,16 @@ def test_a_long_line_that_says_nothing_is_read_in_time(part, tmp_path):
                 joints_in(text, language)
     # nothing is tried twice: a line is read once or a few times, milliseconds each
     assert process_time() - begin < 2
+
+
+def test_a_cell_of_many_digits_is_read_in_time(tmp_path):
+    begin, digits = process_time(), "1" * 20_000 + "x"
+    for line in ("posj({}, 1, 2, 3)", "movej([{}, 1, 2, 3])", "j = {{{}, 1, 2, 3}}", "#p {} 1 2 3",
+                 "///POSTYPE ANGLE\nC1={},1,2,3", "PTP {{A1 {}, A2 1, A3 1}}"):  # fmt: skip
+        (tmp_path / "a.txt").write_text(line.format(digits))
+        text = read_text(tmp_path / "a.txt", "a.txt")
+        for language in ("doosan", "kawasaki", "inform", "val3", "urscript", "krl"):
+            with pytest.raises(InputError):
+                joints_in(text, language)
+    # where digits may be split before a point that is not there, one line takes ten seconds
+    assert process_time() - begin < 2
