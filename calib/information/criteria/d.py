@@ -73,7 +73,7 @@ class D(Certifiable):
         """Gains log det(I - K_ii) (k,); -inf where M becomes singular."""
         W = whitener(M)
         Z = blocks @ W
-        return log_det_of_rest(identity_plus(-(Z @ transpose(Z))), rounding_of_rest(M, W))
+        return log_det_of_rest(identity_plus(-(Z @ transpose(Z))), rounding_of_rest(M, W, Z))
 
     def swap(self, M: Array, leaving: Array, entering: Array) -> Array:
         """Gains (k, N) by the matrix determinant lemma for both changes at once."""
@@ -84,11 +84,11 @@ class D(Certifiable):
         Zj = np.linalg.solve(np.linalg.cholesky(T), Zj)
         gained = log_det(T)
         # log det(I - K_ii + K_ij T^-1 K_ji), pair by pair
-        left, rounding = identity_plus(-(Zi @ transpose(Zi))), rounding_of_rest(M, W)
+        left, rounding = identity_plus(-(Zi @ transpose(Zi))), rounding_of_rest(M, W, Zi)
         out = np.empty((len(leaving), len(entering)))
         for i, Z in enumerate(Zi):
             X = Z @ transpose(Zj)
-            out[i] = gained + log_det_of_rest(left[i] + X @ transpose(X), rounding)
+            out[i] = gained + log_det_of_rest(left[i] + X @ transpose(X), rounding[i])
         return out
 
     def best_add(self, M: Array, pool: Pool, allowed: Bool, floor: float = -np.inf) -> Move:

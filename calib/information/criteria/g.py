@@ -129,7 +129,7 @@ class G(Variance):
                 Y = np.linalg.solve(np.linalg.cholesky(S), some) @ F
             else:
                 w, U = np.linalg.eigh(S)
-                good = sound(w, rounding_of_rest(M, W))
+                good = sound(w, rounding_of_rest(M, W, Z))
                 root = transpose(U) / np.sqrt(np.where(good[:, None], w, 1.0))[:, :, None]
                 Y = (root @ some) @ F
             # what each goal pose gains or loses; the worst decides

@@ -95,7 +95,7 @@ class Linear(Variance):
         W = whitener(M)
         Z = blocks @ W
         left = identity_plus(-(Z @ transpose(Z)))
-        return -sandwich(left, blocks @ self._half(W), rounding_of_rest(M, W))
+        return -sandwich(left, blocks @ self._half(W), rounding_of_rest(M, W, Z))
 
     def swap(self, M: Array, leaving: Array, entering: Array) -> Array:
         """Gains (k, N): those of the addition, and of the deletion from M + B_j'B_j.
@@ -112,12 +112,12 @@ class Linear(Variance):
         gained = sandwich(T, Yj)
         solved, rows = np.asarray(np.linalg.solve(T, Zj)), np.linalg.solve(T, Yj)
         # the deletion from M with the addition, pair by pair
-        left, rounding = identity_plus(-(Zi @ transpose(Zi))), rounding_of_rest(M, W)
+        left, rounding = identity_plus(-(Zi @ transpose(Zi))), rounding_of_rest(M, W, Zi)
         out = np.empty((len(leaving), len(entering)))
         for i, (Z, Y) in enumerate(zip(Zi, Yi, strict=True)):
             K = Z @ transpose(Zj)
             remains = left[i] + K @ transpose(Z @ transpose(solved))
-            out[i] = gained - sandwich(remains, Y - K @ rows, rounding)
+            out[i] = gained - sandwich(remains, Y - K @ rows, rounding[i])
         return out
 
     def best_add(self, M: Array, pool: Pool, allowed: Bool, floor: float = -np.inf) -> Move:

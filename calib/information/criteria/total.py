@@ -119,7 +119,6 @@ class Total(Variance):
         g, c, p = rows.shape
         F, K, k = rows.reshape(-1, p).T, M[:p, p:], M.shape[1] - p
         W = whitener(M[:p, :p])
-        rounding = rounding_of_rest(M[:p, :p], W)
         half, PK = W.T @ F, W @ (W.T @ K)
         noise, moved = (half**2).sum(axis=0), half.T @ (W.T @ K)
         # [A, B] to E = A M^-1 F, R = B - A M^-1 K and Z = A W, in one product
@@ -132,7 +131,9 @@ class Total(Variance):
             product = (some.reshape(n * r, -1) @ onto).reshape(n, r, -1)
             E, R, Z = np.split(product, [g * c, g * c + k], axis=2)
             S = identity_plus(sign * (Z @ transpose(Z)))
-            good = sound(eigenvalues(S), rounding) if sign < 0 else np.ones(n, dtype=np.bool_)
+            good = np.ones(n, dtype=np.bool_)
+            if sign < 0:
+                good = sound(eigenvalues(S), rounding_of_rest(M[:p, :p], W, Z))
             Y = np.linalg.solve(np.where(good[:, None, None], S, np.eye(r)), E)
             after = moved + sign * (transpose(Y) @ R)
             whole = noise - sign * (E * Y).sum(axis=1) + (after**2).sum(axis=2)

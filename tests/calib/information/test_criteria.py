@@ -5,7 +5,7 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from calib.arrays import Array
@@ -123,6 +123,7 @@ def plus(M: Array, *signed: tuple[int, Array]) -> list[list[Fraction]]:
 @pytest.mark.parametrize("name", ["D", "A", "V", "G"])
 @settings(max_examples=15, deadline=None)
 @given(seed=SEEDS, decades=st.floats(0, 9), units=st.floats(0, 3))
+@example(seed=717626, decades=9.0, units=0.0)  # 2e-11 are left, known to five digits
 def test_gains_of_nearly_singular_information_are_exact(
     name: str, seed: int, decades: float, units: float
 ):
