@@ -97,6 +97,7 @@ def read_session(
     root = file.parent if toml is None else Path(toml).parent
     sources = Sources(root, None if toml == file else file, options.max_mb, {})
     session = whole_session(settings, sources, robot, drop=options.drop_invalid, where=str(toml))
+    sources.require_data_read(str(toml))
     return replace(session, name=session.name or file.stem, files=(*first, *session.files))
 
 

@@ -26,6 +26,7 @@ from testbed.robots.robot import Reflector
 from testbed.scenario.systematic import SystematicTable
 from testbed.scenario.tolerance import Decision
 from testbed.scenario.tool_in_use import ToolInUse
+from testbed.units import listed
 
 APPLICATIONS = (".dtx", ".pgx")
 """Endings of the Data and programs of VAL3, which are XML."""
@@ -249,6 +250,22 @@ class Sources:
             where = str(path) if name is None else name
             self.texts[path, sheet] = text_of(path, where, sheet=sheet, max_mb=self.max_mb)
         return self.texts[path, sheet]
+
+    def require_data_read(self, toml: str) -> None:
+        """Refuse a table that `toml` was to say how to read, while all that was read is its own.
+
+        Raises
+        ------
+        InputError
+            C41: the result would be that of other files.
+        """
+        if self.data is None or self.data.resolve() in {one.resolve() for one, _ in self.texts}:
+            return
+        own = sorted({one.name for one, _ in self.texts})
+        raise refusal(
+            str(self.data), "--config", f"would not be read: {toml} names {listed(own)} itself",
+            code="C41", fix=f"take file = out of {toml}, or give {toml} in place of {self.data}",
+        )  # fmt: skip
 
     @property
     def files(self) -> tuple[SourceFile, ...]:

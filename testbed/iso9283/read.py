@@ -60,9 +60,11 @@ def read_test(
         raise refuse("cycles", code="S37", message=message, fix=fix, where=str(file))
     root = file.parent if toml is None else Path(toml).parent
     sources = Sources(root, None if toml == file else file, options.max_mb, {})
-    return test_of(
+    test = test_of(
         settings, sources, first, file, Path(toml or file).name, drop=options.drop_invalid
     )
+    sources.require_data_read(str(toml))
+    return test
 
 
 def test_of(

@@ -85,6 +85,28 @@ def test_a_key_of_a_session_that_is_not_meant_so_is_mended_in_the_message(lines,
     assert told in said("check", "s.toml", "--robot", TX60)
 
 
+def test_a_table_that_would_not_be_read_is_refused(here):
+    """Who gives an old session to a new table must not be handed the result of the old one."""
+    (here / "new.csv").write_text((here / "a.csv").read_text())
+    (here / "s.toml").write_text(SESSION.replace("frames", "points"))
+    line = said("identify", TX60, "new.csv", "--config", "s.toml", "--out", "out")
+    assert line == (
+        "new.csv: would not be read: s.toml names a.csv itself; take file = out of s.toml, or give "
+        "s.toml in place of new.csv. [C41]"
+    )
+    assert not (here / "out").exists()
+    rows = [f"P,{cycle},{cycle / 100},0,0,0,0,0" for cycle in range(30)]
+    table = "pose_id,cycle,x_mm,y_mm,z_mm,command_x_mm,command_y_mm,command_z_mm"
+    for name in ("old.csv", "cycles.csv"):
+        (here / name).write_text("\n".join([table, *rows]))
+    (here / "iso.toml").write_text('[cycles]\nfile = "old.csv"\n')
+    line = said("iso9283", "cycles.csv", "--config", "iso.toml")
+    assert "cycles.csv: would not be read: iso.toml names old.csv itself;" in line
+    # a session that names the table itself reads it
+    done = CliRunner().invoke(app, ["iso9283", "old.csv", "--config", "iso.toml", "--quiet"])
+    assert done.exit_code == 0, done.output
+
+
 def test_the_same_session_by_config_is_no_second_one(here):
     """Whoever names the file twice means one; it then reads as usual."""
     line = said("identify", TX60, "s.toml", "--config", "s.toml", "--out", "out")
