@@ -243,7 +243,8 @@ def terminal_text(calibration: Calibration, delivered: Delivered) -> str:
     head = tuple(name.replace("χ²", "chi2") for name in names)
     rows = [[cell.replace("−", "-").replace("–", "-") for cell in row] for row in cells]
     held = calibration.split.is_test.any()
-    title = f"{calibration.source.name}: errors at {'held-out rows' if held else 'the rows used'}"
+    rows_named = "held-out rows" if held else "the rows used"
+    title = f"{calibration.source.name}: errors at {rows_named}, measuring noise included"
     parts = [notice(calibration), table(title, head, rows), ""]
     parts += verdict_lines(verdict(calibration))
     said = [*decision_words(calibration, delivered), *moved_words(calibration)]
