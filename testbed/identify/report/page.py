@@ -189,7 +189,11 @@ def rank_words(fit: FittedModel) -> str:
     return text + (
         f"{counted(len(reduction.dropped), 'number')} cannot be told from others and "
         f"{'is' if len(reduction.dropped) == 1 else 'are'} not fitted"
-        f"{':' if result.prior is None else ' unless the prior holds them.'}"
+        + (
+            " (handed back, a change may be shared among such numbers):"
+            if result.prior is None
+            else " unless the prior holds them."
+        )
     )
 
 

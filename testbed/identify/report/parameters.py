@@ -53,7 +53,8 @@ def parameter_section(calibration: Calibration) -> Section:
             "value."
         ),
         Table(
-            caption=f"Base, links, tool: {counted(result.parameters.n_free, 'number')} estimated"
+            caption=f"Base, links, tool: {counted(result.parameters.n_free, 'number')} estimated, "
+            f"{len(shown)} changed"
             + (", joint terms included" if calibration.choice.chosen == "extended" else ""),
             head=("number", "unit", "old", "new", "delta", ONE_NUMBER, "held by"),
             rows=tuple(map(_cells, shown)),
