@@ -16,7 +16,7 @@ from testbed.recording import style
 from testbed.recording.cell import draw_beam, draw_station
 from testbed.recording.chart import Chart, Series, before_after, fit_chart
 from testbed.recording.pen import Pen
-from testbed.recording.story import Chapter, Story, floor_height, numbered, stance
+from testbed.recording.story import Chapter, Story, floor_height, numbered, row_word, stance
 from testbed.recording.timeline import Phase, evenly, spread, visit
 from testbed.robots.robot import Robot
 from testbed.units import counted
@@ -218,10 +218,10 @@ def _part_shown(shown: int, total: int) -> str:
 
 
 def _lines(shown: ShownCalibration, rows: Index) -> list[str]:
-    """Number of each pose shown, and its error before and after."""
+    """Number of each pose or reading shown, and its error before and after."""
     before, after = shown.calibration.before_misses, shown.calibration.fit.misses
     says = before_after(before.position[rows], after.position[rows])
-    return numbered("pose", len(rows), says)
+    return numbered(row_word(shown.calibration.measurements.rows(rows)), len(rows), says)
 
 
 def _errors(shown: ShownCalibration, origin: str, whose: str, rows: Index) -> Chart:

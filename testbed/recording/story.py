@@ -8,6 +8,7 @@ import numpy as np
 from calib.arrays import Array
 from calib.geometry.chain import Chain, forward
 from calib.geometry.frames import leveled, slide, transform
+from calib.measurement.observations import Measurements
 from testbed.recording.chart import Chart
 from testbed.recording.pen import Pen
 from testbed.recording.style import Color
@@ -134,6 +135,11 @@ def numbered(what: str, count: int, says: Iterable[str] = ()) -> list[str]:
     found = list(says)
     ends = [f", {text}" for text in found] if found else [""] * count
     return [f"{what} {k + 1} of {count}{end}" for k, end in enumerate(ends)]
+
+
+def row_word(table: Measurements) -> str:
+    """What one row of a table is: a pose, or one of several readings of it."""
+    return "pose" if table.n_poses == len(table) else "reading"
 
 
 def floor_height(chain: Chain, robot: Robot) -> float:

@@ -11,7 +11,7 @@ from testbed.recording import parameters, style
 from testbed.recording.cell import draw_box
 from testbed.recording.chart import Chart, Series, before_after, fit_chart
 from testbed.recording.pen import Pen
-from testbed.recording.story import Chapter, floor_height, numbered
+from testbed.recording.story import Chapter, floor_height, numbered, row_word
 from testbed.recording.timeline import Phase, spread, visit
 from testbed.report.page import SIMULATED
 from testbed.robots.robot import Robot
@@ -78,6 +78,7 @@ def _send_properties(shown: ShownTrial, scenario: Scenario, pen: Pen) -> None:
 def _measure(shown: ShownTrial) -> Chapter:
     """What the tracker sees, and its distance from both models [mm]."""
     measurements = shown.trial.measurements
+    row = row_word(measurements)
     models = (
         ("nominal", shown.setting.nominal, style.BEFORE_COLOR),
         ("identified", shown.estimate.identification.model, style.AFTER_COLOR),
@@ -101,8 +102,8 @@ def _measure(shown: ShownTrial) -> Chapter:
             shown.ghost_words,
         ),
         draw=partial(cell.draw_measured, shown),
-        lines=numbered("pose", len(seen), (f"{mm:.2f} mm off" for mm in seen)),
-        charts=(Chart("measure", "Measured minus predicted [mm] by pose number", curves),),
+        lines=numbered(row, len(seen), (f"{mm:.2f} mm off" for mm in seen)),
+        charts=(Chart("measure", f"Measured minus predicted [mm] by {row} number", curves),),
     )
 
 

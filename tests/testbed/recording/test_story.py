@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from testbed.recording import layout
 from testbed.recording.chart import Chart, Series
 from testbed.recording.layout import blueprint, camera
-from testbed.recording.story import Panel, timeline_of
+from testbed.recording.story import Panel, row_word, timeline_of
 from testbed.recording.timeline import (
     Phase,
     evenly,
@@ -25,8 +25,10 @@ from testbed.recording.write import story_bytes
 from testbed.robots.catalog import load_robot, robot_names
 from testbed.robots.placements import link_poses
 from tests import viewed
+from tests.calibrated import table_of, true_model
 from tests.planes import unfitting
 from tests.recorded import column, scalars, store
+from tests.reference import pool_r
 from tests.toy_story import STOPS, chapter, held, story
 
 
@@ -111,6 +113,13 @@ def test_without_a_motion_of_its_own_the_robot_stays_and_then_moves_on():
     ) is None  # fmt: skip
     assert (go.stop, wait.stop) == (wait.start, on.start)
     assert on.stop == timeline.n_steps
+
+
+def test_rows_are_called_poses_only_if_each_is_another_pose():
+    model, q = true_model(), pool_r(6)
+    assert row_word(table_of(model, q)) == "pose"
+    # as from two stations: three poses, each of them read twice
+    assert row_word(table_of(model, q, pose_id=np.repeat(np.arange(3), 2))) == "reading"
 
 
 def test_items_are_spread_over_a_phase_and_a_phase_has_room_for_each():
