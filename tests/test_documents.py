@@ -154,6 +154,14 @@ def test_a_command_that_is_only_shown_exists_with_its_options(name):
             assert all((ROOT / word).exists() for word in words if word.startswith("tests/"))
 
 
+@pytest.mark.parametrize("name", PAGES)
+def test_a_page_names_what_its_code_needs_beside_a_plain_installation(name):
+    """Who follows a page has what the README installs, which brings neither pandas nor scenes."""
+    shown = "".join(block for language, block in fences(PAGES[name]) if "{play}" in language)
+    assert "to_pandas" not in shown or "truebed[frames]" in PAGES[name]
+    assert not re.search(r"\bscenes/\w+\.", shown) or "clone" in PAGES[name]
+
+
 def test_a_wrong_command_would_be_seen():
     with pytest.raises(KeyError):
         parsed(["rum", "quick"])
