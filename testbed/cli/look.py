@@ -262,7 +262,7 @@ def check_view(
 
 @app.command()
 def doctor(plain: Plain = False, debug: Debug = False) -> None:
-    """Show versions; check that three kinematics agree on this machine."""
+    """Show versions; check that three kinematics agree here."""
     with exit_codes(debug=debug, plain=plain) as end:
         from testbed.cli.doctor import LIMIT, check_kinematics
         from testbed.report.text import table

@@ -274,7 +274,7 @@ def _drift(shown: LargerThanLife) -> Chapter:
         motion=spread(len(ends), FRAMES, test.command[:1]),
         text=(
             f"#### 3 Drift: the last {BLOCK} cycles, one further each time",
-            f"- blue: these readings; vermilion: the way of their middle, {shown.wide} times",
+            f"- blue: these readings; vermilion: the path of their mean, {shown.wide} times larger",
             f"- curves: AP of the last {BLOCK} cycles",
             f"- {test.drift}",
         ),
@@ -288,7 +288,9 @@ def _drift(shown: LargerThanLife) -> Chapter:
                 "drift",
                 f"AP [um] of {BLOCK} cycles, by the last of them",
                 (
-                    Series("most", AP[:, worst], style.VERMILION, f"{test.called[worst]}, most"),
+                    Series(
+                        "most", AP[:, worst], style.VERMILION, f"{test.called[worst]}, changes most"
+                    ),
                     Series("mean", others, style.BLUE, "mean of all poses"),
                 ),
                 ends * 1.0,

@@ -44,7 +44,7 @@ def joint_maps(
             ax.set_title(f"joint {joint + 1}")
             ax.set_xticks([-180, 0, 180])
             if k % COLUMNS == 0:
-                ax.set_ylabel("beside [mdeg]")
+                ax.set_ylabel("off by [mdeg]")
             if k + COLUMNS >= len(joints):
                 ax.set_xlabel("command [deg]")
                 ax.tick_params(labelbottom=True)  # also above a panel that is not there

@@ -97,8 +97,8 @@ def accuracy_is_not_belief(campaign: Campaign) -> str:
                 held = float(one.inside.mean())
                 share = f"only {percent(held)}" if held else "none"
                 return (
-                    'A "no" is about the stated uncertainty, not about the accuracy: with '
-                    f"{trial.name} the {SHORT[one.mode]} estimator has the smaller mean error "
+                    'A "no" in the table is about the stated uncertainty, not about the accuracy: '
+                    f"with {trial.name} the {SHORT[one.mode]} estimator has the smaller mean error "
                     f"({mean * MM:.4f} against {other * MM:.4f} mm), but its 95 % regions contain "
                     f"{share} of the true points."
                 )

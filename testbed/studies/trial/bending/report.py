@@ -41,7 +41,7 @@ def map_figure(campaign: Campaign, trial: Trial, estimate: Estimate) -> tuple[Bl
     if not joints:
         return ()
     text = (
-        "What each joint turns beside its command over one turn, sag left out: in truth (broken) "
+        "How far each joint turns from its command over one turn, sag left out: in truth (broken) "
         f"and by the model of {trial.name}"
     )
     text += "; the band holds 2 u of the fit." if len(model.joints) else ", which has no waves."

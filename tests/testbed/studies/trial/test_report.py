@@ -312,7 +312,7 @@ def test_a_refuted_statement_beside_a_smaller_error_is_explained_where_the_verdi
             and CLEARLY * one.comparison.after.mean() < other.comparison.after.mean()
         ]
         said = page(make).verdict
-        assert ('A "no" is about' in said) == bool(pairs)
+        assert ('A "no" in the table is about' in said) == bool(pairs)
         if pairs:
             trial, one, other = pairs[0]
             means = [1e3 * e.comparison.after.mean() for e in (one, other)]
