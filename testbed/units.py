@@ -195,6 +195,17 @@ def listed(words: Sequence[str]) -> str:
     return " and ".join([", ".join(words[:-1]), words[-1]] if words[1:] else words)
 
 
+def either(words: Sequence[str]) -> str:
+    """Words with commas and a last "or".
+
+    Examples
+    --------
+    >>> either(["a", "b", "c"]), either(["a"])
+    ('a, b or c', 'a')
+    """
+    return " or ".join([", ".join(words[:-1]), words[-1]] if words[1:] else words)
+
+
 def counted(number: int, noun: str) -> str:
     """A count and its noun.
 

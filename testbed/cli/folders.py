@@ -153,7 +153,11 @@ def _missing(path: Path) -> InputError:
     """The error for a folder that is not there, or is a file."""
     where = str(path)
     if is_there(path):
-        fix = f"give the folder it lies in: {path.parent}"
+        folder = path.parent
+        ours = kind(folder) in (*AGAIN, PLAN, ISO9283)
+        fix = (
+            f"give the folder it lies in: {folder}" if ours else "give a folder that truebed wrote"
+        )
         return refuse(
             "", None, "folders are wanted", code="D42", message="is a file", fix=fix, where=where
         )

@@ -47,9 +47,9 @@ def session(
         from testbed.robots.catalog import load_robot
         from testbed.schemas.editor import schema_beside
 
-        require_new(out)
         arm = load_robot(robot) if robot is not None else None
         looks = look_at(data, out.parent)
+        require_new(out)
         proposed = propose_session(looks, arm, out.parent)
         text = session_text(proposed, looks, str(out), robot, arm.name if arm else None)
         write_new(out, (line := schema_beside(out, "session")) + text)

@@ -55,6 +55,7 @@ from testbed.identify.visits.split import split_of_session
 from testbed.progress import Progress
 from testbed.robots.catalog import Robot
 from testbed.store.layout import DERIVED
+from testbed.units import either
 
 AUTO = "auto"
 STEPS = ("frames", "gross errors", "identification", "held-out poses", "robot", *DERIVED)
@@ -295,5 +296,5 @@ def loss_of(option: str) -> Loss:
     for loss in LOSSES:
         if option == loss:
             return loss
-    allowed = ", ".join((AUTO, *LOSSES))
+    allowed = f"it takes {either((AUTO, *LOSSES))}"
     raise refuse("--loss", option, allowed, code="C41", message=f'--loss is "{option}"')

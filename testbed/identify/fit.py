@@ -25,6 +25,7 @@ from calib.measurement.residual import linearize
 from testbed.identify.frames import FRAMES_ALONE, is_frame
 from testbed.identify.records import Choice, Figures, FittedModel, ModelName, RowErrors
 from testbed.streams import stream
+from testbed.units import either
 
 MODELS = ("geometric", "extended", "choose")
 Fitted = tuple[ModelName, RobotModel, Identification]
@@ -115,9 +116,8 @@ def _unasked(chosen: ModelName, asked: str, sentence: str) -> Choice:
 def checked_model(model: str) -> str:
     """The name of a model, if it is one."""
     if model not in MODELS:
-        raise refuse(
-            "--model", model, ", ".join(MODELS), code="C41", message=f'--model is "{model}"'
-        )
+        allowed = f"it takes {either(MODELS)}"
+        raise refuse("--model", model, allowed, code="C41", message=f'--model is "{model}"')
     return model
 
 

@@ -68,6 +68,11 @@ def split_of(
                 wanted, code="C41", fix=f"leave {wanted} out, or take the split out of the data",
                 message=f"{wanted} is given, but the data say which poses are held out",
             )  # fmt: skip
+        if stated.all():
+            raise refuse(
+                "split", code="M27", fix="write identify in the rows that shall identify",
+                message="no row is left to identify from: the data hold out all of them",
+            )  # fmt: skip
         _require_apart(measurements, stated)
         kept, held = (_poses(measurements, rows) for rows in (~stated, stated))
         sentence = f"split as the data state: {kept} to identify from, {held} held out"

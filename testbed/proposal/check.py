@@ -1,5 +1,6 @@
 """What a file is, and whether it can be used: it is read completely, and nothing else computed."""
 
+import shlex
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -185,7 +186,7 @@ def _table(file: Path, arm: Robot | None) -> list[str]:
         said.append(cycles.sentence)
         if cycles.document is not None:
             verb = "iso9283" if ours else "new session"
-            return [*said, f"type truebed {verb} {file}"]
+            return [*said, f"type truebed {verb} {shlex.quote(str(file))}"]
     if arm is None:
         return [*said, "units and conventions were not tried: name the robot with --robot"]
     try:
@@ -197,7 +198,8 @@ def _table(file: Path, arm: Robot | None) -> list[str]:
         if ours and error.code == "M35":
             raise
         # not in the layout of truebed: a session.toml is needed
-        return [*said, f"identify needs a session.toml: truebed new session {file} --robot ROBOT"]
+        given = shlex.quote(str(file))
+        return [*said, f"identify needs a session.toml: truebed new session {given} --robot ROBOT"]
 
 
 def _columns(head: Sequence[str], known: dict[str, str], kind: str) -> list[str]:

@@ -236,6 +236,7 @@ def recording_of(path: str | Path, trial: str | None = None) -> Path:
             trial = None  # the recording of the run shows it
     file = given / recording_name(trial)
     if not file.is_file():
+        read_result(given)  # a run that is not finished has no recording yet
         raise InputError(
             f"has no {file.name}",
             code="D42",

@@ -225,7 +225,8 @@ class RunFolder:
             told, fix = "was written by another version of truebed", AGAIN
         except DamagedError:
             told = "is damaged"
-        message = f"the record {key} {told}"
+        begun = (self.path / layout.UNFINISHED).is_file() and told == "is missing"
+        message = "the run is not finished" if begun else f"the record {key} {told}"
         raise refuse(key, code="D42", message=message, fix=fix, where=str(self.path))
 
     def write(self, name: str, data: bytes) -> None:

@@ -74,8 +74,10 @@ SAYS = {
     "runs/paln": 'runs/paln: does not exist; did you mean "runs/plan"? [D42]',
     "plan": 'plan: does not exist; did you mean "runs/plan"? [D42]',
     "qqq": "qqq: does not exist; check the path; truebed run SCENE writes one. [D42]",
-    "empty/any.txt": "empty/any.txt: is a file; folders are wanted; give the folder it lies in: "
-    "empty. [D42]",
+    "empty/any.txt": "empty/any.txt: is a file; folders are wanted; give a folder that truebed "
+    "wrote. [D42]",
+    "runs/ident/result.json": "runs/ident/result.json: is a file; folders are wanted; give the "
+    "folder it lies in: runs/ident. [D42]",
 }
 
 

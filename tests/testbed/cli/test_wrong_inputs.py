@@ -107,6 +107,20 @@ def test_a_table_that_would_not_be_read_is_refused(here):
     assert done.exit_code == 0, done.output
 
 
+def test_a_wrong_file_is_named_before_a_session_that_exists(here):
+    (here / "session.toml").write_text(SESSION)
+    assert said("new", "session", "gone.csv").startswith("gone.csv: does not exist")
+    assert said("new", "session", "a.csv").startswith("session.toml: exists already")
+
+
+def test_a_command_to_type_can_be_pasted_whatever_the_name(here):
+    rows = columns(made(), form="none")
+    own = {f"Achse {name[1]}" if name[1:2].isdigit() else name: rows[name] for name in rows}
+    (here / "my data.csv").write_text(csv(own))
+    done = CliRunner().invoke(app, ["check", "my data.csv", "--robot", TX60])
+    assert "truebed new session 'my data.csv' --robot" in done.stdout, done.output
+
+
 def test_the_same_session_by_config_is_no_second_one(here):
     """Whoever names the file twice means one; it then reads as usual."""
     line = said("identify", TX60, "s.toml", "--config", "s.toml", "--out", "out")

@@ -212,8 +212,12 @@ def _with(found, bootstrap):
 @pytest.mark.parametrize(
     ("options", "changes", "message"),
     [
-        ({"model": "elastic"}, {}, '--model is "elastic"; geometric, extended, choose. [C41]'),
-        ({"loss": "l1"}, {}, '--loss is "l1"; auto, squared, huber, cauchy. [C41]'),
+        (
+            {"model": "elastic"},
+            {},
+            '--model is "elastic"; it takes geometric, extended or choose. [C41]',
+        ),
+        ({"loss": "l1"}, {}, '--loss is "l1"; it takes auto, squared, huber or cauchy. [C41]'),
         (
             {},
             {"free": "wen2021"},

@@ -55,6 +55,12 @@ def test_all_poses_identify_where_that_is_asked_and_nothing_is_proven():
     assert split.sentence == f"{told} result"
 
 
+def test_data_that_hold_out_every_row_are_refused_in_words_of_the_data():
+    table = repeated()
+    with pytest.raises(InputError, match=r"no row is left to identify from: .* write identify in"):
+        split_of(table, np.ones(len(table), dtype=np.bool_))
+
+
 def test_first_visits_only_leave_later_ones_to_neither_side():
     table = repeated()
     split = split_of(table, None, first_visits=True)

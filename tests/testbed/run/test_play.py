@@ -197,8 +197,11 @@ def test_an_unfinished_run_says_so_and_how_to_go_on(tmp_path):
     assert not (tmp_path / layout.RESULT).exists()
     with pytest.raises(InputError, match=r"has no result\.json: the run is not finished"):
         read_result(tmp_path)
-    with pytest.raises(InputError, match=r"trial-b is missing; give the `truebed run` .* --resume"):
+    told = "the run is not finished; give the `truebed run` .* --resume"
+    with pytest.raises(InputError, match=told):
         load_run(tmp_path, studies=(Fake(),))
+    with pytest.raises(InputError, match=told):
+        recording_of(tmp_path)
     play(tmp_path, resume=True)
     assert not (tmp_path / layout.UNFINISHED).exists()
 
