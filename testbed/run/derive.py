@@ -185,7 +185,8 @@ def page_of(
     return Page(
         banner=SIMULATED,
         title=scenario.title or scenario.name,
-        subtitle=f"Scenario {scenario.name}, seed {scenario.seed}, robot {scenario.robot}",
+        subtitle=f"Scenario {scenario.name}, seed {scenario.seed}, "
+        f"robot {_robot_name(scenario.robot)}",
         believable=verdict.believable,
         mark=verdict.mark,
         verdict=typeset(verdict.sentence),

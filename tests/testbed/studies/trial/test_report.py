@@ -180,6 +180,13 @@ def test_sections_without_data_are_left_out_and_all_others_are_there():
     assert "paper" not in anchors(page_of(with_records(moved, setting=own), VERSIONS))
 
 
+def test_a_robot_of_ones_own_is_named_without_the_path_of_this_machine():
+    campaign = bare_campaign()
+    own = campaign.scenario.model_copy(update={"robot": "/home/me/mine/robot.toml"})
+    page = page_of(replace(campaign, scenario=own), VERSIONS)
+    assert page.subtitle.endswith("robot mine")
+
+
 def test_what_a_user_writes_is_text_never_markup():
     campaign = bare_campaign()
     title = '<script>alert(1)</script> & "quotes"'
