@@ -89,7 +89,7 @@ def test_a_campaign_on_its_folder_identifies_what_is_left(tmp_path):
     assert set(KNOWN.model.joint_errors.names) <= set(table.free_names)
     seen = bench.measure_pool(np.arange(40), "test")
     estimator = estimator_for(bench, "whitened", seen)
-    assert estimator.why.endswith(
+    assert estimator.reason.because.endswith(
         "; of the joint errors that the robot has already 27 free under a prior"
     )
     found = estimator.fit(seen)

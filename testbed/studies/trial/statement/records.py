@@ -78,12 +78,12 @@ class Statement(Shown):
     """Joint errors on offer for the model, and the outcome of each."""
     steps: tuple[ClimbStep, ...]
     """Steps of the choice, level by level."""
-    outliers: tuple[str, ...]
-    """Readings of the calibration that do not fit the others, by name of the pose."""
-    outlier_poses: Index
+    outliers: Annotated[tuple[str, ...], "k"]
+    """(k,) readings of the calibration that do not fit the others, by name of the pose."""
+    outlier_poses: Annotated[Index, "k"]
     """(k,) their poses in the pool."""
-    set_aside: Index
-    """(k,) held-out poses with a gross error that were set aside; only with a robust loss."""
+    set_aside: Annotated[Index, "h"]
+    """(h,) held-out poses with a gross error that were set aside; only with a robust loss."""
     lack_of_fit: LackOfFit | None
     """All visits fitted together: misfit against the scatter of repeats; None without repeats or
     with a robust loss."""
