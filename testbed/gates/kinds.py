@@ -59,7 +59,7 @@ PROGRAMS = {
     "val3": (
         "a VAL3 program (Stäubli)",
         re.compile(
-            r"\s*(program\s+\w+\s*\(|begin\s*$|move[jlc]\s*\(\s*[\w{]|.*<(Database|Program)\b)"
+            r"\s*(program\s+\w+\s*\(|begin\s*$|move[jlc]\s*\(\s*[\w{])|.*<(Database|Program)\b"
         ),
     ),
 }

@@ -34,8 +34,7 @@ def read_doosan(text: FileText) -> JointList:
         M35: joints are computed, or a move is relative; or as `Program.joints`.
     """
     program = Program(text, TAUGHT)
-    for number, whole in text.content("#"):
-        line = whole.partition("#")[0]
+    for number, line in program.statements("#"):
         if (move := MOVED.search(line)) is not None:
             _move(program, number, move[1], move[2])
         elif (own := GIVEN.match(line)) is not None:

@@ -12,7 +12,7 @@ ENTRY = re.compile(
     r"\b([JE])(\d)\s*=\s*([-+]?(?:\d+(?:\.\d*)?|\.\d+)|\*+)\s*(deg|mm)?", re.IGNORECASE
 )
 PLACE = re.compile(r"\bX\s*=")
-MOVED = re.compile(r"\s*\d*\s*:\s*([JLCA])\s+(PR?)\[([^\]:]{1,20})")
+MOVED = re.compile(r"\s*(?:\d+\s*)?:\s*([JLCA])\s+(PR?)\[([^\]:]{1,20})")
 """``1:J P[1:above] 20% FINE``; comments after // or ! do not match."""
 
 

@@ -8,7 +8,7 @@ from testbed.files.refusal import refusal
 from testbed.gates.text import FileText
 
 KIND = re.compile(r"\s*///POSTYPE\s+(\w+)", re.IGNORECASE)
-POSITION = re.compile(r"\s*(C|P|BC|BP|EC|EX)(\d{1,6})\s*=\s*([^=]*)$", re.IGNORECASE)
+POSITION = re.compile(r"\s*(C|P|BC|BP|EC|EX)(\d{1,6})\s*=([^=]*)$", re.IGNORECASE)
 MOVED = re.compile(r"\s*(MOV[JLCS]|IMOV)\s+(.*)", re.IGNORECASE)
 TO = re.compile(r"\s*([CP])(\d{1,6})\b", re.IGNORECASE)
 CELL = re.compile(r"\s*[-+]?(?:\d+(?:\.\d*)?|\.\d+)\s*")

@@ -39,8 +39,7 @@ def read_kawasaki(text: FileText) -> JointList:
         M35: joints are computed; what `Program.joints` refuses.
     """
     program, moves, section = Program(text, TAUGHT), list[tuple[int, str]](), ""
-    for number, whole in text.content(";"):
-        line = whole.partition(";")[0]
+    for number, line in program.statements(";"):
         if (listed := LISTED.match(line)) is not None:
             program.declare(Target(number, listed[1], tuple(re.findall(NUMBER, listed[2]))))
         elif (begun := SECTION.match(line)) is not None:

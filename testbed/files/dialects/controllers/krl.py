@@ -8,7 +8,7 @@ from testbed.gates.text import FileText
 
 NUMBER = r"[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?"
 ENTRY = re.compile(rf"\s*([A-Z]\w*)\s+({NUMBER})\s*", re.IGNORECASE)
-AGGREGATE = re.compile(r"\{\s*(?:\w+\s*:)?([^{}]*)\}")
+AGGREGATE = re.compile(r"\{(?:\s*\w+\s*:)?([^{}]*)\}")
 DECLARED = re.compile(
     r"\s*(?:GLOBAL\s+|DECL\s+|CONST\s+){0,3}(?:(E6AXIS|AXIS|E6POS|POS|FRAME)\s+)?"
     r"(\w+(?:\[[^\]]{0,20}\])?)\s*(?:=\s*(\{.*))?$",
@@ -35,8 +35,7 @@ def read_krl(text: FileText) -> JointList:
         as `Program.joints`.
     """
     program = Program(text, "E6AXIS P1={A1 ..., A2 ...}")
-    for number, whole in text.content(";", "&"):
-        line = whole.partition(";")[0]
+    for number, line in program.statements(";", "&"):
         if (move := MOVED.match(line)) is not None:
             _move(program, number, move[1].upper(), move[2])
         elif (own := DECLARED.match(line)) is not None and (own[1] or own[3]):
@@ -97,4 +96,4 @@ def _axes(
 
 def _is_place(value: str) -> bool:
     """Whether an aggregate is a Cartesian position."""
-    return bool(re.search(r"\{\s*(?:\w+\s*:)?\s*X\s", value, re.IGNORECASE))
+    return bool(re.search(r"\{(?:\s*\w+\s*:)?\s*X\s", value, re.IGNORECASE))

@@ -11,7 +11,7 @@ from testbed.units import counted
 
 TARGET = re.compile(r"\[\s*\[([^\[\]]*)\]\s*,\s*\[([^\[\]]*)\]\s*\]")
 """``[[10,20,30,40,50,60],[9E9,9E9,9E9,9E9,9E9,9E9]]``: robot axes, external axes."""
-INDEX = r"\s*(?:\{([^{}]{0,99})\})?\s*"
+INDEX = r"\s*(?:\{([^{}]{0,99})\}\s*)?"
 """Index or size of an array; of bounded length, since it is tried at each word."""
 DECLARED = re.compile(rf"\bjointtarget\s+(\w+){INDEX}(:=|;|$)", re.IGNORECASE)
 """``CONST jointtarget p1 :=`` or, of an array, ``PERS jointtarget p{3} :=``."""
@@ -128,14 +128,15 @@ def _statements(text: FileText) -> Iterator[tuple[list[int], str]]:
                 lines, code = [number], [""]
             elif token[0] not in '"!':
                 code[-1] += token
-    yield lines, "\n".join(code)
+    if lines:
+        yield lines, "\n".join(code)
 
 
 def _axes(found: re.Match[str]) -> Axes:
     """Axes of a target as written, and the external ones that exist."""
-    others = [cell.strip() for cell in found[2].split(",") if not _absent(cell)]
-    beside = tuple((f"eax_{'abcdef'[k % 6]}", cell) for k, cell in enumerate(others))
-    return tuple(cell.strip() for cell in found[1].split(",")), beside
+    own, others = ([cell.strip() for cell in found[k].split(",")] for k in (1, 2))
+    beside = [(f"eax_{'abcdef'[k % 6]}", cell) for k, cell in enumerate(others)]
+    return tuple(own), tuple((name, cell) for name, cell in beside if not _absent(cell))
 
 
 def _absent(cell: str) -> bool:

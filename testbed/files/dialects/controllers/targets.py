@@ -1,6 +1,6 @@
 """Joint targets of a program, as a sheet: those of its moves, or if it has none, those declared."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
 from calib.errors import InputError
@@ -63,6 +63,16 @@ class Program:
     moves: list[Target] = field(default_factory=list)
     aside: list[int] = field(default_factory=list)
     """Lines of the moves to Cartesian positions."""
+
+    def statements(self, comment: str, *whole: str) -> Iterator[tuple[int, str]]:
+        """Line and text of each statement, without what stands behind the mark of a comment.
+
+        A line may have several with ; between them. Lines that begin with a `whole` mark are left
+        out.
+        """
+        for number, line in self.text.content(comment, *whole):
+            for statement in line.partition(comment)[0].split(";"):
+                yield number, statement
 
     def place(self, line: int) -> str:
         """File and line."""

@@ -26,8 +26,7 @@ def read_urscript(text: FileText) -> JointList:
         M35: a list is computed; what `Program.joints` refuses.
     """
     program = Program(text, "movej([0.1, -1.57, ...])")
-    for number, whole in text.content("#"):
-        line = whole.partition("#")[0]
+    for number, line in program.statements("#"):
         if (move := MOVED.search(line)) is not None:
             _move(program, number, move[1], move[2])
         elif (own := GIVEN.match(line)) is not None:

@@ -35,8 +35,7 @@ def read_val3(text: FileText) -> JointList:
     if is_val3_data(text):
         _data(program, text)
         return program.joints()
-    for number, whole in text.content("//"):
-        line = whole.partition("//")[0]
+    for number, line in program.statements("//"):
         if (move := MOVED.search(line)) is not None:
             _move(program, number, move[1], move[2])
         elif (own := GIVEN.match(line)) is not None:

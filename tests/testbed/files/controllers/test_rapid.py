@@ -52,6 +52,11 @@ def test_moves_count_in_their_order_and_external_axes_are_named(tmp_path):
     assert found.lines == (2, 3, 4)
 
 
+def test_an_external_axis_keeps_its_letter_where_those_before_it_do_not_exist(tmp_path):
+    found = sheet(tmp_path, *(f"MoveAbsJ [[1,2,3],[9E9,{x},9E9]],v,z,t;" for x in (7, 8)))
+    assert found.head == ("q1_deg", "q2_deg", "q3_deg", "eax_b")
+
+
 def test_every_statement_of_a_line_is_read_and_one_may_go_over_lines(tmp_path):
     found = sheet(
         tmp_path,
