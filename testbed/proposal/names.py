@@ -1,7 +1,7 @@
 """Names of columns in other programs: their meaning in our names, and what stays ambiguous."""
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from testbed.bounds import FACTORS
@@ -38,7 +38,8 @@ from testbed.proposal.words import (
     WISHED,
 )
 
-ENDS = re.compile(r"^(.*?)[\s_]*[\[(/,]\s*([^\])]+?)\s*[\])]?$")
+OPENS = re.compile(r"[\[(/,]")
+"""What may stand before a unit, as in X [mm] and X, mm."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,13 +68,14 @@ def meanings(head: Sequence[str], units: Sequence[str] = ()) -> tuple[Meaning, .
     names, "" for columns without one.
     """
     found, shifted, turns = [], _from_zero(head), _of_this_head(head)
+    texts = {without_unit(name)[0] for name in head}
     if "q0" in {name.strip().lower() for name in head if name not in shifted}:
         # beside q0, which is no joint, q1 is no joint either
         turns = turns | {f"q{k}": stem for k, stem in enumerate(QUATERNION)}
     for name, unit in zip(head, units or [""] * len(head), strict=True):
         bare = not (is_known(name) or without_unit(name)[1])
         said = f"{shifted.get(name, name)} [{unit}]" if unit and bare else shifted.get(name, name)
-        if (meaning := _meaning(said, head, turns)) is not None:
+        if (meaning := _meaning(said, texts, turns)) is not None:
             if name in shifted and meaning.known:
                 stem, _, unit = meaning.stem.rpartition("_")
                 meaning = Meaning(name, stem, unit)
@@ -187,13 +189,14 @@ def turns_of_letters(head: Sequence[str]) -> dict[str, str]:
     return next(both, {})
 
 
-def _meaning(name: str, head: Sequence[str], turns: Mapping[str, str]) -> Meaning | None:
+def _meaning(name: str, texts: Collection[str], turns: Mapping[str, str]) -> Meaning | None:
     """Meaning of one column; None if its name is unknown.
 
-    `turns` are names that are rotations in this table only.
+    `texts` are the names of the table in small words without units, `turns` those that are
+    rotations in this table only.
     """
     text, unit = without_unit(name)
-    entry = entry_of(text, [without_unit(one)[0] for one in head])
+    entry = entry_of(text, texts)
     if is_known(name) and entry in ("", name):
         return Meaning(name, name, "", known=True)
     if entry:
@@ -221,12 +224,12 @@ def _meaning(name: str, head: Sequence[str], turns: Mapping[str, str]) -> Meanin
     if joint and not words & DIFFERENCES:
         return Meaning(name, f"q{joint[1]}{'_read' if words & READ else ''}", unit)
     far = words & DISTANCE and not words & {"x", "y", "z"}
-    if far and not any(ANGLE & set(without_unit(other)[0].split()) for other in head):
+    if far and not any(ANGLE & set(other.split()) for other in texts):
         mark = "U95" if words & EXPANDED else "u" if words & STANDARD else ""
         return Meaning(name, f"{mark}_distance" if mark else "distance", unit)
     if words & WISHED or text in ("dx", "dy", "dz"):
         return _wished(name, text, unit)
-    return _coordinate(name, text, unit, head)
+    return _coordinate(name, text, unit, texts)
 
 
 def _wished(name: str, text: str, unit: str) -> Meaning | None:
@@ -241,14 +244,13 @@ def _wished(name: str, text: str, unit: str) -> Meaning | None:
     return Meaning(name, f"{kind}_{axes.pop()}", unit)
 
 
-def _of_quaternion(text: str, head: Sequence[str]) -> bool:
+def _of_quaternion(text: str, texts: Collection[str]) -> bool:
     """Whether a name ends with x, y, z or w, and all four exist with the same words before."""
     before, _, last = text.rpartition(" ")
-    wanted = {f"{before} {axis}" for axis in "xyzw"}
-    return last in tuple("xyzw") and wanted <= {without_unit(name)[0] for name in head}
+    return last in tuple("xyzw") and all(f"{before} {axis}" in texts for axis in "xyzw")
 
 
-def _coordinate(name: str, text: str, unit: str, head: Sequence[str]) -> Meaning | None:
+def _coordinate(name: str, text: str, unit: str, texts: Collection[str]) -> Meaning | None:
     """A coordinate, a rotation, or the uncertainty of one."""
     words = text.split()
     for mark, prefix in ((EXPANDED, "U95"), (STANDARD, "u")):
@@ -260,7 +262,7 @@ def _coordinate(name: str, text: str, unit: str, head: Sequence[str]) -> Meaning
             return Meaning(name, f"{prefix}{words[-1]}", unit)
         if set(words) & mark and words[0] in ("x", "y", "z", "rx", "ry", "rz"):
             return Meaning(name, f"{prefix}{words[0]}", unit)
-    if _of_quaternion(text, head):
+    if _of_quaternion(text, texts):
         return Meaning(name, f"q{words[-1]}", "")
     for word in (words[-1], words[0]) if words else ():
         if word in ("x", "y", "z"):
@@ -275,9 +277,10 @@ def _coordinate(name: str, text: str, unit: str, head: Sequence[str]) -> Meaning
 def without_unit(name: str) -> tuple[str, str]:
     """A name in small words, and the unit that it ends with."""
     text, unit = name.strip(), ""
-    ends = ENDS.match(text)
-    if ends and ends[2].strip().lower() in WRITTEN:
-        text, unit = ends[1], WRITTEN[ends[2].strip().lower()]
+    body = text[:-1] if text.endswith(("]", ")")) else text
+    mark = OPENS.search(body, max(map(body.rfind, "])")) + 1)
+    if mark is not None and (last := body[mark.end() :].strip().lower()) in WRITTEN:
+        text, unit = text[: mark.start()], WRITTEN[last]
     words = re.sub(r"[\s_.:/\-\[\]()]+", " ", text).strip().lower().split()
     if (
         not unit

@@ -1,7 +1,7 @@
 """Entries of transforms, by their names or by their place in rows without names."""
 
 import re
-from collections.abc import Collection, Sequence
+from collections.abc import Collection
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,7 +13,7 @@ TRANSFORM = re.compile(r"([a-z]) ?([0-4]) ?([0-4])")
 """T11 ... T34, m_00 ... m_23."""
 
 
-def entry_of(text: str, others: Sequence[str]) -> str:
+def entry_of(text: str, others: Collection[str]) -> str:
     """The stem of an entry, x or r12, if all entries of its letter exist; else empty.
 
     There are twelve entries, or nine for the letter r; the last row of a transform has none.

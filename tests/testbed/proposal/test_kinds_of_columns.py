@@ -5,6 +5,7 @@ Truth: the files are written here from poses that are known.
 
 import re
 import tomllib
+from time import process_time
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from testbed.files.probe import probe
 from testbed.files.read import read_session
+from testbed.proposal.names import meanings, without_unit
 from tests.testbed.files.made import ROBOT, csv
 from tests.testbed.proposal.test_session import (
     JOINTS,
@@ -247,3 +249,29 @@ def test_titles_above_a_table_are_seen(kind, tmp_path):
     done = call("check", tmp_path / "session.toml", "--robot", ROBOT.name)
     assert done.exit_code == 2
     assert f"a.csv:{len(TITLES[kind]) + 3}: has 10 cells; the first line names 9" in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("name", "meant"),
+    [
+        ("X [mm]", ("x", "mm")),
+        ("Pos X (actual) [mm]", ("pos x actual", "mm")),
+        ("X, mm", ("x", "mm")),
+        ("x/mm)", ("x", "mm")),
+        ("Vx (mm/s)", ("vx mm s", "")),
+        ("Pos/X mm", ("pos x", "mm")),
+        ("[mm]", ("", "mm")),
+        ("", ("", "")),
+        ("]", ("", "")),
+    ],
+)
+def test_a_name_is_told_from_its_unit(name, meant):
+    assert without_unit(name) == meant
+
+
+@pytest.mark.parametrize("part", ["_", "(", "[x", "x)", " ", ","])
+def test_a_long_name_is_read_in_time(part):
+    """A line may have 65,000 letters; where all ends of a name are tried, one takes a minute."""
+    begin = process_time()
+    meanings(["pose", part * (20_000 // len(part)) + "x", *(f"b{k} qx" for k in range(2000))])
+    assert process_time() - begin < 2  # below 0.2 s
