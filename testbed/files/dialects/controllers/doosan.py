@@ -2,11 +2,9 @@
 
 import re
 
-from testbed.files.dialects.controllers.targets import JointList, Program, Target
-from testbed.files.refusal import refusal
+from testbed.files.dialects.controllers.targets import JointList, Program, Target, axes_of
 from testbed.gates.text import FileText
 
-NUMBER = re.compile(r"\s*[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?\s*")
 JOINTS = re.compile(r"(?:posj\s*\(\s*)?\[([^\[\]()]*)\]\s*\)?|posj\s*\(([^\[\]()]*)\)")
 GIVEN = re.compile(r"\s*(?:global\s+)?(\w+)(\[[^\]]{0,20}\])?\s*=(?!=)\s*(.*)")
 MOVED = re.compile(r"(?:^|[\s;:])(a?move\w{1,2}|servo[jl])\s*\((?:\s*pos\s*=)?\s*(.*)")
@@ -15,8 +13,6 @@ POSES = re.compile(r"posx\s*\(|get_|trans\s*\(|fkin\s*\(")
 BY_DIFFERENCE = re.compile(r"DR_MV_MOD_REL|\bmod\s*=\s*1\b")
 MODE = 4
 """Position after the target of the argument for the mode, in a call without argument names."""
-FEWEST = 4
-"""Joints of a robot; shorter lists are something else."""
 TAUGHT = "movej(posj(0, -10, 80, 0, 90, 0), v=30, a=30)"
 
 
@@ -57,21 +53,13 @@ def _move(program: Program, number: int, verb: str, to: str) -> None:
     if verb not in TO_JOINTS or POSES.match(to):
         program.aside.append(number)
     elif BY_DIFFERENCE.search(to) or [one.strip() for one in beside[MODE : MODE + 1]] == ["1"]:
-        raise refusal(
-            program.place(number), "joints",
-            f"{verb} is a relative move, whose start is known only while the program runs",
-            fix=f"write the joints that it reaches: {TAUGHT}",
-        )  # fmt: skip
+        raise program.relative(number, verb)
     elif name is not None:
         program.move_to(number, name[1])
     elif axes := _axes(to):
         program.moves.append(Target(number, "", axes))
     else:
-        raise refusal(
-            program.place(number), "joints",
-            f"{verb} has a computed target, whose joints are known only while the program runs",
-            fix=f"write them as numbers: {TAUGHT}",
-        )  # fmt: skip
+        raise program.computed(number, verb)
 
 
 def _axes(value: str) -> tuple[str, ...]:
@@ -79,7 +67,4 @@ def _axes(value: str) -> tuple[str, ...]:
     found = JOINTS.match(value)
     if found is None or re.match(r"\s*[-+*/]", value[found.end() :]):
         return ()
-    cells = (found[1] or found[2] or "").split(",")
-    if len(cells) < FEWEST or not all(map(NUMBER.fullmatch, cells)):
-        return ()
-    return tuple(map(str.strip, cells))
+    return axes_of(found[1] or found[2])

@@ -3,7 +3,7 @@
 import re
 from dataclasses import replace
 
-from testbed.files.dialects.controllers.targets import JointList, Program, Target
+from testbed.files.dialects.controllers.targets import CELL, JointList, Program, Target
 from testbed.files.refusal import refusal
 from testbed.gates.text import FileText
 
@@ -11,7 +11,6 @@ KIND = re.compile(r"\s*///POSTYPE\s+(\w+)", re.IGNORECASE)
 POSITION = re.compile(r"\s*(C|P|BC|BP|EC|EX)(\d{1,6})\s*=([^=]*)$", re.IGNORECASE)
 MOVED = re.compile(r"\s*(MOV[JLCS]|IMOV)\s+(.*)", re.IGNORECASE)
 TO = re.compile(r"\s*([CP])(\d{1,6})\b", re.IGNORECASE)
-CELL = re.compile(r"\s*[-+]?(?:\d+(?:\.\d*)?|\.\d+)\s*")
 ANGLES, PULSES = ("ANGLE", "JOINT", "DEGREE", "DEG"), "PULSE"
 MOST = 6
 """Axes whose order in a job is that of the arm: a seventh turns between two of the others."""
@@ -80,11 +79,7 @@ def _position(program: Program, number: int, name: str, cells: list[str], kind: 
 def _move(program: Program, number: int, verb: str, to: str) -> None:
     """A move to a position; an arc goes through one."""
     if verb == "IMOV":
-        raise refusal(
-            program.place(number), "joints",
-            f"{verb} is a relative move, whose start is known only while the job runs",
-            fix="teach the position that it reaches",
-        )  # fmt: skip
+        raise program.relative(number, verb)
     target = TO.match(to)
     if verb in ("MOVJ", "MOVL") and target is not None:
         program.move_to(number, f"{target[1].upper()}{int(target[2])}")

@@ -2,12 +2,10 @@
 
 import re
 
-from testbed.files.dialects.controllers.targets import JointList, Program, Target
+from testbed.files.dialects.controllers.targets import NUMBER, JointList, Program, Target, axes_of
 from testbed.files.refusal import refusal
 from testbed.gates.text import FileText
 
-NUMBER = r"[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?"
-CELL = re.compile(rf"\s*{NUMBER}\s*")
 NAME = r"[A-Za-z]\w*(?:\[[^\]]{0,20}\])?"
 LISTED = re.compile(rf"\s*#({NAME})((?:\s+{NUMBER}){{4,20}})\s*$")
 PLACE = re.compile(rf"\s*({NAME})(?:\s+{NUMBER}){{6,20}}\s*$")
@@ -38,7 +36,7 @@ def read_kawasaki(text: FileText) -> JointList:
     InputError
         M35: joints are computed; what `Program.joints` refuses.
     """
-    program, moves, section = Program(text, TAUGHT), list[tuple[int, str]](), ""
+    program, moves, section = Program(text, TAUGHT), list[tuple[int, str, str]](), ""
     for number, line in program.statements(";"):
         if (listed := LISTED.match(line)) is not None:
             program.declare(Target(number, listed[1], tuple(re.findall(NUMBER, listed[2]))))
@@ -48,7 +46,7 @@ def read_kawasaki(text: FileText) -> JointList:
             _point(program, number, own[1], own[2] or "")
         elif (move := MOVED.match(line)) is not None:
             if move[1].upper() in TO_JOINTS and move[2].lstrip().startswith("#"):
-                moves.append((number, move[2].strip()))
+                moves.append((number, move[1].upper(), move[2].strip()))
             else:
                 program.aside.append(number)
         elif section == "JOINTS" and line.lstrip().startswith("#"):
@@ -59,8 +57,8 @@ def read_kawasaki(text: FileText) -> JointList:
             )  # fmt: skip
         elif section == "TRANS" and (place := PLACE.match(line)) is not None:
             program.tool.setdefault(place[1].lower(), number)
-    for number, to in moves:  # joints are listed behind the program
-        _move(program, number, to)
+    for number, verb, to in moves:  # joints are listed behind the program
+        _move(program, number, verb, to)
     return program.joints()
 
 
@@ -72,7 +70,7 @@ def _point(program: Program, number: int, name: str, value: str) -> None:
         program.again.setdefault(name.lower(), number)
 
 
-def _move(program: Program, number: int, to: str) -> None:
+def _move(program: Program, number: int, verb: str, to: str) -> None:
     """A move to joints that have a name, or stand there."""
     name = re.fullmatch(rf"#({NAME})\s*(?:,.*)?", to)
     if axes := _axes(to):
@@ -80,15 +78,10 @@ def _move(program: Program, number: int, to: str) -> None:
     elif name is not None:
         program.move_to(number, name[1])
     else:
-        raise refusal(
-            program.place(number), "joints",
-            "moves to a computed target, whose joints are known only while the program runs",
-            fix=f"write them as numbers: {TAUGHT}",
-        )  # fmt: skip
+        raise program.computed(number, verb)
 
 
 def _axes(value: str) -> tuple[str, ...]:
     """Joints [deg] of #PPOINT(...); empty where it is another, or not all are numbers."""
     found = JOINTS.match(value)
-    cells = found[1].split(",") if found is not None else []
-    return tuple(map(str.strip, cells)) if all(map(CELL.fullmatch, cells)) else ()
+    return axes_of(found[1]) if found is not None else ()

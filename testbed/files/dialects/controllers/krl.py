@@ -2,11 +2,10 @@
 
 import re
 
-from testbed.files.dialects.controllers.targets import JointList, Program, Target
+from testbed.files.dialects.controllers.targets import FEWEST, NUMBER, JointList, Program, Target
 from testbed.files.refusal import refusal
 from testbed.gates.text import FileText
 
-NUMBER = r"[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?"
 ENTRY = re.compile(rf"\s*([A-Z]\w*)\s+({NUMBER})\s*", re.IGNORECASE)
 AGGREGATE = re.compile(r"\{(?:\s*\w+\s*:)?([^{}]*)\}")
 DECLARED = re.compile(
@@ -21,8 +20,6 @@ MOVED = re.compile(
 )
 OF_TOOL = ("E6POS", "POS", "FRAME")
 ROBOT = ("A1", "A2", "A3", "A4", "A5", "A6", "A7")
-FEWEST = 4
-"""Fewest axes of a robot; with fewer, some are not written."""
 
 
 def read_krl(text: FileText) -> JointList:
@@ -58,11 +55,7 @@ def _move(program: Program, number: int, verb: str, to: str) -> None:
     """Read a move to an aggregate, or to a named target."""
     if not verb.endswith("PTP"):
         if "PTP" in verb:
-            raise refusal(
-                program.place(number), "joints",
-                f"{verb} is a relative move, whose start is known only while the program runs",
-                fix="write the axis values that it reaches: PTP {A1 ..., A2 ...}",
-            )  # fmt: skip
+            raise program.relative(number, verb)
         program.aside.append(number)
     elif to[0] != "{":
         program.move_to(number, to)

@@ -1,5 +1,6 @@
 """Joint targets of a program, as a sheet: those of its moves, or if it has none, those declared."""
 
+import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
@@ -13,6 +14,10 @@ ANOTHER = (
     "is assigned another value here, so its value at a move is known only while the program runs"
 )
 LOST = "only the controller knows the joint values there"
+NUMBER = r"[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?"
+CELL = re.compile(rf"\s*{NUMBER}\s*")
+FEWEST = 4
+"""Joints of a robot; shorter lists are something else."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,6 +104,22 @@ class Program:
                 fix="declare it in the same file before the move, or remove the move",
             )  # fmt: skip
 
+    def computed(self, line: int, verb: str) -> InputError:
+        """The error of a move whose target is no list of numbers, and no name."""
+        return refusal(
+            self.place(line), "joints",
+            f"{verb} has a computed target, whose joints are known only while the program runs",
+            fix=f"write them as numbers: {self.taught}",
+        )  # fmt: skip
+
+    def relative(self, line: int, verb: str) -> InputError:
+        """The error of a move by a difference."""
+        return refusal(
+            self.place(line), "joints",
+            f"{verb} is a relative move, whose start is known only while the program runs",
+            fix=f"write the joints that it reaches: {self.taught}",
+        )  # fmt: skip
+
     def joints(self) -> JointList:
         """The targets of the moves, or if there are none, those declared.
 
@@ -130,6 +151,14 @@ class Program:
             f"has {counted(len(lines), 'Cartesian position')} and no joint target: {LOST}",
             fix=f"write the joints at each stop in a table, or in the program: {self.taught}",
         )  # fmt: skip
+
+
+def axes_of(listed: str | None) -> tuple[str, ...]:
+    """Joints of a list with commas as a program writes it; none where it is not all numbers."""
+    cells = (listed or "").split(",")
+    if len(cells) < FEWEST or not all(map(CELL.fullmatch, cells)):
+        return ()
+    return tuple(map(str.strip, cells))
 
 
 def sheet_of(text: FileText, rows: Sequence[Target]) -> Sheet:

@@ -3,17 +3,13 @@
 import re
 from math import radians
 
-from testbed.files.dialects.controllers.targets import JointList, Program, Target
-from testbed.files.refusal import refusal
+from testbed.files.dialects.controllers.targets import FEWEST, NUMBER, JointList, Program, Target
 from testbed.gates.text import FileText
 
-NUMBER = r"[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?"
 CELL = re.compile(rf"\s*(?:({NUMBER})|d2r\s*\(\s*({NUMBER})\s*\))\s*")
 LIST = re.compile(r"\[([^\[\]]*)\]")
 GIVEN = re.compile(r"\s*(?:global\s+|local\s+)?(\w+)(\[[^\]]{0,20}\])?\s*=(?!=)\s*(.*)")
 MOVED = re.compile(r"(?:^|[\s;:])(move[jlpc]|servoj|servoc)\s*\((?:\s*(?:q|pose)\s*=)?\s*(.*)")
-FEWEST = 4
-"""Joints of a robot; shorter lists are something else."""
 POSES = re.compile(r"p\s*\[|get_|pose_")
 
 
@@ -43,7 +39,7 @@ def read_urscript(text: FileText) -> JointList:
 def _list(program: Program, number: int, name: str, value: str) -> None:
     """A list that gets a name: one of joints is all numbers."""
     axes = _axes(value)
-    if axes and len(axes) >= FEWEST:
+    if axes:
         program.declare(Target(number, name, axes, ("rad",) * len(axes)))
     else:
         program.again.setdefault(name.lower(), number)
@@ -59,11 +55,7 @@ def _move(program: Program, number: int, verb: str, to: str) -> None:
     elif axes := _axes(to):
         program.moves.append(Target(number, "", axes, ("rad",) * len(axes)))
     else:
-        raise refusal(
-            program.place(number), "joints",
-            "movej has a computed target, whose joints are known only while the program runs",
-            fix="write them as numbers: movej([0.1, -1.57, ...])",
-        )  # fmt: skip
+        raise program.computed(number, verb)
 
 
 def _axes(value: str) -> tuple[str, ...]:
@@ -71,6 +63,6 @@ def _axes(value: str) -> tuple[str, ...]:
     found = LIST.match(value)
     cells = [CELL.fullmatch(cell) for cell in found[1].split(",")] if found else []
     there = [one for one in cells if one is not None]
-    if len(there) < len(cells):
+    if len(there) < max(FEWEST, len(cells)):
         return ()
     return tuple(one[1] or repr(radians(float(one[2]))) for one in there)

@@ -2,19 +2,23 @@
 
 import re
 
-from testbed.files.dialects.controllers.targets import JointList, Program, Target
+from testbed.files.dialects.controllers.targets import (
+    CELL,
+    FEWEST,
+    JointList,
+    Program,
+    Target,
+    axes_of,
+)
 from testbed.files.refusal import refusal
 from testbed.gates.text import FileText
 
-NUMBER = re.compile(r"\s*[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?\s*")
 NAME = r"\w+(?::\w+)?(?:\[[^\]]{0,20}\])?"
 LIST = re.compile(r"\s*\{([^{}]*)\}")
 GIVEN = re.compile(rf"\s*({NAME})(\.\w+)?\s*=(?!=)\s*(.*)")
 MOVED = re.compile(r"(?:^|[\s;:])(movej|movel|movec)\s*\(\s*(.*)")
 TAG = re.compile(r"<(/?\w+)([^<>]*)(>?)")
 ENTRY = re.compile(r'([\w:]{1,40})="([^"]{0,200})"')
-FEWEST = 4
-"""Joints of a robot; shorter lists are something else."""
 TAUGHT = "movej({0, -10, 80, 0, 90, 0}, tTool, mNom)"
 
 
@@ -57,20 +61,13 @@ def _move(program: Program, number: int, verb: str, to: str) -> None:
     elif axes := _axes(to):
         program.moves.append(Target(number, "", axes))
     else:
-        raise refusal(
-            program.place(number), "joints",
-            "movej has a computed target, whose joints are known only while the program runs",
-            fix=f"write them as numbers: {TAUGHT}",
-        )  # fmt: skip
+        raise program.computed(number, verb)
 
 
 def _axes(value: str) -> tuple[str, ...]:
     """Joints [deg] of a list in braces; empty where it is another."""
     found = LIST.match(value)
-    cells = found[1].split(",") if found is not None else []
-    if len(cells) < FEWEST or not all(map(NUMBER.fullmatch, cells)):
-        return ()
-    return tuple(map(str.strip, cells))
+    return axes_of(found[1]) if found is not None else ()
 
 
 def _data(program: Program, text: FileText) -> None:
@@ -97,7 +94,7 @@ def _joints(program: Program, number: int, name: str, entries: dict[str, str]) -
     there = {key for key in entries if re.fullmatch(r"j\d{1,2}", key)}
     wanted = [f"j{k + 1}" for k in range(len(there))]
     axes = [entries[key] for key in wanted if key in there]
-    if len(axes) < max(FEWEST, len(there)) or not all(map(NUMBER.fullmatch, axes)):
+    if len(axes) < max(FEWEST, len(there)) or not all(map(CELL.fullmatch, axes)):
         raise refusal(
             program.place(number), "joints", f"{name} does not give all its joints as numbers",
             allowed='j1="0" j2="-10" j3="80" j4="0" j5="90" j6="0"', fix="write all of them",
