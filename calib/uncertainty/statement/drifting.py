@@ -1,8 +1,8 @@
 """Whether noise remembers, asked of rows in time order; and what a drift then leaves.
 
 Where the poses themselves follow their neighbors, misfit does, too: then rows of different poses
-cannot tell it from a drift. Visits of one pose share its misfit and can; without them the question
-is void.
+cannot tell it from a drift, and the region allows for one. Visits of one pose share its misfit and
+can tell; without them the question is void.
 """
 
 from dataclasses import dataclass
@@ -119,11 +119,13 @@ def drifting(
     near, p = (
         memory_p(values, order, np.random.default_rng(SEED), alike) for values in (stands, residual)
     )
-    ordered, follows = near < ORDERED, p  # by a drift, or by misfit along a tour
+    ordered, asked = near < ORDERED, whatever or p < REMEMBERS
     if ordered:
+        # rows follow their neighbors by a drift, or by misfit along a tour. A few visits that show
+        # none do not rule it out: how large it may be beside them, its likelihood says
         p = _between_visits(residual, order, visits_of_poses(order, pose, _seen(both)))
-        follows = follows if np.isnan(p) else p
-    if (not follows < REMEMBERS and not whatever) or np.isnan(hidden.best):
+        asked = asked or p < REMEMBERS
+    if not asked or np.isnan(hidden.best):
         # where the rows bound no misfit, they bound no drift beside it
         return Drifting(p, None, ordered)
     slow = drift(
