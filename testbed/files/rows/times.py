@@ -4,6 +4,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
+from itertools import compress
 from typing import Literal
 
 import numpy as np
@@ -55,7 +56,7 @@ def moments_of(table: DataTable, good: Bool) -> tuple[Moments | None, tuple[str,
         said = (f"{table.where}: the times are numbers without a unit and taken as seconds; call "
                 "their column time_s if they are",)  # fmt: skip
         if not np.isfinite(seconds[good]).all():
-            texts = [table.texts("time")[row] for row in np.flatnonzero(good)]
+            texts = list(compress(table.texts("time"), good))
             if (clock := _of_day(texts)) is not None:
                 seconds = np.full(len(table), np.nan)
                 seconds[good] = clock
@@ -171,8 +172,7 @@ def _moment(text: str) -> datetime:
 
 def days_of(table: DataTable, good: Bool) -> tuple[str, ...]:
     """First and last ISO day of good rows (m,); none where times are no dates, or may be two."""
-    times = table.texts_of("time") or ()
-    texts = [times[row] for row in np.flatnonzero(good)] if times else []
+    texts = list(compress(table.texts_of("time") or (), good))
     try:
         dates = [text for text in texts if set("-/") & set(text) or DOTTED.fullmatch(text)]
         days = [moment.date().isoformat() for moment in _moments(dates)]
