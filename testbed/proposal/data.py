@@ -56,6 +56,8 @@ class Found:
     """Notes on parts of a program that are not used."""
     also: "Found | None" = None
     """The same rows as a table without a header, if they may be more than an export."""
+    table: Sheet | None = None
+    """Its cells, if its columns have names."""
 
     @property
     def called(self) -> str:
@@ -73,11 +75,9 @@ class Found:
 
     def column(self, name: str) -> tuple[str, ...]:
         """Cells of a column."""
-        if self.language is not None:
-            table = joints_in(self.text, self.language).sheet
-        else:
-            table = sheet_in(self.text, header=False if self.kind == "bare" else None)
-        return tuple(row[table.head.index(name)] for row in table.rows)
+        table = self.table or of_stops(read_sheet(self.text, header=False, below=True))
+        k = table.head.index(name)
+        return tuple(row[k] for row in table.rows)
 
 
 Part: TypeAlias = tuple[Found, Document, tuple[str, ...], str]
@@ -145,12 +145,7 @@ def _looked(path: Path, name: str, sheet: str | None, text: FileText) -> Found:
         except InputError:
             if commented:
                 raise
-    return _of_sheet(path, name, sheet, text, "table", sheet_in(text))
-
-
-def sheet_in(text: FileText, *, header: bool | None = None) -> Sheet:
-    """A table as a session reads it."""
-    return of_stops(read_sheet(text, header=header, below=True))
+    return _of_sheet(path, name, sheet, text, "table", of_stops(read_sheet(text, below=True)))
 
 
 def _cells(line: str) -> list[str]:
@@ -175,7 +170,7 @@ def _of_sheet(
     kept = [k for k, own in enumerate(table.head) if own not in ahead]
     units = [table.units[k] for k in kept] if table.units else []
     means = _points_by_name(meanings([table.head[k] for k in kept], units), table)
-    return Found(path, name, sheet, text, kind, table.head, len(table.rows), means)
+    return Found(path, name, sheet, text, kind, table.head, len(table.rows), means, table=table)
 
 
 def _points_by_name(means: tuple[Meaning, ...], table: Sheet) -> tuple[Meaning, ...]:

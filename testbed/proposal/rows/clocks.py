@@ -9,7 +9,7 @@ from testbed.files.rows.times import Moments, moments_of
 from testbed.files.table import DataTable
 from testbed.files.text import Sheet
 from testbed.gates.text import FileText
-from testbed.proposal.data import Document, Found, sheet_in
+from testbed.proposal.data import Document, Found
 
 REACH = "match_within_s"
 STEPS = (1.0, 2.0, 5.0, 10.0)
@@ -29,10 +29,10 @@ def by_clocks(joints: Found, seen: Found) -> tuple[Document, str]:
     """
     document: Document = {"match": "time"}
     log, shots = (_moments(look) for look in (joints, seen))
-    if log is None or shots is None or log.kind != shots.kind or not len(log.seconds):
+    if log is None or shots is None or log.kind != shots.kind:
         return document, ""  # reading the session reports the error
-    times = np.sort(log.seconds)
-    gap = nearest(times, shots.seconds)[1]
+    times, seconds = (np.sort(one.seconds[np.isfinite(one.seconds)]) for one in (log, shots))
+    gap = nearest(times, seconds)[1]
     steps = np.diff(times)
     step = float(np.median(steps[steps > EQUAL])) if (steps > EQUAL).any() else 0.0
     near = gap[gap <= step + EQUAL]
@@ -49,10 +49,13 @@ def beside_readings(joints: Found, seen: Found, lines: int, within: float) -> Fi
     log, shots = (_moments(look) for look in (joints, seen))
     if log is None or shots is None or log.kind != shots.kind:
         return joints.text
-    table, other = (sheet_in(look.text) for look in (joints, seen))
-    stamps = np.sort(shots.seconds[np.array(other.lines) <= lines])
-    if len(log.seconds) != len(table.rows) or not len(stamps):
-        return joints.text
+    table, other = joints.table, seen.table
+    assert table is not None  # both have a column of times
+    assert other is not None
+    first = np.isfinite(shots.seconds) & (np.array(other.lines) <= lines)
+    if not np.isfinite(log.seconds).all() or not first.any():
+        return joints.text  # reading the session reports the error
+    stamps = np.sort(shots.seconds[first])
     kept = nearest(stamps, log.seconds)[1] <= within + EQUAL
     away = {line for line, near in zip(table.lines, kept, strict=True) if not near}
     text = joints.text
@@ -62,15 +65,16 @@ def beside_readings(joints: Found, seen: Found, lines: int, within: float) -> Fi
 
 
 def _moments(look: Found) -> Moments | None:
-    """The times of a file's rows that have one; None if they cannot be read."""
+    """The times of a file's rows, nan for those without one; None if they cannot be read."""
     clock = look.stems["time"]
     own = "time_s" if "s" in (clock.unit, clock.stem.rpartition("_")[2]) else "time"
-    cells = [cell for cell in look.column(clock.theirs) if cell]
+    cells = look.column(clock.theirs)
     comma = any("," in cell for cell in cells) and not any("." in cell for cell in cells)
     rows = tuple((cell,) for cell in cells)
     sheet = Sheet(look.name, (own,), rows, tuple(range(len(rows))), "comma", "")
     table = DataTable(sheet, {own: own}, "," if comma else ".")
-    return moments_of(table, np.ones(len(rows), dtype=np.bool_))[0]
+    good = np.array([bool(cell) for cell in cells])
+    return moments_of(table, good)[0] if good.any() else None
 
 
 def _rounded_up(seconds: float) -> float:

@@ -13,7 +13,7 @@ from testbed.proposal.rows import beginning
 from testbed.proposal.rows.clocks import _rounded_up
 from tests.testbed.files.made import ROBOT, csv, made
 from tests.testbed.files.test_times import SHOTS, logged
-from tests.testbed.proposal.test_session import call, proposed
+from tests.testbed.proposal.test_session import call, proposed, refused
 
 DATA = made(m=SHOTS)
 STEP = 5.0
@@ -49,6 +49,17 @@ def test_a_long_log_is_matched_by_the_clock(tmp_path, monkeypatch):
     assert "to fix" not in said
     assert "errors are 0." in said  # in so many of the first lines that base and tool are fitted
     np.testing.assert_allclose(read(tmp_path).q, DATA.q, atol=1e-12)
+
+
+@pytest.mark.parametrize("file", ["log.csv", "shots.csv"])
+def test_a_row_without_its_time_beside_a_long_log_is_refused(file, tmp_path, monkeypatch):
+    monkeypatch.setattr(beginning, "MATCHED", 100)
+    logged(tmp_path)
+    lines = (tmp_path / file).read_text().splitlines()
+    lines[9] = "," + lines[9].partition(",")[2]
+    (tmp_path / file).write_text("\n".join(lines))
+    said = refused(tmp_path, *files(tmp_path), "--robot", ROBOT.name)
+    assert f"{file}: has no times that can be read" in said
 
 
 def of_day(seconds):
