@@ -13,6 +13,8 @@ from testbed.files.rows.times import Moments
 EQUAL = 1e-6
 """Times are equal to a microsecond, which dates are written to; float64 of seconds since 1970 has
 a quarter of it [s]."""
+DAY = 86_400.0
+"""After so long a time of day comes again [s]."""
 STILL, STILL_SLIDE = float(np.radians(0.005)), 5e-5
 """Joints that were read back at a stop lie within these: 0.09 mm at a meter [rad, m]."""
 SHOWN = 8
@@ -37,8 +39,8 @@ def by_time(
     Raises
     ------
     InputError
-        M31: a file has no times, or times of another kind; a reading has no joints so near in time,
-        or several that differ.
+        M31: a file has no times, times of another kind, or times of day that come again; a reading
+        has no joints so near in time, or several that differ.
     """
     stamps = [_moments(part) for part in (joints, readings)]
     sent, seen = (one.seconds for one in stamps)
@@ -51,6 +53,11 @@ def by_time(
         )  # fmt: skip
     order = np.argsort(sent, kind="stable")
     times = sent[order]
+    if stamps[0].kind == "times of day" and times[-1] - times[0] >= DAY:
+        raise refusal(
+            joints.where, "time", "its times of day go over 24 hours or more, and come again",
+            code="M31", allowed="each time means one moment", fix="write the date beside each time",
+        )  # fmt: skip
     near, gap = nearest(times, seen)
     lost = np.flatnonzero(gap > within + EQUAL)
     warnings = tuple[str, ...]()

@@ -208,6 +208,22 @@ def test_a_shot_on_the_way_or_without_joints_near_it_is_refused(tmp_path):
         by_time(tmp_path)
 
 
+@pytest.mark.parametrize("hours", [23, 25])
+def test_times_of_day_that_come_again_match_nothing(hours, tmp_path):
+    """Shots of the second day got the joints of the first, at equal times."""
+    data, begin = columns(made(m=SHOTS)), datetime(2026, 3, 1, 10, tzinfo=UTC)
+    moments = [begin + timedelta(hours=hours) * k / (SHOTS - 1) for k in range(SHOTS)]
+    times = {"time": [f"{one:%H:%M:%S}" for one in moments]}
+    (tmp_path / "log.csv").write_text(csv(times | {k: v for k, v in data.items() if k[0] == "q"}))
+    shots = {k: v for k, v in with_spread(data).items() if not k.startswith(("q", "pose"))}
+    (tmp_path / "shots.csv").write_text(csv(times | shots | {"euler": ["XYZ"] * SHOTS}))
+    if hours < 24:
+        np.testing.assert_allclose(by_time(tmp_path).measurements.q, made(m=SHOTS).q, atol=1e-12)
+    else:
+        with pytest.raises(InputError, match="its times of day go over 24 hours or more"):
+            by_time(tmp_path)
+
+
 def test_more_joints_than_shots_are_told_of_their_times_and_a_reach_without_them_is_odd(tmp_path):
     logged(tmp_path)
     with pytest.raises(InputError, match='or let match = "time" hold their times'):
