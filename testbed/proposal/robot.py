@@ -1,5 +1,6 @@
 """A robot.toml from a table of link numbers, or an empty one that explains its keys."""
 
+import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -11,7 +12,7 @@ from testbed.files.session import text_of
 from testbed.files.text import Sheet, read_sheet
 from testbed.gates.kinds import require_no_program
 from testbed.gates.text import MAX_MB
-from testbed.proposal.names import without_unit
+from testbed.proposal.plain import without_unit
 from testbed.units import counted
 
 KEYS = {
@@ -25,6 +26,14 @@ KEYS = {
     "max_speed_deg_s": {"speed", "max speed", "velocity"},
 }
 """Keys of a turning joint, and names that people use for them."""
+BEFORE = re.compile(r"[\s_{(]*i\s*[-\u2212\u2013]\s*1[)}]*")
+"""What is said of alpha and a of the joint before, as Craig writes them: alpha_{i-1}."""
+INDEX = re.compile(r"[\s_]*\{?[ijk]\}?$")
+"""An index behind a letter: theta_i."""
+ORDER = (
+    "alpha and a of a line are those behind its joint; in Craig's order (modified Denavit-"
+    "Hartenberg) they are those before it: call these columns alpha_i-1 and a_i-1"
+)
 NEEDED = ("d_mm", "a_mm", "alpha_deg")
 ALIKE = (("d_mm", "a_mm"), ("theta_deg", "alpha_deg", "beta_deg"), ("lower_deg", "upper_deg"))
 """Groups of columns with the same unit; nobody writes d in mm and a in meters."""
@@ -104,7 +113,8 @@ def _rows(sheet: Sheet) -> tuple[list[dict[str, float]], list[bool], tuple[str, 
     said, slides = _slides(sheet)
     used = {said}
     for name, below in zip(sheet.head, sheet.units or [""] * len(sheet.head), strict=True):
-        text, unit = without_unit(name)
+        text, unit = without_unit(BEFORE.sub("", name))
+        text = INDEX.sub("", text) or text
         if unit and below and unit != below:
             message = f"is called {name}, and the line below the names says {below}"
             fix = "correct the one that is wrong"
@@ -146,6 +156,13 @@ def _rows(sheet: Sheet) -> tuple[list[dict[str, float]], list[bool], tuple[str, 
             float(f"{value * (other if slide and key in TRAVEL else own):.12g}")
             for value, slide in zip(values, slides, strict=True)
         ]
+    links = [found[key][0] for key in ("a_mm", "alpha_deg")]
+    if all(map(BEFORE.search, links)):
+        if any(columns[key][0] for key in ("a_mm", "alpha_deg")):
+            assumed.append(f"the first {' and '.join(links)} move only the base: not used")
+        columns |= {key: [*columns[key][1:], 0.0] for key in ("a_mm", "alpha_deg")}
+    elif links != ["a_mm", "alpha_deg"]:
+        assumed.append(ORDER)
     left = [name for name in sheet.head if name not in used and name.lower() not in NUMBERED]
     if left:
         assumed.append(f"not used: {', '.join(left)}")
