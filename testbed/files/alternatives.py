@@ -105,7 +105,13 @@ def alternatives_of(
             condition = "if one of x, y, z has the other sign or two are swapped"
         fix = "the frame is left-handed: check the axes of the export"
         mirror = Alternative("mirror", condition, fix, "M32", f"{name}_mm")
-        yield mirror, replace(rows, position=_flipped(rows.position, axis))
+        yield mirror, replace(rows, position=_scaled(rows.position, axis, -1.0))
+    for axis, name in enumerate("xyz"):
+        for factor, condition, _ in LENGTHS:
+            condition = condition.replace("the positions are", f"{name} alone is")
+            fix = "write all three coordinates in one unit"
+            scale = Alternative("axis", condition, fix, "M21", f"{name}_mm")
+            yield scale, replace(rows, position=_scaled(rows.position, axis, factor))
     if rows.rotation is not None:
         yield from _directions(rows, rows.rotation)
         yield from _rotations(rows, rows.rotation, stated)
@@ -149,7 +155,7 @@ def _joints(rows: Interpretation, chain: Chain, controller: Controller) -> Other
         if j not in controller.stated:
             fix += f", or {added(controller, f'{name} = -J{j + 1}')}"
         sign = Alternative("sign", condition, fix, "M20", name)
-        yield sign, replace(rows, q=_flipped(rows.q, j))
+        yield sign, replace(rows, q=_scaled(rows.q, j, -1.0))
     for a, b in combinations(np.flatnonzero(turning).tolist(), 2):
         condition = f"if the columns q{a + 1} and q{b + 1} are swapped"
         fix = "name them the other way round"
@@ -208,11 +214,11 @@ def _swapped(values: Array, a: int, b: int) -> Array:
     return values[:, order]
 
 
-def _flipped(values: Array, column: int) -> Array:
-    """Values (m, k) with one column negative."""
-    signs = np.ones(values.shape[1])
-    signs[column] = -1
-    return values * signs
+def _scaled(values: Array, column: int, factor: float) -> Array:
+    """Values (m, k) with one column times a factor."""
+    factors = np.ones(values.shape[1])
+    factors[column] = factor
+    return values * factors
 
 
 def _directions(rows: Interpretation, R: Array) -> OtherReadings:

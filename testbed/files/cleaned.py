@@ -23,8 +23,8 @@ from testbed.files.readings import Readings, lost_readings
 from testbed.files.refusal import no_rows
 from testbed.files.rows.copies import is_fine
 from testbed.files.rows.kinds import own_rows, some_rows
-from testbed.files.rows.planned import of_stops
 from testbed.files.rows.wide import one_target_a_row
+from testbed.files.rows.widened import of_rows
 from testbed.files.session import Drift, Sources
 from testbed.files.session_toml import SessionFile
 from testbed.files.table import DataTable, table_of
@@ -175,7 +175,7 @@ def table_in(text: FileText, settings: SessionFile, *sections: FileTable | None)
     if isinstance(own, JointsTable) and own.format != "csv":
         return table_of(joints_in(text, own.format).sheet, {}, decimal=".")
     require_no_program(text.lines, text.where)
-    sheet = of_stops(
+    sheet = of_rows(
         read_sheet(text, separator=dialect.separator or "", header=dialect.header, below=True)
     )
     for k, section in enumerate(sections):

@@ -41,6 +41,9 @@ STRETCHES, ENOUGH = (1, 2, 3, 5), 4
 """Into how many parts the rows are cut where one fit brings few of them near; fewest of a part."""
 FAR = 0.020
 """Error that the right reading of a file of the right robot never leaves [m]."""
+SHARE = 0.05
+"""The same as a share of the spread of the readings, where that is more: of arms less exact than
+those of industry. A wrong reading leaves a tenth and more."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,6 +96,11 @@ class Frames:
         predicted = self.R @ F[:, :3, :3] @ self.Y
         turns = log_so3(rotation @ np.swapaxes(predicted, 1, 2))
         return Misfit(left, _rms(np.linalg.norm(turns, axis=1)))
+
+
+def far_for(position: Array) -> float:
+    """Error that the right reading of positions (m, 3) never leaves [m]."""
+    return max(FAR, SHARE * float(np.sqrt(np.var(position, axis=0).sum())))
 
 
 def flange_poses(model: RobotModel, q: Array) -> Array:

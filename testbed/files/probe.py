@@ -24,7 +24,7 @@ from testbed.files.alternatives import (
     small_rows,
     some_rows,
 )
-from testbed.files.frames_fit import FAR, Misfit, flange_poses, target_groups
+from testbed.files.frames_fit import FAR, Misfit, far_for, flange_poses, target_groups
 from testbed.files.refusal import refusal
 from testbed.files.rows.exact import exactness
 from testbed.files.rows.names import exchanged_names
@@ -82,6 +82,8 @@ class Probe:
     warnings: tuple[str, ...] = ()
     no_target: InputError | None = None
     """Where two targets cannot both have been on the tool."""
+    far: float = FAR
+    """Error that the right reading of these positions never leaves [m]."""
 
     @property
     def best(self) -> Tried | None:
@@ -140,11 +142,11 @@ class Probe:
             )  # fmt: skip
         elif self.no_target is not None:
             raise self.no_target
-        elif min([stated.score, *(tried.misfit.score for tried in self.tried)]) > FAR:
+        elif min([stated.score, *(tried.misfit.score for tried in self.tried)]) > self.far:
             raise refusal(
                 self.where, "ROBOT",
                 f"with base and tool fitted, the readings miss the robot by {stated.shown}, and by "
-                f"{FAR * 1e3:g} mm or more however the file is interpreted", code="M32",
+                f"{self.far * 1e3:.2g} mm or more however the file is interpreted", code="M32",
                 value=stated.position,
                 allowed=f"those of a {self.robot} would miss it by a few mm",
                 fix="is this the robot that was measured?",
@@ -170,7 +172,8 @@ def probe(robot: Robot, session: Session) -> Probe:
     F, poses = flange_poses(robot.model, table.q[rows]), len(np.unique(table.q[rows], axis=0))
     if poses > 1:  # one has no spread
         extent = max(_extent(F[:, :3, 3]), 1e-9)
-        plain = replace(plain, spread=_extent(table.position[rows]) / extent)
+        seen = table.position[rows]
+        plain = replace(plain, spread=_extent(seen) / extent, far=far_for(seen))
     if poses < FEWEST:
         return plain
     some = rows[spread_out(len(rows))]

@@ -13,6 +13,8 @@ from calib.shown import Shown, in_a_line
 from calib.uncertainty.statement.conditions import Conditions
 from testbed.files.conditions import SetUp
 from testbed.files.dialects.controllers.read import READERS
+from testbed.files.dialects.numbers import with_bare_numbers
+from testbed.files.dialects.records import is_records, read_records
 from testbed.files.refusal import refusal
 from testbed.files.rows.say import NOTHING_SAID, RowsSay
 from testbed.files.session_toml import SESSION_FILE, IdentificationTable
@@ -278,9 +280,11 @@ def text_of(path: Path, where: str, *, sheet: str | None, max_mb: float) -> File
     require_table(path, where)
     if is_workbook(path):
         return read_workbook(path, where, sheet=sheet, max_mb=max_mb)
+    if is_records(path) and path.is_file():
+        return read_records(path, where, max_mb=max_mb)
     if sheet is not None:
         message, fix = f'has no sheet "{sheet[:40]}": it is not a workbook', "remove the key sheet"
         raise refusal(where, "sheet", message, code="S37", fix=fix)
     text = read_text(path, where, max_mb=max_mb, markup=path.suffix.lower() in APPLICATIONS)
     require_no_program(text.lines, where, read=tuple(READERS))
-    return text
+    return with_bare_numbers(text)

@@ -118,7 +118,8 @@ def titles_above(content: Sequence[tuple[int, str]], separator: str = "") -> int
         many = sum(fit) * len(names)
         below = cells[k + 1 :]
         first = below[bool(_units(below[:1], len(names))) :][:2]
-        counted = [any(NUMBER.fullmatch(cell) for cell in row) for row in first]
+        counted = [any(NUMBER.fullmatch(cell) for cell in row) and not are_counted(row)
+                   for row in first]  # fmt: skip
         if fit[0] and many > most and counted and all(counted):
             best, most = k, many
     return best
@@ -187,8 +188,18 @@ def _units(below: Sequence[Sequence[str]], width: int) -> tuple[str, ...]:
 
 
 def _holds_data(cells: Sequence[str]) -> bool:
-    """Whether half of the cells of a line, or more, are numbers."""
-    return 2 * sum(bool(NUMBER.fullmatch(cell)) for cell in cells) >= len(cells) > 0
+    """Whether half of the cells of a line, or more, are numbers, and not those of joints."""
+    return (
+        not are_counted(cells)
+        and 2 * sum(bool(NUMBER.fullmatch(cell)) for cell in cells) >= len(cells) > 0
+    )
+
+
+def are_counted(cells: Sequence[str]) -> bool:
+    """Whether the numbers of a line count 1, 2, 3 ..., as names of joints, beside those of axes."""
+    numbers = [cell for cell in cells if NUMBER.fullmatch(cell)]
+    words = sum(bool(cell) for cell in cells) - len(numbers)
+    return words > 2 < len(numbers) and numbers == [str(k + 1) for k in range(len(numbers))]
 
 
 def _require_names(head: Sequence[str], where: str) -> None:

@@ -31,7 +31,7 @@ DESCRIPTIONS = (".urdf", ".xml", ".mjcf", ".xacro")
 """Endings of files that are tables, and of those that describe a robot as URDF or MJCF."""
 NO_TABLES = {
     **dict.fromkeys(DESCRIPTIONS, CALLED["description"]),
-    **{ending: f"a {ending[1:].upper()} file" for ending in (".toml", ".json", ".yaml", ".yml")},
+    **{ending: f"a {ending[1:].upper()} file" for ending in (".toml", ".yaml", ".yml")},
 }
 PROGRAMS = {
     "rapid": ("a RAPID program", re.compile(r"\s*MODULE\s+\w+\s*(\(\w+\)\s*)?$")),
@@ -39,7 +39,7 @@ PROGRAMS = {
         "a KRL program (KUKA)",
         re.compile(
             r"\s*(&(ACCESS|REL|PARAM)\b|(GLOBAL\s+)?DEF(DAT|FCT)?\s+\w+|S?PTP\s*\{"
-            r"|(GLOBAL\s+|DECL\s+){0,2}(E6)?AXIS\s+\w)"
+            r"|(GLOBAL\s+|DECL\s+){0,2}(E6)?AXIS\s+\w|\{\s*A1\s+[-+\d])"
         ),
     ),
     "fanuc": (

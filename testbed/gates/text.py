@@ -17,7 +17,7 @@ LARGER = "split it, or allow more with --max-mb"
 MAX_ROWS = 1_000_000
 MAX_LINE = 65_536
 """Bytes."""
-SEPARATORS = {"tab": "\t", "semicolon": ";", "comma": ",", "space": " "}
+SEPARATORS = {"tab": "\t", "semicolon": ";", "comma": ",", "bar": "|", "space": " "}
 """In the order in which they are looked for."""
 ENCODINGS = {
     "UTF-8": "utf-8",
@@ -103,7 +103,7 @@ def read_text(
     InputError
         M35 it cannot be read, M36 it is too large or packed, S39 it is another program's format.
     """
-    data = _bytes(path, where, max_mb, larger)
+    data = bytes_of(path, where, max_mb, larger)
     digest = sha256(data).hexdigest()
     wide = next((name for name, mark in MARKS.items() if data.startswith(mark)), "")
     if wide:
@@ -188,7 +188,7 @@ def _ends(data: bytes) -> tuple[str, ...]:
     return tuple(names[end] for end in re.findall(rb"\r\n?|\n", data))
 
 
-def _bytes(path: Path, where: str, max_mb: float, larger: str) -> bytes:
+def bytes_of(path: Path, where: str, max_mb: float, larger: str = LARGER) -> bytes:
     """Content of an ordinary file that is not too large."""
     try:
         is_file = path.is_file()
@@ -213,7 +213,7 @@ def _bytes(path: Path, where: str, max_mb: float, larger: str) -> bytes:
 
 
 def separator_of(line: str) -> str:
-    """What separates the cells of a line: the first of tab, semicolon and comma it holds."""
+    """What separates the cells of a line: the first of `SEPARATORS` it holds."""
     outside = re.sub(r'"[^"]*"', "", line)
     return next((name for name, mark in SEPARATORS.items() if mark in outside), "comma")
 

@@ -13,9 +13,10 @@ from testbed.files.dialects.controllers.read import Language, joints_in, languag
 from testbed.files.dialects.numbers import NUMBER, number_of
 from testbed.files.dialects.spatial_lines import name_fields, sa_lines
 from testbed.files.refusal import refusal
-from testbed.files.rows.planned import foretold, of_stops
+from testbed.files.rows.planned import foretold
+from testbed.files.rows.widened import of_rows
 from testbed.files.session import text_of
-from testbed.files.text import Sheet, read_sheet, titles_above
+from testbed.files.text import Sheet, are_counted, read_sheet, titles_above
 from testbed.gates.paths import is_there, real
 from testbed.gates.text import MAX_MB, FileText
 from testbed.gates.workbook import is_workbook, sheet_names
@@ -75,7 +76,7 @@ class Found:
 
     def column(self, name: str) -> tuple[str, ...]:
         """Cells of a column."""
-        table = self.table or of_stops(read_sheet(self.text, header=False, below=True))
+        table = self.table or sheet_in(self.text, header=False)
         k = table.head.index(name)
         return tuple(row[k] for row in table.rows)
 
@@ -145,7 +146,12 @@ def _looked(path: Path, name: str, sheet: str | None, text: FileText) -> Found:
         except InputError:
             if commented:
                 raise
-    return _of_sheet(path, name, sheet, text, "table", of_stops(read_sheet(text, below=True)))
+    return _of_sheet(path, name, sheet, text, "table", sheet_in(text))
+
+
+def sheet_in(text: FileText, *, header: bool | None = None) -> Sheet:
+    """A table as a session reads it."""
+    return of_rows(read_sheet(text, header=header, below=True))
 
 
 def _cells(line: str) -> list[str]:
@@ -158,6 +164,8 @@ def _cells(line: str) -> list[str]:
 def _has_head(line: str) -> bool:
     """Whether a first line names columns; lines of data have names first, then numbers."""
     cells = [cell for cell in _cells(line) if cell]
+    if are_counted(cells):
+        return True
     numbers = [bool(NUMBER.fullmatch(cell)) for cell in cells]
     return 2 * sum(numbers) < len(cells) and not any(numbers[1:])
 

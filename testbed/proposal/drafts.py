@@ -9,7 +9,7 @@ from testbed.files.columns import covariance_names
 from testbed.files.matching import stay_apart, written_alike
 from testbed.files.refusal import refusal
 from testbed.proposal.data import Document, Found, Part
-from testbed.proposal.names import targets_in_a_row
+from testbed.proposal.naming.targets import targets_in_a_row
 from testbed.proposal.parts import joint_parts, seen_parts
 from testbed.proposal.rows.clocks import by_clocks, have_clocks
 
@@ -34,8 +34,13 @@ class Draft:
     """Whether no file has joints."""
 
 
-def drafts_of(looks: tuple[Found, ...], own: tuple[int, ...]) -> Iterator[Draft]:
-    """Possible sessions, the likely ones first; `own` joints (from 1) have columns."""
+def drafts_of(
+    looks: tuple[Found, ...], own: tuple[int, ...], slides: frozenset[int] = frozenset()
+) -> Iterator[Draft]:
+    """Possible sessions, the likely ones first; `own` joints (from 1) have columns.
+
+    `slides` are those that slide.
+    """
     bare = [look for look in looks if look.kind == "bare"]
     heads = [look for look in looks if look.kind == "table"]
     if bare and heads:
@@ -48,7 +53,7 @@ def drafts_of(looks: tuple[Found, ...], own: tuple[int, ...]) -> Iterator[Draft]
         )  # fmt: skip
     # names and numbers may be an export of points, or rows that begin with a name
     every = looks if heads else (*looks, *(one.also for one in looks if one.also is not None))
-    joints: list[Part | None] = [part for look in every for part in joint_parts(look, own)]
+    joints: list[Part | None] = [part for look in every for part in joint_parts(look, own, slides)]
     groups = _stations(every)
     seen = [part for group in groups for part in seen_parts(group[0], own)]
     files = {id(group[0]): group for group in groups}

@@ -48,6 +48,10 @@ def layouts(look: Found, n: int) -> Iterator[Layout]:
                     f"both {skip} {turns} joints last",
                     _names(at + 3 + turns, n), _names(at, 3), _names(at + 3, turns),
                 )  # fmt: skip
+        if left > 7:  # what stands behind a place is not known
+            yield Layout("readings", (), _names(at, 3))
+        if left > n:  # or behind the joints: those of other axes
+            yield Layout("joints", joints=_names(at, n))
         for block in BLOCKS:
             if left == block.size and block.fits(_numbers(look, at, block)):
                 yield _of_block("readings", block, at, ())

@@ -7,12 +7,13 @@ from dataclasses import dataclass, replace
 from testbed.bounds import FACTORS
 from testbed.files.columns import WRITTEN, is_known
 from testbed.proposal.axis_letters import stems_of_letters
+from testbed.proposal.naming.plain import without_unit
+from testbed.proposal.naming.shifts import shift_names
+from testbed.proposal.naming.targets import measured_of, without_label
 from testbed.proposal.polar.names import polar_names
 from testbed.proposal.transforms import axis_names, entry_of
 from testbed.proposal.words import (
     ANGLE,
-    BEHIND,
-    CONTROLLED,
     DIFFERENCES,
     DISTANCE,
     DRIVES,
@@ -24,22 +25,17 @@ from testbed.proposal.words import (
     LOADS,
     MEASURED,
     OF_JOINTS,
-    OF_TARGET,
     OF_TURNS,
     PLACE,
     PLAIN,
     QUATERNION,
     READ,
-    SHIFTS,
     SPREAD,
     STANDARD,
     TARGETS,
     TURNS,
     WISHED,
 )
-
-OPENS = re.compile(r"[\[(/,]")
-"""What may stand before a unit, as in X [mm] and X, mm."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,12 +81,20 @@ def meanings(head: Sequence[str], units: Sequence[str] = ()) -> tuple[Meaning, .
         best.setdefault(meaning.plain, []).append(meaning)
     chosen, others = list[Meaning](), 0
     for several in best.values():
-        names = _measured([one.theirs for one in several])
+        names = measured_of([one.theirs for one in several])
         left = [one for one in several if one.known][:1]
         left = left or [one for one in several if one.theirs in names]
         chosen += left if len(left) == 1 else []
         if len(left) == 1 and left[0].plain in ("x", "y", "z"):
             others += len(several) - 1
+    if not {"x", "y", "z"} & {one.plain for one in chosen}:
+        taken = {one.theirs for one in chosen}
+        below = dict(zip(head, units or [""] * len(head), strict=True))
+        alone = without_label([name for name in head if name not in taken])
+        for name, text in alone.items():
+            if (one := _coordinate(name, text, "", [])) is not None and one.stem[0] != "u":
+                unit = without_unit(name)[1] or WRITTEN.get(below[name].lower(), "")
+                chosen.append(replace(one, unit=unit))
     # turns beside places that do not count may be those of these places
     place = next((one.theirs for one in chosen if one.plain == "x"), "")
     return tuple(
@@ -106,8 +110,7 @@ def _of_this_head(head: Sequence[str]) -> dict[str, str]:
     for names in JOINTS:
         if texts.issuperset(names):
             found = found | {name: f"q{k}" for k, name in enumerate(names, start=1)}
-    if texts.issuperset((*SHIFTS, "rx", "ry", "rz")) and texts.isdisjoint(SHIFTS.values()):
-        found = found | SHIFTS
+    found = found | shift_names(texts)
     fours = {f"q{k}": stem for k, stem in enumerate(QUATERNION, start=1)}
     others = {joint[1] for text in texts - set(fours)
               if (joint := JOINT.fullmatch(_joint_alone(text))) is not None}  # fmt: skip
@@ -129,16 +132,6 @@ def _of_one(place: str, turn: str) -> bool:
     return said[0] == said[1] and any(said[0])
 
 
-def _measured(labels: Sequence[str]) -> list[str]:
-    """Those labels that mean measured values, if some do and others do not; else all."""
-    for words in MEASURED:
-        said = [one for one in labels if words & set(without_unit(one)[0].split())]
-        if 0 < len(said) < len(labels):
-            return said
-    left = [one for one in labels if not CONTROLLED & set(without_unit(one)[0].split())]
-    return left or list(labels)
-
-
 def _from_zero(head: Sequence[str]) -> dict[str, str]:
     """Joints counted from 0, with their names when counted from 1."""
     families: dict[str, dict[int, str]] = {}
@@ -155,25 +148,6 @@ def _from_zero(head: Sequence[str]) -> dict[str, str]:
                 before, _, after = name.rpartition(str(number))
                 shifted[name] = f"{before}{number + 1}{after}"
     return shifted
-
-
-def targets_in_a_row(head: Sequence[str]) -> dict[str, dict[str, str]]:
-    """Columns by axis of several targets in one row, by their labels: x1 y1 z1, x2 y2 z2."""
-    found: dict[str, dict[str, str]] = {}
-    for name in head:
-        text = without_unit(name)[0]
-        label = axis = ""
-        if (entry := OF_TARGET.fullmatch(text)) is not None:
-            label, axis = " ".join(filter(None, (entry[1], entry[3]))).strip(), entry[2]
-        elif (entry := BEHIND.fullmatch(text)) is not None:
-            axis, label = entry[1], entry[2]
-        if label and not set(text.split()) & (WISHED | SPREAD | STANDARD | EXPANDED):
-            at = name.lower().find(label)
-            label = name[at : at + len(label)] if at >= 0 else label  # in its own letters
-            found.setdefault(label, {}).setdefault(axis, name)
-    whole = [label for label, columns in found.items() if len(columns) == 3]
-    measured = _measured(whole)
-    return {label: found[label] for label in measured} if len(measured) > 1 else {}
 
 
 def is_wished(name: str) -> bool:
@@ -272,21 +246,3 @@ def _coordinate(name: str, text: str, unit: str, texts: Collection[str]) -> Mean
         if word in TURNS:
             return Meaning(name, TURNS[word], unit)
     return None
-
-
-def without_unit(name: str) -> tuple[str, str]:
-    """A name in small words, and the unit that it ends with."""
-    text, unit = name.strip(), ""
-    body = text[:-1] if text.endswith(("]", ")")) else text
-    mark = OPENS.search(body, max(map(body.rfind, "])")) + 1)
-    if mark is not None and (last := body[mark.end() :].strip().lower()) in WRITTEN:
-        text, unit = text[: mark.start()], WRITTEN[last]
-    words = re.sub(r"[\s_.:/\-\[\]()]+", " ", text).strip().lower().split()
-    if (
-        not unit
-        and len(words) > 1
-        and words[-1] in WRITTEN
-        and words[-1] not in ("c", "s", "m", "n", "a")
-    ):
-        unit = WRITTEN[words.pop()]
-    return " ".join(words), unit

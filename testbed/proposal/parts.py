@@ -11,7 +11,9 @@ from testbed.files.rows.planned import foretold
 from testbed.proposal.data import Document, Found, Part
 from testbed.proposal.exports import exported_parts
 from testbed.proposal.layouts import layouts
-from testbed.proposal.names import targets_in_a_row, without_unit
+from testbed.proposal.names import Meaning
+from testbed.proposal.naming.plain import without_unit
+from testbed.proposal.naming.targets import targets_in_a_row
 from testbed.proposal.polar.parts import is_polar, polar_ways
 from testbed.proposal.sizes import by_size, signed
 from testbed.proposal.turns import turn_columns, turnings
@@ -30,32 +32,60 @@ BOTH_JOINTS = (
 )
 
 
-def joint_parts(look: Found, own: tuple[int, ...]) -> Iterator[Part]:
-    """[joints] of a file, for each possible unit; `own` joints (from 1) have columns."""
+def joint_parts(
+    look: Found, own: tuple[int, ...], slides: frozenset[int] = frozenset()
+) -> Iterator[Part]:
+    """[joints] of a file, for each possible unit; `own` joints (from 1) have columns.
+
+    `slides` are the joints that slide: their columns are lengths.
+    """
     if look.kind == "program":
         yield look, {"format": look.language}, look.notes, ""
     elif look.kind == "bare":
         for layout in layouts(look, len(own)):
-            for unit in by_size(look, names := layout.joints, TURN, ("deg", "rad")) * bool(names):
-                mapped = {f"q{k}_{unit}": name for k, name in zip(own, names, strict=True)}
-                note = f"joints: columns {names[0]} to {names[-1]}, taken as {unit}"
+            if not (names := layout.joints):
+                continue
+            for units, said in _each_unit(look, dict(zip(own, names, strict=True)), slides):
+                mapped = {f"q{k}_{units[k]}": name for k, name in zip(own, names, strict=True)}
+                note = f"joints: columns {names[0]} to {names[-1]}, taken as {said}"
                 yield look, {"columns": _more(look) | mapped}, (note,), layout.name
     elif look.has(*(f"q{k}" for k in own)) or look.has(*(f"q{k}_read" for k in own)):
         stems = [f"q{k}{tail}" for tail in ("", "_read") for k in own]
         found = [look.stems[stem] for stem in stems if stem in look.stems]
         foreign = [one for one in found if not one.known]
-        open_ = [one.theirs for one in foreign if not one.unit]
-        units = by_size(look, open_, TURN, ("deg", "rad")) if open_ else ("",)
+        open_ = {_number(one): one.theirs for one in foreign if not one.unit}
         both = {"", "_read"} <= {one.plain[2:] for one in found}
         source = {"source": "commanded"} if both else {}
-        notes = (BOTH_JOINTS,) if both else ()
-        for unit in units:
-            mapped = {f"{one.stem}_{one.unit or unit}": one.theirs for one in foreign}
-            said = (f"joints: no column states its unit; assumed: {unit}",) if unit else ()
+        notes = (*((BOTH_JOINTS,) if both else ()), *look.notes)
+        for units, assumed in _each_unit(look, open_, slides):
+            mapped = {f"{one.stem}_{one.unit or units[_number(one)]}": one.theirs
+                      for one in foreign}  # fmt: skip
+            unit = (f"joints: no column states its unit; assumed: {assumed}",) if open_ else ()
             named = {key: name for key, name in _more(look).items() if key in BESIDE_JOINTS}
             named |= _drives(look, own[-1])
             keys = {**source, **({"columns": named | mapped} if named or mapped else {})}
-            yield look, keys, (*said, *notes), ""
+            yield look, keys, (*unit, *notes), ""
+
+
+def _number(one: Meaning) -> int:
+    """Number of the joint that a column has, from 1."""
+    return int(one.plain[1:].removesuffix("_read"))
+
+
+def _each_unit(
+    look: Found, names: Mapping[int, str], slides: frozenset[int]
+) -> Iterator[tuple[dict[int, str], str]]:
+    """Units of joints by their numbers, the likely ones first, and what is assumed in words.
+
+    `names` are the columns of these joints.
+    """
+    turned = [name for k, name in names.items() if k not in slides]
+    slid = [name for k, name in names.items() if k in slides]
+    angles = by_size(look, turned, TURN, ("deg", "rad")) if turned else ("",)
+    lengths = by_size(look, slid, REACH, ("mm", "m")) if slid else ("",)
+    for angle, length in product(angles, lengths):
+        said = " and ".join(filter(None, (angle, f"{length} where it slides" * bool(length))))
+        yield {k: length if k in slides else angle for k in names}, said
 
 
 def seen_parts(look: Found, own: tuple[int, ...]) -> Iterator[Part]:
@@ -100,13 +130,14 @@ def _targets(look: Found, n: int) -> Iterator[Part]:
     Two targets that cannot be on one tool are read separately.
     """
     ahead = foretold(look.head)
-    found = targets_in_a_row([name for name in look.head if name not in ahead])
+    found, again = _once(look, targets_in_a_row([name for name in look.head if name not in ahead]))
     names = [name for columns in found.values() for name in columns.values()]
     units = {without_unit(name)[1] for name in names}
     told = units - {""} if len(units) == 1 else set()
     columns = _more(look) | _drives(look, n)
     for unit in told or (by_size(look, names, REACH, ("mm", "m")) if names else ()):
-        said = () if told else (f"positions: no column states its unit; assumed: {unit}",)
+        sized = f"positions: no column states its unit; assumed: {unit}"
+        said = again if told else (sized, *again)
         if len(found) == 2 and (why := _not_both(look, found, unit)):
             for label, own in found.items():
                 other = next(one for one in found if one != label)
@@ -120,6 +151,19 @@ def _targets(look: Found, n: int) -> Iterator[Part]:
             "targets": {label: [own[axis] for axis in "xyz"] for label, own in found.items()},
         }
         yield look, keys | ({"columns": columns} if columns else {}), said, ""
+
+
+def _once(
+    look: Found, found: dict[str, dict[str, str]]
+) -> tuple[dict[str, dict[str, str]], tuple[str, ...]]:
+    """Targets without those that repeat the numbers of another, and a sentence on each of these."""
+    kept: dict[tuple[tuple[str, ...], ...], str] = {}
+    said = []
+    for label, own in found.items():
+        cells = tuple(look.column(own[axis]) for axis in "xyz")
+        if (first := kept.setdefault(cells, label)) != label:
+            said.append(f"positions: {label} repeats the numbers of {first}, and is not used")
+    return {label: found[label] for label in kept.values()}, tuple(said)
 
 
 def _not_both(look: Found, found: Mapping[str, Mapping[str, str]], unit: str) -> str:

@@ -12,7 +12,7 @@ from testbed.files.session import text_of
 from testbed.files.text import Sheet, read_sheet
 from testbed.gates.kinds import require_no_program
 from testbed.gates.text import MAX_MB
-from testbed.proposal.plain import without_unit
+from testbed.proposal.naming.plain import without_unit
 from testbed.units import counted
 
 KEYS = {

@@ -13,6 +13,7 @@ from testbed.proposal.cycles import cycles_in
 from testbed.proposal.data import Document, Found
 from testbed.proposal.drafts import EACH_A_STATION, Draft, drafts_of
 from testbed.proposal.names import is_wished
+from testbed.proposal.naming.own_joints import with_joints
 from testbed.proposal.rows.clocks import REACH
 from testbed.proposal.tried import tried_with, unnamed
 from testbed.proposal.verdict import verdict_on
@@ -151,9 +152,15 @@ def _same_poses(alike: list[Found], joints: list[str]) -> bool:
 def _proposed(looks: tuple[Found, ...], robot: Robot | None, root: Path) -> Proposed:
     """The same session without the files that it does not use."""
     own = columns_of(robot) if robot is not None else tuple(range(1, _count(looks) + 1))
+    slides: frozenset[int] = frozenset()
     if robot is None:  # interpretations that only a fit can decide are not offered
         looks = tuple(replace(one, also=None) for one in looks)
-    drafts, n = list(drafts_of(looks, own)), len(own)
+    else:
+        kinds, names = robot.model.chain.kinds, robot.joint_names
+        slides = frozenset(k for k in own if kinds[k - 1] == "prismatic")
+        called = [names[k - 1] for k in own] if len(names) == len(kinds) else []
+        looks = tuple(with_joints(look, own, called) for look in looks)
+    drafts, n = list(drafts_of(looks, own, slides)), len(own)
     if not drafts:
         ahead = [foretold(one.head) for one in looks]
         if any(ahead):

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from calib.errors import InputError
-from testbed.files.frames_fit import FAR, fit_frames, flange_poses, target_groups
+from testbed.files.frames_fit import FAR, far_for, fit_frames, flange_poses, target_groups
 from testbed.files.probe import TIMES, probe
 from testbed.files.read import session_of
 from testbed.files.refusal import refusal
@@ -30,6 +30,8 @@ AXES = 3
 """Equations of a position; a distance has one."""
 GUESSED = ("M20", "M22", "M23", "V9")
 """Error codes of numbers with another meaning than assumed."""
+EXPLAINED = 3
+"""Least spread of positions, as a multiple of the misfit, that a robot has caused."""
 BY_SIZE = "units and conventions are guessed from the numbers and from common use"
 
 
@@ -41,6 +43,12 @@ class _Fit:
     """Misfit [m]; infinite if nothing could be fitted."""
     equations: int
     numbers: int
+    far: float = FAR
+    """Misfit that the right draft never leaves [m]."""
+
+    @property
+    def is_near(self) -> bool:
+        return self.score <= self.far
 
     @property
     def is_one(self) -> bool:
@@ -97,7 +105,7 @@ def tried_with(
     for parts in PARTS:
         fits = [_fit(robot, session, parts) for session in sessions]
         best = _best(drafts, sessions, fits)
-        if fits[best].score <= FAR:
+        if fits[best].is_near:
             best, made, aside = _by_an_instrument(drafts, sessions, fits, best, robot)
             same = [
                 k for k, one in enumerate(drafts)
@@ -165,7 +173,7 @@ def _by_an_instrument(
     own = places_of(drafts[best])
     others = [
         k for k, one in enumerate(drafts)
-        if fits[k].score <= FAR and not is_ranged(one) and places_of(one) != own
+        if fits[k].is_near and not is_ranged(one) and places_of(one) != own
     ]  # fmt: skip
     if not others or not is_of_a_controller(robot, sessions[best]):
         return best, set(), ""
@@ -190,7 +198,7 @@ def _of_both(
     optical = [k for k, draft in enumerate(drafts) if not is_ranged(draft)]
     if not ranged or not optical:
         return drafts[best], ""
-    good = [k for k in optical if fits[k].score <= FAR]
+    good = [k for k in optical if fits[k].is_near]
     if not good:
         files = names_of([drafts[k] for k in optical])
         return drafts[best], f". No interpretation of the positions in {files} fits: not used"
@@ -276,10 +284,13 @@ def _fit(robot: Robot, session: Session | None, parts: int) -> _Fit:
         rows = stretch[spread.round().astype(np.int64)]
         F = flange_poses(robot.model, table.q[rows])
         turned = table.rotation[rows] if table.is_pose[rows[0]] else None
-        frames = fit_frames(F, table.position[rows], turned)
-        score = frames.misfit(F, table.position[rows], turned).score
+        seen = table.position[rows]
+        frames = fit_frames(F, seen, turned)
+        score = frames.misfit(F, seen, turned).score
+        if EXPLAINED * score > float(np.sqrt(np.var(seen, axis=0).sum())):
+            score = np.inf  # no robot has moved them
         size, numbers = (3, 9) if turned is None else (6, 12)
-        left.append(_Fit(score, size * len(rows), numbers))
+        left.append(_Fit(score, size * len(rows), numbers, far_for(seen)))
     return min(left, key=lambda one: one.score)
 
 

@@ -6,7 +6,8 @@ from calib.arrays import Array
 from testbed.bounds import FACTORS
 from testbed.files.dialects.numbers import number_of
 from testbed.proposal.data import Found
-from testbed.proposal.names import Meaning, without_unit
+from testbed.proposal.names import Meaning
+from testbed.proposal.naming.plain import without_unit
 from testbed.proposal.parts import DIFFERENCE, TARGET
 from testbed.proposal.words import ANGLE
 from testbed.strict import toml_value

@@ -76,12 +76,11 @@ PLAIN = {
 }  # fmt: skip
 TURNS = {
     "rx": "rx", "ry": "ry", "rz": "rz", "roll": "rx", "pitch": "ry", "yaw": "rz",
+    "phix": "rx", "phiy": "ry", "phiz": "rz",
     "qw": "qw", "qx": "qx", "qy": "qy", "qz": "qz", "q0": "qw",
 }  # fmt: skip
 QUATERNION = ("qw", "qx", "qy", "qz")
 """Names of four numbers counted from 0, as q0, or from 1 beside joints of another name (ABB)."""
-SHIFTS = {"tx": "x", "ty": "y", "tz": "z"}
-"""Beside rotations Rx Ry Rz these are a position; alone they may be targets."""
 OF_TURNS = {
     *TURNS.values(),
     *(f"r{i}{j}" for i in "123" for j in "123"),

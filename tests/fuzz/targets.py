@@ -177,6 +177,7 @@ TARGETS = {
     "spatial analyzer": Target(read_measured, whole.SESSIONS, ("smr.txt",), NOT_STATED),
     "joints of a program": Target(read_measured, whole.SESSIONS, ("cal.txt",), NOT_STATED),
     "proposal": Target(read_proposal, whole.SESSIONS, ("a.csv", "smr.txt", "cal.txt")),
+    "records of JSON": Target(read_proposal, whole.DOCUMENTS, ("m.json",)),
     "cycles": Target(
         read_cycles,
         whole.CYCLES,

@@ -1,5 +1,6 @@
 """Small whole files of every kind, to be damaged."""
 
+import json
 import tempfile
 from collections.abc import Mapping
 from pathlib import Path
@@ -254,6 +255,13 @@ SCENARIOS = (
     encoded({"scenario.toml": CELL, "measured.csv": PLAN}) | {"fixture.stl": block()},
 )
 SESSIONS = tuple(session(files) for files, _, _ in FILES.values())
+DOCUMENTS = (
+    encoded({"m.json": json.dumps({"samples": [
+        {"q": list(q), "tool": {"position": list(q[:3]), "time": 0.5 * k}, "name": f"P{k}"}
+        for k, q in enumerate(((0.1, 0.2, 0.3, 0.4, 0.5, 0.6), (0.6, 0.5, 0.4, 0.3, 0.2, 0.1)))
+    ]})}),
+    encoded({"m.json": json.dumps({"q": [[0.1] * 6] * 3, "p": [[0.4, 0.1, 0.2]] * 3})}),
+)  # fmt: skip
 ARMS = (
     encoded({"arm.urdf": urdf("arm", LINKS, parts={"pan": MESH.format("obj")}), "part.obj": OBJ}),
     encoded({"arm.urdf": urdf("arm", LINKS, parts={"pan": MESH.format("stl")})})

@@ -2,12 +2,52 @@
 
 import re
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from calib.arrays import Array
+from testbed.gates.text import FileText
 
 NUMBER = re.compile(r"[+\u2212-]?\d[\d.,]*([eE][+-]?\d+)?")
+NUMBERS_ALONE = re.compile(r"[\s\d.,;eE+\u2212\[\](){}-]*")
+"""A line of nothing but numbers, and brackets around some of them."""
+ASSIGNED = re.compile(r"\s*\w+\s*=\s*(np\.|numpy\.)?(array\()?(?=\[)")
+"""What a script writes before numbers in brackets."""
+GLUED = re.compile(r"(?<=\d)-(?=\d)")
+"""A minus that is all there is between two numbers of fixed width."""
+
+
+def with_bare_numbers(text: FileText) -> FileText:
+    """A file of numbers in brackets without these, or of numbers that touch with a space between.
+
+    Scripts and consoles print arrays so. All other files come back as they are.
+    """
+    content = text.content("#", "//", "%")
+    if not content:
+        return text
+    first = content[0][0]
+    lines = {k: ASSIGNED.sub("", line) if k == first else line for k, line in content}
+    if not all(NUMBERS_ALONE.fullmatch(line) for line in lines.values()):
+        return text
+    if any(mark in line for line in lines.values() for mark in "[({"):
+        lines = {k: _without_brackets(line) for k, line in lines.items()}
+    elif not any(mark in line for line in lines.values() for mark in ",;\t"):
+        apart = {k: GLUED.sub(" -", line) for k, line in lines.items()}
+        if apart == lines or len({len(line.split()) for line in apart.values()}) > 1:
+            return text
+        lines = apart
+    else:
+        return text
+    changed = (lines.get(k, line) for k, line in enumerate(text.lines, 1))
+    return replace(text, lines=tuple(changed))
+
+
+def _without_brackets(line: str) -> str:
+    """A line without brackets, its lists parted as the numbers in them."""
+    mark = "," if "," in line else " "
+    line = re.sub(r"[\])}]\s*[,;]?\s*[\[({]", mark, line.strip())
+    return re.sub(r"[\[\](){}]", " ", line.rstrip(";,])} ")).strip()
 
 
 def floats(cells: Sequence[str]) -> Array:

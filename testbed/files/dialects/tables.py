@@ -20,7 +20,7 @@ class DialectTable(Strict):
     header: bool | None = None
     """Whether the first line names the columns; false: they are called "1", "2" ... and named by
     the tables `columns`. Left out: it does, and is refused where it holds numbers."""
-    separator: Literal["comma", "semicolon", "tab", "space"] | None = None
+    separator: Literal["comma", "semicolon", "tab", "bar", "space"] | None = None
     """What stands between cells; found from the file if left out."""
     decimal: Literal[".", ","] | None = None
     """What numbers have before their decimals; found from the file if left out."""

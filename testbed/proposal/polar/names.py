@@ -8,7 +8,7 @@ WORDS = {
                 "horizontalwinkel", "horizontalrichtung", "angle horizontal",
                 "angolo orizzontale", "ángulo horizontal", "方位角", "水平角"},
     "elevation": {"elevation", "elevation angle", "el", "elev", "height angle", "höhenwinkel"},
-    "zenith": {"zenith", "zenith angle", "zenith distance", "zenit", "zenitwinkel",
+    "zenith": {"zenith", "zen", "zenith angle", "zenith distance", "zenit", "zenitwinkel",
                "zenithwinkel", "天顶角", "天頂角"},
     "vertical": {"vertical", "vertical angle", "v", "va", "v angle", "vertikalwinkel",
                  "angle vertical", "angolo verticale", "ángulo vertical", "垂直角"},

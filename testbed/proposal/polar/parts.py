@@ -6,7 +6,8 @@ from itertools import product
 import numpy as np
 
 from testbed.proposal.data import Document, Found
-from testbed.proposal.names import Meaning, without_unit
+from testbed.proposal.names import Meaning
+from testbed.proposal.naming.plain import without_unit
 from testbed.proposal.polar.names import HEIGHTS, SURVEYED
 from testbed.proposal.sizes import by_size, signed
 

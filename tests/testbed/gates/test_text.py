@@ -91,7 +91,7 @@ def test_programs_of_controllers_are_called_by_their_names(told, name):
 def test_a_program_of_rapid_is_no_table_of_targets(tmp_path):
     path = tmp_path / "a.mod"
     path.write_text("CONST jointtarget p1 := [[1,2,3,4,5,6],[9E9,9E9,9E9,9E9,9E9,9E9]];\n")
-    with pytest.raises(InputError, match="is a RAPID program; targets are corrected in tables only"):
+    with pytest.raises(InputError, match="is a RAPID program; targets are corrected in tables"):
         READERS["program"](path)
 
 

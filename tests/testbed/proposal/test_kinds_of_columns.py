@@ -13,7 +13,8 @@ from scipy.spatial.transform import Rotation
 
 from testbed.files.probe import probe
 from testbed.files.read import read_session
-from testbed.proposal.names import meanings, without_unit
+from testbed.proposal.names import meanings
+from testbed.proposal.naming.plain import without_unit
 from tests.testbed.files.made import ROBOT, csv
 from tests.testbed.proposal.test_session import (
     JOINTS,

@@ -35,6 +35,8 @@ def read_krl(text: FileText) -> JointList:
     for number, line in program.statements(";", "&"):
         if (move := MOVED.match(line)) is not None:
             _move(program, number, move[1].upper(), move[2])
+        elif line.lstrip().startswith("{"):  # as copied from a display: the verb is not there
+            _move(program, number, "PTP", line.strip())
         elif (own := DECLARED.match(line)) is not None and (own[1] or own[3]):
             _declare(program, number, (own[1] or "").upper(), own[2], own[3] or "")
         elif (changed := CHANGED.match(line)) is not None:

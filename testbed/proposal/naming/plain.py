@@ -6,15 +6,17 @@ from testbed.files.columns import WRITTEN
 
 BORDER = re.compile(r"(?<=[\u2e80-\ud7af])(?=[a-z])|(?<=[a-z])(?=[\u2e80-\ud7af])")
 """Between a letter and a word of Chinese, Japanese or Korean, which stand together there."""
-ENDS = re.compile(r"^(.*?)[\s_]*[\[(/,]\s*([^\])]+?)\s*[\])]?$")
+OPENS = re.compile(r"[\[(/,]")
+"""What may stand before a unit, as in X [mm] and X, mm."""
 
 
 def without_unit(name: str) -> tuple[str, str]:
     """A name in small words, and the unit that it ends with."""
     text, unit = name.strip(), ""
-    ends = ENDS.match(text)
-    if ends and ends[2].strip().lower() in WRITTEN:
-        text, unit = ends[1], WRITTEN[ends[2].strip().lower()]
+    body = text[:-1] if text.endswith(("]", ")")) else text
+    mark = OPENS.search(body, max(map(body.rfind, "])")) + 1)
+    if mark is not None and (last := body[mark.end() :].strip().lower()) in WRITTEN:
+        text, unit = text[: mark.start()], WRITTEN[last]
     words = BORDER.sub(" ", re.sub(r"[\s_.:/\-\[\]()]+", " ", text).strip().lower()).split()
     # a letter alone is a unit only behind an axis: pos x m
     long = words[-1:] not in (["c"], ["s"], ["m"], ["n"], ["a"])

@@ -1,0 +1,108 @@
+"""Records of JSON as a table: an object for each row, or a list for each column."""
+
+import json
+from collections.abc import Mapping, Sequence
+from hashlib import sha256
+from pathlib import Path
+from typing import Any
+
+from testbed.files.dialects.numbers import NUMBER
+from testbed.files.refusal import refusal
+from testbed.gates.text import MAX_ROWS, FileText, SourceFile, bytes_of
+
+ENDINGS = (".json", ".jsonl", ".ndjson")
+ALLOWED = "one object for each measurement, or a list for each column, all as long"
+MOST_COLUMNS = 1000
+DEEPEST = 8
+"""Levels of objects in objects."""
+
+
+def read_records(path: Path, where: str, *, max_mb: float) -> FileText:
+    """Lines of a table: the names, then one line a record; line k + 2 is record k, from 0.
+
+    Objects in a record become columns called by both names; lists are cells.
+
+    Raises
+    ------
+    InputError
+        M35: it cannot be read, or is no table; M36: it is too large; S39: it is no JSON.
+    """
+    data = bytes_of(path, where, max_mb)
+    try:
+        rows = _rows(_parsed(data.decode("utf-8-sig")))
+    except (ValueError, RecursionError) as error:
+        reason = str(error)[:80] if isinstance(error, json.JSONDecodeError) else "it is damaged"
+        message = f"is no JSON: {reason}"
+        raise refusal(where, "file", message, code="S39", fix="write it again") from error
+    if not rows:
+        raise refusal(where, "file", "holds no records that make a table", allowed=ALLOWED,
+                      fix="write one such list, or give a CSV")  # fmt: skip
+    try:
+        flat = [dict(_flat(row, "")) for row in rows]
+    except ValueError as error:
+        raise refusal(where, "file", str(error), allowed=ALLOWED, fix="give a CSV") from error
+    head = list(dict.fromkeys(name for row in flat for name in row))
+    if len(head) > MOST_COLUMNS or len(flat) > MAX_ROWS:
+        message = f"has {len(flat)} records of {len(head)} columns"
+        allowed = f"at most {MAX_ROWS} of {MOST_COLUMNS}"
+        raise refusal(where, "file", message, code="M36", allowed=allowed, fix="split it")
+    lines = [] if all(name.isdigit() for name in head) else [_line(head)]
+    lines += [_line([row.get(name, "") for name in head]) for row in flat]
+    return FileText(where, tuple(lines), "JSON", SourceFile(path, sha256(data).hexdigest()))
+
+
+def _parsed(text: str) -> Any:
+    """The document, or the list of those that stand one a line."""
+    lines = [line for line in text.splitlines() if line.strip()]
+    if len(lines) > 1 and all(line.lstrip()[0] + line.rstrip()[-1] == "{}" for line in lines):
+        return [json.loads(line) for line in lines]
+    return json.loads(text)
+
+
+def _rows(found: Any) -> list[dict[str, Any]]:
+    """Records in a document, itself or the longest list of them in it; none if there are none."""
+    if isinstance(found, list):
+        if found and all(isinstance(one, dict) for one in found):
+            return found
+        if found and all(isinstance(one, list) for one in found):
+            return [{str(k + 1): value for k, value in enumerate(one)} for one in found]
+        return []
+    if not isinstance(found, dict):
+        return []
+    columns = {name: one for name, one in found.items() if isinstance(one, list)}
+    records = [one for one in columns.values() if one and all(isinstance(r, dict) for r in one)]
+    if records:
+        return max(records, key=len)
+    if found and all(isinstance(one, dict) for one in found.values()):
+        alike = len({frozenset(one) for one in found.values()}) == 1
+        if alike and len(found) > 1:
+            return [{"pose_id": name} | one for name, one in found.items()]
+        return max(map(_rows, found.values()), key=len)
+    counts = {len(one) for one in columns.values()}
+    if len(columns) > 1 and len(counts) == 1:
+        return [{name: one[k] for name, one in columns.items()} for k in range(counts.pop())]
+    inner = [rows for one in found.values() if isinstance(one, dict) and (rows := _rows(one))]
+    return max(inner, key=len, default=[])
+
+
+def _flat(value: Any, name: str, depth: int = 0) -> Sequence[tuple[str, str]]:
+    """Cells of a record, by the names on the way to them."""
+    if isinstance(value, Mapping):
+        if depth > DEEPEST:
+            raise ValueError(f"has objects in more than {DEEPEST} others")
+        inner = {f"{name}.{key}" if name else str(key): one for key, one in value.items()}
+        return [cell for key, one in inner.items() for cell in _flat(one, key, depth + 1)]
+    if isinstance(value, list):
+        return [(name, json.dumps(value))]
+    return [(name, "" if value is None else str(value))]
+
+
+def _line(cells: Sequence[str]) -> str:
+    """A line of CSV, with quotes around all but numbers: it may begin as a comment does."""
+    plain = (" ".join(cell.split()).replace('"', '""') for cell in cells)
+    return ",".join(cell if NUMBER.fullmatch(cell) else f'"{cell}"' for cell in plain)
+
+
+def is_records(path: Path) -> bool:
+    """Whether a file is JSON, by the ending of its name."""
+    return path.suffix.lower() in ENDINGS

@@ -1,0 +1,95 @@
+"""Cells that hold several numbers, and points of which each coordinate has a row of its own."""
+
+import re
+from collections.abc import Sequence
+from dataclasses import replace
+
+from testbed.files.dialects.numbers import NUMBER
+from testbed.files.rows.planned import of_stops
+from testbed.files.text import Sheet
+
+LIST = re.compile(r"[\[({]+(.*?)[\])}]+\s*", re.DOTALL)
+BETWEEN = re.compile(r"[\s,;\[\](){}]+")
+PLACES = {"position", "pos", "xyz", "point", "translation", "place", "p", "tcp", "coordinates",
+          "measured", "tvec", "t"}  # fmt: skip
+"""Words of a list of three that is a place."""
+AXES = ("x", "y", "z")
+OF_AXIS = {"x": "X", "y": "Y", "z": "Z", "x-axis": "X", "y-axis": "Y", "z-axis": "Z"}
+"""What is said of a coordinate that has a row of its own."""
+MOST = 64
+"""Largest number of numbers in a cell."""
+
+
+def of_rows(sheet: Sheet) -> Sheet:
+    """A table with one number a cell and one reading a row; most are so as they stand."""
+    return of_stops(_of_coordinates(_of_lists(sheet)))
+
+
+def _of_lists(sheet: Sheet) -> Sheet:
+    """The same with a column for each number of the cells that are lists, as in "[1, 2, 3]"."""
+    columns = list(zip(*sheet.rows, strict=True))
+    inside = [_lists(column) for column in columns]
+    if not any(inside):
+        return sheet
+    head: list[str] = []
+    cells: list[Sequence[str]] = []
+    for name, column, lists in zip(sheet.head, columns, inside, strict=True):
+        head += _names(name, len(lists[0])) if lists else [name]
+        cells += list(zip(*lists, strict=True)) if lists else [column]
+    if len(set(head)) < len(head):
+        return sheet
+    units = ()  # those of a list are not said
+    rows = tuple(zip(*cells, strict=True))
+    return replace(sheet, head=tuple(head), rows=rows, units=units)
+
+
+def _lists(column: Sequence[str]) -> list[list[str]]:
+    """Numbers of each cell where all of them are lists of as many; else none."""
+    found = []
+    for cell in column:
+        hit = LIST.fullmatch(cell)
+        numbers = [one for one in BETWEEN.split(hit[1]) if one] if hit else []
+        if not 2 <= len(numbers) <= MOST or not all(map(NUMBER.fullmatch, numbers)):
+            return []
+        found.append(numbers)
+    return found if found and len({len(one) for one in found}) == 1 else []
+
+
+def _names(name: str, count: int) -> list[str]:
+    """Names of the numbers of a list: by axes where it is a place or a quaternion, else counted."""
+    words = set(re.split(r"[\W_]+", name.lower()))
+    if count == 3 and words & PLACES:
+        return [f"{name} {axis}" for axis in AXES]
+    if count in (12, 16):
+        return [f"T{k // 4 + 1}{k % 4 + 1}" for k in range(count)]
+    if count == 9:
+        return [f"r{k // 3 + 1}{k % 3 + 1}" for k in range(count)]
+    return [f"{name}[{k}]" for k in range(count)]
+
+
+def _of_coordinates(sheet: Sheet) -> Sheet:
+    """The same with one row a point where X, Y and Z of each have rows of their own.
+
+    Reports of coordinate measuring machines are so: the name, the axis, nominal and measured.
+    """
+    for at in range(len(sheet.head)):
+        axes = [OF_AXIS.get(row[at].lower(), "") for row in sheet.rows]
+        if not axes or len(axes) % 3 or set(zip(*[iter(axes)] * 3, strict=True)) != {(*"XYZ",)}:
+            continue
+        groups = [sheet.rows[k : k + 3] for k in range(0, len(axes), 3)]
+        numbers = [k for k in range(len(sheet.head)) if k != at
+                   and all(NUMBER.fullmatch(row[k]) for row in sheet.rows)
+                   and any(len({row[k] for row in group}) > 1 for group in groups)]  # fmt: skip
+        others = [k for k in range(len(sheet.head)) if k != at and k not in numbers]
+        same = [all(len({row[k] for row in group if row[k]}) < 2 for group in groups)
+                for k in others]  # fmt: skip
+        alike = [k for k, one in zip(others, same, strict=True) if one]
+        head = [sheet.head[k] for k in alike]
+        head += [f"{sheet.head[k]} {axis}" for k in numbers for axis in "XYZ"]
+        rows = [
+            (*(max(row[k] for row in group) for k in alike),
+             *(row[k] for k in numbers for row in group))
+            for group in groups
+        ]  # fmt: skip
+        return replace(sheet, head=tuple(head), rows=tuple(rows), lines=sheet.lines[::3], units=())
+    return sheet

@@ -1,0 +1,1 @@
+"""Names of columns: in small words, of joints, of targets, and of positions beside rotations."""

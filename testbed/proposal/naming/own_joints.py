@@ -1,0 +1,100 @@
+"""Columns of joints called as in the file of the robot, or by anything and their number."""
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from unicodedata import normalize
+
+from testbed.proposal.data import Found
+from testbed.proposal.names import Meaning
+from testbed.proposal.naming.plain import without_unit
+from testbed.proposal.words import JOINTS, OF_JOINTS
+
+RATES = {"velocity", "velocities", "vel", "qd", "dq", "speed", "acceleration", "acc", "qdd", "ddq",
+         "effort", "efforts", "torque", "torques", "tau", "current", "currents", "moment",
+         "temperature", "temp", "error", "err", "gain", "voltage"}  # fmt: skip
+"""Words for what joints have besides their position."""
+AXES = {"x", "y", "z", "rx", "ry", "rz"}
+"""Words of coordinates, whose numbers are those of targets."""
+
+Family = dict[int, str]
+
+
+def with_joints(look: Found, own: Sequence[int], names: Sequence[str]) -> Found:
+    """The same table with its columns of joints known, where their names alone do not tell.
+
+    Parameters
+    ----------
+    look : Found
+        A table with a header; others come back as they are.
+    own : sequence of int
+        Numbers of the joints with columns, from 1.
+    names : sequence of str
+        Names of these joints in the file of the robot; empty if it has none.
+    """
+    if look.kind != "table":
+        return look
+    plain = {name: _words(name) for name in look.head}
+    called = [family for words in (names, *JOINTS) if len(words) == len(own)
+              for family in _called(plain, dict(zip(own, words, strict=True)))]  # fmt: skip
+    if not called and (look.has(*(f"q{k}" for k in own)) or look.has(*(f"q{k}_read" for k in own))):
+        return look
+    free = {name: plain[name] for name in look.head
+            if name not in {one.theirs for one in look.meanings}}  # fmt: skip
+    families = called or _numbered(free, own)
+    if not families:
+        return look
+    chosen = min(families, key=lambda one: not _is_of_joints(plain[one[own[0]]]))
+    others = [one for one in families if one is not chosen]
+    said = [f"joints: columns {_ends(chosen, own)} are taken as those of the joints, in this order"]
+    if others:
+        said[0] += f"; {_ends(others[0], own)} are not used"
+    taken = set(chosen.values())
+    found = [Meaning(name, f"q{k}", without_unit(name)[1]) for k, name in chosen.items()]
+    joints = {one.plain for one in found}
+    left = [one for one in look.meanings if one.theirs not in taken and one.plain not in joints]
+    return replace(look, meanings=(*found, *left), notes=(*look.notes, *said))
+
+
+def _words(name: str) -> str:
+    """A name in small words, its digits as on a keyboard."""
+    return without_unit(normalize("NFKC", name))[0]
+
+
+def _ends(family: Mapping[int, str], own: Sequence[int]) -> str:
+    """First and last name of a family."""
+    return f"{family[own[0]]} to {family[own[-1]]}"
+
+
+def _is_of_joints(text: str) -> bool:
+    """Whether a name says that it is a position of a joint."""
+    return bool(OF_JOINTS & set(text.split()))
+
+
+def _called(plain: Mapping[str, str], names: Mapping[int, str]) -> list[Family]:
+    """Families of columns with the name of each joint, and the same words around all of them."""
+    families: dict[tuple[str, str], Family] = {}
+    for k, own in names.items():
+        wanted = re.compile(rf"(?:(.*) )?{re.escape(_words(own))}(?: (.*))?")
+        for name, text in plain.items():
+            hit = wanted.fullmatch(text)
+            if hit is not None and not RATES & set(text.split()):
+                families.setdefault((hit[1] or "", hit[2] or ""), {}).setdefault(k, name)
+    return [one for one in families.values() if len(one) == len(names) == len(set(one.values()))]
+
+
+def _numbered(plain: Mapping[str, str], own: Sequence[int]) -> list[Family]:
+    """Families of columns that differ by the number of a joint alone, from 1 or from 0."""
+    families: dict[tuple[str, str], Family] = {}
+    for name, text in plain.items():
+        if (RATES | AXES) & set(re.sub(r"\d+", " ", text).split()):
+            continue
+        for hit in re.finditer(r"\d+", text):
+            around = (text[: hit.start()], text[hit.end() :])
+            families.setdefault(around, {}).setdefault(int(hit[0]), name)
+    return [
+        {k: family[k - 1 + start] for k in own}
+        for family in families.values()
+        for start in (0, 1)
+        if set(family) == {k - 1 + start for k in own} and len(own) > 2
+    ]

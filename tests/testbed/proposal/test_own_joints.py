@@ -1,0 +1,282 @@
+"""Joints under names of any kind: those of the robot's file, or anything and a number.
+
+Truth: the files are written here from poses that are known.
+"""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from testbed.files.probe import probe
+from testbed.files.read import read_session
+from testbed.robots.catalog import load_robot
+from tests.testbed.files.made import csv, made
+from tests.testbed.files.test_program import scara
+from tests.testbed.proposal.test_odd_files import DATA, DEG, MM, UR10, M, joints, places
+from tests.testbed.proposal.test_session import call, proposed
+
+ROS = ("shoulder_pan_joint", "shoulder_lift_joint", "elbow_joint", "wrist_1_joint",
+       "wrist_2_joint", "wrist_3_joint")  # fmt: skip
+STILL = np.zeros((M, 6))
+
+
+def of_ros(form, values):
+    return {form.format(name): values[:, k] for k, name in enumerate(ROS)}
+
+
+NAMED = {
+    "letters and a number": csv(joints("Th{}") | places("{}")),
+    "between words": csv(joints("arm_{}_joint", DATA.q) | places("{}")),
+    "Korean": csv(joints("관절{}") | places("{}")),
+    "Japanese, the number in the middle": csv(joints("第{}軸") | places("{}")),
+    "below the line": csv({f"θ{'₁₂₃₄₅₆'[k]}": DEG[:, k] for k in range(6)} | places("{}")),
+    "numbers alone below a group": (
+        ",Axis,,,,,,Point,,\nNo.,1,2,3,4,5,6,X,Y,Z\n"
+        + csv({"No.": np.arange(M)} | joints("{}") | places("{}")).partition("\n")[2]
+    ),
+    "numbers alone": csv(joints("{}") | places("{}-real", axes="xyz")),
+    "rates and loads of the same joints beside them": csv(
+        {f"position.{k}": DATA.q[:, k] for k in range(6)}
+        | {f"velocity.{k}": STILL[:, k] for k in range(6)}
+        | {f"effort.{k}": STILL[:, k] for k in range(6)} | places("{}", MM / 1e3)
+    ),
+    "paths with names of Universal Robots": csv(
+        of_ros("/joint_states/{}/position", DATA.q) | of_ros("/joint_states/{}/velocity", STILL)
+        | places("/tracker/point/{}", MM / 1e3, "xyz")
+    ),
+    "lists in cells": "joints;position\n" + "\n".join(
+        f"{list(map(float, q))};{tuple(map(float, p))}" for q, p in zip(DEG, MM, strict=True)
+    ),
+    "one target": csv(joints("J{}") | places("{}1", axes="xyz")),
+    "Chinese words beside letters": csv(joints("关节角{}") | places("实测{}")),
+    "bars between cells": csv(joints("J{}") | places("{}"), separator="|"),
+    "an axis and its unit as words": csv(joints("J{}") | places("pos_{}_m", MM / 1e3, "xyz")),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("text", NAMED.values(), ids=NAMED)
+def test_joints_of_any_name_are_proposed_as_they_were_meant(text, tmp_path):
+    (tmp_path / "m.csv").write_text(text, encoding="utf-8")
+    said, _ = proposed(tmp_path, [tmp_path / "m.csv"], "--robot", UR10.name)
+    assert "to fix" not in said
+    table = read_session(tmp_path / "session.toml", UR10).measurements
+    np.testing.assert_allclose(table.q, DATA.q, rtol=0, atol=2e-12)
+    np.testing.assert_allclose(table.position, DATA.T[:, :3, 3], rtol=0, atol=2e-12)
+
+
+def test_which_columns_are_taken_as_joints_is_said(tmp_path):
+    (tmp_path / "m.csv").write_text(csv(joints("Th{}") | joints("Tz{}") | places("{}")))
+    said, _ = proposed(tmp_path, [tmp_path / "m.csv"], "--robot", UR10.name)
+    assert "joints: columns Th1 to Th6 are taken as those of the joints" in said
+    assert "Tz1 to Tz6 are not used" in said
+
+
+RECORDS = {
+    "an object for each": [
+        {"joints": list(map(float, q)), "pose": {"position": dict(zip("xyz", p, strict=True))}}
+        for q, p in zip(DEG, MM.tolist(), strict=True)
+    ],
+    "in an object": {"robot": "ur10", "samples": [
+        {"q": q, "xyz": p} for q, p in zip(DATA.q.tolist(), (MM / 1e3).tolist(), strict=True)]},
+    "a list for each column": {"q": DATA.q.tolist(), "tvec": (MM / 1e3).tolist()},
+    "by names of poses": {f"P{k}": {"joints": q, "measured": p} for k, (q, p) in
+                          enumerate(zip(DEG.tolist(), MM.tolist(), strict=True))},
+}  # fmt: skip
+
+
+TEXTS = {name: json.dumps(records) for name, records in RECORDS.items()} | {
+    "an object a line": "\n".join(map(json.dumps, RECORDS["an object for each"]))
+}
+
+
+@pytest.mark.parametrize("text", TEXTS.values(), ids=TEXTS)
+def test_records_of_json_are_read(text, tmp_path):
+    file = tmp_path / "m.json"
+    file.write_text(text)
+    said, _ = proposed(tmp_path, [file], "--robot", UR10.name)
+    assert "to fix" not in said
+    table = read_session(tmp_path / "session.toml", UR10).measurements
+    np.testing.assert_allclose(table.q, DATA.q, rtol=0, atol=2e-12)
+    np.testing.assert_allclose(table.position, DATA.T[:, :3, 3], rtol=0, atol=2e-12)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ('{"a": 1, "b": [1, 2]', "is no JSON: Expecting ',' delimiter"),
+        ("[" * 5000, "is no JSON"),
+        ('{"a": 1}', "holds no records that make a table; one object for each measurement"),
+        ("[]", "holds no records"),
+        ("1e999999", "holds no records"),
+    ],
+)
+def test_what_is_no_table_of_json_is_refused(text, message, tmp_path):
+    (tmp_path / "m.json").write_text(text)
+    done = call("new", "session", tmp_path / "m.json", "--out", tmp_path / "session.toml")
+    assert done.exit_code == 2
+    assert message in " ".join(done.stderr.split())
+
+
+BARE = {
+    "brackets of a console": lambda q, p: "\n".join(
+        f"[{' ' * (k > 0)}[{' '.join(map(repr, row))}]" for k, row in
+        enumerate(np.column_stack([q, p]).tolist())) + "]",
+    "lists side by side": lambda q, p: "\n".join(
+        f"{a} {b}" for a, b in zip(q.tolist(), p.tolist(), strict=True)),
+    "a minus that touches": lambda q, p: "\n".join(
+        "".join(f"{v:17.12f}" for v in row) for row in np.column_stack([q, p / 1e3])),
+    "more behind the place": lambda q, p: "\n".join(
+        " ".join(map(repr, [*b, *a, 0.0, 0.0, 0.0])) for a, b in
+        zip(q.tolist(), p.tolist(), strict=True)),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("form", BARE.values(), ids=BARE)
+def test_numbers_without_names_as_programs_print_them(form, tmp_path):
+    (tmp_path / "m.txt").write_text(form(DEG, MM))
+    proposed(tmp_path, [tmp_path / "m.txt"], "--robot", UR10.name)
+    table = read_session(tmp_path / "session.toml", UR10).measurements
+    np.testing.assert_allclose(table.q, DATA.q, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(table.position, DATA.T[:, :3, 3], rtol=0, atol=1e-12)
+
+
+def test_a_tracker_file_with_more_behind_each_place_is_read_beside_its_joints(tmp_path):
+    """Uncertainties, angles, words: what they are is not known, and nothing is taken from them."""
+    rng = np.random.default_rng(0)
+    rows = [f"{x!r},{y!r},{z!r},0.03,0.011,0.013,0.025,88.2,{a:.6f},{b:.6f},0,Red ring,24.6,True"
+            for (x, y, z), (a, b) in zip(MM.tolist(), rng.random((M, 2)), strict=True)]  # fmt: skip
+    (tmp_path / "points.csv").write_text("\n".join(rows))
+    np.savetxt(tmp_path / "theta.csv", DEG, delimiter=",", fmt="%.15g")
+    files = [tmp_path / "points.csv", tmp_path / "theta.csv"]
+    proposed(tmp_path, files, "--robot", UR10.name)
+    table = read_session(tmp_path / "session.toml", UR10).measurements
+    np.testing.assert_allclose(table.q, DATA.q, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(table.position, DATA.T[:, :3, 3], rtol=0, atol=1e-12)
+
+
+def test_a_report_with_a_row_for_each_coordinate_is_read(tmp_path):
+    rows = [f"P{k + 1},{axis},{MM[k, j] + 0.1!r},{MM[k, j]!r},0.05,-0.1,Pass"
+            for k in range(M) for j, axis in enumerate("XYZ")]  # fmt: skip
+    text = "\n".join(["Name,Control,Nom,Meas,Tol,Dev,Test", *rows])
+    (tmp_path / "report.csv").write_text(text.replace("np.float64(", "").replace(")", ""))
+    named = {"Name": [f"P{k + 1}" for k in range(M)]} | joints("J{}")
+    (tmp_path / "joints.csv").write_text(csv(named))
+    files = [tmp_path / "report.csv", tmp_path / "joints.csv"]
+    proposed(tmp_path, files, "--robot", UR10.name)
+    table = read_session(tmp_path / "session.toml", UR10).measurements
+    np.testing.assert_allclose(table.q, DATA.q, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(table.position, DATA.T[:, :3, 3], rtol=0, atol=1e-12)
+
+
+SLIDING = {
+    "mm and deg": (np.array([180 / np.pi, 180 / np.pi, 1e3, 180 / np.pi]), 1e3, "J{}"),
+    "m and rad": (np.ones(4), 1.0, "joint_{}"),
+    "mm and rad": (np.array([1, 1, 1e3, 1]), 1e3, "axis_{}"),
+}
+
+
+@pytest.mark.parametrize("named", [True, False], ids=["named", "unnamed"])
+@pytest.mark.parametrize(("factors", "long", "form"), SLIDING.values(), ids=SLIDING)
+def test_a_joint_that_slides_has_a_length(factors, long, form, named, tmp_path):
+    robot = scara(tmp_path)
+    data = made(5, M, robot=robot)
+    q, p = data.q * factors, data.T[:, :3, 3] * long
+    table = {form.format(k + 1): q[:, k] for k in range(4)} | places("{}", p)
+    text = csv(table, separator=" ")
+    (tmp_path / "m.txt").write_text(text if named else text.partition("\n")[2])
+    said, _ = proposed(tmp_path, [tmp_path / "m.txt"], "--robot", tmp_path / "robot.toml")
+    assert "where it slides" in said
+    read = read_session(tmp_path / "session.toml", robot).measurements
+    np.testing.assert_allclose(read.q, data.q, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(read.position, data.T[:, :3, 3], rtol=0, atol=1e-12)
+
+
+URDF = """<robot name="lift"><link name="base"/>{}</robot>"""
+LINK = """<link name="{child}"/><joint name="{name}" type="{kind}"><parent link="{parent}"/>
+<child link="{child}"/><origin xyz="{xyz}" rpy="{rpy}"/><axis xyz="0 0 1"/>
+<limit lower="-2" upper="2" effort="1" velocity="1"/></joint>"""
+ARM = (("lift_joint", "prismatic", "0 0 0.8", "0 0 0"), ("pan", "revolute", "0.1 0 0", "0 0 0.3"),
+       ("tilt", "revolute", "0.1 0.02 0", "1.57 0 0"), ("elbow", "revolute", "0.3 0 0", "0 0 0.2"),
+       ("turn", "revolute", "0.3 0 0.05", "0 1.57 0"))  # fmt: skip
+
+
+def test_columns_called_as_the_joints_of_a_urdf_are_these(tmp_path):
+    """In any order, with the same words around them; the lift slides."""
+    parents = ["base", *(name + "_link" for name, *_ in ARM)]
+    links = [LINK.format(name=name, kind=kind, xyz=xyz, rpy=rpy, parent=parents[k],
+                         child=parents[k + 1])
+             for k, (name, kind, xyz, rpy) in enumerate(ARM)]  # fmt: skip
+    (tmp_path / "lift.urdf").write_text(URDF.format("".join(links)))
+    robot = load_robot(tmp_path / "lift.urdf")
+    data = made(3, M, robot=replace(robot, free_sets={}))
+    order = [3, 0, 4, 2, 1]
+    table = {f"arm/{ARM[k][0]}/position": data.q[:, k] for k in order}
+    table |= {f"arm/{ARM[k][0]}/effort": 0 * data.q[:, k] for k in order}
+    table |= places("{}", data.T[:, :3, 3], "xyz")
+    (tmp_path / "m.csv").write_text(csv(table))
+    proposed(tmp_path, [tmp_path / "m.csv"], "--robot", tmp_path / "lift.urdf")
+    read = read_session(tmp_path / "session.toml", robot).measurements
+    np.testing.assert_allclose(read.q, data.q, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(read.position, data.T[:, :3, 3], rtol=0, atol=1e-12)
+
+
+def test_readings_that_hardly_move_are_explained_by_no_robot(tmp_path):
+    """Meters taken as millimeters lie within 20 mm of anything."""
+    wrong = DATA.q[::-1]
+    (tmp_path / "m.csv").write_text(csv(joints("q{}", wrong) | places("{}", MM / 1e3)))
+    said, _ = proposed(tmp_path, [tmp_path / "m.csv"], "--robot", UR10.name)
+    assert "none of" in said
+    assert "fits a nominal" in said
+
+
+def test_a_target_that_repeats_another_is_left_aside(tmp_path):
+    """As where a marker was exported twice; three others are on the tool."""
+    arms = 60 * np.eye(3)
+    seen = [MM + DATA.T[:, :3, :3] @ arm for arm in arms]
+    table = joints("J{}")
+    for k, one in enumerate([*seen, seen[2]], 1):
+        table |= places(f"{{}}{k}", one, "xyz")
+    (tmp_path / "m.csv").write_text(csv(table))
+    said, _ = proposed(tmp_path, [tmp_path / "m.csv"], "--robot", UR10.name)
+    assert "4 repeats the numbers of 3, and is not used" in said
+    assert "to fix" not in said
+    assert len(read_session(tmp_path / "session.toml", UR10).measurements) == 3 * M
+
+
+def test_one_coordinate_in_inches_is_named(tmp_path):
+    table = joints("J{}") | {"X": MM[:, 0], "Y": MM[:, 1] / 25.4, "Z": MM[:, 2]}
+    (tmp_path / "m.csv").write_text(csv(table))
+    done = call("new", "session", tmp_path / "m.csv", "--robot", UR10.name, "--out",
+                tmp_path / "session.toml")  # fmt: skip
+    assert done.exit_code == 2
+    message = " ".join(done.stderr.split())
+    assert "if y alone is in inches, not mm; write all three coordinates in one unit" in message
+
+
+def test_axes_copied_from_a_display_of_kuka_are_read(tmp_path):
+    lines = ["{" + ", ".join(f"A{k + 1} {v:.12f}" for k, v in enumerate(q)) + "}" for q in DEG]
+    (tmp_path / "axes.txt").write_text("\n".join(lines))
+    (tmp_path / "points.csv").write_text(csv(places("{}")))
+    files = [tmp_path / "axes.txt", tmp_path / "points.csv"]
+    proposed(tmp_path, files, "--robot", UR10.name)
+    table = read_session(tmp_path / "session.toml", UR10).measurements
+    np.testing.assert_allclose(table.q, DATA.q, rtol=0, atol=1e-12)
+
+
+def test_an_arm_that_is_built_less_well_is_that_arm(tmp_path):
+    """Its links are off by degrees: 20 mm and more, where a wrong reading leaves a tenth of a
+    meter."""
+    rng = np.random.default_rng(2)
+    sd = np.where(UR10.model.is_length, 0.0, np.radians(3.0))
+    truth = UR10.model.moved(sd * rng.standard_normal(UR10.model.n_numbers))
+    seen = 1e3 * truth.poses(DATA.q)[:, :3, 3]
+    (tmp_path / "m.csv").write_text(csv(joints("J{}") | places("{}", seen)))
+    said, _ = proposed(tmp_path, [tmp_path / "m.csv"], "--robot", UR10.name)
+    found = probe(UR10, read_session(tmp_path / "session.toml", UR10))
+    assert found.stated is not None
+    assert 0.020 < found.stated.score < found.far < 0.060
+    found.raise_if_wrong()
+    assert "none of" not in said
+    assert "to fix" not in said
