@@ -80,10 +80,13 @@ DRIVE = re.compile(r"(torque|current)([1-9]\d?)")
 
 
 @cache
-def covariance_names() -> tuple[str, ...]:
-    """The 21 entries of the upper triangle, by rows: ``cov_x_x_m2`` ... ``cov_rz_rz_rad2``."""
+def covariance_names(count: int = len(AXES)) -> tuple[str, ...]:
+    """The entries of the upper triangle, by rows: ``cov_x_x_m2`` ... ``cov_rz_rz_rad2``.
+
+    `count` is that of the axes: 6 have 21 entries, and the 3 of a position 6.
+    """
     units = {2: "m2", 3: "m_rad", 4: "rad2"}  # by the letters of both axes
-    pairs = ((a, b) for i, a in enumerate(AXES) for b in AXES[i:])
+    pairs = ((a, b) for i, a in enumerate(AXES[:count]) for b in AXES[i:count])
     return tuple(f"cov_{a}_{b}_{units[len(a) + len(b)]}" for a, b in pairs)
 
 

@@ -35,7 +35,7 @@ class Spread:
 
 def spread_columns(kind: str, table: DataTable, settings: UncertaintyTable) -> Columns:
     """The columns of a table that its covariances come from; none if session.toml states them."""
-    if not _is_stated(settings) and (full := _full_columns(table)):
+    if not _is_stated(settings) and (full := _full_columns(kind, table)):
         return Columns(full)
     stated = {"position": settings.mpe_um or settings.position_um}
     stated |= {"rotation": settings.rotation_mdeg, "distance": settings.distance_um}
@@ -79,7 +79,7 @@ def spread_of(
         M33: nothing is stated, or something below zero; M34: a covariance is none.
     """
     if table is not None and not _is_stated(settings):
-        full = _full_columns(table)
+        full = _full_columns(kind, table)
         if full:
             covariance = _from_entries(table, full, good, SIZE[kind])
             return Spread(covariance, f"the covariances of {table.where}")
@@ -227,24 +227,28 @@ def _from_mpe(position: Array, good: Bool, settings: UncertaintyTable) -> Spread
     return Spread(_diagonal(u), source)
 
 
-def _full_columns(table: DataTable) -> tuple[str, ...]:
-    """The 21 entries of the covariance, if they are there."""
+def _full_columns(kind: str, table: DataTable) -> tuple[str, ...]:
+    """The 21 entries of the covariance, if they are there; a point needs those of its position."""
     names = covariance_names()
+    if kind == "point" and any(name not in table for name in names):
+        names = covariance_names(SIZE[kind])
     missing = [name for name in names if name not in table]
     if len(missing) == len(names):
         return ()
     if missing:
         count = len(names) - len(missing)
-        message = f"there are {count} of 21 columns of the covariance; {missing[0]} is missing"
+        message = (
+            f"there are {count} of {len(names)} columns of the covariance; {missing[0]} is missing"
+        )
         raise refusal(table.where, missing[0], message, fix="give all of them or none")
     return names
 
 
 def _from_entries(table: DataTable, names: tuple[str, ...], good: Bool, size: int) -> Array:
-    """Covariances (m, 6, 6) of the 21 entries of their upper triangle."""
+    """Covariances (m, 6, 6) of the entries of their upper triangle, or of that of the position."""
     values = table.numbers(names)
-    covariance = np.zeros((len(table), 6, 6))
-    i, j = np.triu_indices(6)
+    covariance = np.tile(np.eye(6), (len(table), 1, 1))
+    i, j = np.triu_indices(6 if len(names) == len(covariance_names()) else SIZE["point"])
     covariance[:, i, j] = values
     covariance[:, j, i] = values
     covariance[~good] = np.eye(6)
@@ -261,7 +265,7 @@ def _from_entries(table: DataTable, names: tuple[str, ...], good: Bool, size: in
             "the covariance is not positive definite: smallest eigenvalue "
             f"{np.linalg.eigvalsh(part[row])[0]:.3g}", code="M34",
             value=float(least[row]),
-            allowed="every direction must scatter a little", fix="check the 21 entries",
+            allowed="every direction must scatter a little", fix=f"check the {len(names)} entries",
         )  # fmt: skip
     return covariance
 

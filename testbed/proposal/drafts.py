@@ -150,7 +150,8 @@ def _of_each(
 
 def _uncertainty(look: Found, section: str) -> tuple[Document, tuple[str, ...]]:
     """[uncertainty] if no columns state it."""
-    if section != "ranges" and set(covariance_names()) <= set(look.head):
+    axes = {"points": 3, "frames": 6}.get(section, 0)
+    if axes and set(covariance_names(axes)) <= set(look.head):
         return {}, ()
     missing: dict[str, tuple[str, ...]] = {"position_um": ("x", "y", "z")}
     if section == "frames":

@@ -8,6 +8,7 @@ import pytest
 from calib.errors import InputError
 from calib.geometry.frames import inverse, step_transform
 from calib.identification.start.start import start_frames
+from testbed.files.columns import covariance_names
 from testbed.files.read import ReadOptions, read_held_out, read_session
 from tests.testbed.files.made import ROBOT, Made, N, columns, csv, made, poses_csv, with_spread
 
@@ -331,6 +332,24 @@ def test_mpe_is_read_by_the_stated_rule(tmp_path):
             session.measurements.covariance[:, 0, 0], ((15e-6 + 6e-6 * reach) * part) ** 2, 1e-9
         )
         assert rule in session.uncertainty
+
+
+def test_a_point_needs_the_covariance_of_its_position_alone(tmp_path):
+    data = made(3, 8)
+    root = np.random.default_rng(5).normal(scale=2e-5, size=(8, 3, 3))
+    truth = root @ np.swapaxes(root, 1, 2)
+    entries = {
+        name: truth[:, i, j]
+        for name, i, j in zip(covariance_names(3), *np.triu_indices(3), strict=True)
+    }
+    table = points_of(data, ARMS[:1], ["SMR"]) | entries
+    saved(tmp_path / "a.csv", csv(table))
+    toml = saved(tmp_path / "s.toml", "[points]\n")
+    read = read_session(tmp_path / "a.csv", ROBOT, config=toml).measurements
+    np.testing.assert_allclose(read.covariance[:, :3, :3], truth, rtol=1e-9, atol=1e-20)
+    saved(tmp_path / "a.csv", csv({k: v for k, v in table.items() if k != "cov_y_z_m2"}))
+    with pytest.raises(InputError, match="there are 5 of 6 columns of the covariance; cov_y_z_m2"):
+        read_session(tmp_path / "a.csv", ROBOT, config=toml)
 
 
 def test_expanded_uncertainties_are_halved_and_kept_above_a_stated_least(tmp_path):

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from testbed.files.columns import covariance_names
 from testbed.files.probe import probe
 from testbed.files.read import read_session
 from testbed.proposal.names import meanings
@@ -276,3 +277,16 @@ def test_a_long_name_is_read_in_time(part):
     begin = process_time()
     meanings(["pose", part * (20_000 // len(part)) + "x", *(f"b{k} qx" for k in range(2000))])
     assert process_time() - begin < 2  # below 0.2 s
+
+
+def test_the_covariance_of_points_is_read_and_none_assumed(tmp_path):
+    table = joints(*(f"J{k}" for k in range(1, 7))) | places("X", "Y", "Z", values=points())
+    entries = np.full((M, 6), [4e-10, 1e-10, 0, 9e-10, 0, 1e-10])
+    table |= dict(zip(covariance_names(3), entries.T, strict=True))
+    said, text = proposed(tmp_path, write(tmp_path, a__csv=csv(table)), "--robot", ROBOT.name)
+    assert "cov_" not in said
+    assert "position_um =" not in text
+    read = read_session(tmp_path / "session.toml", ROBOT).measurements
+    np.testing.assert_allclose(
+        read.covariance[:, :3, :3], [np.array([[4, 1, 0], [1, 9, 0], [0, 0, 1]]) * 1e-10] * M
+    )
