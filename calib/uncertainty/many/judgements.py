@@ -15,7 +15,7 @@ from calib.arrays import Array, Bool, frozen
 from calib.geometry.operating import STILL
 from calib.identification.fit_statistics import RED
 from calib.identification.identify import Identification
-from calib.measurement.observations import Measurements
+from calib.measurement.observations import Measurements, joined
 from calib.uncertainty.conformal import conformal
 from calib.uncertainty.held_out import require_disjoint
 from calib.uncertainty.many.frames import motion_chances
@@ -32,8 +32,13 @@ from calib.uncertainty.statement.applicability import (
     steps_of,
 )
 from calib.uncertainty.statement.distance import SPARE, distance_radius
-from calib.uncertainty.statement.drifting import ORDERED, SEED, where_poses_stand
-from calib.uncertainty.statement.memory import REMEMBERS, drift, interchangeable
+from calib.uncertainty.statement.drifting import (
+    ORDERED,
+    SEED,
+    beside_misfit,
+    where_poses_stand,
+)
+from calib.uncertainty.statement.memory import REMEMBERS, drift, interchangeable, seen_by_rows
 from calib.uncertainty.statement.misfit import DROP
 from calib.uncertainty.statement.shape import MisfitShape, angles_apart, are_loud
 
@@ -215,12 +220,14 @@ def _drifts(
     m, n = seen.train.q.shape[1], seen.test.q.shape[1]
     order, is_test = np.arange(m + n), np.repeat([False, True], [m, n])
     pose = np.concatenate([trains[0].pose_id, -1 - tests[0].pose_id])
-    alike = interchangeable(order, pose, is_test)
+    alike = interchangeable(order, pose, is_test, seen_by_rows(joined([trains[0], tests[0]])))
     residual = np.concatenate([_whitened(table) for table in (seen.train, seen.test)], axis=1)
     q = np.concatenate([seen.train.q, seen.test.q], axis=1)
     stands = where_poses_stand(q, np.concatenate([seen.train.p, seen.test.p], axis=1))
-    near, follows = memory_chances((stands, residual), order, SEED, alike)
-    p = np.where(near < ORDERED, np.nan, follows)
+    left = beside_misfit(residual, stands, alike)
+    near, plain, beside = memory_chances((stands, residual, left), order, SEED, alike)
+    ordered = near < ORDERED
+    p, follows = np.where(ordered, np.nan, beside), np.where(ordered, plain, beside)
     found = Drifts()
     for k in np.flatnonzero((follows < REMEMBERS) & np.isfinite(size.best)).tolist():
         shape = MisfitShape(frozen(gains.columns, np.int64), frozen(gains.sd[k]))

@@ -2,9 +2,11 @@
 
 Where the poses themselves follow their neighbors, misfit does, too: then rows of different poses
 cannot tell it from a drift, and the region allows for one. Visits of one pose share its misfit and
-can tell; without them the question is void.
+can tell; without them the question is void. Where poses follow their neighbors so little that it
+may be chance, the misfit that hangs on where they stand is taken off before the question is asked.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,6 +22,7 @@ from calib.uncertainty.statement.memory import (
     drift,
     interchangeable,
     memory_p,
+    seen_by_rows,
     visits_of_poses,
     whitened_positions,
 )
@@ -114,12 +117,15 @@ def drifting(
     order = np.concatenate([train_order[counts], held_out_order])
     is_test = np.repeat([False, True], [len(some), len(held_out)])
     pose = np.concatenate([some.pose_id, -1 - held_out.pose_id])  # numbered apart
-    alike = interchangeable(order, pose, is_test)
+    alike = interchangeable(order, pose, is_test, seen_by_rows(both))
     stands = where_poses_stand(both.q, tool_poses(identification.model, both)[:, :3, 3])
-    near, p = (
-        memory_p(values, order, np.random.default_rng(SEED), alike) for values in (stands, residual)
-    )
-    ordered, asked = near < ORDERED, whatever or p < REMEMBERS
+
+    def follows_in_time(values: Array) -> float:
+        return memory_p(values, order, np.random.default_rng(SEED), alike)
+
+    ordered = follows_in_time(stands) < ORDERED
+    p = follows_in_time(residual if ordered else beside_misfit(residual, stands, alike))
+    asked = whatever or p < REMEMBERS
     if ordered:
         # rows follow their neighbors by a drift, or by misfit along a tour. A few visits that show
         # none do not rule it out: how large it may be beside them, its likelihood says
@@ -137,9 +143,9 @@ def drifting(
 
 def _seen(table: Measurements) -> Array:
     """What rows (m, d) of one pose must have in common for the model to miss the same there."""
-    said = table.conditions
-    beside = [x for x in (said.approach, said.moments) if x is not None]
-    return np.ascontiguousarray(np.column_stack([table.target_key, *beside]))
+    came = table.conditions.approach
+    seen = seen_by_rows(table)
+    return seen if came is None else np.ascontiguousarray(np.column_stack([seen, came]))
 
 
 def _between_visits(residual: Array, order: Index, alike: tuple[Index, ...]) -> float:
@@ -174,6 +180,40 @@ def where_poses_stand(q: Array, p: Array) -> Array:
     size = np.sqrt((place**2).mean(axis=(-2, -1), keepdims=True))
     parts = [_of_unit_size(joints), _of_unit_size(squares), place / np.where(size > 0, size, 1.0)]
     return np.concatenate(parts, axis=-1)
+
+
+def beside_misfit(residual: Array, stands: Array, alike: Sequence[Index]) -> Array:
+    """Residuals (..., m, 3) less the misfit that follows where their poses stand.
+
+    Poses in no strict order may still follow their neighbors a little more than by chance, as those
+    of twenty do along a tour; and so does a misfit as large as the noise. What is left depends on
+    no order: in a random one the test keeps its level, whatever is taken off.
+
+    Parameters
+    ----------
+    residual : (..., m, 3) array
+        Whitened: that of the noise has variance one.
+    stands : (..., m, d) array
+        From `where_poses_stand`.
+    alike : sequence of (k, c) arrays of int
+        Rows that may change places, from `interchangeable`.
+
+    References
+    ----------
+    r - F inv(F'F + c I) F'r, r and F about the means of their kinds: the best linear guess (BLUP)
+    of a misfit linear in F with the variance that r has beyond that of the noise, if any, in the
+    mean over the rows: c = mean |F_j|^2 / (mean r^2 - 1), no guess where r has no more than noise.
+    """
+    r, F = residual.copy(), stands.copy()
+    for rows in alike:
+        for x in (r, F):
+            x[..., rows, :] -= x[..., rows, :].mean(axis=(-3, -2), keepdims=True)
+    excess = np.maximum((r**2).mean(axis=(-2, -1)) - 1, 0.0)[..., None, None]
+    width = (F**2).sum(axis=-1).mean(axis=-1)[..., None, None]
+    F = F * np.sqrt(excess / np.where(width > 0, width, 1.0))
+    turned = np.swapaxes(F, -1, -2)
+    guess = F @ np.linalg.solve(turned @ F + np.eye(F.shape[-1]), turned @ r)
+    return np.asarray(np.where(excess > 0, r - guess, residual))
 
 
 def _of_unit_size(x: Array) -> Array:

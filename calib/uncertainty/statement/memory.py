@@ -102,12 +102,14 @@ def permuted(m: int, alike: Sequence[Index], rng: np.random.Generator) -> Iterat
         yield which
 
 
-def interchangeable(order: Index, pose: Index, held_out: Bool) -> tuple[Index, ...]:
+def interchangeable(order: Index, pose: Index, held_out: Bool, seen: Array) -> tuple[Index, ...]:
     """Rows that may change places if poses come in random order: (k, c), rows in time, per kind.
 
     What the model misses is the same in all rows of a pose, so poses change places, not rows. A
     pose that identifies is missed by less than a held-out one, all of which share the error of the
-    numbers: each stays among its like. So do poses of as many rows.
+    numbers: each stays among its like. So do poses of as many rows, and those of one station, tool,
+    target or load: what is wrong with these, they share, and most often they come in blocks. Poses
+    that see what no other does change places among themselves.
 
     Parameters
     ----------
@@ -115,15 +117,28 @@ def interchangeable(order: Index, pose: Index, held_out: Bool) -> tuple[Index, .
         Place in time and pose of each row; no pose both identifies and is held out.
     held_out : (m,) array of bool
         Rows not identified from.
+    seen : (m, d) array
+        What each row looks at, and with which load; see `seen_by_rows`.
     """
-    kinds: dict[tuple[bool, int], list[Index]] = {}
+    kinds: dict[tuple[bool, int, bytes], list[Index]] = {}
     in_time = np.argsort(order, kind="stable")
     numbers = pose[in_time]
     by_pose = np.argsort(numbers, kind="stable")
     starts = np.flatnonzero(np.diff(numbers[by_pose])) + 1
     for rows in np.split(in_time[by_pose], starts):
-        kinds.setdefault((bool(held_out[rows[0]]), len(rows)), []).append(rows)
-    return tuple(map(np.array, kinds.values()))
+        what = seen[rows[np.lexsort(seen[rows].T)]].tobytes()
+        kinds.setdefault((bool(held_out[rows[0]]), len(rows), what), []).append(rows)
+    alike: dict[tuple[bool, int, bytes], list[Index]] = {}
+    for (test, count, what), poses in kinds.items():
+        alike.setdefault((test, count, what if len(poses) > 1 else b""), []).extend(poses)
+    return tuple(map(np.array, alike.values()))
+
+
+def seen_by_rows(table: Measurements) -> Array:
+    """What each row (m, d) looks at, from where, and with which load."""
+    load = table.conditions.moments
+    seen = np.column_stack([table.target_key, *([] if load is None else [load])])
+    return np.ascontiguousarray(seen + 0.0)  # minus zero is no other place
 
 
 def visits_of_poses(order: Index, pose: Index, seen: Array) -> tuple[Index, ...]:

@@ -12,7 +12,13 @@ from calib.geometry.operating import OperatingConditions
 from calib.geometry.parameters import parameters_of
 from calib.identification.identify import identify
 from calib.uncertainty.statement.belief import adding, believe
-from calib.uncertainty.statement.drifting import ORDERED, SURE, drifting, where_poses_stand
+from calib.uncertainty.statement.drifting import (
+    ORDERED,
+    SURE,
+    beside_misfit,
+    drifting,
+    where_poses_stand,
+)
 from calib.uncertainty.statement.memory import (
     REMEMBERS,
     interchangeable,
@@ -39,6 +45,11 @@ def sag(q, rng):
     return turned
 
 
+def waves(q, rng):
+    """What an encoder off its axis shows: once for each turn of its joint."""
+    return rng.normal(size=6) * np.sin(q + rng.uniform(0, 6.3, 6))
+
+
 def missed(kind, q, size, rng, model=TX60):
     """Positions (m, 3) by which a model without these joint errors is off, `size` noise sd."""
     J = model.poses_and_jacobian(q)[1][:, :3, list(joint_columns(model.chain))]
@@ -58,6 +69,7 @@ def places(way, q, rng):
         "random": rng.random(len(q)),
         "by the size of an angle": np.abs(q[:, 2]),
         "by height": TX60.poses(q)[:, 2, 3],
+        "loosely": q[:, 1] + 1.5 * q[:, 1].std() * rng.normal(size=len(q)),
     }
     return np.argsort(np.argsort(keys[way]))
 
@@ -114,6 +126,64 @@ def test_poses_in_some_order_pass_no_misfit_for_a_drift(way):
     sure, _, void = told(way, 15, size=2.0)
     assert sure == 0
     assert void >= 14
+
+
+def test_poses_in_a_loose_order_pass_no_misfit_for_a_drift():
+    """Three noise sd that follow joints, of which one follows the order a little: no tour.
+
+    A quarter of such sets were allowed a drift, and a tenth were said to drift, 3 % at the least p
+    there is, where .2 % should be.
+    """
+    sure, some, void = told("loosely", 60, kind=waves, size=3.0)
+    assert void <= 30
+    assert some <= binom.ppf(0.999, 60 - void, REMEMBERS)
+    assert sure <= binom.ppf(0.999, 60 - void, SURE)
+
+
+def test_a_misfit_beside_a_drift_hides_it_less():
+    """Two noise sd: of 300 arms 60 % were below .05, and 65 % are."""
+    _, some, _ = told("random", 40, kind=waves, size=2.0, slow=0.5)
+    assert some >= binom.ppf(0.001, 40, 0.6)
+
+
+def test_what_is_taken_off_is_the_best_linear_guess_of_what_the_poses_share():
+    """By the covariance of all rows, written out; and nothing where there is only noise."""
+    rng = np.random.default_rng(8)
+    stands = rng.normal(size=(2, 40, 5))
+    alike = np.arange(30)[:, None], np.arange(30, 40)[:, None]
+    r = rng.normal(size=(2, 40, 3)) * np.array([3.0, 0.5])[:, None, None]
+    found = beside_misfit(r, stands, alike)
+    assert np.array_equal(found[1], r[1])
+    white, F = r[0].copy(), stands[0].copy()
+    for x in (white, F):
+        x[:30] -= x[:30].mean(axis=0)
+        x[30:] -= x[30:].mean(axis=0)
+    K = F @ F.T
+    K *= ((white**2).mean() - 1) * 40 / np.trace(K)
+    np.testing.assert_allclose(found[0], np.linalg.solve(K + np.eye(40), white), atol=1e-12)
+    np.testing.assert_allclose(beside_misfit(r[0], stands[0], alike), found[0], rtol=1e-12)
+    assert np.array_equal(beside_misfit(r[0], 0 * stands[0], alike), white)
+
+
+def test_a_load_that_is_taken_up_half_way_is_no_drift():
+    """The arm gives way under it by .7 noise sd, which no number describes, in random order.
+
+    A third of such sets were allowed a drift.
+    """
+    p = []
+    for seed in range(60):
+        fit, train, order, test, theirs = campaign(seed, "random")[0]
+        tables = []
+        for one, when in ((train, order), (test, theirs)):
+            loaded = when >= (M + N) / 2
+            down = np.array([0, 0, -0.7 * kinds.NOISE])
+            load = OperatingConditions(payload=5.0 * loaded)
+            position = one.position + loaded[:, None] * down
+            tables.append(replace(one, position=position, conditions=load))
+        fit = identify(TX60, tables[0], parameters_of(TX60))
+        hidden = believe(fit, *tables).misfit
+        p.append(drifting(fit, tables[0], order, tables[1], theirs, hidden=hidden).p_value)
+    assert np.sum(np.array(p) < REMEMBERS) <= binom.ppf(0.999, 60, REMEMBERS)
 
 
 def test_a_random_order_is_seldom_called_a_tour():
@@ -257,6 +327,7 @@ def test_the_floor_of_a_p_value_is_met_as_seldom_as_it_says():
         held_out = np.isin(pose, rng.permutation(20)[:7])
         residual = rng.normal(size=(60, 3)) + 3 * rng.normal(size=(20, 3))[pose]
         residual[held_out] += rng.normal(size=3)
-        p.append(memory_p(residual, order, rng, interchangeable(order, pose, held_out)))
+        alike = interchangeable(order, pose, held_out, np.zeros((60, 1)))
+        p.append(memory_p(residual, order, rng, alike))
     assert (np.array(p) < 1.5 * lowest).sum() <= binom.ppf(0.999, 300, lowest)
     assert kstest(p, "uniform").pvalue > 1e-3

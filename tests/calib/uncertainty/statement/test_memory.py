@@ -9,6 +9,7 @@ from scipy.stats import binom, kstest
 
 from calib.errors import InputError
 from calib.geometry.model import RobotModel
+from calib.geometry.operating import OperatingConditions
 from calib.geometry.parameters import parameters_of
 from calib.identification.identify import identify
 from calib.measurement.prediction import predict
@@ -21,6 +22,7 @@ from calib.uncertainty.statement.memory import (
     drift,
     interchangeable,
     memory_p,
+    seen_by_rows,
     stretches,
     sum_of_remembered,
     whitened_positions,
@@ -144,7 +146,7 @@ def test_poses_change_places_with_all_their_rows_among_their_like():
     kept = order != 5  # one shot of pose 5 was missed
     order, pose = order[kept], pose[kept]
     held_out = pose >= 14
-    groups = interchangeable(order, pose, held_out)
+    groups = interchangeable(order, pose, held_out, np.zeros((39, 1)))
     assert sorted(rows.shape for rows in groups) == [(1, 1), (6, 2), (13, 2)]
     assert np.array_equal(np.sort(np.concatenate([g.ravel() for g in groups])), np.arange(39))
     for rows in groups:
@@ -153,7 +155,35 @@ def test_poses_change_places_with_all_their_rows_among_their_like():
         assert (np.diff(order[rows], axis=1) > 0).all()
 
 
-@pytest.mark.parametrize("case", ["blocks", "visits in a row", "rounds"])
+def test_poses_change_places_with_those_that_see_the_same():
+    """Two stations see two targets each; one pose alone is seen by both, and one has no payload."""
+    pose = np.repeat(np.arange(10), 2)
+    seen = np.column_stack([pose % 2, np.tile([0, 1], 10), np.full(20, 5.0)])
+    seen[[2, 3]] = seen[[3, 2]]  # the targets of pose 1 the other way round
+    seen[8, 0], seen[[12, 13], 2] = 1.0, 0.0
+    held_out = pose >= 7
+    groups = interchangeable(np.arange(20), pose, held_out, seen)
+    found = sorted(pose[rows[:, 0]].tolist() for rows in groups)
+    # 8 is the only held-out pose of its station, 4 and 6 see what no other does
+    assert found == [[0, 2], [1, 3, 5], [4, 6], [7, 9], [8]]
+
+
+def test_what_rows_look_at_is_station_target_tool_and_load():
+    rng = np.random.default_rng(1)
+    table = kinds.poses(TX60, kinds.joints("tx60", rng, 4), rng)
+    plain = seen_by_rows(table)
+    assert (plain == plain[0]).all()
+    loads = OperatingConditions(payload=[0, 2, 2, 2], center=[[0, 0, 0.1]] * 3 + [[0, 0, 0.2]])
+    assert [len(np.unique(seen_by_rows(one), axis=0)) for one in (
+        replace(table, station=[0, 1, 1, 0]),
+        replace(table, tool=[0, 1, 1, 2]),
+        replace(table, conditions=loads),
+    )] == [2, 3, 3]  # fmt: skip
+    minus = replace(table, kind=["point"] * 4, offset=[[0.1, -0.0, 0.0]] * 2 + [[0.1, 0, 0]] * 2)
+    assert len({row.tobytes() for row in seen_by_rows(minus)}) == 1
+
+
+@pytest.mark.parametrize("case", ["blocks", "visits in a row", "rounds", "stations"])
 def test_a_false_alarm_is_as_rare_as_promised_where_poses_stand_in_random_order(case):
     """Held-out rows after the others share an error; rows of one pose share what is missed there.
 
@@ -161,7 +191,12 @@ def test_a_false_alarm_is_as_rare_as_promised_where_poses_stand_in_random_order(
     """
     rng, p = np.random.default_rng(9), []
     for _ in range(150):
-        if case == "blocks":
+        seen = np.zeros((60, 1))
+        if case == "stations":  # the second half of the rows: its frame is off in all held-out rows
+            order = pose = np.arange(60)
+            held_out, seen[30:] = np.isin(pose, rng.permutation(60)[:20]), 1.0
+            missed = held_out[:, None] * rng.normal(size=(2, 3))[pose // 30]
+        elif case == "blocks":
             order = pose = np.arange(60)
             held_out = order >= 30
             missed = held_out[:, None] * rng.normal(size=3)
@@ -171,7 +206,7 @@ def test_a_false_alarm_is_as_rare_as_promised_where_poses_stand_in_random_order(
             held_out = pose >= 12
             missed = rng.normal(size=(20, 3))[pose]
         white = rng.normal(size=(60, 3)) + missed
-        p.append(memory_p(white, order, rng, interchangeable(order, pose, held_out)))
+        p.append(memory_p(white, order, rng, interchangeable(order, pose, held_out, seen)))
     assert kstest(p, "uniform").pvalue > 1e-3
 
 
