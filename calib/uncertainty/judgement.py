@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from calib.arrays import Array
 from calib.held_out_counts import FEWEST, fewest_poses
 from calib.identification.fit_statistics import RED
 from calib.identification.identify import Identification, Status
@@ -33,7 +34,7 @@ from calib.uncertainty.proven_belief import proven_belief, stated_radius
 from calib.uncertainty.refit import unknown_to_loops
 from calib.uncertainty.statement.belief import Belief
 from calib.uncertainty.statement.drifting import Drifting
-from calib.uncertainty.statement.gain import of_all_numbers
+from calib.uncertainty.statement.gain import of_all_numbers, stop_covariance
 from calib.uncertainty.statement.other_frame import OtherFrame
 from calib.uncertainty.statement.questions import Questions, fisher
 from calib.uncertainty.statement.stated_point import StatedPoint
@@ -153,8 +154,8 @@ def judge(
     require_disjoint(test.q, train.q)
     seen, points = None, test.rows(~test.is_distance)
     if len(points):
-        model, covariance = identification.model, identification.full_covariance
-        seen = held_out(model, covariance, first_of_pose(points), train.q)
+        covariance = _of_noise(identification, train, known)
+        seen = held_out(identification.model, covariance, first_of_pose(points), train.q)
     spread = discrepancy(seen) if seen is not None and len(seen) >= FEWEST else None
     errors = errors_of_poses(identification.model, test)
     radius = None
@@ -193,6 +194,13 @@ def judge(
     return Judgement(
         belief, point, questions, seen, frame, slow, spread, radius, replayed, verdict, tails
     )
+
+
+def _of_noise(fit: Identification, train: Measurements, known: Circumstances) -> Array:
+    """Covariance (P, P) of all numbers from the noise, that which rows of one stop share in it."""
+    if known.stops is None or fit.mode != "whitened":
+        return fit.full_covariance
+    return fit.full_covariance + stop_covariance(fit, train, known.stops[0])
 
 
 def _asked(
