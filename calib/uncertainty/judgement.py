@@ -34,7 +34,7 @@ from calib.uncertainty.proven_belief import proven_belief, stated_radius
 from calib.uncertainty.refit import unknown_to_loops
 from calib.uncertainty.statement.belief import Belief
 from calib.uncertainty.statement.drifting import Drifting
-from calib.uncertainty.statement.gain import of_all_numbers, stop_covariance
+from calib.uncertainty.statement.gain import judged_by_stops, of_all_numbers, stop_covariance
 from calib.uncertainty.statement.other_frame import OtherFrame
 from calib.uncertainty.statement.questions import Questions, fisher
 from calib.uncertainty.statement.stated_point import StatedPoint
@@ -152,6 +152,8 @@ def judge(
     known = Circumstances() if circumstances is None else circumstances
     known.require_fitting(identification, train, test)
     require_disjoint(test.q, train.q)
+    if known.stops is not None:
+        identification = judged_by_stops(identification, train, known.stops[0])
     seen, points = None, test.rows(~test.is_distance)
     if len(points):
         covariance = _of_noise(identification, train, known)

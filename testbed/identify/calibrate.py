@@ -193,7 +193,7 @@ def _calibrated(
             break
     trained = handed[2]
     models = tuple(
-        fitted_model(name, identification, began, measurements, used, split.is_test)
+        fitted_model(name, identification, began, measurements, used, split.is_test, root)
         for name, began, identification in pairs
     )
     if own is not None:

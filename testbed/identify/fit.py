@@ -22,6 +22,7 @@ from calib.measurement.accuracy import error_statistics
 from calib.measurement.observations import Measurements
 from calib.measurement.prediction import predict
 from calib.measurement.residual import linearize
+from calib.uncertainty.statement.gain import judged_by_stops
 from testbed.identify.frames import FRAMES_ALONE, is_frame
 from testbed.identify.records import Choice, Figures, FittedModel, ModelName, RowErrors
 from testbed.streams import stream
@@ -206,9 +207,14 @@ def fitted_model(
     measurements: Measurements,
     used: Bool,
     is_test: Bool,
+    root: Array,
 ) -> FittedModel:
-    """One identification from `start` with its errors at the rows used and held out."""
+    """One identification from `start` with its errors at the rows used and held out.
+
+    `root` (m, 6, n) is that of the noise which all rows of one stop share, see `scatter_root`.
+    """
     train = measurements.rows(used)
+    identification = judged_by_stops(identification, train, root[used])
     errors = row_errors(identification.model, measurements)
     factor = noise_factor(identification.model, train)
     return FittedModel(

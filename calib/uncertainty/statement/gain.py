@@ -1,14 +1,20 @@
 """How an estimate follows what was measured: the gain of weighted least squares with its prior."""
 
+from dataclasses import replace
+
 import numpy as np
+from scipy.special import chdtrc
 
 from calib.arrays import Array, Index, frozen
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import Parameters
+from calib.identification.fit_statistics import squared_notes
 from calib.identification.identify import Identification
 from calib.information.rank import RANK_TOLERANCE, triangle
 from calib.measurement.observations import Measurements
 from calib.measurement.prediction import predict
+from calib.measurement.residual import linearize, table_whiteners
+from calib.uncertainty.covariance import covariance_factor
 
 LENGTH, ANGLE = 0.6e-3, float(np.radians(0.1))
 """What link numbers are taken to be off by, where no reading tells [m, rad]."""
@@ -134,3 +140,65 @@ def covariance_of_groups(each: Array, group: Index) -> Array:
     np.add.at(moved, number.ravel(), each)
     root = np.moveaxis(moved, 0, 1).reshape(each.shape[1], -1)
     return np.asarray(root @ root.T)
+
+
+def judged_by_stops(
+    identification: Identification, train: Measurements, root: Array
+) -> Identification:
+    """The same fit with the p-value of its residuals for noise that rows of one stop share.
+
+    Several targets of one stop scatter together: their squares sum to other sizes than those of
+    rows apart, and the numbers follow more of them. Fits stay as they are where no stop has two
+    rows, where the loss is robust, or where a prior was weighed against larger noise.
+
+    Parameters
+    ----------
+    identification : Identification
+        From `train`.
+    train : Measurements
+        The shared noise is in their covariances.
+    root : (m, 6, j) array
+        Root of that noise, from `Circumstances.stops`.
+
+    References
+    ----------
+    Satterthwaite 1946: r'r is E / nu times chi-square of nu = E^2 / tr(V^2), E = tr V, with
+    V = M + M S M the covariance of r, M = I - B B', B B' = A C A', and S what whitened rows of a
+    stop share.
+    """
+    fit = identification
+    _, stop, count = np.unique(
+        np.column_stack([train.pose_id, train.repeat]), axis=0,
+        return_inverse=True, return_counts=True,
+    )  # fmt: skip
+    if count.max(initial=1) == 1 or not root.any():
+        return fit
+    if fit.mode != "whitened" or fit.loss != "squared" or fit.tightened != 1.0:
+        return fit
+    stack = linearize(fit.model, train)
+    B = stack.A[:, fit.parameters.free_index] @ covariance_factor(fit.covariance)
+    filled = np.arange(6) < train.equations[:, None]
+    own = np.where(filled[:, :, None], table_whiteners(train) @ root, 0.0)
+    R = own[filled]  # (n, j) in the order of the equations
+    SB, square = np.zeros_like(B), 0.0
+    for group, sign in ((stop.ravel(), 1.0), (np.arange(len(train)), -1.0)):
+        of = group[stack.row_of]  # all pairs of a stop, less those of a row with itself
+        across = np.zeros((int(of.max()) + 1, R.shape[1], B.shape[1]))
+        np.add.at(across, of, R[:, :, None] * B[:, None])
+        SB += sign * np.einsum("nj,njf->nf", R, across[of])
+        inner = np.zeros((len(across), R.shape[1], R.shape[1]))
+        np.add.at(inner, of, R[:, :, None] * R[:, None])
+        square += sign * float((inner**2).sum())
+    G, T, one = B.T @ B, B.T @ SB, np.eye(B.shape[1])
+    # M^k = I - B P_k B'
+    second = 2 * one - G
+    third = second + one - second @ G
+    E = len(B) - np.trace(G) - np.trace(second @ T)
+    spread = len(B) - np.trace(second @ G) - 2 * np.trace(third @ T) + square
+    spread += np.trace(second @ T @ second @ T) - 2 * np.trace(second @ SB.T @ SB)
+    nu = float(E**2 / spread)
+    p = float(chdtrc(nu, fit.chi_square * nu / float(E)))
+    said, lack = (fit.chi_square, fit.dof_effective), fit.lack_of_fit
+    old = squared_notes(*said, fit.p_value, lack)
+    notes = (*(note for note in fit.notes if note not in old), *squared_notes(*said, p, lack))
+    return replace(fit, p_value=p, notes=notes)
