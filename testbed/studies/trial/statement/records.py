@@ -78,10 +78,11 @@ class Statement(Shown):
     """Joint errors on offer for the model, and the outcome of each."""
     steps: tuple[ClimbStep, ...]
     """Steps of the choice, level by level."""
-    outliers: Annotated[tuple[str, ...], "k"]
-    """(k,) readings of the calibration that do not fit the others, by name of the pose."""
+    outliers: tuple[str, ...]
+    """A sentence for each reading of the calibration that does not fit the others, or one that says
+    that there are too many."""
     outlier_poses: Annotated[Index, "k"]
-    """(k,) their poses in the pool."""
+    """(k,) poses of these readings in the pool; none if there are too many."""
     set_aside: Annotated[Index, "h"]
     """(h,) held-out poses with a gross error that were set aside; only with a robust loss."""
     lack_of_fit: LackOfFit | None
