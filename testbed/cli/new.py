@@ -43,10 +43,11 @@ def session(
         from testbed.proposal.data import look_at
         from testbed.proposal.session import propose_session
         from testbed.proposal.text import next_command, session_text
-        from testbed.proposal.write import require_new, write_new
+        from testbed.proposal.write import require_folder, require_new, write_new
         from testbed.robots.catalog import load_robot
         from testbed.schemas.editor import schema_beside
 
+        require_folder(out)
         arm = load_robot(robot) if robot is not None else None
         looks = look_at(data, out.parent)
         require_new(out)

@@ -12,6 +12,20 @@ from testbed.gates.paths import is_there, real
 from testbed.robots.catalog import ROBOT_FILE
 
 
+def require_folder(path: Path) -> None:
+    """Refuse a path where no file can be written.
+
+    Raises
+    ------
+    InputError
+        C40: its folder does not exist.
+    """
+    real(path, field="--out", code="C40")
+    if not is_there(path.parent, Path.is_dir):
+        message, fix = f"the folder {path.parent} does not exist", "make it, or choose another"
+        raise refusal(str(path), "--out", message, code="C40", fix=fix)
+
+
 def require_new(path: Path) -> None:
     """Refuse a path that exists already, or where no file can be written.
 
@@ -20,14 +34,10 @@ def require_new(path: Path) -> None:
     InputError
         C40: it exists already, or its folder does not.
     """
-    real(path, field="--out", code="C40")
-    where = str(path)
+    require_folder(path)
     if is_there(path) or path.is_symlink():
         fix = "choose another --out, or move it away"
-        raise refusal(where, "--out", "exists already", code="C40", fix=fix)
-    if not is_there(path.parent, Path.is_dir):
-        message, fix = f"the folder {path.parent} does not exist", "make it, or choose another"
-        raise refusal(where, "--out", message, code="C40", fix=fix)
+        raise refusal(str(path), "--out", "exists already", code="C40", fix=fix)
 
 
 def plain_name(path: Path) -> str:

@@ -236,13 +236,12 @@ def recording_of(path: str | Path, trial: str | None = None) -> Path:
             trial = None  # the recording of the run shows it
     file = given / recording_name(trial)
     if not file.is_file():
-        read_result(given)  # a run that is not finished has no recording yet
-        raise InputError(
-            f"has no {file.name}",
-            code="D42",
-            where=str(path),
-            fix=f"write it by `truebed record {path}{f' --trial {trial}' if trial else ''}`",
-        )
+        message = f"has no {file.name}"
+        fix = f"write it by `truebed record {path}{f' --trial {trial}' if trial else ''}`"
+        if is_there(given / layout.UNFINISHED):
+            message = "the run is not finished"
+            fix = "give the `truebed run` command again with --resume"
+        raise InputError(message, code="D42", where=str(path), fix=fix)
     return file
 
 

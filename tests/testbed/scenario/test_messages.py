@@ -524,7 +524,10 @@ CASES = {
     "newer run": folder(RunFolder.reopen, manifest='{"format": 2}'),
     "damaged manifest": folder(RunFolder.reopen, manifest='{"format": 1, "format": 1}'),
     "unfinished": folder(read_result),
-    "no recording": folder(recording_of),
+    "no recording yet": folder(recording_of),
+    "no recording": folder(
+        lambda path: ((path / layout.UNFINISHED).unlink(), recording_of(path))
+    ),
     "every trial failed": lambda _: play_run(
         scenario_of(SCENARIO | {"trial": [TRIAL]}), studies=(Fake(failing=("best",)),)
     ).campaign,
