@@ -1,5 +1,6 @@
 """A session.toml from a user's files: interpretations are tried with the nominal robot."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -149,18 +150,31 @@ def _same_poses(alike: list[Found], joints: list[str]) -> bool:
     return True
 
 
+def _drafts(
+    choices: Sequence[tuple[Found, ...]], own: tuple[int, ...], slides: frozenset[int]
+) -> list[Draft]:
+    """Drafts from the likeliest choice of each file's joints, then from the second, and so on."""
+    found: dict[str, Draft] = {}
+    for k in range(max(map(len, choices), default=0)):
+        looks = tuple(one[min(k, len(one) - 1)] for one in choices)
+        for draft in drafts_of(looks, own, slides):
+            found.setdefault(repr(draft.document), draft)
+    return list(found.values())
+
+
 def _proposed(looks: tuple[Found, ...], robot: Robot | None, root: Path) -> Proposed:
     """The same session without the files that it does not use."""
     own = columns_of(robot) if robot is not None else tuple(range(1, _count(looks) + 1))
     slides: frozenset[int] = frozenset()
     if robot is None:  # interpretations that only a fit can decide are not offered
-        looks = tuple(replace(one, also=None) for one in looks)
+        choices = [(replace(one, also=None),) for one in looks]
     else:
         kinds, names = robot.model.chain.kinds, robot.joint_names
         slides = frozenset(k for k in own if kinds[k - 1] == "prismatic")
         called = [names[k - 1] for k in own] if len(names) == len(kinds) else []
-        looks = tuple(with_joints(look, own, called) for look in looks)
-    drafts, n = list(drafts_of(looks, own, slides)), len(own)
+        choices = [with_joints(look, own, called) for look in looks]
+    drafts = _drafts(choices, own, slides)
+    looks, n = tuple(one[0] for one in choices), len(own)
     if not drafts:
         ahead = [foretold(one.head) for one in looks]
         if any(ahead):

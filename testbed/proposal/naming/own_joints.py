@@ -3,12 +3,14 @@
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from itertools import islice
 from unicodedata import normalize
 
 from testbed.proposal.data import Found
 from testbed.proposal.names import Meaning
 from testbed.proposal.naming.plain import without_unit
 from testbed.proposal.words import JOINTS, OF_JOINTS
+from testbed.units import listed
 
 RATES = {"velocity", "velocities", "vel", "qd", "dq", "speed", "acceleration", "acc", "qdd", "ddq",
          "effort", "efforts", "torque", "torques", "tau", "current", "currents", "moment",
@@ -16,12 +18,18 @@ RATES = {"velocity", "velocities", "vel", "qd", "dq", "speed", "acceleration", "
 """Words for what joints have besides their position."""
 AXES = {"x", "y", "z", "rx", "ry", "rz"}
 """Words of coordinates, whose numbers are those of targets."""
+COUNT = re.compile(r"(?<!\d)\d{1,2}(?!\d)")
+"""What may be the number of a joint."""
+MOST = 8
+"""Families of columns that are tried, and numbers of a name that may be those of joints."""
 
 Family = dict[int, str]
 
 
-def with_joints(look: Found, own: Sequence[int], names: Sequence[str]) -> Found:
-    """The same table with its columns of joints known, where their names alone do not tell.
+def with_joints(look: Found, own: Sequence[int], names: Sequence[str]) -> tuple[Found, ...]:
+    """The same table with its columns of joints known, for each choice of them, the likely first.
+
+    Where several families of columns may be those of the joints, a fit decides.
 
     Parameters
     ----------
@@ -33,27 +41,31 @@ def with_joints(look: Found, own: Sequence[int], names: Sequence[str]) -> Found:
         Names of these joints in the file of the robot; empty if it has none.
     """
     if look.kind != "table":
-        return look
+        return (look,)
     plain = {name: _words(name) for name in look.head}
-    called = [family for words in (names, *JOINTS) if len(words) == len(own)
-              for family in _called(plain, dict(zip(own, words, strict=True)))]  # fmt: skip
-    if not called and (look.has(*(f"q{k}" for k in own)) or look.has(*(f"q{k}_read" for k in own))):
-        return look
-    free = {name: plain[name] for name in look.head
-            if name not in {one.theirs for one in look.meanings}}  # fmt: skip
-    families = called or _numbered(free, own)
-    if not families:
-        return look
-    chosen = min(families, key=lambda one: not _is_of_joints(plain[one[own[0]]]))
-    others = [one for one in families if one is not chosen]
-    said = [f"joints: columns {_ends(chosen, own)} are taken as those of the joints, in this order"]
+    told = look.has(*(f"q{k}" for k in own)) or look.has(*(f"q{k}_read" for k in own))
+    families = [family for words in (names, *JOINTS) if len(words) == len(own)
+                for family in _called(plain, dict(zip(own, words, strict=True)))]  # fmt: skip
+    if not families and not told:
+        known = {one.theirs for one in look.meanings}
+        free = {name: text for name, text in plain.items() if name not in known}
+        families = _numbered(free, own)
+    families.sort(key=lambda one: not _is_of_joints(plain[one[own[0]]]))
+    chosen = [_with(look, one, families, own) for one in families[:MOST]]
+    return (*chosen, look) if told or not chosen else tuple(chosen)
+
+
+def _with(look: Found, chosen: Family, families: Sequence[Family], own: Sequence[int]) -> Found:
+    """The same table with one family of columns as its joints, and the others not."""
+    said = f"joints: columns {_ends(chosen, own)} are taken as those of the joints, in this order"
+    others = [_ends(one, own) for one in families if one is not chosen]
     if others:
-        said[0] += f"; {_ends(others[0], own)} are not used"
+        said += f"; {listed(others[:MOST])} are not used"
     taken = set(chosen.values())
     found = [Meaning(name, f"q{k}", without_unit(name)[1]) for k, name in chosen.items()]
     joints = {one.plain for one in found}
     left = [one for one in look.meanings if one.theirs not in taken and one.plain not in joints]
-    return replace(look, meanings=(*found, *left), notes=(*look.notes, *said))
+    return replace(look, meanings=(*found, *left), notes=(*look.notes, said))
 
 
 def _words(name: str) -> str:
@@ -89,7 +101,7 @@ def _numbered(plain: Mapping[str, str], own: Sequence[int]) -> list[Family]:
     for name, text in plain.items():
         if (RATES | AXES) & set(re.sub(r"\d+", " ", text).split()):
             continue
-        for hit in re.finditer(r"\d+", text):
+        for hit in islice(COUNT.finditer(text), MOST):
             around = (text[: hit.start()], text[hit.end() :])
             families.setdefault(around, {}).setdefault(int(hit[0]), name)
     return [

@@ -280,3 +280,17 @@ def test_an_arm_that_is_built_less_well_is_that_arm(tmp_path):
     found.raise_if_wrong()
     assert "none of" not in said
     assert "to fix" not in said
+
+
+def test_among_several_families_of_columns_the_fit_finds_the_joints(tmp_path):
+    """Forces in front of the joints, and words of the joints beside what is called J1 ... J6."""
+    noise = np.random.default_rng(0).normal(0, 10, (M, 6))
+    forces = {f"force_{k + 1}": noise[:, k] for k in range(6)}
+    states = of_ros("{}_status", noise)
+    for k, table in enumerate((forces | joints("Th{}"), joints("J{}") | states)):
+        (tmp_path / f"{k}").mkdir()
+        (tmp_path / f"{k}/m.csv").write_text(csv(table | places("{}")))
+        said, _ = proposed(tmp_path / f"{k}", [tmp_path / f"{k}/m.csv"], "--robot", UR10.name)
+        assert "none of" not in said
+        read = read_session(tmp_path / f"{k}/session.toml", UR10).measurements
+        np.testing.assert_allclose(read.q, DATA.q, rtol=0, atol=2e-12)
