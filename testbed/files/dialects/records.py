@@ -9,12 +9,20 @@ from typing import Any
 from testbed.files.dialects.numbers import NUMBER
 from testbed.files.refusal import refusal
 from testbed.gates.text import MAX_ROWS, FileText, SourceFile, bytes_of
+from testbed.units import listed
 
+Rows = list[dict[str, Any]]
 ENDINGS = (".json", ".jsonl", ".ndjson")
 ALLOWED = "one object for each measurement, or a list for each column, all as long"
 MOST_COLUMNS = 1000
 DEEPEST = 8
 """Levels of objects in objects."""
+SHOWN = 4
+"""Largest number of lists that are named."""
+
+
+class _SeveralError(Exception):
+    """There are several tables, and nothing says which one is meant."""
 
 
 def read_records(path: Path, where: str, *, max_mb: float) -> FileText:
@@ -30,6 +38,8 @@ def read_records(path: Path, where: str, *, max_mb: float) -> FileText:
     data = bytes_of(path, where, max_mb)
     try:
         rows = _rows(_parsed(data.decode("utf-8-sig")))
+    except _SeveralError as error:
+        raise refusal(where, "file", str(error), fix="give each a file of its own") from error
     except (ValueError, RecursionError) as error:
         reason = str(error)[:80] if isinstance(error, json.JSONDecodeError) else "it is damaged"
         message = f"is no JSON: {reason}"
@@ -59,30 +69,46 @@ def _parsed(text: str) -> Any:
     return json.loads(text)
 
 
-def _rows(found: Any) -> list[dict[str, Any]]:
-    """Records in a document, itself or the longest list of them in it; none if there are none."""
+def _rows(found: Any) -> Rows:
+    """Records of a document: of the tables in it, that with most numbers; none if there is none."""
+    tables = _tables(found, "")
+    rows = max((one for _, one in tables), key=_numbers_in, default=[])
+    alike = [name for name, one in tables if one[0].keys() == rows[0].keys()]
+    if len(alike) > 1:
+        raise _SeveralError(f"holds several tables with the same names: {listed(alike[:SHOWN])}")
+    return rows
+
+
+def _tables(found: Any, name: str) -> list[tuple[str, Rows]]:
+    """All tables in a document, by the name of each."""
     if isinstance(found, list):
         if found and all(isinstance(one, dict) for one in found):
-            return found
+            return [(name, found)]
         if found and all(isinstance(one, list) for one in found):
-            return [{str(k + 1): value for k, value in enumerate(one)} for one in found]
+            return [(name, [{str(k + 1): value for k, value in enumerate(one)} for one in found])]
         return []
     if not isinstance(found, dict):
         return []
-    columns = {name: one for name, one in found.items() if isinstance(one, list)}
-    records = [one for one in columns.values() if one and all(isinstance(r, dict) for r in one)]
+    columns = {own: one for own, one in found.items() if isinstance(one, list)}
+    records = [(own, one) for own, one in columns.items()
+               if one and all(isinstance(r, dict) for r in one)]  # fmt: skip
     if records:
-        return max(records, key=len)
-    if found and all(isinstance(one, dict) for one in found.values()):
-        alike = len({frozenset(one) for one in found.values()}) == 1
-        if alike and len(found) > 1:
-            return [{"pose_id": name} | one for name, one in found.items()]
-        return max(map(_rows, found.values()), key=len)
-    counts = {len(one) for one in columns.values()}
-    if len(columns) > 1 and len(counts) == 1:
-        return [{name: one[k] for name, one in columns.items()} for k in range(counts.pop())]
-    inner = [rows for one in found.values() if isinstance(one, dict) and (rows := _rows(one))]
-    return max(inner, key=len, default=[])
+        return records
+    if len(found) > 1 and all(isinstance(one, dict) for one in found.values()):
+        if len({frozenset(one) for one in found.values()}) == 1:
+            return [(name, [{"pose_id": own} | one for own, one in found.items()])]
+    elif len(columns) > 1 and len(counts := {len(one) for one in columns.values()}) == 1:
+        rows = [{own: one[k] for own, one in columns.items()} for k in range(counts.pop())]
+        return [(name, rows)] if rows else []
+    return [table for own, one in found.items() if isinstance(one, dict)
+            for table in _tables(one, own)]  # fmt: skip
+
+
+def _numbers_in(value: Any) -> int:
+    """How many numbers a part of a document holds."""
+    if isinstance(value, dict | list):
+        return sum(map(_numbers_in, value.values() if isinstance(value, dict) else value))
+    return int(isinstance(value, int | float))
 
 
 def _flat(value: Any, name: str, depth: int = 0) -> Sequence[tuple[str, str]]:
@@ -100,7 +126,9 @@ def _flat(value: Any, name: str, depth: int = 0) -> Sequence[tuple[str, str]]:
 def _line(cells: Sequence[str]) -> str:
     """A line of CSV, with quotes around all but numbers: it may begin as a comment does."""
     plain = (" ".join(cell.split()).replace('"', '""') for cell in cells)
-    return ",".join(cell if NUMBER.fullmatch(cell) else f'"{cell}"' for cell in plain)
+    return ",".join(
+        cell if NUMBER.fullmatch(cell) and "," not in cell else f'"{cell}"' for cell in plain
+    )
 
 
 def is_records(path: Path) -> bool:

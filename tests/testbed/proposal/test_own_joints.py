@@ -294,3 +294,29 @@ def test_among_several_families_of_columns_the_fit_finds_the_joints(tmp_path):
         assert "none of" not in said
         read = read_session(tmp_path / f"{k}/session.toml", UR10).measurements
         np.testing.assert_allclose(read.q, DATA.q, rtol=0, atol=2e-12)
+
+
+def test_of_the_tables_in_a_document_that_with_most_numbers_is_meant(tmp_path):
+    events = [{"t": k, "said": "moving"} for k in range(3 * M)]
+    (tmp_path / "m.json").write_text(json.dumps({"log": events} | RECORDS["in an object"]))
+    proposed(tmp_path, [tmp_path / "m.json"], "--robot", UR10.name)
+    read = read_session(tmp_path / "session.toml", UR10).measurements
+    np.testing.assert_allclose(read.q, DATA.q, rtol=0, atol=2e-12)
+
+
+HALVES = RECORDS["an object for each"][: M // 2], RECORDS["an object for each"][M // 2 :]
+
+
+@pytest.mark.parametrize(
+    "document",
+    [
+        {"train": HALVES[0], "test": HALVES[1]},
+        {"of": {"version": 1}, "train": {"samples": HALVES[0]}, "test": {"samples": HALVES[1]}},
+    ],
+    ids=["side by side", "in objects"],
+)
+def test_of_two_tables_alike_none_is_left_out_without_a_word(document, tmp_path):
+    (tmp_path / "m.json").write_text(json.dumps(document))
+    done = call("new", "session", tmp_path / "m.json", "--out", tmp_path / "session.toml")
+    assert done.exit_code == 2
+    assert "holds several tables with the same names" in " ".join(done.stderr.split())
