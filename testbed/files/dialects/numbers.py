@@ -27,7 +27,9 @@ def with_bare_numbers(text: FileText) -> FileText:
     if not content:
         return text
     first = content[0][0]
-    lines = {k: ASSIGNED.sub("", line) if k == first else line for k, line in content}
+    lines = dict(content)
+    if (said := ASSIGNED.match(lines[first])) is not None:
+        lines[first] = lines[first][said.end() :]
     if not all(NUMBERS_ALONE.fullmatch(line) for line in lines.values()):
         return text
     if any(mark in line for line in lines.values() for mark in "[({"):
@@ -46,7 +48,7 @@ def with_bare_numbers(text: FileText) -> FileText:
 def _without_brackets(line: str) -> str:
     """A line without brackets, its lists parted as the numbers in them."""
     mark = "," if "," in line else " "
-    line = re.sub(r"[\])}]\s*[,;]?\s*[\[({]", mark, line.strip())
+    line = re.sub(r"[\])}][\s,;]*[\[({]", mark, line.strip())
     return re.sub(r"[\[\](){}]", " ", line.rstrip(";,])} ")).strip()
 
 

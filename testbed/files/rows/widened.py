@@ -8,7 +8,7 @@ from testbed.files.dialects.numbers import NUMBER
 from testbed.files.rows.planned import of_stops
 from testbed.files.text import Sheet
 
-LIST = re.compile(r"[\[({]+(.*?)[\])}]+\s*", re.DOTALL)
+OPEN, CLOSED = ("[", "(", "{"), ("]", ")", "}")
 BETWEEN = re.compile(r"[\s,;\[\](){}]+")
 PLACES = {"position", "pos", "xyz", "point", "translation", "place", "p", "tcp", "coordinates",
           "measured", "tvec", "t"}  # fmt: skip
@@ -47,8 +47,9 @@ def _lists(column: Sequence[str]) -> list[list[str]]:
     """Numbers of each cell where all of them are lists of as many; else none."""
     found = []
     for cell in column:
-        hit = LIST.fullmatch(cell)
-        numbers = [one for one in BETWEEN.split(hit[1]) if one] if hit else []
+        text = cell.strip()
+        inside = BETWEEN.split(text) if text.startswith(OPEN) and text.endswith(CLOSED) else []
+        numbers = [one for one in inside if one]
         if not 2 <= len(numbers) <= MOST or not all(map(NUMBER.fullmatch, numbers)):
             return []
         found.append(numbers)
@@ -56,7 +57,7 @@ def _lists(column: Sequence[str]) -> list[list[str]]:
 
 
 def _names(name: str, count: int) -> list[str]:
-    """Names of the numbers of a list: by axes where it is a place or a quaternion, else counted."""
+    """Names of the numbers of a list: a place, a transform and a rotation have their own."""
     words = set(re.split(r"[\W_]+", name.lower()))
     if count == 3 and words & PLACES:
         return [f"{name} {axis}" for axis in AXES]

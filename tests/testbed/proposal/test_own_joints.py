@@ -4,6 +4,7 @@ Truth: the files are written here from poses that are known.
 """
 
 import json
+import time
 from dataclasses import replace
 
 import numpy as np
@@ -320,3 +321,24 @@ def test_of_two_tables_alike_none_is_left_out_without_a_word(document, tmp_path)
     done = call("new", "session", tmp_path / "m.json", "--out", tmp_path / "session.toml")
     assert done.exit_code == 2
     assert "holds several tables with the same names" in " ".join(done.stderr.split())
+
+
+LONG = 20_000
+ENDLESS = {
+    "a cell of brackets": "a,b\n" + "[" * LONG + "]" * LONG + "c,1\n",
+    "a word": "a" * 3 * LONG + "\n1 2 3\n",
+    "spaces between brackets": "[1 2 3]" + " " * 3 * LONG + "4\n",
+    "a number in a name": f"J{'1' * LONG},x,y,z\n1,2,3,4\n",
+    "many numbers in a name": f"{'J1' * LONG},x,y,z\n1,2,3,4\n",
+}
+
+
+@pytest.mark.parametrize("text", ENDLESS.values(), ids=ENDLESS)
+def test_long_cells_and_names_take_no_time(text, tmp_path):
+    """By expressions that try each start again they took minutes, or all memory."""
+    (tmp_path / "m.csv").write_text(text)
+    start = time.process_time()
+    done = call("new", "session", tmp_path / "m.csv", "--robot", UR10.name, "--out",
+                tmp_path / "session.toml")  # fmt: skip
+    assert done.exit_code in (0, 2)
+    assert time.process_time() - start < 5
