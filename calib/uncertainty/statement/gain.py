@@ -1,4 +1,4 @@
-"""How an estimate follows what was measured: the gain of weighted least squares with its prior."""
+"""How an estimate follows what was measured, and what noise that rows share does to it."""
 
 from dataclasses import replace
 
@@ -162,24 +162,37 @@ def judged_by_stops(
 
     References
     ----------
-    Satterthwaite 1946: r'r is E / nu times chi-square of nu = E^2 / tr(V^2), E = tr V, with
-    V = M + M S M the covariance of r, M = I - B B', B B' = A C A', and S what whitened rows of a
-    stop share.
+    Satterthwaite 1946: r'r is E / nu times chi-square of nu = E^2 / tr(V^2), E = tr V, with V the
+    covariance of r.
     """
-    fit = identification
-    _, stop, count = np.unique(
-        np.column_stack([train.pose_id, train.repeat]), axis=0,
-        return_inverse=True, return_counts=True,
-    )  # fmt: skip
-    if count.max(initial=1) == 1 or not root.any():
+    fit, stops = identification, np.column_stack([train.pose_id, train.repeat])
+    if len(np.unique(stops, axis=0)) == len(train) or not root.any():
         return fit
     if fit.mode != "whitened" or fit.loss != "squared" or fit.tightened != 1.0:
         return fit
+    E, spread = _traces(fit, train, root)
+    nu = E**2 / spread
+    p = float(chdtrc(nu, fit.chi_square * nu / E))
+    said, lack = (fit.chi_square, fit.dof_effective), fit.lack_of_fit
+    old = squared_notes(*said, fit.p_value, lack)
+    notes = (*(note for note in fit.notes if note not in old), *squared_notes(*said, p, lack))
+    return replace(fit, p_value=p, notes=notes)
+
+
+def _traces(fit: Identification, train: Measurements, root: Array) -> tuple[float, float]:
+    """Tr V and tr V^2 of the covariance V of whitened residuals.
+
+    References
+    ----------
+    V = M + M S M, M = I - B B', B B' = A C A', and S what whitened rows of a stop share. Nothing
+    (n, n) is made: M^k = I - B P_k B', and S has zeros where a row meets itself.
+    """
     stack = linearize(fit.model, train)
     B = stack.A[:, fit.parameters.free_index] @ covariance_factor(fit.covariance)
     filled = np.arange(6) < train.equations[:, None]
     own = np.where(filled[:, :, None], table_whiteners(train) @ root, 0.0)
     R = own[filled]  # (n, j) in the order of the equations
+    _, stop = np.unique(np.column_stack([train.pose_id, train.repeat]), axis=0, return_inverse=True)
     SB, square = np.zeros_like(B), 0.0
     for group, sign in ((stop.ravel(), 1.0), (np.arange(len(train)), -1.0)):
         of = group[stack.row_of]  # all pairs of a stop, less those of a row with itself
@@ -190,15 +203,9 @@ def judged_by_stops(
         np.add.at(inner, of, R[:, :, None] * R[:, None])
         square += sign * float((inner**2).sum())
     G, T, one = B.T @ B, B.T @ SB, np.eye(B.shape[1])
-    # M^k = I - B P_k B'
-    second = 2 * one - G
+    second = 2 * one - G  # P_2
     third = second + one - second @ G
-    E = len(B) - np.trace(G) - np.trace(second @ T)
+    first = len(B) - np.trace(G) - np.trace(second @ T)
     spread = len(B) - np.trace(second @ G) - 2 * np.trace(third @ T) + square
     spread += np.trace(second @ T @ second @ T) - 2 * np.trace(second @ SB.T @ SB)
-    nu = float(E**2 / spread)
-    p = float(chdtrc(nu, fit.chi_square * nu / float(E)))
-    said, lack = (fit.chi_square, fit.dof_effective), fit.lack_of_fit
-    old = squared_notes(*said, fit.p_value, lack)
-    notes = (*(note for note in fit.notes if note not in old), *squared_notes(*said, p, lack))
-    return replace(fit, p_value=p, notes=notes)
+    return float(first), float(spread)
