@@ -166,6 +166,7 @@ def _proposed(looks: tuple[Found, ...], robot: Robot | None, root: Path) -> Prop
     """The same session without the files that it does not use."""
     own = columns_of(robot) if robot is not None else tuple(range(1, _count(looks) + 1))
     slides: frozenset[int] = frozenset()
+    choices: list[tuple[Found, ...]]
     if robot is None:  # interpretations that only a fit can decide are not offered
         choices = [(replace(one, also=None),) for one in looks]
     else:
