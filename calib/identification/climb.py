@@ -13,11 +13,10 @@ from scipy.special import chdtri
 
 from calib.arrays import Array, Index
 from calib.errors import refuse
-from calib.geometry.joint_errors import JointErrors
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import Parameters
 from calib.identification.climbing import Climb, Question, climb_of, climbing, run
-from calib.identification.levels import Ladder, Level, joined, with_errors
+from calib.identification.levels import Ladder, Level, asked_of, joined, with_errors
 from calib.identification.normal_equations import (
     MOST_TURNS,
     SETTLED,
@@ -92,7 +91,7 @@ def climb(
     system = normal_equations(nominal, near, measurements, parameters, every, prior)
     richest = tuple(ladder.levels[-1] for ladder in ladders)
     if loss == "squared":
-        shared = SharedMisfit.of(system, measurements).at_noise_of(_asked(richest))
+        shared = SharedMisfit.of(system, measurements).at_noise_of(asked_of(richest))
     else:
         shared = SharedMisfit.of(_calmed(system, richest, loss), measurements)
     pose = np.unique(measurements.together, return_inverse=True)[1].ravel()
@@ -102,7 +101,7 @@ def climb(
     def fitted(levels: Sequence[Level]) -> tuple[Solved, float]:
         key = tuple(level for level in levels if level.names)
         if key not in memory:
-            memory[key] = shared.solved(_asked(key))
+            memory[key] = shared.solved(asked_of(key))
         return memory[key]
 
     def solved(levels: Sequence[Level]) -> Solved:
@@ -123,7 +122,7 @@ def climb(
         return wide.moved(step)
 
     def left_out(levels: tuple[Level, ...]) -> Array:
-        asked, missed = _asked(levels), np.full(len(pose), np.nan)
+        asked, missed = asked_of(levels), np.full(len(pose), np.nan)
         whole, rests = left(fitted(levels)[1])
         for rest, rows in zip(rests, held_out, strict=True):
             missed[rows] = whole.misses(rest.solved(*asked), rows)
@@ -148,22 +147,9 @@ def _calmed(plain: NormalEquations, levels: tuple[Level, ...], loss: Loss) -> No
     typical = np.sqrt(chdtri(plain.equations, 0.5) / plain.equations)
     system, scale = replace(plain, scale=1.0), np.inf
     for _ in range(MOST_TURNS):
-        size = plain.sizes_after(system.solved(*_asked(levels)))
+        size = plain.sizes_after(system.solved(*asked_of(levels)))
         last, scale = scale, max(1.0, float(np.median(size / typical)))
         system = replace(plain.weighed(loss_weights(size / scale, loss)), scale=scale)
         if abs(scale / last - 1) < SETTLED:
             break
     return system
-
-
-@lru_cache(maxsize=128)
-def _asked(levels: tuple[Level, ...]) -> tuple[JointErrors, Array, Array]:
-    """Joint errors of some levels, with prior sd and prior mean of their coefficients."""
-    errors = joined(levels)
-    believed = {
-        name: both
-        for level in levels
-        for name, *both in zip(level.names, level.sd, level.mean, strict=True)
-    }
-    sd, mean = np.array([believed[name] for name in errors.names]).reshape(-1, 2).T
-    return errors, sd, mean

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from functools import reduce
+from functools import lru_cache, reduce
 
 import numpy as np
 
@@ -105,3 +105,16 @@ def prior_of(levels: Iterable[Level]) -> Prior:
     mean, sd = (np.concatenate([getattr(level, key) for level in levels]) for key in ("mean", "sd"))
     names = tuple(name for level in levels for name in level.names)
     return Prior(frozen(mean), frozen(sd), names)
+
+
+@lru_cache(maxsize=128)
+def asked_of(levels: tuple[Level, ...]) -> tuple[JointErrors, Array, Array]:
+    """Joint errors of some levels, with prior sd and prior mean of their coefficients."""
+    errors = joined(levels)
+    believed = {
+        name: both
+        for level in levels
+        for name, *both in zip(level.names, level.sd, level.mean, strict=True)
+    }
+    sd, mean = np.array([believed[name] for name in errors.names]).reshape(-1, 2).T
+    return errors, sd, mean

@@ -170,9 +170,7 @@ def _calibrated(
             plain = plain_fit(frames.start, train, frames.parameters, loss)
         factor = noise_factor(plain.model, train)
         scatter = scatter_covariance(frames.start, plain, train, factor)
-        links = link_belief(
-            robot, session, frames.start, train, frames.parameters, plain, scatter, factor
-        )
+        links = link_belief(robot, session, looking, train, plain, scatter, factor)
         pairs, choice = fit(
             frames.start,
             train,

@@ -1,6 +1,6 @@
 """Rows that do not fit the others: bad shots, and poses that the model misses."""
 
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -8,9 +8,11 @@ import numpy as np
 from calib.arrays import Array, Index, frozen
 from calib.geometry.chain import Chain
 from calib.geometry.model import RobotModel
-from calib.identification.identify import Identification
+from calib.identification.folds import parts_of, some_poses
+from calib.identification.identify import Identification, identify
 from calib.identification.ladders import ladders_of
 from calib.identification.levels import Ladder
+from calib.identification.link_widths import USUAL, LinkWidths, link_widths
 from calib.identification.outliers.bad_shots import CHANCE, BadShots, bad_shots, excess_of
 from calib.identification.outliers.search import search_outliers
 from calib.identification.row_ladders import RowTerms, row_ladders
@@ -89,6 +91,20 @@ class Looking:
         return bad_shots(
             start, near, self.train, parameters, prior=wide_prior(parameters, start),
             ladders=ladders, rng=stream(self.seed, "confirm"),
+        )  # fmt: skip
+
+    def widths(self, train: Measurements, links: Collection[str]) -> LinkWidths:
+        """How much wider than usual the prior of some links has to be, by the rows in use."""
+        start, parameters = self.frames.start, self.frames.parameters
+        prior, rng = wide_prior(parameters, start), stream(self.seed, "confirm")
+        asked = some_poses(train, rng)
+        part = parts_of(asked, rng)
+        if part is None:
+            return USUAL
+        near = identify(start, asked, parameters, prior=prior).model
+        ladders = (*self.bends, *row_ladders(start, asked, self.known))
+        return link_widths(
+            start, near, asked, parameters, ladders, part, prior=prior, links=links
         )  # fmt: skip
 
 

@@ -33,6 +33,8 @@ class HandBack:
     """What is believed of the tool in use; None without one, or where nothing is believed."""
     tool_refused: str
     """Why nothing is, where a tool in use is stated; else empty."""
+    widened: bool = False
+    """Whether that is wider than usual because the measurements ask for it."""
 
     def __repr__(self) -> str:
         return in_a_line(self)
@@ -68,6 +70,8 @@ def hand_back(
     """
     told = "as the session states" if session.link_sd is not None else ""
     told = told or ("as the robot's file states" if robot.tolerances is not None else "the usual")
+    if links.widths.widened:
+        told = f"wider than usual, as the measurements ask: log evidence {links.widths.gain:+.1f}"
     in_use, refused = None, ""
     if session.in_use is not None and belief is None:
         refused = (
@@ -78,4 +82,6 @@ def hand_back(
         in_use = tool_statement_of(
             belief, session.in_use, q, target=target, link_sd=links.sd, repeatability=repeatability
         )
-    return HandBack(links.sd, told, links.why, by_prior, robot.limits, in_use, refused)
+    return HandBack(
+        links.sd, told, links.why, by_prior, robot.limits, in_use, refused, links.widths.widened
+    )

@@ -12,6 +12,7 @@ from calib.arrays import Array, frozen
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import Parameters
 from calib.identification.identify import Identification, Status
+from calib.identification.link_widths import USUAL, LinkWidths
 from calib.identification.prior import Prior
 from calib.information.rank import PRACTICAL_RATIO
 from calib.information.reduction import reduce
@@ -20,6 +21,7 @@ from calib.measurement.observations import Measurements
 from calib.measurement.residual import linearize
 from calib.uncertainty.statement.gain import prior_precision
 from testbed.files.session import Session
+from testbed.identify.outliers import Looking
 from testbed.robots.robot import Robot
 from testbed.robots.tolerances import usual_tolerances
 from testbed.units import in_units, listed, significant, unit_of
@@ -38,14 +40,15 @@ class LinkBelief:
     """The same of those that are free; None where none is."""
     why: str
     """Why a geometric fit needs it; empty where the measurements hold all links by themselves."""
+    widths: LinkWidths = USUAL
+    """How much wider than usual the widths are, where nobody states any."""
 
 
 def link_belief(
     robot: Robot,
     session: Session,
-    start: RobotModel,
+    looking: Looking,
     train: Measurements,
-    parameters: Parameters,
     plain: Identification,
     scatter: Array,
     factor: float,
@@ -55,13 +58,12 @@ def link_belief(
     Parameters
     ----------
     robot, session : Robot, Session
-        The session's prior, else the robot's tolerances, else the usual ones.
-    start : RobotModel
-        Where the fits begin.
+        The session's prior, else the robot's tolerances, else the usual ones; these are widened
+        where the measurements leave little doubt that the links lie further from nominal.
+    looking : Looking
+        Where the fits begin, what is free, and the joint errors on offer.
     train : Measurements
         What is identified from.
-    parameters : Parameters
-        The free numbers of `start`.
     plain : Identification
         Of `train` without any prior.
     scatter : (f, f) array
@@ -69,22 +71,28 @@ def link_belief(
     factor : float
         How many times the stated noise they have.
     """
-    n = start.chain.n_joints
+    start, parameters = looking.frames.start, looking.frames.parameters
+    n, widths = start.chain.n_joints, USUAL
     sd = usual_tolerances(n) if robot.tolerances is None else robot.tolerances
     sd = sd if session.link_sd is None else session.link_sd
     prior = link_prior(parameters, sd)
     if prior is None:
         return LinkBelief(sd, None, "")
+    if robot.tolerances is None and session.link_sd is None:
+        widths = looking.widths(train, prior.names)
+        sd = sd * np.array([widths.angle, *[widths.length] * 2, *[widths.angle] * 2])
+        prior = link_prior(parameters, sd) or prior
     if session.link_sd is not None:
         return LinkBelief(sd, prior, "the session states it")
     if plain.status is not Status.CONVERGED and (away := farthest(plain, sd)):
-        return LinkBelief(sd, prior, f"without it the fit does not converge, and {away}")
+        why = f"without it the fit does not converge, and {away}"
+        return LinkBelief(sd, prior, why, widths)
     lacking = _lost(plain, start, train, parameters, prior) or _poor(
         plain, prior, (max(1.0, factor) ** 2 * plain.covariance, scatter)
     )
     if session.in_use is not None and not lacking:
         lacking = "another tool will be used, whose position depends on the links"
-    return LinkBelief(sd, prior, lacking)
+    return LinkBelief(sd, prior, lacking, widths)
 
 
 def link_prior(parameters: Parameters, sd: Array) -> Prior | None:

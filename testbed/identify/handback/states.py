@@ -145,6 +145,8 @@ def _why_and_beyond(calibration: Calibration) -> list[str]:
         said.append(
             f"the links have a prior of {_widths(given.tolerance)} ({given.stated_by}): {given.why}"
         )
+    elif given.widened:
+        said.append(f"the links lie {_widths(given.tolerance)} from nominal ({given.stated_by})")
     far = [one for one in handed_numbers(calibration) if one.is_far]
     for alone, why in (
         (True, "confirm it"),
