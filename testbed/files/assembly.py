@@ -12,12 +12,11 @@ from testbed.files.matching import pose_numbers, poses_of_joints, visits_of
 from testbed.files.refusal import refusal
 from testbed.files.rows.beside import BesideJoints
 from testbed.files.rows.operating import (
-    SAME_JOINTS,
     RowsOfFile,
     operating_conditions,
     stated_order,
 )
-from testbed.files.rows.stops import one_stop
+from testbed.files.rows.stops import NEAR, NEAR_SLIDE, one_stop
 from testbed.files.session import Session, Stated
 from testbed.files.session_toml import SessionFile
 from testbed.files.targets import TargetPart, targets_of, texts_of
@@ -56,8 +55,8 @@ def assemble(
     source = parts[0].joints.source
     if named is not None:
         slides = robot.model.chain.prismatic > 0
-        near = SAME_JOINTS if source == "commanded" else np.where(slides, READ_SLIDE, READ)
-        _check_poses(pose, names, q, place, near)
+        near, slide = (NEAR, NEAR_SLIDE) if source == "commanded" else (READ, READ_SLIDE)
+        _check_poses(pose, names, q, place, np.where(slides, slide, near))
     split = settings.split == "column" and any(_extra(part, "split") for part in parts)
     words = [word for part in parts for word in _extra(part, "split") or [""] * len(part)]
     is_test = np.array([split and word == "test" for word in words])
@@ -222,7 +221,7 @@ def _repeats(
 
 
 def _check_poses(
-    pose: Index, names: Sequence[str], q: Array, place: Sequence[str], near: Array | float
+    pose: Index, names: Sequence[str], q: Array, place: Sequence[str], near: Array
 ) -> None:
     """Refuse one name for joints that differ by more than `near` (n,) [rad, m]."""
     _, first, number = np.unique(pose, return_index=True, return_inverse=True)
@@ -247,7 +246,7 @@ def _check_poses(
         raise refusal(place[row], "pose_id", message, code="M31", value=name, fix=fix)
 
 
-def _agree(pose: Index, q: Array, shift: int, near: Array | float) -> bool:
+def _agree(pose: Index, q: Array, shift: int, near: Array) -> bool:
     """Whether rows of one name have one joint vector, that some rows further on."""
     low, high = max(0, -shift), len(pose) - max(0, shift)
     _, first, number = np.unique(pose[low:high], return_index=True, return_inverse=True)

@@ -158,3 +158,17 @@ def test_poses_that_were_read_back_are_held_out_with_all_their_visits(tmp_path):
     pose = np.tile(np.arange(M), 3)
     assert not set(pose[split.is_test]) & set(pose[split.is_train])
     assert split.is_test.sum() == 27
+
+
+def test_visits_of_a_named_pose_may_have_joints_that_were_read_back(tmp_path):
+    """A controller's log writes them into the columns of commanded joints."""
+    rows, rng = repeats(pose_id=np.repeat(np.arange(1, M + 1), R)), np.random.default_rng(3)
+    near = np.degrees(NEAR) / 2
+    for i in range(1, N + 1):
+        rows[f"q{i}_deg"] = rows[f"q{i}_deg"] + near * rng.uniform(-1, 1, M * R)
+    session = read(tmp_path, rows)
+    assert session.measurements.n_poses == M
+    assert session.measurements.repeat.tolist() == list(range(R)) * M
+    rows["q2_deg"][-1] += 6 * near
+    with pytest.raises(InputError, match="pose 29 has other joints than in line 142"):
+        read(tmp_path, rows)
