@@ -6,6 +6,7 @@ from typing import Annotated
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.linalg import qr
 
 from calib.arrays import LATER, Array, Bool, check, frozen, wrong_shape
 from calib.errors import refuse
@@ -100,7 +101,8 @@ def reduce(
     Columns are offered in a fixed order (anchors and stations, base, reflectors, tool, links, joint
     terms) and kept if independent of those kept before. Of each link d comes last if the next axis
     is parallel, else beta: the number that is then least identifiable. On a TX60 this keeps the
-    thirty customary numbers.
+    thirty customary numbers. Where readings leave the base free to turn (distances from points on a
+    line), its numbers that such a turn moves most come last among the six and are held.
 
     If nothing ties anchors to a known place, the base is held and defines the world; if only
     reflectors of unknown place were measured, the tool is held and the reflectors are found in its
@@ -143,7 +145,7 @@ def reduce(
         raise refuse("A", A.shape, allowed, code="M27", message="nothing to reduce")
     small = triangle(A)
     singular = singular_values(small)
-    found = choose_columns(small, _order(parameters, model))
+    found = choose_columns(small, _order(parameters, model, small))
     keep = sorted(found.places)
     rows = np.argsort(found.places)
     scale, names = parameters.free_scale, parameters.free_names
@@ -176,8 +178,8 @@ def reduce(
     )
 
 
-def _order(parameters: Parameters, model: RobotModel) -> list[int]:
-    """Indices among the free numbers, in the order in which columns are offered."""
+def _order(parameters: Parameters, model: RobotModel, A: Array) -> list[int]:
+    """Indices among the free numbers, in the order in which columns of A are offered."""
     n = model.chain.n_joints
     tool = range(6 + 5 * n, 12 + 5 * n)
     first, further = model.first_fixture, model.first_fixture + model.fixtures.first_tool
@@ -190,7 +192,27 @@ def _order(parameters: Parameters, model: RobotModel) -> list[int]:
     terms = range(12 + 5 * n, first)
     order = [*placed, *range(6), *reflectors, *tool, *tools, *links, *late, *terms]
     place = {int(k): i for i, k in enumerate(parameters.free_index)}
-    return [place[k] for k in order if k in place]
+    base = [place[k] for k in range(6) if k in place]
+    order = [place[k] for k in order if k in place]
+    at = order.index(base[0]) if base else 0
+    order[at : at + len(base)] = _turning_last(base, A[:, base])
+    return order
+
+
+def _turning_last(base: list[int], A: Array) -> list[int]:
+    """The numbers of the base, last those that steps without effect on A (N, b) move most.
+
+    Held instead, a number that such a step hardly moves would leave it to the others, which noise
+    then moves far along it.
+    """
+    if not base:
+        return base
+    rest, V = np.linalg.svd(triangle(A))[1:]
+    idle = V[count(rest, KEEP_TOLERANCE) :]
+    if not len(idle):
+        return base
+    last = [base[k] for k in qr(idle, mode="r", pivoting=True)[1][: len(idle)]]
+    return [k for k in base if k not in last] + [k for k in base if k in last]
 
 
 def _causes(

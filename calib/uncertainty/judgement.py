@@ -192,6 +192,7 @@ def judge(
         identification, belief=belief, point=point, questions=questions, held_out=seen,
         frame=frame, drifting=slow, conformal=radius, bootstrap=replayed, linear=linear,
         unmodelled=known.unmodelled, tails=tails,
+        ranged=len(test) > 0 and bool(test.is_distance.all()),
     )  # fmt: skip
     return Judgement(
         belief, point, questions, seen, frame, slow, spread, radius, replayed, verdict, tails

@@ -60,6 +60,7 @@ def trust(
     linear: LinearCheck | None = None,
     unmodelled: Sequence[str] = (),
     tails: LongTails | None = None,
+    ranged: bool = False,
 ) -> Trust:
     """Put what was found into words: what is believed first, then what is in it, then the tests.
 
@@ -81,6 +82,8 @@ def trust(
         What is known to be missing in every covariance.
     tails : LongTails, optional
         Of the residuals, where they are longer than those of normal noise.
+    ranged : bool
+        Whether all that is held out are distances, which guard nothing.
     """
     reasons = _against(identification, held_out)
     nonlinear = [part.sentence for part in (bootstrap,) if part is not None and not part.agrees]
@@ -94,7 +97,7 @@ def trust(
         settled = bootstrap is not None and bootstrap.settled  # then its covariance was used
         words += _nothing(identification, [] if settled else nonlinear, conformal)
     else:
-        words += _believed(belief, point, questions, drifting)
+        words += _believed(belief, point, questions, drifting, ranged=ranged)
     if reasons:
         words.append("The parameters alone do not explain the readings: " + "; ".join(reasons))
     else:
@@ -115,7 +118,12 @@ def trust(
 
 
 def _believed(
-    belief: Belief, point: StatedPoint, questions: Questions, drifting: Drifting | None
+    belief: Belief,
+    point: StatedPoint,
+    questions: Questions,
+    drifting: Drifting | None,
+    *,
+    ranged: bool,
 ) -> list[str]:
     """What is believed, and what is in it."""
     um = 1e6 * belief.misfit.upper
@@ -135,10 +143,11 @@ def _believed(
             f"{belief.n_guards} held-out poses guard the coverage factor, k = {belief.factor:.2f}"
         )
     else:
+        seen = " and measured as positions (a distance shows one direction only)" * ranged
         words.append(
             "No held-out pose guards the coverage factor, so a stricter limit of the misfit is "
             f"used instead; {fewest_poses(belief.probability)} poses drawn from where the robot "
-            "is used would guard it"
+            f"is used{seen} would guard it"
         )
     if steps := steps_words(belief.proven):
         words.append(_capital(steps))

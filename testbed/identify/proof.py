@@ -115,11 +115,14 @@ def target_warnings(
 ) -> tuple[str, ...]:
     """What no region contains of a tool point that no row looked at; names of the reflectors."""
     if target.reflector != GIVEN:
-        others = ", the least known of them" * (len(np.unique(measurements.reflector)) > 1)
+        several = len(np.unique(measurements.reflector)) > 1
+        found = "the places of the targets were" if several else "the place of the target was"
+        which = names[target.reflector] or "this point"
+        others = ", the least known of them" * several
         return (
-            "the places of the targets were found with the robot: all statements are about "
-            f"{names[target.reflector]}{others}; how the flange lies relative to it is taken from "
-            "the robot's description, as is the last link, and no region includes errors of that",
+            f"{found} found with the robot: all statements are about {which}{others}; how the "
+            "flange lies relative to it is taken from the robot's description, as is the last "
+            "link, and no region includes errors of that",
         )
     if (measurements.reflector != GIVEN).any():
         return (

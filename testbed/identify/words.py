@@ -94,7 +94,10 @@ def believed_words(calibration: Calibration) -> str:
     if belief.n_guards:
         return f"{radius}; it can be believed: {belief.n_guards} held-out poses guard it."
     if calibration.proof.held_out is None:
-        return f"{radius}; it rests on the fit alone: no held-out pose has tested it."
+        alone = f"{radius}; it rests on the fit alone: "
+        if held_out_poses(calibration) and calibration.measurements.is_distance.all():
+            return f"{alone}held-out distances show one direction each, and guard no radius."
+        return f"{alone}no held-out pose has tested it."
     few = counted(len(calibration.proof.held_out), "held-out pose")
     return f"{radius}; it allows for a larger misfit, because {few} tested it: too few to guard it."
 
@@ -181,7 +184,7 @@ def next_step(calibration: Calibration) -> str:
                 "measure poses that tell its numbers apart, or free fewer ([identification] free)."
             )
         if proof.conformal is None:
-            return f"{use} Do not quote an uncertainty. {_more_poses()}"
+            return f"{use} Do not quote an uncertainty. {_more_poses(calibration)}"
         radius = f"{mm(proof.conformal.radius)} mm (95 % of measured points)"
         return f"{use} Quote the held-out radius of {radius}, at poses like the held-out ones."
     quote = f"{r95(proof.point)} = {significant(proof.point.radius_mean * UM)} um"
@@ -193,7 +196,7 @@ def next_step(calibration: Calibration) -> str:
     text += ", at poses like the held-out ones."
     if not proof.belief.n_guards:
         done = "guards" if proof.held_out is not None else "has tested"
-        return f"{text} State with it that no held-out pose {done} it. {_more_poses()}"
+        return f"{text} State with it that no held-out pose {done} it. {_more_poses(calibration)}"
     if proof.tails is not None and not proof.tails.source:
         return f"{text} Measure every pose twice, to tell noise with long tails from a misfit."
     if calibration.refuted:
@@ -225,9 +228,12 @@ def _what_to_use(calibration: Calibration) -> str:
     )
 
 
-def _more_poses() -> str:
+def _more_poses(calibration: Calibration) -> str:
     """How a guard is had."""
-    return f"Measure at least {fewest_poses()} held-out poses, drawn from where the robot is used."
+    where = f"{fewest_poses()} held-out poses, drawn from where the robot is used"
+    if calibration.measurements.is_distance.all():
+        return f"Measure positions, not distances, of at least {where}."
+    return f"Measure at least {where}."
 
 
 def held_out_poses(calibration: Calibration) -> int:

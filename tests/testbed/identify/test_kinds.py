@@ -135,6 +135,10 @@ def test_distances_to_known_points_are_judged_as_distances():
     # a distance shows an error along its own line only: no radius around a point comes of it
     assert found.proof.conformal is None
     assert "no held-out pose has tested it" in next_step(found)
+    # 25 more distances would not help, though 19 positions would
+    assert "Measure positions, not distances, of at least 19 held-out poses" in next_step(found)
+    assert "held-out distances show one direction each, and guard no radius" in verdict(found)
+    assert "is used and measured as positions (a distance shows" in found.proof.trust.sentence
     # E|noise| of one distance is 14 um
     assert found.fit.test.position.mean < 40e-6
     assert kind(found) == "mean distance error"

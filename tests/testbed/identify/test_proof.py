@@ -178,8 +178,8 @@ def test_the_point_that_all_rows_look_at_is_stated_if_its_place_is_known():
 
 
 def test_of_one_point_nothing_is_said_of_another():
-    def said(table, **target):
-        return " ".join(target_warnings(table, ToolTarget(**target), ["B"]))
+    def said(table, name="B", **target):
+        return " ".join(target_warnings(table, ToolTarget(**target), [name]))
 
     q, xyz = pool_r(5), np.zeros((5, 3))
     one, other = (
@@ -190,6 +190,8 @@ def test_of_one_point_nothing_is_said_of_another():
     found = tables.points(q, xyz, sd=1e-5, reflector=0)
     assert "are about B; how the flange lies" in said(found, reflector=0)
     assert "how the tool point lies relative to them" in said(joined([one, found]))
+    # a lone target of unknown place need not have a name
+    assert "are about this point; how the flange lies" in said(found, name="", reflector=0)
 
 
 CORNERS = np.array([[2.0, 0.0, 0.5], [2.0, 1.0, 0.5], [0.0, 2.0, 0.5]])
