@@ -1,5 +1,6 @@
 """The joints of each row, and what may stand beside them: pose, visit, split, approach and time."""
 
+from collections.abc import Collection
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
@@ -138,9 +139,16 @@ class Joints:
 
 
 def read_joints(
-    table: DataTable, robot: Robot, source: Source | None, *, drop: bool | None
+    table: DataTable,
+    robot: Robot,
+    source: Source | None,
+    *,
+    drop: bool | None,
+    nests: Collection[str] = (),
 ) -> Joints:
     """Joint vectors of a table: those of the controller are there, those of the arm come back.
+
+    Rows whose target is one of some nests on the floor have none, whatever stands there.
 
     Raises
     ------
@@ -160,7 +168,10 @@ def read_joints(
     if not chosen:
         raise _missing(table, robot, "_read" if source == "read-back" else "")
     used = together(chosen, other, extra_columns(table))
-    good, warnings = valid_rows(table, used, drop=drop)
+    targets = table.texts_of("target") or ("",) * len(table)
+    at_nest = np.array([target in nests for target in targets], dtype=np.bool_)
+    good, warnings = valid_rows(table, used, drop=drop, spare=at_nest)
+    good = good & ~at_nest
     q = robot.controller.read(table.values(chosen), robot.model.chain.n_joints)
     warnings += check_limits(table, robot, chosen, q, good)
     extras = extras_of(table, good)

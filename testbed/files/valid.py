@@ -12,7 +12,9 @@ SHOWN = 10
 """Cells named in one message."""
 
 
-def valid_rows(table: DataTable, columns: Columns, *, drop: bool | None) -> tuple[Bool, list[str]]:
+def valid_rows(
+    table: DataTable, columns: Columns, *, drop: bool | None, spare: Bool | None = None
+) -> tuple[Bool, list[str]]:
     """Rows (m,) that can be computed with, and warnings: of the others, odd ones, lines below.
 
     Parameters
@@ -23,6 +25,8 @@ def valid_rows(table: DataTable, columns: Columns, *, drop: bool | None) -> tupl
         All that is used of it.
     drop : bool or None
         Whether to leave out the other rows; None: it cannot be asked for.
+    spare : (m,) array of bool, optional
+        Rows in which these columns may be empty, and of which nothing is said.
 
     Raises
     ------
@@ -32,6 +36,8 @@ def valid_rows(table: DataTable, columns: Columns, *, drop: bool | None) -> tupl
     """
     names = columns.names
     size = np.abs(table.numbers(names)) * columns.factors
+    if spare is not None:
+        size[spare] = 0.0
     numeric = np.isfinite(size)
     bounds = [bound_of(name) for name in names]
     most, least = (np.array([getattr(bound, end) for bound in bounds]) for end in ("most", "least"))

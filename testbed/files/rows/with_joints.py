@@ -36,7 +36,8 @@ def with_joints(
     )
     same = text is cleaned.text
     table = table_in(text, settings, how, section if same else None)
-    joints = read_joints(table, robot, how.source, drop=drop)
+    nests = settings.drift.nests if same and settings.drift else ()
+    joints = read_joints(table, robot, how.source, drop=drop, nests=nests)
     own = [readings.columns] if same else []
     unused = unused_columns(table, joints.used, *own, elsewhere=_read_of(text, others))
     if not same and cleaned.table is not None:

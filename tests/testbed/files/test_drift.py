@@ -210,3 +210,26 @@ def test_a_missed_shot_needs_no_direction_for_an_mpe(tmp_path, missed):
     left_out = session.drift.wrong if missed == [1] else session.masked
     line = f"{tmp_path / 'a.csv'}:3" if missed == [1] else "line 7"
     assert any(line in text for text in left_out)
+
+
+def test_nests_need_no_joints_in_the_file_of_both(tmp_path):
+    whole, _ = measured(tmp_path, **STILL | {"drift": np.full(6, 40e-6)}, rng=rng())
+    lines = (tmp_path / "a.csv").read_text().splitlines()
+    head = lines[0].split(",")
+    joints = [head.index(f"q{j + 1}_rad") for j in range(N)]
+    rows = [line.split(",") for line in lines]
+    for row in rows[1:]:
+        if row[head.index("target")] in THREE:
+            for k in joints:
+                row[k] = ""
+    (tmp_path / "a.csv").write_text("\n".join(map(",".join, rows)) + "\n")
+    blank = read_session(tmp_path / "a.csv", ROBOT, config=tmp_path / "s.toml")
+    assert blank.drift.corrected
+    assert blank.warnings == whole.warnings
+    np.testing.assert_array_equal(blank.measurements.position, whole.measurements.position)
+    np.testing.assert_array_equal(blank.measurements.q, whole.measurements.q)
+    # a row of the robot without its joints is refused as before
+    rows[-5][joints[0]] = ""
+    (tmp_path / "a.csv").write_text("\n".join(map(",".join, rows)) + "\n")
+    with pytest.raises(InputError, match="1 of 55 rows has cells that are not numbers"):
+        read_session(tmp_path / "a.csv", ROBOT, config=tmp_path / "s.toml")
