@@ -85,7 +85,7 @@ class FileText:
         return [
             (k, line)
             for k, line in numbered
-            if line.strip(EMPTY)
+            if line.strip(EMPTY).strip()  # of Unicode, too
             and not (line.lstrip().startswith(comments) and not ERROR.match(line))
         ]
 

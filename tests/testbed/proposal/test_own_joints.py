@@ -329,6 +329,7 @@ ENDLESS = {
     "a word": "a" * 3 * LONG + "\n1 2 3\n",
     "spaces between brackets": "[1 2 3]" + " " * 3 * LONG + "4\n",
     "a number in a name": f"J{'1' * LONG},x,y,z\n1,2,3,4\n",
+    "a line that is a mark of Unicode": ",9\n\u2028\n",
     "many numbers in a name": f"{'J1' * LONG},x,y,z\n1,2,3,4\n",
 }
 
