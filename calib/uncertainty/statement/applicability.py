@@ -73,10 +73,7 @@ class Applicability(Shown):
 
     @property
     def reaches(self) -> bool:
-        """Whether the statement reaches the set as a whole: `MOST_OUTSIDE` at most lies outside.
-
-        Each target inside has its region whatever the others are.
-        """
+        """Whether at most `MOST_OUTSIDE` lies outside; each target inside has its region anyway."""
         return bool((self.place == "outside").mean() <= MOST_OUTSIDE) if len(self.place) else True
 
 
