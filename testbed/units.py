@@ -192,7 +192,7 @@ def listed(words: Sequence[str]) -> str:
     >>> listed(["a", "b", "c"]), listed(["a"])
     ('a, b and c', 'a')
     """
-    return " and ".join([", ".join(words[:-1]), words[-1]] if words[1:] else words)
+    return _in_a_row(words, " and ")
 
 
 def either(words: Sequence[str]) -> str:
@@ -203,7 +203,12 @@ def either(words: Sequence[str]) -> str:
     >>> either(["a", "b", "c"]), either(["a"])
     ('a, b or c', 'a')
     """
-    return " or ".join([", ".join(words[:-1]), words[-1]] if words[1:] else words)
+    return _in_a_row(words, " or ")
+
+
+def _in_a_row(words: Sequence[str], last: str) -> str:
+    """Words with commas, and another word before the last one."""
+    return last.join([", ".join(words[:-1]), words[-1]] if words[1:] else words)
 
 
 def counted(number: int, noun: str) -> str:
