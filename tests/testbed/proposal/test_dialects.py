@@ -119,8 +119,8 @@ DIALECTS = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("text", DIALECTS.values(), ids=DIALECTS)
-def test_a_dialect_is_proposed_as_it_was_meant(text, tmp_path):
+def read_as_meant(text, tmp_path):
+    """The readings of one file by the session that is proposed for it: those of `DATA`."""
     (tmp_path / "m.csv").write_text(text, encoding="utf-8")
     said, _ = proposed(tmp_path, [tmp_path / "m.csv"], "--robot", UR10.name)
     assert "to fix" not in said
@@ -128,6 +128,12 @@ def test_a_dialect_is_proposed_as_it_was_meant(text, tmp_path):
     # fifteen digits are written, of gon as well
     np.testing.assert_allclose(table.q, DATA.q, rtol=0, atol=2e-12)
     np.testing.assert_allclose(table.position, DATA.T[:, :3, 3], rtol=0, atol=2e-12)
+    return table
+
+
+@pytest.mark.parametrize("text", DIALECTS.values(), ids=DIALECTS)
+def test_a_dialect_is_proposed_as_it_was_meant(text, tmp_path):
+    table = read_as_meant(text, tmp_path)
     if table.is_pose.any():
         # fifteen digits of each of three or four numbers
         np.testing.assert_allclose(table.rotation, DATA.T[:, :3, :3], rtol=0, atol=1e-11)

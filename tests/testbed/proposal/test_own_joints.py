@@ -15,6 +15,7 @@ from testbed.files.read import read_session
 from testbed.robots.catalog import load_robot
 from tests.testbed.files.made import csv, made
 from tests.testbed.files.test_program import scara
+from tests.testbed.proposal.test_dialects import read_as_meant
 from tests.testbed.proposal.test_odd_files import DATA, DEG, MM, UR10, M, joints, places
 from tests.testbed.proposal.test_session import call, proposed
 
@@ -59,12 +60,7 @@ NAMED = {
 
 @pytest.mark.parametrize("text", NAMED.values(), ids=NAMED)
 def test_joints_of_any_name_are_proposed_as_they_were_meant(text, tmp_path):
-    (tmp_path / "m.csv").write_text(text, encoding="utf-8")
-    said, _ = proposed(tmp_path, [tmp_path / "m.csv"], "--robot", UR10.name)
-    assert "to fix" not in said
-    table = read_session(tmp_path / "session.toml", UR10).measurements
-    np.testing.assert_allclose(table.q, DATA.q, rtol=0, atol=2e-12)
-    np.testing.assert_allclose(table.position, DATA.T[:, :3, 3], rtol=0, atol=2e-12)
+    read_as_meant(text, tmp_path)
 
 
 def test_which_columns_are_taken_as_joints_is_said(tmp_path):
