@@ -100,8 +100,15 @@ class Processes:
         waiting = deque(suspects or left)
         while waiting or flying:
             while waiting and len(flying) < (1 if suspects else self._workers + 1):
-                piece = waiting.popleft()
-                flying[self._submitted(data, piece, len(left))] = piece
+                try:
+                    flying[self._submitted(data, waiting[0], len(left))] = waiting[0]
+                except OSError:
+                    # no child could be begun, perhaps as the pool is just breaking: those in flight
+                    # will tell
+                    if not flying:
+                        raise
+                    break
+                waiting.popleft()
             yield from wait(flying, return_when=FIRST_COMPLETED).done
 
     def _submitted(self, data: bytes, piece: "Piece", left: int) -> Future[bytes]:

@@ -5,8 +5,10 @@ import signal
 import subprocess
 import sys
 import time
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -60,6 +62,27 @@ def test_faults_of_processes_change_no_byte_and_lose_no_piece(tmp_path):
     assert found == {k: v for k, v in expected(kit, pieces).items() if k != "2"}
     assert [*more.values()] == [*expected(kit, toys(1)).values()]
     assert gone(pids(tmp_path))
+
+
+@pytest.mark.parametrize("at", [1, 0])
+def test_a_child_that_cannot_be_begun_is_an_error_only_where_no_other_plays(at, monkeypatch):
+    """A pool that breaks while it is handed a piece closes the pipes that a new child would get."""
+    pool, calls = ThreadPoolExecutor(1), iter(range(9))
+
+    def submitted(self, data, piece, left):
+        if next(calls) == at:
+            raise OSError("handle is closed")
+        return pool.submit(piece.name.encode)
+
+    monkeypatch.setattr(Processes, "_submitted", submitted)
+    kit, pieces = SimpleNamespace(data=b""), toys(4)
+    with closing(Processes(2, play)) as engine, pool:
+        if at == 0:
+            with pytest.raises(OSError, match="closed"):
+                list(engine.play(kit, pieces))
+            return
+        found = [(piece.name, data) for piece, data in engine.play(kit, pieces)]
+    assert sorted(found) == [(piece.name, piece.name.encode()) for piece in pieces]
 
 
 def test_an_error_that_is_no_result_and_stays_is_raised(tmp_path):
