@@ -21,29 +21,37 @@ from tests.testbed.front.conftest import SMALL
 from truebed import plots
 
 
-def test_a_campaign_runs_in_memory_and_comes_back_from_its_folder(tmp_path, campaign):
+@pytest.fixture(scope="module")
+def folders(tmp_path_factory, campaign):
+    """The folders of a run, of its files, and of what was identified from these."""
+    folder = tmp_path_factory.mktemp("front")
     scenario = changed(load_scenario("quick"), SMALL)
-    played = campaign
-    assert truebed.run(scenario, tmp_path / "run").trials[0].name == played.trials[0].name
-    loaded = truebed.load(tmp_path / "run")
-    one, other = (c.trials[0].estimates[0].identification for c in (played, loaded))
+    again = truebed.run(scenario, folder / "run")
+    assert again.trials[0].name == campaign.trials[0].name
+    robot = truebed.robot("staubli_tx60")
+    export_campaign(campaign, robot, folder / "files")
+    written = truebed.identify(robot, folder / "files" / "session.toml", folder / "identified")
+    return folder, written
+
+
+def test_a_campaign_runs_in_memory_and_comes_back_from_its_folder(folders, campaign):
+    folder, written = folders
+    loaded = truebed.load(folder / "run")
+    one, other = (c.trials[0].estimates[0].identification for c in (campaign, loaded))
     assert np.array_equal(one.step, other.step)
 
-    robot = truebed.robot("staubli_tx60")
-    export_campaign(played, robot, tmp_path / "files")
-    inside = truebed.identify("staubli_tx60", tmp_path / "files" / "session.toml")
-    written = truebed.identify(robot, tmp_path / "files" / "session.toml", tmp_path / "identified")
-    again = truebed.load(str(tmp_path / "identified"))
+    inside = truebed.identify("staubli_tx60", folder / "files" / "session.toml")
+    again = truebed.load(str(folder / "identified"))
     for found in (written, again):
         assert np.array_equal(found.fits[0].identification.step, inside.fits[0].identification.step)
         assert repr(found) == repr(inside)
 
-    session = truebed.load(tmp_path / "files")
+    session = truebed.load(folder / "files")
     assert again.tables()["errors"].rows == len(session.measurements)
     (_, after) = plots.errors(Figure().add_subplot(), again).lines
     missed = 1e3 * again.fit.misses.position[again.split.is_test]
     np.testing.assert_allclose(after.get_xdata(), np.sort(missed))
-    assert truebed.load(tmp_path / "identified" / "robot").name.startswith("staubli_tx60")
+    assert truebed.load(folder / "identified" / "robot").name.startswith("staubli_tx60")
 
 
 def one_level_down(loaded):
@@ -56,23 +64,20 @@ def one_level_down(loaded):
         yield from ((f"{type(loaded).__name__}.{name}", part) for part in parts)
 
 
-def test_whatever_hangs_on_what_is_loaded_says_what_it_is_in_a_line_or_two(tmp_path, campaign):
+def test_whatever_hangs_on_what_is_loaded_says_what_it_is_in_a_line_or_two(folders):
     """An object of ours that a notebook shows: arrays and mappings of names are Python's own."""
-    robot = truebed.robot("staubli_tx60")
-    export_campaign(campaign, robot, tmp_path / "files")
-    truebed.run(changed(load_scenario("quick"), SMALL), tmp_path / "run")
-    truebed.identify(robot, tmp_path / "files" / "session.toml", tmp_path / "found")
+    folder, _ = folders
     seen = set()
-    for folder in ("run", "files", "found", "found/robot"):
-        loaded = truebed.load(tmp_path / folder)
-        for name, part in [(folder, loaded), *one_level_down(loaded)]:
+    for place in ("run", "files", "identified", "identified/robot"):
+        loaded = truebed.load(folder / place)
+        for name, part in [(place, loaded), *one_level_down(loaded)]:
             if not type(part).__module__.startswith(("calib", "testbed")):
                 continue
             seen.add(type(part).__name__)
             assert len(repr(part)) < 200, (name, repr(part))
             assert "\n" not in repr(part), name
     assert {"Scenario", "Records", "Trial", "SetUp", "Fixtures", "HandBack", "Visual"} <= seen
-    shown = repr(truebed.load(tmp_path / "run").scenario)
+    shown = repr(truebed.load(folder / "run").scenario)
     assert shown == "Scenario('quick', seed 1, staubli_tx60, 2 trials)"
     assert repr(Records({"setting": 1, "one": 2}, {"other": "no"})) == (
         "Records(setting, one; 1 failed)"
