@@ -1,8 +1,10 @@
 """Joint targets of a DRL program (Doosan): ``movej(posj(0, -10, ...), v=30, a=30)``, in degrees."""
 
 import re
+from dataclasses import replace
 
 from testbed.files.dialects.controllers.targets import JointList, Program, Target, axes_of
+from testbed.files.refusal import refusal
 from testbed.gates.text import FileText
 
 JOINTS = re.compile(r"(?:posj\s*\(\s*)?\[([^\[\]()]*)\]\s*\)?|posj\s*\(([^\[\]()]*)\)")
@@ -11,6 +13,8 @@ MOVED = re.compile(r"(?:^|[\s;:])(a?move\w{1,2}|servo[jl])\s*\((?:\s*pos\s*=)?\s
 TO_JOINTS = ("movej", "amovej")
 POSES = re.compile(r"posx\s*\(|get_|trans\s*\(|fkin\s*\(")
 BY_DIFFERENCE = re.compile(r"DR_MV_MOD_REL|\bmod\s*=\s*1\b")
+QUOTED = re.compile(r"""('''|\"{3}).*?(\1|\Z)|'[^'\n]*'|"[^"\n]*"|#[^\n]*""", re.DOTALL)
+"""Text between quotes, over several lines where these are three, and comments."""
 MODE = 4
 """Position after the target of the argument for the mode, in a call without argument names."""
 TAUGHT = "movej(posj(0, -10, 80, 0, 90, 0), v=30, a=30)"
@@ -27,9 +31,10 @@ def read_doosan(text: FileText) -> JointList:
     Raises
     ------
     InputError
-        M35: joints are computed, or a move is relative; or as `Program.joints`.
+        M35: joints are computed, a move is relative, or a block of comment has no end; or as
+        `Program.joints`.
     """
-    program = Program(text, TAUGHT)
+    program = Program(_unquoted(text), TAUGHT)
     for number, line in program.statements("#"):
         if (move := MOVED.search(line)) is not None:
             _move(program, number, move[1], move[2])
@@ -43,6 +48,21 @@ def read_doosan(text: FileText) -> JointList:
             else:
                 program.again.setdefault(name.lower(), number)
     return program.joints()
+
+
+def _unquoted(text: FileText) -> FileText:
+    """A program on the same lines, without comments and what it has between quotes."""
+    whole = "\n".join(text.lines)
+    for block in QUOTED.finditer(whole):
+        if block[1] and not block[2]:
+            line = whole.count("\n", 0, block.start()) + 1
+            raise refusal(
+                f"{text.where}:{line}", "joints",
+                f"a block that begins with {block[1]} has no end",
+                fix=f"close it with {block[1]}",
+            )  # fmt: skip
+    bare = QUOTED.sub(lambda quoted: "\n" * quoted[0].count("\n"), whole)
+    return replace(text, lines=tuple(bare.split("\n")))
 
 
 def _move(program: Program, number: int, verb: str, to: str) -> None:

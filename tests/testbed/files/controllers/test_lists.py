@@ -50,6 +50,10 @@ PROGRAMS = {
     "lists of DRL": (
         "doosan", "a.txt", True, [f"q{k}=posj([{one}])" for k, one in enumerate(LISTS)],
     ),
+    "blocks of comment in DRL": ("doosan", "a.drl", False, [
+        "'''", f"movej({POSJ[0]}, v=3)", "don't \"\"\" go", "'''", "tp_log(\"''' # \")",
+        *(f"movej({one}, v=3)" for one in POSJ), f'"""movej({POSJ[1]}) "quoted"', '"""', '# """',
+    ]),
     "a program of AS": ("kawasaki", "a.as", True, [
         ".NETCONF 1", ".PROGRAM cal()", "  HOME ; first", *(f"  JMOVE #p{k}" for k in range(M)),
         ".END", ".TRANS", "t1 1 2 3 4 5 6", ".END", ".JOINTS", *LISTED, ".END",
@@ -119,6 +123,9 @@ REFUSED = {
     "a sum of DRL": ([f"p = {POSJ[0]}", "movej(p + posj(1, 0, 0, 0, 0, 0))"], "a computed target"),
     "a sum of lists": ([f"movej({POSJ[0]} + {POSJ[1]}, v=3)"], "has a computed target"),
     "a changed point": ([f"p = {POSJ[0]}", "p[2] = 3", "movej(p)"], "p is assigned another value"),
+    "a comment of DRL without an end": (
+        ["x = 1", '"""', *(f"movej({one})" for one in POSJ)], 'a.txt:2: a block that begins with'
+    ),
     "places of DRL": (["movel(posx(1,2,3,4,5,6))"], "1 Cartesian position and no joint target"),
     "an unknown point of AS": ([".PROGRAM a()", "JMOVE #p9", ".END"], 'moves to "p9", which is'),
     "a taught point of AS": (
