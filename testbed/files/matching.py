@@ -97,8 +97,9 @@ def by_pose(
 ) -> Match:
     """Rows with the same pose_id, and the same repeat where both files count visits.
 
-    Poses of `elsewhere` were measured in other files, from other stations: they may be missing
-    here.
+    Where they do not, and joints come several times for a pose, its k-th reading belongs to its
+    k-th joints. Poses of `elsewhere` were measured in other files, from other stations: they may be
+    missing here.
 
     Raises
     ------
@@ -117,10 +118,11 @@ def by_pose(
     if not {key[0] for key in measured} <= {key[0] for key in commanded} and not elsewhere:
         commanded, measured = _written_alike(commanded, measured)
     once = _stops(commanded, joints.q)
-    twice = [key for key, count in Counter(commanded[k] for k in once).items() if count > 1]
-    if twice:
-        raise _mismatch(where, f"{joints.where} has joints twice for", twice)
     at = {commanded[k]: k for k in once}
+    if len(at) < len(once):
+        keys = [commanded[k] for k in once]
+        keys, measured = _by_visit(keys, measured, joints.rows(np.array(once)), readings)
+        at = dict(zip(keys, once, strict=True))
     without = [key for key in dict.fromkeys(measured) if key not in at]
     if without:
         raise _mismatch(where, f"{joints.where} has no joints for", without)
@@ -144,6 +146,40 @@ def _stops(keys: Sequence[tuple[str, int]], q: Array) -> list[int]:
         *(keys[k] == keys[k - 1] and (q[k] == q[k - 1]).all() for k in range(1, len(q))),
     ]
     return [k for k in range(len(q)) if not again[k]]
+
+
+def _by_visit(
+    commanded: Sequence[tuple[str, int]],
+    measured: Sequence[tuple[str, int]],
+    stops: Joints,
+    readings: Readings,
+) -> tuple[list[tuple[str, int]], list[tuple[str, int]]]:
+    """Keys of stops and readings, with the visit in those of poses that have several stops.
+
+    Raises
+    ------
+    InputError
+        M31: some target was not read as often as the robot stood there, or a file numbers its
+        visits otherwise.
+    """
+    count = Counter(commanded)
+    twice = {key for key, often in count.items() if often > 1}
+    shown = list(zip(measured, readings.target, readings.anchor, readings.station, strict=True))
+    odd = {key for (key, *_), often in Counter(shown).items() if often != count[key]}
+    odd |= twice - set(measured)
+    found = []
+    for keys, visit, stated in (
+        (commanded, visits_of(commanded), stops.extras.repeat),
+        (measured, visits_of(shown), readings.extras.repeat),
+    ):
+        if stated is not None:
+            odd |= {keys[k] for k in np.flatnonzero(stated != visit).tolist()}
+        found.append([(key[0], int(k)) if key in twice else key
+                      for key, k in zip(keys, visit, strict=True)])  # fmt: skip
+    if wrong := [key for key in count if key in odd & twice]:
+        more = ", or number the visits in both files in a column repeat"
+        raise _mismatch(readings.where, f"{stops.where} has joints twice for", wrong, more)
+    return found[0], found[1]
 
 
 def pose_numbers(names: Sequence[str]) -> tuple[Index, tuple[str, ...]]:

@@ -290,6 +290,27 @@ def test_joints_beside_each_of_several_targets_are_those_of_one_stop(tmp_path):
         read_session(tmp_path, ROBOT)
 
 
+def test_a_log_that_comes_back_to_poses_gives_each_visit_its_own_joints(tmp_path):
+    data, rows = made(5, 12), [*range(12), 3, 0]
+    q = data.q[rows] + 1e-5 * (np.arange(14) >= 12)[:, None]
+    seen = {k: v[rows] for k, v in with_spread(columns(data)).items() if k[0] != "q"}
+    seen["x_mm"] = seen["x_mm"] + np.arange(14) * 1e-3  # no reading is the copy of another
+    joints = {"pose_id": seen["pose_id"]} | {f"q{j + 1}_rad": q[:, j] for j in range(N)}
+    files = '[joints]\nfile = "joints.csv"\n[frames]\nfile = "seen.csv"\neuler = "XYZ"\n'
+    saved(tmp_path / "session.toml", files)
+    saved(tmp_path / "joints.csv", csv(joints))
+    saved(tmp_path / "seen.csv", csv(seen))
+    table = read_session(tmp_path, ROBOT).measurements
+    np.testing.assert_allclose(table.q, q, **CLOSE)
+    assert table.repeat.tolist() == [0] * 12 + [1, 1]
+    lost = [({k: np.delete(v, row) for k, v in seen.items()}, pose)
+            for row, pose in ((12, "pose 4;"), (0, "pose 1;"))]  # fmt: skip
+    for others, poses in (*lost, (seen | {"repeat": [*range(14)]}, "poses 1, 4;")):
+        saved(tmp_path / "seen.csv", csv(others))
+        with pytest.raises(InputError, match=f"joints twice for {poses} correct .* or number the"):
+            read_session(tmp_path, ROBOT, options=ReadOptions(drop_invalid=True))
+
+
 def test_distances_name_their_anchors(tmp_path):
     data = made(5, 30)
     anchors = {"A": [0.0, 0.0, 0.0], "B": [2000.0, 0.0, 0.0], "C": [0.0, 2000.0, 500.0]}
