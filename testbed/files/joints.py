@@ -201,6 +201,12 @@ def joint_columns(table: DataTable, robot: Robot, tail: str = "") -> Columns | N
     return together(*there)
 
 
+def has_joints(table: DataTable, robot: Robot) -> bool:
+    """Whether a table has a column of some joint of a robot."""
+    names = [(kind, f"{stem}{tail}") for stem, kind in _stems(robot) for tail in ("", "_read")]
+    return any(table.find(kind, name) for kind, name in names)
+
+
 def _stems(robot: Robot) -> list[tuple[str, str]]:
     """Column and kind of unit of each joint of the controller: ``q1`` is an angle, or a length."""
     kinds = robot.model.chain.kinds

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from calib.arrays import Array, Bool
+from calib.errors import InputError
 from calib.geometry.frames import inverse, transform
 from testbed.files.columns import COMMANDED, TEXTS, close_to, is_known, misspelt_reading
 from testbed.files.dialects.tables import FramesTable, ObservedTable, PointsTable, RangesTable
@@ -51,6 +52,15 @@ def section_of(table: DataTable, fix: str = PROPOSED) -> ObservedTable:
         f"... r33 for poses, or distance_mm; {table.found(120)}",
         fix=hint or fix,
     )  # fmt: skip
+
+
+def has_readings(table: DataTable) -> bool:
+    """Whether `section_of` finds readings in a table."""
+    try:
+        section_of(table)
+    except InputError:
+        return False
+    return True
 
 
 def read_observed(

@@ -4,14 +4,15 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from testbed.files.cleaned import Cleaned, sheet_of, table_in
-from testbed.files.joints import read_joints
+from testbed.files.joints import has_joints, read_joints
 from testbed.files.matching import Match, by_cycle, by_order, by_pose, by_row
-from testbed.files.observed import unused_columns
-from testbed.files.refusal import require_names
+from testbed.files.observed import has_readings, unused_columns
+from testbed.files.refusal import refusal, require_names
 from testbed.files.rows.by_time import by_time
 from testbed.files.rows.copies import without_copies
 from testbed.files.session import Sources
 from testbed.files.session_toml import SessionFile
+from testbed.files.table import DataTable
 from testbed.files.targets import TargetPart
 from testbed.gates.text import FileText
 from testbed.robots.robot import Robot
@@ -37,6 +38,8 @@ def with_joints(
     same = text is cleaned.text
     table = table_in(text, settings, how, section if same else None)
     nests = settings.drift.nests if same and settings.drift else ()
+    if sources.data is not None and not same:
+        _require_one_place(table, cleaned, sources, settings, robot)
     joints = read_joints(table, robot, how.source, drop=drop, nests=nests)
     own = [readings.columns] if same else []
     unused = unused_columns(table, joints.used, *own, elsewhere=_read_of(text, others))
@@ -71,6 +74,29 @@ def with_joints(
     if readings.kind != "pose" and any(part.readings.target):
         require_names("target", part.readings.target, part.readings.place)
     return part, replace(match, masked=tuple(copies), warnings=(*match.warnings, *alike))
+
+
+def _require_one_place(
+    joints: DataTable, cleaned: Cleaned, sources: Sources, settings: SessionFile, robot: Robot
+) -> None:
+    """Refuse a table of both kinds of which session.toml, beside it, takes one from another file.
+
+    Raises
+    ------
+    InputError
+        C41: joints of one session would be matched with readings of another.
+    """
+    data, table, other = str(sources.data), cleaned.table, settings.joints.file
+    if other is None and has_readings(joints):
+        kind, key, other = "readings", cleaned.section.name, cleaned.readings.where
+    elif other is not None and table is not None and has_joints(table, robot):
+        kind, key = "joints", "joints"
+    else:
+        return
+    raise refusal(
+        data, "--config", f"has {kind} of its own, and [{key}] takes those of {other}", code="C41",
+        fix=f"take file = out of [{key}], or name both files in a session.toml and give that alone",
+    )  # fmt: skip
 
 
 def _read_of(text: FileText, others: Sequence[Cleaned]) -> set[str]:

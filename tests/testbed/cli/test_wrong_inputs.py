@@ -94,6 +94,10 @@ def test_a_table_that_would_not_be_read_is_refused(here):
         "new.csv: would not be read: s.toml names a.csv itself; take file = out of s.toml, or give "
         "s.toml in place of new.csv. [C41]"
     )
+    for key, kind in (("points", "readings"), ("joints", "joints")):
+        (here / "s.toml").write_text(f'[{key}]\nfile = "a.csv"\n[uncertainty]\nposition_um = 9\n')
+        line = said("identify", TX60, "new.csv", "--config", "s.toml", "--out", "out")
+        assert f"new.csv: has {kind} of its own, and [{key}] takes those of a.csv; take" in line
     assert not (here / "out").exists()
     rows = [f"P,{cycle},{cycle / 100},0,0,0,0,0" for cycle in range(30)]
     table = "pose_id,cycle,x_mm,y_mm,z_mm,command_x_mm,command_y_mm,command_z_mm"
