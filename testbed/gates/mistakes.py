@@ -33,10 +33,10 @@ WANTED = {
 }
 """What a key must hold, and the likely fix, by kind of mistake."""
 BOUNDS = {
-    "greater_than": "larger than {gt:.15g}{unit}",
-    "greater_than_equal": "{ge:.15g}{unit} or larger",
-    "less_than": "smaller than {lt:.15g}{unit}",
-    "less_than_equal": "{le:.15g}{unit} or smaller",
+    "greater_than": "larger than {gt}{unit}",
+    "greater_than_equal": "{ge}{unit} or larger",
+    "less_than": "smaller than {lt}{unit}",
+    "less_than_equal": "{le}{unit} or smaller",
 }
 LENGTHS = {"string_too_short": "at least {min_length}", "string_too_long": "at most {max_length}"}
 UNITS = {
@@ -102,7 +102,9 @@ def in_words(
         allowed = f"it must have {bound} {wanted}"
         return Fault(path, message, "S37", allowed, "correct the list", value)
     if kind in BOUNDS:
-        allowed = f"it must be {BOUNDS[kind].format(**context, unit=_unit_at(path))}"
+        limits = {own: f"{one:.15g}" if isinstance(one, float) else one
+                  for own, one in context.items()}  # fmt: skip
+        allowed = f"it must be {BOUNDS[kind].format(**limits, unit=_unit_at(path))}"
         return Fault(path, said, "C41", allowed, "choose a value in range", value)
     if kind in LENGTHS:
         count = counted(next(iter(context.values())), "character")

@@ -213,7 +213,10 @@ def _of_plan(plan: PlanSettings) -> Iterator[str]:
             "remove the other"
         )
     if not plan.poses and not plan.target_um:
-        yield "[plan] has neither poses nor target_um; write one of them"
+        yield (
+            "[plan] needs poses, 1 or more, or target_um, above 0, which finds their number; write "
+            "one of them"
+        )
     if plan.target_um and plan.criterion not in ("V", "G"):
         yield (
             f'[plan] criterion is "{plan.criterion}"; target_um needs "V" or "G", '
