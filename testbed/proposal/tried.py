@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 
 from calib.errors import InputError
-from testbed.files.frames_fit import FAR, far_for, fit_frames, flange_poses, target_groups
+from testbed.files.frames_fit import FAR, Misfit, far_for, fit_frames, flange_poses, target_groups
 from testbed.files.probe import TIMES, probe
 from testbed.files.read import session_of
 from testbed.files.refusal import refusal
-from testbed.files.rows.shifts import FEWEST
+from testbed.files.rows.shifts import FEWEST, ROWS, spread_out
 from testbed.files.session import Session, Sources
 from testbed.files.session_toml import SESSION_FILE, SessionFile
 from testbed.gates.mistakes import validated
@@ -24,8 +24,6 @@ from testbed.proposal.sent import is_of_a_controller, places_of, without_sent
 from testbed.robots.robot import Robot
 from testbed.units import counted
 
-FITTED = 60
-"""Number of rows that frames are fitted to."""
 AXES = 3
 """Equations of a position; a distance has one."""
 GUESSED = ("M20", "M22", "M23", "V9")
@@ -39,12 +37,17 @@ BY_SIZE = "units and conventions are guessed from the numbers and from common us
 class _Fit:
     """Misfit of a draft after fitting base and tool, with counts of equations and unknowns."""
 
-    score: float
-    """Misfit [m]; infinite if nothing could be fitted."""
+    left: Misfit
+    """Infinite if nothing could be fitted."""
     equations: int
     numbers: int
     far: float = FAR
     """Misfit that the right draft never leaves [m]."""
+
+    @property
+    def score(self) -> float:
+        """Misfit in one number [m]."""
+        return self.left.score
 
     @property
     def is_near(self) -> bool:
@@ -62,7 +65,7 @@ class _Fit:
         return self.score * float(np.sqrt(self.equations / left)) if left > 0 else np.inf
 
 
-NONE = _Fit(np.inf, 0, 0)
+NONE = _Fit(Misfit(np.inf, 0.0), 0, 0)
 
 
 def tried_with(
@@ -112,8 +115,8 @@ def tried_with(
                 if _seen(one) == _seen(drafts[best]) and k not in made
                 and (k == best or not _same_rows(sessions[k], sessions[best]))
             ]  # fmt: skip
-            others = sorted(fits[k].score for k in same if k != best and fits[k].is_one)
-            tried = _fitting(robot, fits[best].score, others, len(same) - 1, parts)
+            others = [fits[k].left for k in same if k != best and fits[k].is_one]
+            tried = _fitting(robot, fits[best].left, others, len(same) - 1, parts)
             draft, more = _of_both(drafts, sessions, fits, best, robot, read)
             if draft is drafts[best]:
                 draft, sent = without_sent(robot, draft, sessions[best])
@@ -220,14 +223,15 @@ def _of_both(
     )
 
 
-def _fitting(robot: Robot, least: float, others: Sequence[float], count: int, parts: int) -> str:
-    """Sentence on the misfit of a draft and of others, the best first, in parts of the rows [m]."""
-    tried = f"with only base and tool fitted to a nominal {robot.name}, errors are {_shown(least)}"
+def _fitting(robot: Robot, left: Misfit, others: Sequence[Misfit], count: int, parts: int) -> str:
+    """Sentence on the misfit of a draft and of others, in parts of the rows."""
+    tried = f"with only base and tool fitted to a nominal {robot.name}, errors are {left.shown}"
     if parts > 1:
         tried += f" in the best of {parts} parts of the rows, and larger in all of them"
     if others:
-        tried += f"; with the best of {counted(count, 'other interpretation')}, {_shown(others[0])}"
-        if others[0] < TIMES * least:
+        least = min(others, key=lambda one: one.score)
+        tried += f"; with the best of {counted(count, 'other interpretation')}, {least.shown}"
+        if least.score < TIMES * left.score:
             tried += ": too close to tell them apart"
     return tried
 
@@ -275,26 +279,19 @@ def _fit(robot: Robot, session: Session | None, parts: int) -> _Fit:
         # the tool and the positions; if all of these are free, the base is the world
         free = len(session.free_anchors)
         numbers = 3 + 3 * free + (6 if free < len(session.anchor_names) else 0)
-        return _Fit(stated.score, min(len(table), FITTED), numbers) if stated is not None else NONE
+        return _Fit(stated, min(len(table), ROWS), numbers) if stated is not None else NONE
     if not groups or len(groups[0]) < FEWEST * parts:
         return NONE
     left = []
     for stretch in np.array_split(groups[0], parts):
-        spread = np.linspace(0, len(stretch) - 1, min(len(stretch), FITTED))
-        rows = stretch[spread.round().astype(np.int64)]
+        rows = stretch[spread_out(len(stretch))]
         F = flange_poses(robot.model, table.q[rows])
         turned = table.rotation[rows] if table.is_pose[rows[0]] else None
         seen = table.position[rows]
         frames = fit_frames(F, seen, turned)
-        score = frames.misfit(F, seen, turned).score
-        if EXPLAINED * score > float(np.sqrt(np.var(seen, axis=0).sum())):
-            score = np.inf  # no robot has moved them
+        misfit = frames.misfit(F, seen, turned)
+        if EXPLAINED * misfit.score > float(np.sqrt(np.var(seen, axis=0).sum())):
+            misfit = NONE.left  # no robot has moved them
         size, numbers = (3, 9) if turned is None else (6, 12)
-        left.append(_Fit(score, size * len(rows), numbers, far_for(seen)))
+        left.append(_Fit(misfit, size * len(rows), numbers, far_for(seen)))
     return min(left, key=lambda one: one.score)
-
-
-def _shown(score: float) -> str:
-    """A misfit for people."""
-    number, unit = (score * 1e3, "mm") if score < 1 else (score, "m")
-    return f"{float(f'{number:.2g}'):g} {unit}"  # 600, where .2g alone has 6e+02
