@@ -22,7 +22,10 @@ SHOWN = 4
 
 
 class _SeveralError(Exception):
-    """There are several tables, and nothing says which one is meant."""
+    """There are several tables, or values of one name, and nothing says which one is meant.
+
+    Its arguments are the message and the fix.
+    """
 
 
 def read_records(path: Path, where: str, *, max_mb: float) -> FileText:
@@ -39,7 +42,8 @@ def read_records(path: Path, where: str, *, max_mb: float) -> FileText:
     try:
         rows = _rows(_parsed(data.decode("utf-8-sig")))
     except _SeveralError as error:
-        raise refusal(where, "file", str(error), fix="give each a file of its own") from error
+        message, fix = error.args
+        raise refusal(where, "file", message, fix=fix) from error
     except (ValueError, RecursionError) as error:
         reason = str(error)[:80] if isinstance(error, json.JSONDecodeError) else "it is damaged"
         message = f"is no JSON: {reason}"
@@ -65,8 +69,19 @@ def _parsed(text: str) -> Any:
     """The document, or the list of those that stand one a line."""
     lines = [line for line in text.splitlines() if line.strip()]
     if len(lines) > 1 and all(line.lstrip()[0] + line.rstrip()[-1] == "{}" for line in lines):
-        return [json.loads(line) for line in lines]
-    return json.loads(text)
+        return [json.loads(line, object_pairs_hook=_object) for line in lines]
+    return json.loads(text, object_pairs_hook=_object)
+
+
+def _object(pairs: Sequence[tuple[str, Any]]) -> dict[str, Any]:
+    """An object of JSON whose names differ."""
+    found = dict(pairs)
+    if len(found) < len(pairs):
+        names = [name for name, _ in pairs]
+        twice = next(name for name in names if names.count(name) > 1)
+        message = f'holds two values called "{twice[:40]}" in one object'
+        raise _SeveralError(message, "name each once")
+    return found
 
 
 def _rows(found: Any) -> Rows:
@@ -75,7 +90,8 @@ def _rows(found: Any) -> Rows:
     rows = max((one for _, one in tables), key=_numbers_in, default=[])
     alike = [name for name, one in tables if one[0].keys() == rows[0].keys()]
     if len(alike) > 1:
-        raise _SeveralError(f"holds several tables with the same names: {listed(alike[:SHOWN])}")
+        message = f"holds several tables with the same names: {listed(alike[:SHOWN])}"
+        raise _SeveralError(message, "give each a file of its own")
     return rows
 
 

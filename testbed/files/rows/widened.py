@@ -11,9 +11,10 @@ from testbed.files.text import Sheet
 OPEN, CLOSED = ("[", "(", "{"), ("]", ")", "}")
 BETWEEN = re.compile(r"[\s,;\[\](){}]+")
 PLACES = {"position", "pos", "xyz", "point", "translation", "place", "p", "tcp", "coordinates",
-          "measured", "tvec", "t"}  # fmt: skip
+          "measured", "tvec", "t", "tracker", "smr", "marker"}  # fmt: skip
 """Words of a list of three that is a place."""
 AXES = ("x", "y", "z")
+POSE = (*AXES, "rx", "ry", "rz")
 OF_AXIS = {"x": "X", "y": "Y", "z": "Z", "x-axis": "X", "y-axis": "Y", "z-axis": "Z"}
 """What is said of a coordinate that has a row of its own."""
 MOST = 64
@@ -61,6 +62,8 @@ def _names(name: str, count: int) -> list[str]:
     words = set(re.split(r"[\W_]+", name.lower()))
     if count == 3 and words & PLACES:
         return [f"{name} {axis}" for axis in AXES]
+    if count == 6 and "pose" in words:
+        return [f"{name} {axis}" for axis in POSE]
     if count in (12, 16):
         return [f"T{k // 4 + 1}{k % 4 + 1}" for k in range(count)]
     if count == 9:

@@ -10,6 +10,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from calib.geometry.frames import log_so3
 from testbed.files.probe import probe
 from testbed.files.read import read_session
 from testbed.robots.catalog import load_robot
@@ -80,6 +81,14 @@ RECORDS = {
     "a list for each column": {"q": DATA.q.tolist(), "tvec": (MM / 1e3).tolist()},
     "by names of poses": {f"P{k}": {"joints": q, "measured": p} for k, (q, p) in
                           enumerate(zip(DEG.tolist(), MM.tolist(), strict=True))},
+    "poses of Universal Robots": [
+        {"actual_q": q, "pose": [*p, *turn]} for q, p, turn in
+        zip(DATA.q.tolist(), (MM / 1e3).tolist(), log_so3(DATA.T[:, :3, :3]).tolist(), strict=True)
+    ],
+    "a controller's poses beside a tracker's points": [
+        {"actual_q": q, "actual_TCP_pose": [*T[:3, 3], *log_so3(T[:3, :3])], "tracker": p}
+        for q, T, p in zip(DATA.q.tolist(), UR10.model.poses(DATA.q), MM.tolist(), strict=True)
+    ],
 }  # fmt: skip
 
 
@@ -97,6 +106,8 @@ def test_records_of_json_are_read(text, tmp_path):
     table = read_session(tmp_path / "session.toml", UR10).measurements
     np.testing.assert_allclose(table.q, DATA.q, rtol=0, atol=2e-12)
     np.testing.assert_allclose(table.position, DATA.T[:, :3, 3], rtol=0, atol=2e-12)
+    turned = table.rotation[table.is_pose]
+    np.testing.assert_allclose(turned, DATA.T[table.is_pose, :3, :3], rtol=0, atol=1e-12)
 
 
 @pytest.mark.parametrize(
@@ -106,6 +117,7 @@ def test_records_of_json_are_read(text, tmp_path):
         ("[" * 5000, "is no JSON"),
         ('{"a": 1}', "holds no records that make a table; one object for each measurement"),
         ("[]", "holds no records"),
+        ('[{"q": {"a": 1, "b": 2, "a": 3}}]', 'two values called "a" in one object; name each'),
         ("1e999999", "holds no records"),
     ],
 )
