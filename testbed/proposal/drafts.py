@@ -12,6 +12,7 @@ from testbed.proposal.data import Document, Found, Part
 from testbed.proposal.naming.targets import targets_in_a_row
 from testbed.proposal.parts import joint_parts, seen_parts
 from testbed.proposal.rows.clocks import by_clocks, have_clocks
+from testbed.proposal.rows.nests import nests_of
 
 PARTS = (1, 3)
 """Numbers of parts into which rows are divided; the best part counts."""
@@ -104,7 +105,12 @@ def _matched(
     if joints is not None:
         document["joints"] = {**_where(joints[0]), **joints[1]}
         said = [*joints[2], *notes]
-        ways = ("",) if joints[0] is look else _ways(joints[0], look)
+        if nests := nests_of(look, joints[0]):
+            document["drift"] = {"nests": list(nests)}
+            said.append(
+                f"drift: no joints belong to {', '.join(nests)}: taken as nests on the floor"
+            )
+        ways = ("",) if joints[0] is look else _ways(joints[0], look, nests)
     if len(stations) > 1:
         document[section] = {
             "files": [one.name for one in stations], **_without_station(keys, stations)
@@ -186,11 +192,11 @@ def _where(look: Found) -> Document:
     return {"file": look.name} | ({"sheet": look.sheet} if look.sheet is not None else {})
 
 
-def _ways(one: Found, two: Found) -> tuple[str, ...]:
-    """Ways to match: pose_id if the joints have all names of the readings, else order.
+def _ways(one: Found, two: Found, nests: tuple[str, ...] = ()) -> tuple[str, ...]:
+    """Ways to match: pose_id if the joints have all names of the readings but nests, else order.
 
-    An export gets both. If both files have clocks, time replaces order for different numbers of
-    rows, and comes after it otherwise.
+    An export gets both, and so do readings with more names than joints. If both files have clocks,
+    time replaces order for different numbers of rows, and comes after it otherwise.
     """
     if two.kind in ("points", "frames"):
         return ("pose_id", "order") if one.has("pose_id") else ("order",)
@@ -199,6 +205,10 @@ def _ways(one: Found, two: Found) -> tuple[str, ...]:
         found = look.stems.get("pose_id")
         sides.append(set(look.column(found.theirs)) if found else None)
     named, seen = sides
+    if seen is not None and nests:
+        targets = two.column(two.stems["target"].theirs)
+        rows = zip(two.column(two.stems["pose_id"].theirs), targets, strict=True)
+        seen = {name for name, target in rows if target not in nests}
     clocked = have_clocks(one, two)
     others = ("time",) if clocked and one.rows != two.rows else ("order", "time")[: 1 + clocked]
     if named is None or seen is None:
@@ -206,4 +216,6 @@ def _ways(one: Found, two: Found) -> tuple[str, ...]:
     if not seen <= named and stay_apart(seen) and stay_apart(named):
         named, seen = ({written_alike(name) for name in names} for names in (named, seen))
     # readings of another kind may be those of the other poses
-    return ("pose_id",) if seen <= named else others
+    if seen <= named:
+        return ("pose_id",)
+    return ("pose_id", *others) if named <= seen else others  # the error names those without joints
