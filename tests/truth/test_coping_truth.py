@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.stats import chi2
+from scipy.stats import binom, chi2
 
 from calib.arrays import Array
 from calib.geometry.frames import exp_so3
@@ -22,7 +22,7 @@ from tests.truth.measuring import measured
 
 pytestmark = pytest.mark.truth
 POOL, GOALS = pool_r(), pool_r(300, seed=99)
-ROBOTS = 24
+ROBOTS = pytest.mark.parametrize("robots", [10, pytest.param(60, marks=pytest.mark.study)])
 
 
 def true_robot(preset: str, seed: int) -> RobotModel:
@@ -48,7 +48,7 @@ def mean_error(model: RobotModel, truth: RobotModel) -> float:
     return float(1e3 * np.linalg.norm(gap, axis=1).mean())
 
 
-def chosen(preset: str, m: int, robots: int = ROBOTS) -> tuple[list[ModelChoice], Array]:
+def chosen(preset: str, m: int, robots: int) -> tuple[list[ModelChoice], Array]:
     """The choice for each robot, its poses at random; and both errors (robots, 2) [mm]."""
     choices, errors = [], []
     for seed in range(robots):
@@ -60,11 +60,12 @@ def chosen(preset: str, m: int, robots: int = ROBOTS) -> tuple[list[ModelChoice]
     return choices, np.array(errors)
 
 
+@ROBOTS
 @pytest.mark.parametrize(("m", "limit"), [(29, 0.025), (61, 0.015)])
-def test_every_wen2022_robot_asks_for_the_extended_model_and_is_served_by_it(m, limit):
+def test_every_wen2022_robot_asks_for_the_extended_model_and_is_served_by_it(m, limit, robots):
     """At 60 robots: .0212 mm at 29 poses and .0126 at 61, geometry alone .083 and .077."""
-    choices, errors = chosen("wen2022", m)
-    assert [choice.chosen for choice in choices] == ["extended"] * ROBOTS
+    choices, errors = chosen("wen2022", m, robots)
+    assert [choice.chosen for choice in choices] == ["extended"] * robots
     geometric, extended = np.median(errors, axis=0)
     assert extended <= limit
     assert geometric > 3 * extended
@@ -72,16 +73,20 @@ def test_every_wen2022_robot_asks_for_the_extended_model_and_is_served_by_it(m, 
     assert all(found.status is Status.CONVERGED for found in both)
     # the geometric fit knows that it does not fit; the extended one has no reason to complain
     assert all(choice.identifications[0].p_value < 1e-3 for choice in choices)
-    assert sum(choice.identifications[1].p_value < 1e-2 for choice in choices) <= 3
+    complaints = sum(choice.identifications[1].p_value < 1e-2 for choice in choices)
+    assert complaints <= binom.ppf(0.999, robots, 0.01)
 
 
+@ROBOTS
 @pytest.mark.parametrize(("m", "plain", "cost"), [(29, 0.0123, 0.0196), (61, 0.0082, 0.0125)])
-def test_rigid_robots_stay_geometric_and_the_extension_would_cost_what_is_specified(m, plain, cost):
+def test_rigid_robots_stay_geometric_and_the_extension_would_cost_what_is_specified(
+    m, plain, cost, robots
+):
     """At 60 robots: 0 of 60 extended, .0134 to .0211 mm at 29 poses, .0086 to .0126 at 61."""
-    choices, errors = chosen("rigid", m)
-    assert sum(choice.chosen == "extended" for choice in choices) < 0.1 * ROBOTS
+    choices, errors = chosen("rigid", m, robots)
+    assert sum(choice.chosen == "extended" for choice in choices) < 0.1 * robots
     assert max(choice.log_evidence for choice in choices) < 0
-    # medians over 24 robots of a tenth of scatter each, and another draw of poses
+    # medians over ten robots or more of a tenth of scatter each, and another draw of poses
     np.testing.assert_allclose(np.median(errors, axis=0), [plain, cost], rtol=0.2)
 
 
@@ -96,7 +101,7 @@ def wrong(table: Measurements, bad: Array, rng: np.random.Generator) -> Measurem
 def test_three_gross_errors_in_61_poses_cost_a_plain_fit_dear_and_a_robust_one_little():
     """Readable 30: clean .0103, plain .055, Huber .0116, Cauchy .0104 mm, +-20 %."""
     errors, missed, accused = [], 0, 0
-    for seed in range(30):
+    for seed in range(15):
         rng = np.random.default_rng([seed, 7])
         truth = rigid_truth(rng)
         clean = measured(truth, POOL[100:161], rng)
@@ -120,13 +125,13 @@ def test_three_gross_errors_in_61_poses_cost_a_plain_fit_dear_and_a_robust_one_l
                                [0.0103, 0.055, 0.0116, 0.0104], rtol=0.2)  # fmt: skip
     assert max(huber, cauchy) < 1.2 * clean_error
     assert missed == 0
-    # one sound table in twenty has a suspect: 60 tables, 3 expected, 9 by chance (99.9 %)
-    assert accused <= 9
+    # one sound table in twenty has a suspect: 30 tables, 1.5 expected, 6 by chance (99.9 %)
+    assert accused <= 6
 
 
 @pytest.mark.parametrize("loss", ["huber", "cauchy"])
 @pytest.mark.parametrize("dirty", [False, True], ids=["clean", "three outliers"])
-@pytest.mark.parametrize("robots", [40, pytest.param(400, marks=pytest.mark.study)])
+@pytest.mark.parametrize("robots", [16, pytest.param(400, marks=pytest.mark.study)])
 def test_robust_intervals_are_as_wide_as_the_errors(robots, loss, dirty):
     """Mean of e'inv(C)e over 24 numbers, new robot, poses and errors each time."""
     nees = []

@@ -102,7 +102,7 @@ def sum_contrasts(levels: int) -> Array:
     return np.vstack([np.eye(levels - 1), -np.ones(levels - 1)])
 
 
-@pytest.mark.slow
+@pytest.mark.study
 def test_the_mixed_factorial_of_algdesign_is_reached_or_beaten():
     # 3^2 x 2^4, all two-factor terms of sum contrasts: p = 35 of 144 candidates, 40 runs
     sizes = [3, 3, 2, 2, 2, 2]

@@ -210,6 +210,7 @@ def detectable(lam: Array, n_numbers: int, doubt: float) -> float:
     if not len(showing) or share <= 0:
         return np.nan
     limits = float(np.median(showing)) * np.array(MOST_OVER_MEDIAN)
+    limits = np.unique(np.minimum(limits, lam.max()))  # beyond the largest they cut nothing
     sizes = [_found_by_all(np.minimum(lam, limit), share, doubt) for limit in limits]
     return float(np.fmin.reduce(sizes))
 
@@ -239,7 +240,9 @@ def _shows(t: float, lam: Array, share: float, doubt: float) -> bool:
     L = 0.5 * np.log(mean) if certain == 0.0 else 0.0
     for _ in range(40 * (certain > 0.0)):  # convex and falling: Newton's steps never pass the root
         less = n * mean * np.exp(-2 * L)
-        L += (less - n - certain * L) / (2 * less + certain)
+        last, L = L, L + (less - n - certain * L) / (2 * less + certain)
+        if last == L:
+            break
     less = np.exp(-2 * L)
     gain = n * (2 * L + mean * less - 1 - float(np.log(grown).mean())) + certain * L**2
     if gain <= 0:

@@ -40,10 +40,9 @@ def test_a_set_that_leaves_a_direction_unseen_has_none(name: str):
 
 @pytest.mark.parametrize("name", CONVEX)
 @pytest.mark.parametrize("known", ["nothing", "prior", "given", "both"])
-@pytest.mark.parametrize("seed", range(2))
-def test_no_set_at_all_exceeds_the_bound(seed: int, known: str, name: str):
-    n, criterion, rng = (16 if seed else 11), small_criterion(name), np.random.default_rng(seed)
-    blocks, A = small_pool(seed, n), rng.normal(size=(4, 5))
+def test_no_set_at_all_exceeds_the_bound(known: str, name: str):
+    n, criterion, rng = 14, small_criterion(name), np.random.default_rng(1)
+    blocks, A = small_pool(1, n), rng.normal(size=(4, 5))
     prior = A.T @ A if known in ("prior", "both") else None  # of rank 4: a direction stays unknown
     given = (1, 4) if known in ("given", "both") else ()
     base = information(blocks[list(given)]) + (0 if prior is None else prior)
@@ -101,7 +100,7 @@ def from_rows(name: str, A: Array, before: Array) -> Array:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("pools", [3, pytest.param(40, marks=pytest.mark.study)])
+@pytest.mark.parametrize("pools", [1, pytest.param(40, marks=pytest.mark.study)])
 @pytest.mark.parametrize("name", CONVEX)
 @pytest.mark.parametrize("kind", ["uneven", "integer", "units", "twins"])
 def test_no_set_exceeds_the_bound_of_a_pool_made_to_break_it(kind: str, name: str, pools: int):
@@ -215,8 +214,8 @@ def test_what_no_set_changes_is_rounded_up_by_less_than_a_hundredth_of_a_percent
     ("free", "m", "random", "bar"),
     [
         (24, 29, 0.848, 0.990),
-        (24, 61, 0.884, 0.995),
-        (30, 29, 0.812, 0.985),
+        pytest.param(24, 61, 0.884, 0.995, marks=pytest.mark.study),
+        pytest.param(30, 29, 0.812, 0.985, marks=pytest.mark.study),
         (30, 61, 0.860, 0.993),
     ],
 )
@@ -246,7 +245,8 @@ TOOL_POINT = {
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("free", "m"),
-    [pytest.param(*key, marks=[pytest.mark.study] if key[1] > 29 else []) for key in TOOL_POINT],
+    # of 24 numbers test_pose_budget has the curve of V
+    [pytest.param(*k, marks=[pytest.mark.study] if k != (30, 29) else []) for k in TOOL_POINT],
 )
 def test_tool_point_uncertainties_on_the_tx60(free: int, m: int):
     names = WEN24 if free == 24 else READABLE30

@@ -48,14 +48,14 @@ def test_a_selection_is_a_set_its_value_is_fresh_and_its_proof_is_said(method: s
 def test_the_same_seed_gives_the_same_set_and_the_order_of_the_pool_is_no_matter(
     method: str, name: str
 ):
-    blocks, criterion, run = small_pool(5, 20), small_criterion(name), METHODS[method]
+    blocks, criterion, run = small_pool(5, 14), small_criterion(name), METHODS[method]
     first, again = (
         run(Problem.of_blocks(blocks, 5, criterion), np.random.default_rng(8)) for _ in range(2)
     )
     np.testing.assert_array_equal(first.indices, again.indices)
     np.testing.assert_array_equal(first.trace, again.trace)
     if method == "greedy":
-        order = np.random.default_rng(0).permutation(20)
+        order = np.random.default_rng(0).permutation(14)
         shuffled = run(Problem.of_blocks(blocks[order], 5, criterion), np.random.default_rng(8))
         np.testing.assert_array_equal(order[shuffled.indices], first.indices)
 
@@ -72,7 +72,7 @@ def test_a_pose_comes_twice_only_if_asked(method: str):
 
 
 @pytest.mark.parametrize("method", ["greedy", "detmax", "fedorov", "exchange"])
-@pytest.mark.parametrize("name", ["D", "A", "E"])
+@pytest.mark.parametrize("name", ["D", "E"])
 def test_every_search_is_far_better_than_a_random_set(method: str, name: str):
     blocks, criterion = whitened_pool(150), small_criterion(name, 24)
     found = METHODS[method](

@@ -22,7 +22,10 @@ from tests.calib.design.design_cases import (
 )
 
 # predicted RMS tool-point u [um] of V designs over goal set G, by poses (reference study, 3 %)
-CURVE = {8: 27.6, 10: 23.9, 12: 21.0, 15: 18.6, 18: 16.7, 22: 15.0, 26: 13.8, 29: 13.0, 35: 11.8}
+CURVE = {
+    8: 27.6, 10: 23.9, 12: 21.0, 15: 18.6, 18: 16.7, 22: 15.0, 26: 13.8, 29: 13.0, 35: 11.8,
+    45: 10.4, 61: 8.9,
+}  # fmt: skip
 
 
 @pytest.fixture(scope="module")
@@ -31,15 +34,16 @@ def v():
 
 
 @pytest.mark.slow
-def test_the_curve_of_the_tx60_and_the_number_for_fifteen_micrometers(v):
+@pytest.mark.parametrize("counts", [[15, 29, 61], pytest.param([*CURVE], marks=pytest.mark.study)])
+def test_the_curve_of_the_tx60_and_the_number_for_fifteen_micrometers(v, counts):
     found = pose_budget(
         Problem.of_blocks(whitened_pool(), 200, v),
         15e-6,
         np.random.default_rng(0),
-        counts=[*CURVE, 45, 61],
+        counts=counts,
     )
     reached = dict(zip(found.counts.tolist(), found.reached * 1e6, strict=True))
-    for m, u in {**CURVE, 45: 10.4, 61: 8.9}.items():
+    for m, u in ((m, u) for m, u in CURVE.items() if m in counts):
         assert reached[m] == pytest.approx(u, rel=0.03)
     assert (found.possible <= found.reached).all()
     assert (np.diff(found.possible) < 0).all()
@@ -53,8 +57,8 @@ def test_the_curve_of_the_tx60_and_the_number_for_fifteen_micrometers(v):
 @pytest.mark.parametrize("known", ["nothing", "prior", "given"])
 @pytest.mark.parametrize("name", ["V", "G", "A"])
 def test_no_set_smaller_than_proven_reaches_the_target(name: str, known: str):
-    # each figure of G looks at every goal, and a thousand sets are tried: one pool is enough
-    for seed in range(1 if name == "G" else 3):
+    # another pool for each way to know something, and one target for G, whose bound is costly
+    for seed in [("nothing", "prior", "given").index(known)]:
         blocks, criterion = small_pool(seed, 10), small_criterion(name)
         prior = 0.3 * np.eye(5) if known == "prior" else None
         given = (0, 3, 4) if known == "given" else ()
@@ -66,7 +70,8 @@ def test_no_set_smaller_than_proven_reaches_the_target(name: str, known: str):
             every = base + np.swapaxes(sets, 1, 2) @ sets
             # of sets of one size the figure is least where the value is largest
             best[m] = criterion.figure(every[criterion.value(every).argmax()], m)
-        for target in (best[4], best[5] * 1.01, best[6] * 0.999):
+        targets = (best[5] * 1.01, best[4], best[6] * 0.999)
+        for target in targets[: 1 if name == "G" else 3]:
             target *= 1 + 1e-9
             rng = np.random.default_rng(0)
             problem = Problem.of_blocks(blocks, len(free), criterion, prior=prior, given=given)

@@ -1,5 +1,7 @@
 """A reflector on the axis of the last joint: what its readings barely tell, a weak prior holds."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 
@@ -12,7 +14,7 @@ from tests.calib.kinds import ARMS
 
 SD = 9e-6
 NOMINAL = calib.RobotModel(ARMS["tx60"])
-STOPPED = (5, 8, 27, 33, 37, 39, 41, 42)
+STOPPED = (5, 8, 27, 33, 37)
 """Draws whose fit without a prior stops at the iteration limit."""
 
 
@@ -27,6 +29,14 @@ def drawn(seed, reflector=(0.0, 0.0, 0.0)):
     return true, *seen.split(held_out=20, seed=seed)
 
 
+@cache
+def calibrated(seed):
+    """The result for a draw, and what is judged of it."""
+    _, train, test = drawn(seed)
+    result = calib.calibrate(NOMINAL, train)
+    return result, result.judge(test)
+
+
 def bare(result, *, prior=None):
     """The fit of all numbers again, with this prior or none."""
     start = result.start.model
@@ -35,24 +45,22 @@ def bare(result, *, prior=None):
 
 @pytest.mark.parametrize("seed", STOPPED)
 def test_a_reflector_on_the_last_axis_is_calibrated_and_judged(seed):
-    _, train, test = drawn(seed)
-    result = calib.calibrate(NOMINAL, train)
+    result, judged = calibrated(seed)
     found = result.identification
     assert bare(result).status is Status.LIMIT
     assert found.status is Status.CONVERGED
     assert set(found.prior.names) == {"theta5", "d5", "a5", "alpha5", "beta5"}
     assert "barely tell theta5" in found.notes[-1]
-    assert result.judge(test).point is not None
+    assert judged.point is not None
     # known no worse than believed; without the prior theta5 was told to 13 deg
     u = dict(zip(found.names, found.standard_uncertainty, strict=True))
     for name, sd in zip(found.prior.names, found.prior.sd, strict=True):
         assert u[name] <= sd * (1 + 1e-9)
 
 
-@pytest.mark.parametrize("seed", STOPPED[:4])
+@pytest.mark.parametrize("seed", STOPPED[:2])
 def test_the_answer_is_that_of_a_prior_on_all_links(seed):
-    _, train, test = drawn(seed)
-    result = calib.calibrate(NOMINAL, train)
+    test, (result, _) = drawn(seed)[2], calibrated(seed)
     start = result.start.model
     links = parameters_of(start, start.names[6:36])
     other = bare(result, prior=weak_prior(links, start))
@@ -65,9 +73,8 @@ def test_the_answer_is_that_of_a_prior_on_all_links(seed):
 def test_the_stated_radius_holds_the_true_tool_points():
     inside = []
     for seed in STOPPED:
-        true, train, test = drawn(seed)
-        result = calib.calibrate(NOMINAL, train)
-        radius = result.judge(test).point.radius_mean
+        true, (result, judged) = drawn(seed)[0], calibrated(seed)
+        radius = judged.point.radius_mean
         q = np.random.default_rng(1000 + seed).uniform(-1.6, 1.6, (200, 6))
         error = true.poses(q)[:, :3, 3] - result.model.poses(q)[:, :3, 3]
         inside.append(np.mean(np.linalg.norm(error, axis=1) <= radius))

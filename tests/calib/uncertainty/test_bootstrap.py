@@ -191,16 +191,16 @@ def test_fits_that_do_not_settle_are_fitted_one_by_one():
     It does for all numbers but the one that is bent, and there the virtual calibrations tell.
     """
     table, fit = hardly_told()
-    run = bootstrap(fit.model, table, fit.parameters, np.random.default_rng(1), replicates=200)
+    run = bootstrap(fit.model, table, fit.parameters, np.random.default_rng(1), replicates=100)
     assert run.unconverged == 0
-    ratio, sampled = run.ratio, 4 / np.sqrt(2 * 200)
+    ratio, sampled = run.ratio, 4 / np.sqrt(2 * 100)
     straight = np.array([name != "tool.z" for name in run.names])
     assert np.abs(ratio[straight] - 1).max() < sampled
     assert ratio[~straight] > 1 + sampled
     assert not run.agrees
     assert "tool.z by a factor" in run.sentence
-    # chi-square of 200 exact fits: mean and 4 sd of the mean
-    assert abs(run.chi_square.mean() - run.dof) < 4 * np.sqrt(2 * run.dof / 200)
+    # chi-square of 100 exact fits: mean and 4 sd of the mean
+    assert abs(run.chi_square.mean() - run.dof) < 4 * np.sqrt(2 * run.dof / 100)
 
 
 def test_zero_noise_is_refused():

@@ -20,7 +20,7 @@ from tests.calib import kinds
 
 TX60 = RobotModel(kinds.ARMS["tx60"])
 K3 = np.sqrt(chi2.ppf(0.95, 3))
-ROBOTS, TARGETS = 24, 50
+ROBOTS, TARGETS = 16, 50
 
 
 def bent(rng, size):
@@ -63,7 +63,7 @@ def covered(size):
 def test_the_believed_region_holds_the_truth(size):
     """Misfit of none, of about half the noise, of several times the noise; robots are the unit."""
     believed, alone = covered(size)
-    # 24 robots: the mean must not lie below 95 % by more than its own standard error allows
+    # 16 robots: the mean must not lie below 95 % by more than its own standard error allows
     assert believed.mean() >= 0.95 - 3 * believed.std(ddof=1) / np.sqrt(ROBOTS)
     assert believed.mean() >= 0.94
     if size:

@@ -28,13 +28,13 @@ def shifted(table, shift, turn=(0.0, 0.0, 0.0)):
 
 
 def test_false_alarms_are_rare():
-    """Of 60 robots, rigid and bent, at p < .001 for the base and for the tool."""
+    """Of 30 robots, rigid and bent, at p < .001 for the base and for the tool."""
     found = 0
-    for robot in range(60):
+    for robot in range(30):
         rng = np.random.default_rng([robot, 41])
         _, fit, train, held_out = campaign(rng, [0.0, 15e-6, 60e-6][robot % 3])
         found += other_frame(believe(fit, train, held_out), held_out, fit, train).found
-    assert found <= binom.ppf(0.999, 60, 0.002)
+    assert found <= binom.ppf(0.999, 30, 0.002)
 
 
 def test_a_frame_that_was_held_fixed_and_does_not_fit_is_no_other_frame():
