@@ -5,7 +5,7 @@ millimeter or so, with a wrong one they leave centimeters. Nothing is ever switc
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import chain
 
 import numpy as np
@@ -17,6 +17,7 @@ from calib.identification.start.start import start_frames
 from calib.measurement.observations import Measurements
 from testbed.files.alternatives import (
     Alternative,
+    Interpretation,
     alternatives_of,
     coupling_of,
     distance_alternatives,
@@ -25,7 +26,6 @@ from testbed.files.alternatives import (
     some_rows,
 )
 from testbed.files.frames_fit import FAR, Misfit, far_for, flange_poses, target_groups
-from testbed.files.refusal import refusal
 from testbed.files.rows.exact import exactness
 from testbed.files.rows.names import exchanged_names
 from testbed.files.rows.one_tool import named_target, not_on_one_tool
@@ -40,117 +40,16 @@ from testbed.files.rows.shifts import (
     spread_out,
 )
 from testbed.files.session import Session
+from testbed.files.tried.interpretations import TIMES, Probe, Tried
+from testbed.files.tried.links_fit import LinksFit, links_fit, table_of
 from testbed.robots.robot import Robot
 
-TIMES = 5.0
-"""An alternative is named if what it leaves is so many times smaller."""
-ALIKE = 2.0
-"""The same of as many rows beside their own joints. Of 900 random lines of ten good rows one is
-named so and nine were without it; of 400 with shifted rows 193, as without it."""
-UNITS = (0.6, 1.6)
-"""Spread of the measured positions over the nominal ones, with the right unit."""
-BEYOND = 5.0
-"""Times outside of that from which on a few poses show a wrong unit: inches for mm are 25."""
 LEAST_SPAN, TOOL = 0.02, 1.0
 """Distances vary by at least this part of what the flange moves, and by that and a tool [m]."""
+MOST_LINKS = 3
+"""Alternatives that links are fitted to as well, where those do not explain the stated reading."""
 BETTER = 0.98
 """The other source of joints fits better if it leaves less than this part."""
-
-
-@dataclass(frozen=True, slots=True)
-class Tried:
-    """An alternative reading and what it leaves."""
-
-    alternative: Alternative
-    misfit: Misfit
-    beside: float | None = None
-    """Score that as many rows leave as they were read, where it is of fewer than all [m]."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Probe:
-    """What the stated reading leaves, and what others would."""
-
-    where: str
-    robot: str
-    stated: Misfit | None = None
-    """None if there are too few poses to judge."""
-    tried: tuple[Tried, ...] = ()
-    """Best first."""
-    spread: float = float("nan")
-    """Spread of measured over nominal positions; nan for distances."""
-    warnings: tuple[str, ...] = ()
-    no_target: InputError | None = None
-    """Where two targets cannot both have been on the tool."""
-    far: float = FAR
-    """Error that the right reading of these positions never leaves [m]."""
-
-    @property
-    def best(self) -> Tried | None:
-        """The alternative that fits best."""
-        return self.tried[0] if self.tried else None
-
-    @property
-    def wrong(self) -> Tried | None:
-        """The alternative that fits so much better that the file is read wrongly."""
-        if self.stated is None:
-            return None
-        for one in self.tried:
-            # what is better and still absurd is no reading of this file either
-            if one.misfit.score > FAR or self.stated.score <= TIMES * one.misfit.score:
-                return None
-            if one.beside is None or one.beside > ALIKE * one.misfit.score:
-                return one
-        return None
-
-    @property
-    def sentence(self) -> str:
-        """The fit of the stated reading and of the best other one in words."""
-        if self.stated is None:
-            return f"too few poses to try other interpretations of the file; at least {FEWEST}"
-        sentence = f"with only base and tool fitted, the errors are {self.stated.shown}"
-        if self.best is None:
-            return sentence
-        count, left = len(self.tried), self.best.misfit.shown
-        return f"{sentence}; with the best of {count} other interpretations, {left}"
-
-    def raise_if_wrong(self) -> None:
-        """Refuse a file that is read wrongly, or that is not of this robot.
-
-        Raises
-        ------
-        InputError
-            The code of the row it belongs to; the message names the reading that fits.
-        """
-        stated, wrong = self.stated, self.wrong
-        if stated is None:
-            if np.isfinite(self.spread) and not UNITS[0] / BEYOND < self.spread < UNITS[1] * BEYOND:
-                raise refusal(
-                    self.where, "length",
-                    f"the measured points spread {self.spread:.3g} times as far as the robot moves",
-                    code="M21", value=self.spread,
-                    allowed=f"{UNITS[0]} to {UNITS[1]} times is usual",
-                    fix="check the unit of the positions",
-                )  # fmt: skip
-        elif wrong is not None:
-            other = wrong.alternative
-            raise refusal(
-                self.where, other.field,
-                f"with base and tool fitted, the readings miss the robot by {stated.shown}, but "
-                f"only by {wrong.misfit.shown} {other.condition}",
-                code=other.code, value=stated.position, fix=other.fix,
-            )  # fmt: skip
-        elif self.no_target is not None:
-            raise self.no_target
-        elif min([stated.score, *(tried.misfit.score for tried in self.tried)]) > self.far:
-            raise refusal(
-                self.where, "ROBOT",
-                f"with base and tool fitted, the readings miss the robot by {stated.shown}, and by "
-                f"{self.far * 1e3:.2g} mm or more however the file is interpreted", code="M32",
-                value=stated.position,
-                allowed=f"those of a {self.robot} would miss it by a few mm",
-                fix="is this the robot that was measured?",
-            )  # fmt: skip
 
 
 def probe(robot: Robot, session: Session) -> Probe:
@@ -186,20 +85,61 @@ def probe(robot: Robot, session: Session) -> Probe:
     lines = list(other_lines(robot.model, session, groups, rows))
     # there are a hundred of these: what only another valley would bring near is left unnamed
     tried = [
-        Tried(other, misfit_of(robot.model, read, one_valley=True))
+        (Tried(other, misfit_of(robot.model, read, one_valley=True)), read)
         for other, read in (*numbers, *mixed)
     ]
-    fitting = ratios_that_fit(robot, read, stated)
-    tried += [Tried(coupling_of(one), left) for one, left in fitting]
+    for one, left in ratios_that_fit(robot, read, stated):
+        tried.append((Tried(coupling_of(one), left), replace(read, q=one.q)))
     if stated.score > SUSPECT:
         renamed = exchanged_names(robot.model, session, groups, rows)
-        tried += [Tried(one.alternative, misfit_of(robot.model, one.read)) for one in renamed]
+        tried += [
+            (Tried(one.alternative, misfit_of(robot.model, one.read)), one.read) for one in renamed
+        ]
     some_lines = lines or other_rows(session, rows)
-    tried += [_of_rows(robot.model, one, stated.score) for one in some_lines]
-    tried.sort(key=lambda one: one.misfit.score)
-    warnings = (*_warnings(robot, session, some, stated), *_others(robot, session, groups, rows))
-    no_target = not_on_one_tool(session, groups)
-    return replace(plain, stated=stated, tried=tuple(tried), warnings=warnings, no_target=no_target)
+    tried += [(_of_rows(robot.model, one, stated.score), one.read) for one in some_lines]
+    tried.sort(key=lambda one: one[0].misfit.score)
+    found = replace(
+        plain,
+        stated=stated,
+        tried=tuple(one for one, _ in tried),
+        warnings=(*_warnings(robot, session, some, stated), *_others(robot, session, groups, rows)),
+        no_target=not_on_one_tool(session, groups),
+    )
+    return _with_links(found, robot, session, read, [one for _, one in tried])
+
+
+def _with_links(
+    found: Probe,
+    robot: Robot,
+    session: Session,
+    read: Interpretation,
+    others: Sequence[Interpretation],
+) -> Probe:
+    """The same with links fitted as well, where frames alone leave doubt of what was read.
+
+    Readings that only the links explain are those of an arm far from nominal. Where they explain
+    another reading instead, it is that one.
+    """
+    stated = found.stated
+    if stated is None or stated.score <= FAR / TIMES or found.wrong is not None:
+        return found
+
+    def linked(one: Interpretation, left: Misfit) -> LinksFit | None:
+        if not np.isfinite(left.score):
+            return None
+        stated = session.link_sd if session.link_sd is not None else robot.tolerances
+        return links_fit(robot.model, table_of(one), left.score, stated=stated)
+
+    own = linked(read, stated)
+    if own is not None:
+        text = f"base and tool alone leave {stated.shown}, far more than usual, and {own.sentence}"
+        said = (text,) if stated.score > found.far else ()
+        return replace(found, linked=own, warnings=(*found.warnings, *said))
+    tried = list(found.tried)
+    for k, one in enumerate(tried[:MOST_LINKS]):
+        if one.misfit.score < stated.score:
+            tried[k] = replace(one, linked=linked(others[k], one.misfit))
+    return replace(found, tried=tuple(tried))
 
 
 def _others(
@@ -288,7 +228,13 @@ def _probe_distances(plain: Probe, robot: Robot, session: Session) -> Probe:
         if stated.score > TIMES * tried[-1].misfit.score:
             break
     tried.sort(key=lambda one: one.misfit.score)
-    return replace(plain, stated=stated, tried=tuple(tried))
+    found = replace(plain, stated=stated, tried=tuple(tried))
+    if FAR < stated.score < float("inf") and found.wrong is None:
+        linked = links_fit(
+            model, table, stated.score, stated=session.link_sd, free_anchors=session.free_anchors
+        )
+        found = replace(found, linked=linked)
+    return found
 
 
 def _other_distances(table: Measurements) -> Iterator[tuple[Alternative, Measurements]]:

@@ -9,9 +9,9 @@ from calib.arrays import frozen
 from calib.errors import InputError, refuse
 from calib.identification.larger_noise import noise_factor
 from calib.identification.robust import LOSSES, Loss
-from testbed.files.probe import Probe
 from testbed.files.rows.terms import row_terms
 from testbed.files.session import Session
+from testbed.files.tried.interpretations import Probe
 from testbed.files.visits.probing import probed
 from testbed.identify.applies.mounting import mounting_words
 from testbed.identify.applies.poses import warnings_of

@@ -13,9 +13,9 @@ from calib.geometry.model import RobotModel
 from calib.measurement.observations import Measurements, joined
 from calib.measurement.prediction import predict
 from testbed.files.conditions import joined as joined_conditions
-from testbed.files.probe import Probe
 from testbed.files.rows.say import taken_as_usual
 from testbed.files.session import Session, Stated
+from testbed.files.tried.interpretations import Probe
 from testbed.files.visits.probing import tried_words
 from testbed.identify.records import Origin
 from testbed.robots.catalog import Robot

@@ -3,8 +3,9 @@
 from collections.abc import Sequence
 
 from calib.errors import InputError
-from testbed.files.probe import Probe, probe
+from testbed.files.probe import probe
 from testbed.files.session import Session
+from testbed.files.tried.interpretations import Probe
 from testbed.robots.robot import Robot
 
 

@@ -24,13 +24,13 @@ class Made:
 
 
 @cache
-def made(seed=0, m=29, noise=17.5e-6, turn=2e-4, robot=ROBOT):
-    """True geometry 0.04 deg / 0.15 mm off, base anywhere, tool to 0.15 m per axis."""
+def made(seed=0, m=29, noise=17.5e-6, turn=2e-4, robot=ROBOT, off=1.0):
+    """True geometry 0.04 deg / 0.15 mm off, times `off`, base anywhere, tool to 0.15 m per axis."""
     rng = np.random.default_rng(seed)
     model = robot.model
     sd = np.where(model.is_length, 0.15e-3, np.radians(0.04))
     moved = np.isin(model.names, robot.free_sets.get("wen2022", model.names))
-    step = moved * sd * rng.standard_normal(model.n_numbers)
+    step = moved * off * sd * rng.standard_normal(model.n_numbers)
     base = np.concatenate([rng.uniform(-3, 3, 3), rng.uniform(-2, 2, 3)])
     tool = np.concatenate([rng.uniform(-0.15, 0.15, 3), rng.uniform(-2, 2, 3)])
     chain = model.moved(step).chain

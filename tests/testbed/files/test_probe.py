@@ -11,8 +11,9 @@ from calib.errors import InputError
 from calib.geometry.frames import inverse
 from testbed.files.alternatives import Alternative
 from testbed.files.frames_fit import Misfit
-from testbed.files.probe import Probe, Tried, probe
+from testbed.files.probe import probe
 from testbed.files.read import read_session
+from testbed.files.tried.interpretations import Probe, Tried
 from testbed.robots.catalog import load_robot
 from tests.testbed.files.made import ROBOT, Made, N, columns, csv, made, with_spread
 
@@ -146,6 +147,36 @@ def test_points_alone_tell_the_same(tmp_path, change, told):
         probe(ROBOT, read(tmp_path, change(points(made())), "", "points")).raise_if_wrong()
 
 
+FAR_OFF = {"off": 45.0, "m": 40}
+"""Links 6.8 mm and 1.8 deg from nominal."""
+
+
+@pytest.mark.parametrize("kind", ["frames", "points"])
+def test_an_arm_far_from_nominal_is_read_where_its_links_explain_it(kind, tmp_path):
+    data = made(3, **FAR_OFF)
+    table = columns(data) if kind == "frames" else points(data)
+    found = probe(ROBOT, read(tmp_path, table, 'euler = "XYZ"' * (kind == "frames"), kind))
+    assert found.stated.score > found.far
+    found.raise_if_wrong()
+    assert found.linked.left < 2e-3
+    assert f"alone leave {found.stated.shown}, far more than usual, and links" in found.warnings[0]
+    assert found.linked.sentence in found.sentence
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        (lambda t: scaled(t, JOINTS[1:2], -1), "joint 2 turns the other way, and links up to"),
+        (lambda t: scaled(t, JOINTS[3:5], np.pi / 180), "q4, q5 are in rad, not deg, and links"),
+        (lambda t: moved(t, 1), "row k\\+1 belongs to pose k, and links"),
+    ],
+)
+def test_a_wrong_reading_of_an_arm_far_from_nominal_is_named(change, told, tmp_path):
+    table = change(points(made(3, **FAR_OFF)))
+    with pytest.raises(InputError, match=told):
+        probe(ROBOT, read(tmp_path, table, "", "points")).raise_if_wrong()
+
+
 def distances(data, factor=1.0):
     table = columns(data, form="none")
     p = data.T[:, :3, 3] + data.T[:, :3, :3] @ [0.05, 0.03, 0.08]
@@ -232,6 +263,12 @@ def test_another_robot_is_not_taken_for_this_one(tmp_path):
         with pytest.raises(InputError, match="is this the robot that was measured") as caught:
             probe(ROBOT, session).raise_if_wrong()
         assert caught.value.code == "M32"
+    (tmp_path / "s.toml").write_text(
+        f'[frames]\neuler = "XYZ"\n{SIGMAS}[prior]\nlength_mm = 60\n'  # who says so is believed
+    )
+    probe(
+        ROBOT, read_session(tmp_path / "a.csv", ROBOT, config=tmp_path / "s.toml")
+    ).raise_if_wrong()
 
 
 def test_what_is_better_and_still_absurd_is_no_reading():
