@@ -127,7 +127,19 @@ def _matched(
         if way == "time" and joints is not None:
             match, clocks = by_clocks(joints[0], look)
             note = (clocks,) if clocks else ()
-        yield Draft({**match, **document}, (*said, *note, *more), joints is None)
+        named: Document = {}
+        if way == "pose_id" and joints is not None and joints[0] is not look:
+            files = (("joints", joints[0]), (section, look))
+            named = {key: _named(document[key], one) for key, one in files}
+        yield Draft({**match, **document, **named}, (*said, *note, *more), joints is None)
+
+
+def _named(keys: Document, look: Found) -> Document:
+    """Keys of a table with its column of poses, though names in it come again."""
+    one = look.stems.get("pose_id")
+    if one is None or one.known:
+        return keys
+    return keys | {"columns": {"pose_id": one.theirs} | keys.get("columns", {})}
 
 
 def _without_station(keys: Document, stations: tuple[Found, ...]) -> Document:

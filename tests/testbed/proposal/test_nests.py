@@ -49,6 +49,18 @@ def test_targets_without_joints_that_come_again_are_nests(files, tmp_path):
     assert session.drift.nests == ("N1", "N2", "N3")
 
 
+def test_names_that_come_again_in_both_files_are_visits_of_poses(tmp_path):
+    rows = [*range(M), 3, 0]
+    seen = [f"P{k},{','.join(map(repr, (MM[k] + 1e-3 * j).tolist()))}" for j, k in enumerate(rows)]
+    lines = JOINTS.splitlines()
+    (tmp_path / "m.csv").write_text("\n".join(["Point,X,Y,Z", *seen, ""]))
+    (tmp_path / "joints.csv").write_text("\n".join([*lines, lines[4], lines[1], ""]))
+    proposed(tmp_path, [tmp_path / "m.csv", tmp_path / "joints.csv"], "--robot", UR10.name)
+    table = read_session(tmp_path / "session.toml", UR10).measurements
+    np.testing.assert_allclose(table.q, DATA.q[rows], rtol=0, atol=2e-12)
+    assert table.repeat.tolist() == [0] * M + [1, 1]
+
+
 def test_names_without_joints_are_named_where_no_column_tells_nests(tmp_path):
     (tmp_path / "m.csv").write_text(rows("P{k},{p}", "{n},{p}", "Name,X,Y,Z"))
     (tmp_path / "joints.csv").write_text(JOINTS)
