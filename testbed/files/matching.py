@@ -4,6 +4,7 @@ import re
 from collections import Counter
 from collections.abc import Collection, Hashable, Iterable, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -44,14 +45,16 @@ def by_row(joints: Joints, readings: Readings) -> Match:
 
 
 def by_order(joints: Joints, readings: Readings, model: RobotModel) -> Match:
-    """The k-th joint vector belongs to the k-th reading.
+    """The k-th joint vector belongs to the k-th line of readings, which may hold several targets.
 
     Raises
     ------
     InputError
         M31: there are not as many of both.
     """
-    if len(joints) != len(readings):
+    changes = [one != other for one, other in pairwise(readings.place)]
+    line = np.cumsum([0, *changes])[: len(readings)]
+    if len(joints) != len(np.unique(line)):
         most = Counter(readings.target).most_common(1)[0][0] if len(readings) else ""
         rows = np.flatnonzero(np.array(readings.target) == most)
         where, parting = parted(model, joints, readings, rows)
@@ -64,7 +67,7 @@ def by_order(joints: Joints, readings: Readings, model: RobotModel) -> Match:
             code="M31", allowed='match = "order" needs as many of both',
             fix=f"remove the extra rows, or number both files in a column pose_id{more}",
         )  # fmt: skip
-    return Match(np.arange(len(joints)), np.arange(len(readings)))
+    return Match(line, np.arange(len(readings)))
 
 
 def by_cycle(joints: Joints, readings: Readings, model: RobotModel) -> Match:

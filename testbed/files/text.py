@@ -17,6 +17,9 @@ FIRST = 3
 MOST_TITLES = 50
 """Lines that free text above a table may have."""
 
+MOST_GROUPS = 4
+"""Lines above the names that say of what the columns are: Marker, its name, Position."""
+
 
 @dataclass(frozen=True, slots=True)
 class Sheet:
@@ -76,8 +79,8 @@ def read_sheet(
         head, first = tuple(str(k + 1) for k in range(len(head))), 0
     elif header is None:
         _require_names(head, f"{text.where}:{content[0][0]}")
-    if titles:
-        head = _of_groups(head, titles[-1], separator)
+    for title in reversed(titles[-MOST_GROUPS:]):
+        head = _of_groups(head, title, separator)
     _check_head(head, text.where)
     head = tuple(name or f"column {k + 1}" for k, name in enumerate(head))
     width, units = len(head), _units(cells[1:2], len(head)) if header is not False else ()

@@ -4,7 +4,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import replace
 
-from testbed.files.dialects.numbers import NUMBER
+from testbed.files.dialects.numbers import NUMBER, number_of
 from testbed.files.rows.planned import of_stops
 from testbed.files.text import Sheet
 
@@ -17,6 +17,8 @@ AXES = ("x", "y", "z")
 POSE = (*AXES, "rx", "ry", "rz")
 OF_AXIS = {"x": "X", "y": "Y", "z": "Z", "x-axis": "X", "y-axis": "Y", "z-axis": "Z"}
 """What is said of a coordinate that has a row of its own."""
+ENDS = {3: 0.0, 7: 0.0, 11: 0.0, 15: 1.0}
+"""Numbers of a transform that is written by columns."""
 MOST = 64
 """Largest number of numbers in a cell."""
 
@@ -35,7 +37,7 @@ def _of_lists(sheet: Sheet) -> Sheet:
     head: list[str] = []
     cells: list[Sequence[str]] = []
     for name, column, lists in zip(sheet.head, columns, inside, strict=True):
-        head += _names(name, len(lists[0])) if lists else [name]
+        head += _names(name, lists) if lists else [name]
         cells += list(zip(*lists, strict=True)) if lists else [column]
     if len(set(head)) < len(head):
         return sheet
@@ -57,13 +59,19 @@ def _lists(column: Sequence[str]) -> list[list[str]]:
     return found if found and len({len(one) for one in found}) == 1 else []
 
 
-def _names(name: str, count: int) -> list[str]:
-    """Names of the numbers of a list: a place, a transform and a rotation have their own."""
+def _names(name: str, lists: Sequence[Sequence[str]]) -> list[str]:
+    """Names of the numbers of a list: a place, a transform and a rotation have their own.
+
+    A transform is written by rows, or by columns where that alone makes it one.
+    """
+    count = len(lists[0])
     words = set(re.split(r"[\W_]+", name.lower()))
     if count == 3 and words & PLACES:
         return [f"{name} {axis}" for axis in AXES]
     if count == 6 and "pose" in words:
         return [f"{name} {axis}" for axis in POSE]
+    if count == 16 and all(number_of(one[k]) == end for one in lists for k, end in ENDS.items()):
+        return [f"T{k % 4 + 1}{k // 4 + 1}" for k in range(count)]
     if count in (12, 16):
         return [f"T{k // 4 + 1}{k % 4 + 1}" for k in range(count)]
     if count == 9:

@@ -7,6 +7,7 @@ from calib.errors import InputError
 from testbed.files.read import read_session
 from testbed.robots.catalog import load_robot
 from tests.testbed.files.made import csv, made
+from tests.testbed.proposal.test_session import proposed
 
 ROBOT = load_robot("staubli_tx60")
 DATA = made(3, 12)
@@ -44,12 +45,14 @@ def test_they_are_read_as_one_row_for_each_target(tmp_path):
         )
 
 
-def test_joints_of_another_file_belong_to_all_targets_of_their_pose(tmp_path):
+@pytest.mark.parametrize("how", ["pose_id", "order"])
+def test_joints_of_another_file_belong_to_all_targets_of_their_pose(how, tmp_path):
     (tmp_path / "joints.csv").write_text(csv(JOINTS))
-    seen = {name: column for name, column in WIDE.items() if name[0] != "q"}
+    left = "qp" if how == "order" else "q"
+    seen = {name: column for name, column in WIDE.items() if name[0] not in left}
     (tmp_path / "seen.csv").write_text(csv(seen))
     (tmp_path / "session.toml").write_text(
-        f'[joints]\nfile = "joints.csv"\n[points]\nfile = "seen.csv"\n{TARGETS}'
+        f'match = "{how}"\n[joints]\nfile = "joints.csv"\n[points]\nfile = "seen.csv"\n{TARGETS}'
         "[uncertainty]\nposition_um = 20\n"
     )
     apart, together = read_session(tmp_path, ROBOT), session(tmp_path, WIDE)
@@ -57,6 +60,29 @@ def test_joints_of_another_file_belong_to_all_targets_of_their_pose(tmp_path):
         np.testing.assert_array_equal(
             getattr(apart.measurements, name), getattr(together.measurements, name)
         )
+
+
+ROWS = np.hstack([MM["A"], MM["B"]]).tolist()
+EXPORTS = {
+    "Qualisys": ["NO_OF_FRAMES\t12", "NO_OF_MARKERS\t2", "DESCRIPTION\t--", "MARKER_NAMES\tA\tB",
+                 "TRAJECTORY_TYPES\tMeasured\tMeasured", *("\t".join(map(repr, r)) for r in ROWS)],
+    "Motive": ["Format Version,1.23,Length Units,Millimeters", "", ",,Marker" + ",Marker" * 5,
+               ",,T:1,T:1,T:1,T:2,T:2,T:2", ",,A,A,A,B,B,B", ",,Position" + ",Position" * 5,
+               "Frame,Time (Seconds),X,Y,Z,X,Y,Z",
+               *(f"{k},{k / 120},{','.join(map(repr, row))}" for k, row in enumerate(ROWS))],
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("lines", EXPORTS.values(), ids=EXPORTS)
+def test_markers_of_motion_capture_are_targets_of_one_pose(lines, tmp_path):
+    (tmp_path / "seen.tsv").write_text("\n".join([*lines, ""]))
+    (tmp_path / "joints.csv").write_text(csv({k: v for k, v in JOINTS.items() if k[0] == "q"}))
+    proposed(tmp_path, [tmp_path / "seen.tsv", tmp_path / "joints.csv"], "--robot", ROBOT.name)
+    found = read_session(tmp_path / "session.toml", ROBOT).measurements
+    np.testing.assert_allclose(found.q, np.repeat(DATA.q, 2, axis=0), rtol=0, atol=1e-12)
+    both = np.stack([MM["A"], MM["B"]], axis=1).reshape(-1, 3) / 1e3
+    np.testing.assert_allclose(found.position, both, rtol=0, atol=1e-12)
+    assert found.reflector.tolist() == [0, 1] * 12
 
 
 def test_coordinates_are_in_the_stated_unit(tmp_path):

@@ -85,6 +85,9 @@ RECORDS = {
         {"actual_q": q, "pose": [*p, *turn]} for q, p, turn in
         zip(DATA.q.tolist(), (MM / 1e3).tolist(), log_so3(DATA.T[:, :3, :3]).tolist(), strict=True)
     ],
+    "transforms by columns": [
+        {"q": q, "T": T.T.ravel().tolist()} for q, T in zip(DATA.q.tolist(), DATA.T, strict=True)
+    ],
     "a controller's poses beside a tracker's points": [
         {"actual_q": q, "actual_TCP_pose": [*T[:3, 3], *log_so3(T[:3, :3])], "tracker": p}
         for q, T, p in zip(DATA.q.tolist(), UR10.model.poses(DATA.q), MM.tolist(), strict=True)
