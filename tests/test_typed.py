@@ -41,7 +41,10 @@ def test_a_strict_type_checker_passes_what_runs(tmp_path):
     script = tmp_path / "own.py"
     script.write_text(SCRIPT, "utf-8")
     path = os.pathsep.join([str(ROOT), str(ROOT / "testbed" / "front")])
-    for command in (("-W", "error", str(script)), ("-m", "mypy", "--strict", str(script))):
+    for command in (
+        ("-W", "error", str(script)),
+        ("-m", "mypy", "--strict", "--cache-dir", str(ROOT / ".mypy_cache"), str(script)),
+    ):
         done = subprocess.run(
             [sys.executable, *command],
             cwd=tmp_path,

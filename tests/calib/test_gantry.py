@@ -42,6 +42,7 @@ def campaign(model, see, robot, size):
     return true, phase, table.rows(np.arange(M)), table.rows(np.arange(M, M + N)), rng
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("size", "see", "model", "robots"),
     [

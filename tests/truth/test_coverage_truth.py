@@ -113,7 +113,7 @@ def test_below_what_a_test_sees_only_the_believed_region_holds(studies, share):
     assert rigid.flagged[GEOMETRIC].mean() <= max(0.02, 1 / rigid.before.size)
 
 
-@pytest.fixture(scope="module", params=[150, pytest.param(1000, marks=pytest.mark.study)])
+@pytest.fixture(scope="module", params=[100, pytest.param(1000, marks=pytest.mark.study)])
 def ranks(request):
     """Of so many truths, first among what is stated, then with two thirds of its uncertainty."""
     return prior_ranks(request.param, 29, 7, 0.67)

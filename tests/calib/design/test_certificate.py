@@ -210,6 +210,7 @@ def test_what_no_set_changes_is_rounded_up_by_less_than_a_hundredth_of_a_percent
     assert -1e-9 < printed - change < 0.01 + 1e-9
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("free", "m", "random", "bar"),
     [

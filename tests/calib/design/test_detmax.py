@@ -45,6 +45,7 @@ def test_brute_force_takes_the_same_path(make, criterion: IndexName):
     np.testing.assert_array_equal(runs[0].trace, runs[1].trace)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("criterion", "m", "bar"), [("O1", 29, 6.55), ("O1", 61, 6.58)])
 def test_the_published_bars_of_o1_are_met(paper, criterion: IndexName, m: int, bar: float):
     found = detmax(Problem.of_blocks(paper, m, criterion), np.random.default_rng(0))
@@ -64,6 +65,7 @@ def test_the_published_bar_of_o2_is_met(paper):
     ).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("criterion", CRITERIA)
 def test_the_best_of_all_sets_is_found_where_all_can_be_tried(criterion: IndexName):
     missed = 0
@@ -89,6 +91,7 @@ def test_saturated_two_level_designs_reach_the_largest_determinant(n: int, best:
     assert abs(np.linalg.det(rows[found.indices])) == pytest.approx(best, rel=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("criterion", CRITERIA)
 def test_no_addition_followed_by_a_deletion_improves_a_finished_search(criterion: IndexName):
     for seed in range(12):

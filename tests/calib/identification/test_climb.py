@@ -171,6 +171,7 @@ def test_the_noise_scale_is_that_of_the_richest_model(factor):
     assert found.noise_factor >= 1.0
 
 
+@pytest.mark.slow
 def test_a_joint_map_is_found_where_there_is_one_and_its_band_holds_it():
     within, errors = [], []
     for seed in range(3):

@@ -241,7 +241,10 @@ def seen(true: RobotModel, m: int, seed: int):
     return poses(q, T, sd=(SIGMA_POSITION, SIGMA_ROTATION))
 
 
-@pytest.mark.parametrize("which", [2, 4, 5, 6, 8, 9])
+@pytest.mark.parametrize(
+    "which",
+    [pytest.param(k, marks=[pytest.mark.study] * (k in (2, 5, 8))) for k in (2, 4, 5, 6, 8, 9)],
+)
 def test_the_climb_has_the_numbers_and_the_evidence_of_whole_fits(which):
     """Products are exact in it; what is not linear are frames and links, by micrometers."""
     ladder, waves = ladders_of(NOMINAL)
@@ -269,7 +272,11 @@ def test_the_climb_has_the_numbers_and_the_evidence_of_whole_fits(which):
     assert wide.n_numbers == len(solved.step)
 
 
-@pytest.mark.parametrize(("m", "misfit", "seed"), [(31, 4e-4, 0), (31, 5e-5, 2), (45, 4e-4, 2)])
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("m", "misfit", "seed"),
+    [pytest.param(31, 4e-4, 0, marks=pytest.mark.study), (31, 5e-5, 2), (45, 4e-4, 2)],
+)
 def test_springs_of_an_arm_that_misses_more_than_noise_converge(m, misfit, seed):
     """Compliance times weight, and residuals of that misfit: plain steps leave 99 % of the way."""
     ladder, waves = ladders_of(NOMINAL)

@@ -159,6 +159,7 @@ def visits(name, count=COUNT):
     return found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "name",
     # the last one has the springs and bearings of the first two

@@ -23,6 +23,7 @@ from tests.reference import SIGMA_POSITION, SIGMA_ROTATION, WEN24, rigid_truth, 
 from tests.truth.measuring import measured
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("free", [WEN24, None], ids=["24", "42"])
 @pytest.mark.parametrize("m", [29, 61])
 def test_a_bent_robot_asks_for_the_extended_model_and_a_rigid_one_does_not(free, m):

@@ -74,6 +74,7 @@ def error(model, truth, at):
     return float(np.linalg.norm(off, axis=1).mean())
 
 
+@pytest.mark.slow
 def test_how_much_an_arm_grows_is_found_within_its_uncertainty():
     """Twelve robots that warm by 10 K: kappa within 2 sd of most, and errors as of cold ones."""
     prior, off, warm_error, cold_error = weak_prior(parameters_of(tx60())), [], [], []

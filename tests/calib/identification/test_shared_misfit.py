@@ -142,6 +142,7 @@ def test_a_misfit_is_found_at_its_size_and_no_more_noise_than_there_is():
         assert found[-1][1] == pytest.approx(between - within / VISITS, rel=0.2)
 
 
+@pytest.mark.slow
 def test_a_misfit_that_visits_share_asks_for_no_model_of_its_poses():
     """Play on one side at each pose: five visits made waves and springs of it, 2 to 6 % worse."""
     table, other = campaign(2)
@@ -175,6 +176,7 @@ def of_reflectors(seed: int) -> tuple[Measurements, Measurements]:
     return table(POSES), table(100)
 
 
+@pytest.mark.slow
 def test_a_misfit_that_reflectors_share_asks_for_no_model_of_its_poses():
     """Three reflectors of one pose made terms of its misfit, as visits did: 12 to 46 % worse."""
     nominal = RobotModel(tx60().chain, fixtures=Fixtures(reflectors=REFLECTORS))
@@ -187,6 +189,7 @@ def test_a_misfit_that_reflectors_share_asks_for_no_model_of_its_poses():
     assert chosen <= 1.005 * geometric
 
 
+@pytest.mark.slow
 def test_waves_are_found_beside_a_misfit_that_visits_share():
     table, other = campaign(1, 1e-3, bent(1))
     choice = choose(tx60(), table)

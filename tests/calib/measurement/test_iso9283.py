@@ -53,6 +53,7 @@ def test_equal_scatter_gives_the_known_multiples_of_its_standard_deviation():
     assert sd_bias(CYCLES) == pytest.approx(0.99142, abs=5e-6)  # tables of c4
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("sd", [(1.0, 1.0, 1.0), (1.0, 0.3, 0.1)])
 def test_floors_are_what_readings_of_a_perfect_robot_show(readings, sd):
     x, noise = readings * sd, np.diag(np.square(sd))

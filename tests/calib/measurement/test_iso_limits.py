@@ -27,6 +27,7 @@ def true_rp(sd):
     return away.mean() + 3 * away.std()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("n", [3, 10, 30])
 @pytest.mark.parametrize("sd", [(1.0, 1.0, 1.0), (1.0, 0.5, 0.25), (1.0, 1e-3, 1e-3)])
 def test_rp_of_endlessly_many_cycles_lies_within_its_limits(sd, n):

@@ -185,6 +185,7 @@ def test_fits_that_run_away_end_at_numbers_and_are_no_answers():
     assert np.isfinite(many.chi_square).all()
 
 
+@pytest.mark.slow
 def test_fits_that_do_not_settle_are_fitted_one_by_one():
     """Where the loops had left it, no statement was believed: "linear propagation does not hold".
 

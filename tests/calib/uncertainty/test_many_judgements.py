@@ -63,7 +63,13 @@ def fitted(train, model):
 
 
 @pytest.mark.parametrize(
-    "model", ["geometry", "terms", "springs", "sag and bearings on a tilted base"]
+    "model",
+    [
+        "geometry",
+        "terms",
+        pytest.param("springs", marks=pytest.mark.study),
+        "sag and bearings on a tilted base",
+    ],
 )
 def test_of_many_each_is_judged_as_alone(model, monkeypatch):
     """To 1e-9: the same sums in another order, of covariances of condition 1e6."""

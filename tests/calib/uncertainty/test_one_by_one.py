@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from calib.geometry.felt_springs import felt_springs
 from calib.geometry.gravity import weight_of
@@ -48,6 +49,7 @@ def test_the_fits_are_those_of_the_loops():
     assert alone.converged.all()
 
 
+@pytest.mark.slow
 def test_lengths_and_springs_scatter_as_stated():
     """Numbers that the poses tell apart: linear, so that the covariance must be the scatter."""
     model, q = RobotModel(tx60().chain, soft()), pool_r(6)

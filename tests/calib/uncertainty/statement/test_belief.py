@@ -59,6 +59,7 @@ def covered(size):
     return np.array(shares).T
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("size", [0.0, 15e-6, 100e-6])
 def test_the_believed_region_holds_the_truth(size):
     """Misfit of none, of about half the noise, of several times the noise; robots are the unit."""
@@ -225,6 +226,7 @@ def worst_squares(belief, many, visits):
     return squares_of(belief, many, visits).max(axis=0)
 
 
+@pytest.mark.slow
 def test_a_pose_that_is_visited_often_is_not_worse_by_chance():
     """By scipy: the worst of eight visits counts as what one visit exceeds as rarely."""
     found, worst, governed = [], [], []

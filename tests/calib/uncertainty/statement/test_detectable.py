@@ -49,6 +49,7 @@ def test_it_is_where_the_expected_likelihood_gains_enough(doubt):
     assert detectable(lam, 30, doubt) == pytest.approx(np.sqrt(brentq(lacks, 0.05, 1e3)), rel=2e-5)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("n", "p", "told"),
     [
@@ -100,6 +101,7 @@ def test_a_pose_read_many_times_hides_no_misfit():
     assert min(sizes) >= 0.8 * sizes[0]
 
 
+@pytest.mark.slow
 def test_readings_never_hide_a_misfit_that_shows_without_them():
     """Some poses of sets of any size, read up to sixty times."""
     rng = np.random.default_rng(2)

@@ -119,6 +119,7 @@ def told(way, campaigns, **settings):
     return (p < SURE).sum(), (p < REMEMBERS).sum(), np.isnan(p).sum()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("way", ["tour", "by the size of an angle", "by height"])
 def test_poses_in_some_order_pass_no_misfit_for_a_drift(way):
     """Of 60 arms that sag by twice the noise 12 and 32 were said to drift: no joint follows its
@@ -128,6 +129,7 @@ def test_poses_in_some_order_pass_no_misfit_for_a_drift(way):
     assert void >= 14
 
 
+@pytest.mark.slow
 def test_poses_in_a_loose_order_pass_no_misfit_for_a_drift():
     """Three noise sd that follow joints, of which one follows the order a little: no tour.
 
@@ -140,6 +142,7 @@ def test_poses_in_a_loose_order_pass_no_misfit_for_a_drift():
     assert sure <= binom.ppf(0.999, 60 - void, SURE)
 
 
+@pytest.mark.slow
 def test_a_misfit_beside_a_drift_hides_it_less():
     """Two noise sd: of 300 arms 60 % were below .05, and 65 % are."""
     _, some, _ = told("random", 30, kind=waves, size=2.0, slow=0.5)
@@ -165,6 +168,7 @@ def test_what_is_taken_off_is_the_best_linear_guess_of_what_the_poses_share():
     assert np.array_equal(beside_misfit(r[0], 0 * stands[0], alike), white)
 
 
+@pytest.mark.slow
 def test_a_load_that_is_taken_up_half_way_is_no_drift():
     """The arm gives way under it by .7 noise sd, which no number describes, in random order.
 
@@ -209,6 +213,7 @@ def test_where_poses_stand_is_the_same_seen_from_elsewhere():
     np.testing.assert_allclose(both, np.stack([one, one]), rtol=1e-12, atol=1e-14)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("way", ["tour", "by height"])
 def test_visits_of_the_same_poses_tell_a_drift_along_a_tour(way):
     """Misfit of four times the noise is the same at each visit, and long tails are no drift."""
@@ -273,6 +278,7 @@ def held(robots, way, **settings):
     return np.array(shares)
 
 
+@pytest.mark.slow
 def test_a_region_allows_for_a_drift_that_a_tour_hides():
     """All of the noise with a memory of twenty rows: nobody can tell, and the region holds."""
     plain, whole = held(16, "tour", slow=1.0).T
@@ -281,6 +287,7 @@ def test_a_region_allows_for_a_drift_that_a_tour_hides():
     assert whole.mean() >= 0.9 - 3 * whole.std(ddof=1) / 4
 
 
+@pytest.mark.slow
 def test_a_few_visits_that_show_no_drift_do_not_rule_it_out():
     """Of twelve tours all are allowed a drift of half the noise; with six poses visited again two
     were, as so few visits seldom show it, and the regions held less than those without visits."""
@@ -319,6 +326,7 @@ def test_a_drift_is_said_where_there_is_none_as_seldom_as_promised(way, kind, ta
         assert binom.ppf(0.0005, 600, level) <= count <= binom.ppf(0.9995, 600, level)
 
 
+@pytest.mark.slow
 def test_the_floor_of_a_p_value_is_met_as_seldom_as_it_says():
     """Rows of one pose share its misfit, held-out ones an error of their own; both may be large."""
     rng, lowest, p = np.random.default_rng(6), 1 / 501, []

@@ -212,6 +212,7 @@ def small():
     return model, *parts, stations, parameters_of(model).freeing(free)
 
 
+@pytest.mark.slow
 def test_whole_calibrations_of_wrong_instruments_scatter_as_stated():
     """Brute force: instruments drawn, played, and the arm identified from what each of them read.
 

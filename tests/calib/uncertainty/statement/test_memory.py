@@ -94,6 +94,7 @@ def words(k, slow):
     )
 
 
+@pytest.mark.slow
 def test_a_good_set_is_told_to_drift_once_in_a_hundred_times_and_a_drift_is_told():
     """Of 600 good sets 3 were, of 200 with a drift of half the variance 187; at 0.05 30 and 191."""
     good = np.array([words(k, 0.0) for k in range(70)])
@@ -183,6 +184,7 @@ def test_what_rows_look_at_is_station_target_tool_and_load():
     assert len({row.tobytes() for row in seen_by_rows(minus)}) == 1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", ["blocks", "visits in a row", "rounds", "stations"])
 def test_a_false_alarm_is_as_rare_as_promised_where_poses_stand_in_random_order(case):
     """Held-out rows after the others share an error; rows of one pose share what is missed there.
@@ -332,6 +334,7 @@ def held_with_drift(robots):
     return np.array(shares)
 
 
+@pytest.mark.slow
 def test_a_region_with_drift_holds_where_the_plain_one_falls_short():
     """All of the stated noise with a memory of twenty rows; robots are the unit."""
     plain, grown = held_with_drift(16).T

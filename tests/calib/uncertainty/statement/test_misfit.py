@@ -279,9 +279,10 @@ def test_the_largest_likelihood_is_at_the_true_size():
     assert found.size[np.argmax(found.value)] == pytest.approx(1.5, rel=0.05)
 
 
+@pytest.mark.slow
 def test_the_upper_limit_is_above_the_true_size_in_nine_of_ten_draws():
     """Exact repeats tell the noise, so that only the misfit is in question."""
-    rng, draws, size = np.random.default_rng(7), 250, 0.9
+    rng, draws, size = np.random.default_rng(7), 150, 0.9
     above = 0
     for _ in range(draws):
         found = likelihood(white(rng, 120, 10, size), 1.0, NoiseRepeats(1e6, 1e6))
@@ -362,10 +363,11 @@ def below(draws, seed, showing=180, beside=360):
     return (np.array(p)[:, None] < [0.05, 0.01]).sum(axis=0)
 
 
+@pytest.mark.slow
 def test_a_misfit_is_shown_where_there_is_none_as_seldom_as_promised():
-    few, fewer = below(300, 23)
-    assert few <= binom.ppf(0.999, 300, 0.05)
-    assert fewer <= binom.ppf(0.999, 300, 0.01)
+    few, fewer = below(200, 23)
+    assert few <= binom.ppf(0.999, 200, 0.05)
+    assert fewer <= binom.ppf(0.999, 200, 0.01)
 
 
 @pytest.mark.study

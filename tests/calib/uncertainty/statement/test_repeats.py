@@ -70,6 +70,7 @@ def test_few_repeats_tell_nothing():
     assert noise_repeats(TX60, table.rows(np.arange(30))).degrees_of_freedom == 30
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scatter", [0.0, 1.0, 3.0])
 def test_how_well_joints_come_back_is_found(scatter):
     rng = np.random.default_rng(4)

@@ -68,6 +68,7 @@ def campaign(seed, visits=1):
     return identify(start, train, parameters_of(start)), train, test, (own, theirs), true
 
 
+@pytest.mark.slow
 def test_rows_of_one_stop_are_no_misfit():
     """By the likelihood ratio, of which half is no misfit at all, at the level of one in a hundred.
 
@@ -174,6 +175,7 @@ def test_held_out_errors_are_judged_by_numbers_that_know_of_stops():
     assert seen.chi_square < plain.chi_square
 
 
+@pytest.mark.slow
 def test_the_believed_region_of_several_targets_holds_the_truth():
     """Of the first target, at poses that nobody measured."""
     share = []

@@ -60,6 +60,7 @@ def campaign(seed, arm="tx60", *, kind=white, size=0.0, gain=1.0, tails=False, v
     return common_radius(stated), free, *apart
 
 
+@pytest.mark.slow
 def test_one_visit_makes_of_small_stated_noise_the_misfit_that_it_may_be():
     """Noise of 3.5 times what is stated and a misfit beside it make readings of one distribution.
 
@@ -80,6 +81,7 @@ def test_one_visit_makes_of_small_stated_noise_the_misfit_that_it_may_be():
     assert median == pytest.approx(seeming, rel=0.25)
 
 
+@pytest.mark.slow
 def test_two_visits_tell_small_stated_noise_from_a_misfit():
     found = [campaign(seed, gain=LARGER, visits=2) for seed in range(20)]
     assert np.median([radius / np.quantile(apart, 0.95) for radius, _, apart, _ in found]) <= 2.5
