@@ -24,11 +24,11 @@ from testbed.files.refusal import no_rows
 from testbed.files.rows.copies import is_fine
 from testbed.files.rows.kinds import own_rows, some_rows
 from testbed.files.rows.wide import one_target_a_row
-from testbed.files.rows.widened import of_rows
+from testbed.files.rows.widened import sheet_in
 from testbed.files.session import Drift, Sources
 from testbed.files.session_toml import SessionFile
 from testbed.files.table import DataTable, table_of
-from testbed.files.text import Sheet, read_sheet
+from testbed.files.text import Sheet
 from testbed.gates.kinds import require_no_program
 from testbed.gates.text import FileText
 
@@ -175,9 +175,7 @@ def table_in(text: FileText, settings: SessionFile, *sections: FileTable | None)
     if isinstance(own, JointsTable) and own.format != "csv":
         return table_of(joints_in(text, own.format).sheet, {}, decimal=".")
     require_no_program(text.lines, text.where)
-    sheet = of_rows(
-        read_sheet(text, separator=dialect.separator or "", header=dialect.header, below=True)
-    )
+    sheet = sheet_in(text, separator=dialect.separator or "", header=dialect.header)
     for k, section in enumerate(sections):
         if isinstance(section, PointsTable) and section.targets and _holds(sheet, section, k == 0):
             sheet = one_target_a_row(sheet, section)

@@ -16,6 +16,8 @@ from testbed.files.text import Sheet
 from testbed.strict import choice_of
 
 GROUPED = re.compile(r"\d[ '\u00a0\u202f\u2019]\d")
+ODD = re.compile("[, '\u00a0\u202f\u2019]"), re.compile(r"\.[^\n]*\.")
+"""What no column of plain numbers has in it, its cells one a line."""
 LONGEST = 200
 """Characters of a name in a cell, as in session.toml."""
 THREE = re.compile(r"[+-]?[1-9]\d{0,2},\d{3}")
@@ -267,7 +269,12 @@ def _decimal_mark(table: DataTable, in_doubt: str) -> str:
     comma = point = None
     sure = False
     for name in numeric:
-        for row, cell in enumerate(table.texts(name)):
+        cells = table.texts(name)
+        if not any(odd.search("\n".join(cells)) for odd in ODD):
+            first = next((row for row, cell in enumerate(cells) if "." in cell), None)
+            point = point or (None if first is None else (cells[first], first))
+            continue
+        for row, cell in enumerate(cells):
             marks = cell.count(","), cell.count(".")
             if sum(marks) > 1 or (GROUPED.search(cell) and "°" not in cell):
                 raise refusal(

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import accumulate
 
 from calib.errors import InputError
 from testbed.files.columns import WRITTEN
@@ -104,18 +105,17 @@ def titles_above(content: Sequence[tuple[int, str]], separator: str = "") -> int
     """
     best = most = 0
     lines = [(1, line) for _, line in content[: 3 * MOST_TITLES]]
-    tables: dict[str, list[list[str]]] = {}
+    tables: dict[str, tuple[list[list[str]], list[int]]] = {}
     for k in range(min(len(lines) - 1, MOST_TITLES + 1)):
         mark = separator or separator_of(lines[k][1])
         try:
-            cells = tables.get(mark) or tables.setdefault(mark, split(lines, mark, ""))
+            cells, widest = tables.get(mark) or tables.setdefault(mark, _measured(lines, mark))
         except InputError:
             return 0
         names = _names(cells[k], cells[k + 1 :])
         # the cells of a merged one are empty but for the first; what has more than any row is none
-        widest = max((len(_trimmed(row)) for row in cells[k + 1 :]), default=0)
         full = (sum(map(bool, above)) for above in cells[:k])
-        if _holds_data(names) or any(len(names) <= count <= widest for count in full):
+        if _holds_data(names) or any(len(names) <= count <= widest[k + 1] for count in full):
             continue
         fit = [len(row) >= len(names) > 1 and not any(row[len(names) :]) for row in cells[k + 1 :]]
         many = sum(fit) * len(names)
@@ -128,6 +128,13 @@ def titles_above(content: Sequence[tuple[int, str]], separator: str = "") -> int
     return best
 
 
+def _measured(lines: Sequence[tuple[int, str]], mark: str) -> tuple[list[list[str]], list[int]]:
+    """Cells of each line, and the widest line from each on."""
+    cells = split(lines, mark, "")
+    widths = (len(_trimmed(row)) for row in reversed(cells))
+    return cells, [*accumulate(widths, max)][::-1]
+
+
 def split_cells(content: Sequence[tuple[int, str]], separator: str, where: str) -> list[list[str]]:
     """Cells of each numbered line, stripped; quotes as in CSV, and `guarded` ones as they were."""
     rows = split(content, separator, where)
@@ -137,7 +144,10 @@ def split_cells(content: Sequence[tuple[int, str]], separator: str, where: str) 
 
 def _trimmed(cells: Sequence[str]) -> tuple[str, ...]:
     """Cells without the empty ones that separators at the end of a line leave."""
-    return tuple(cells[: max((k + 1 for k, cell in enumerate(cells) if cell), default=0)])
+    end = len(cells)
+    while end and not cells[end - 1]:
+        end -= 1
+    return tuple(cells[:end])
 
 
 def _names(cells: Sequence[str], below: Sequence[Sequence[str]]) -> tuple[str, ...]:

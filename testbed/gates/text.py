@@ -4,9 +4,10 @@ import csv
 import os
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from hashlib import sha256
 from pathlib import Path
+from typing import Any
 
 from calib.errors import InputError, refuse
 from testbed.disk import read_bounded
@@ -75,6 +76,8 @@ class FileText:
     source: SourceFile
     ends: tuple[str, ...] = ()
     """How each line but the last one ends, where that is not a line feed everywhere."""
+    tables: dict[object, Any] = field(default_factory=dict, init=False, repr=False, compare=False)
+    """Tables of these lines that were read before, by how they were."""
 
     def content(self, *comments: str) -> list[tuple[int, str]]:
         """Number, from 1, and text of each line that is neither empty nor a comment.

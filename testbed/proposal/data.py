@@ -14,7 +14,7 @@ from testbed.files.dialects.numbers import NUMBER, number_of
 from testbed.files.dialects.spatial_lines import name_fields, sa_lines
 from testbed.files.refusal import refusal
 from testbed.files.rows.planned import foretold
-from testbed.files.rows.widened import of_rows
+from testbed.files.rows.widened import sheet_in
 from testbed.files.session import text_of
 from testbed.files.text import Sheet, are_counted, read_sheet, titles_above
 from testbed.gates.paths import is_there, real
@@ -147,11 +147,6 @@ def _looked(path: Path, name: str, sheet: str | None, text: FileText) -> Found:
             if commented:
                 raise
     return _of_sheet(path, name, sheet, text, "table", sheet_in(text))
-
-
-def sheet_in(text: FileText, *, header: bool | None = None) -> Sheet:
-    """A table as a session reads it."""
-    return of_rows(read_sheet(text, header=header, below=True))
 
 
 def _cells(line: str) -> list[str]:

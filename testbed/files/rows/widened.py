@@ -6,7 +6,8 @@ from dataclasses import replace
 
 from testbed.files.dialects.numbers import NUMBER, number_of
 from testbed.files.rows.planned import of_stops
-from testbed.files.text import Sheet
+from testbed.files.text import Sheet, read_sheet
+from testbed.gates.text import FileText
 
 OPEN, CLOSED = ("[", "(", "{"), ("]", ")", "}")
 BETWEEN = re.compile(r"[\s,;\[\](){}]+")
@@ -21,6 +22,19 @@ ENDS = {3: 0.0, 7: 0.0, 11: 0.0, 15: 1.0}
 """Numbers of a transform that is written by columns."""
 MOST = 64
 """Largest number of numbers in a cell."""
+
+
+def sheet_in(text: FileText, *, separator: str = "", header: bool | None = None) -> Sheet:
+    """The table of a session's file, as of `read_sheet` and `of_rows`; each is made once.
+
+    Joints and readings share a file, and interpretations that are tried share all of them.
+    """
+    how = separator, header
+    if how not in text.tables:
+        sheet = read_sheet(text, separator=separator, header=header, below=True)
+        text.tables[how] = of_rows(sheet)
+    made: Sheet = text.tables[how]
+    return made
 
 
 def of_rows(sheet: Sheet) -> Sheet:

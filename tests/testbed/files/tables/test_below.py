@@ -3,6 +3,8 @@
 Truth: tables that are written here, with and without such lines.
 """
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -10,6 +12,7 @@ from calib.errors import InputError
 from testbed.files.dialects.spatial_lines import sa_lines
 from testbed.files.read import read_session
 from testbed.files.rows.below import table_ends
+from testbed.files.rows.widened import sheet_in
 from testbed.files.text import read_sheet
 from testbed.gates.text import read_text
 from tests.testbed.files.made import ROBOT, columns, csv, made, with_spread
@@ -76,6 +79,18 @@ def test_a_sentence_that_is_named_as_the_rows_are_is_a_row():
     assert table_ends([["left", "1.5", "2.5"], ["right", "1.5", "3.5"], ["low", "1.5"]]) == 3
     assert table_ends([["left", "1.5", "2.5"], ["right", "1.5", "3.5"], ["Air:", "1.5"]]) == 2
     assert table_ends([["only", "words"], ["no", "numbers: here"]]) == 2
+
+
+def test_a_table_is_made_once_and_that_of_a_part_of_its_lines_anew(tmp_path):
+    """Joints and readings stand in one table, and hundreds of interpretations are tried on it."""
+    (tmp_path / "a.csv").write_text(TEXT)
+    text = read_text(tmp_path / "a.csv", "a.csv")
+    whole = sheet_in(text)
+    assert len(whole.rows) == M
+    assert sheet_in(text) is whole
+    assert len(sheet_in(replace(text, lines=text.lines[:5])).rows) == 4
+    assert len(sheet_in(text, header=False).rows) == M + 1
+    assert sheet_in(text) is whole
 
 
 def test_programs_have_no_lines_below(tmp_path):
