@@ -182,9 +182,10 @@ def _uncertainty(look: Found, section: str) -> tuple[Document, tuple[str, ...]]:
         if not any(look.has(*(f"{u}{axis}" for axis in axes)) for u in ("u", "U95"))
     }
     read = {one.theirs for one in look.meanings}  # SD may be a slope distance
+    notes = _coverage(look)
     scatter = [name for name in look.head if SCATTER.search(name) and name not in read]
     found = "is named so" if scatter else "has it"
-    notes = [
+    notes += [
         f"uncertainty: no column {found}; {key} = {value} is assumed: your instrument's "
         "certificate knows"
         for key, value in stated.items()
@@ -197,6 +198,19 @@ def _uncertainty(look: Found, section: str) -> tuple[Document, tuple[str, ...]]:
             f'uncertainty; where it is that, write [{section}.columns] {own} = "{scatter[0]}"'
         )
     return stated, tuple(notes)
+
+
+def _coverage(look: Found) -> list[str]:
+    """What is taken for granted of columns of uncertainties whose names do not tell k."""
+    stems = ("ux", "uy", "uz", "urx", "ury", "urz", "u_distance")
+    means = look.stems
+    names = [means[stem].theirs for stem in stems if stem in means and not means[stem].known]
+    if not names:
+        return []
+    return [
+        f"uncertainty: {', '.join(names)} are taken as standard uncertainties (k = 1); where they "
+        "are expanded ones (k = 2), write U95 for the u of their names under columns"
+    ]
 
 
 def _where(look: Found) -> Document:

@@ -54,7 +54,8 @@ ANGLE = {"azimuth", "elevation", "zenith", "hz", "horizontal", "vertical"}
 DRIVES = {"torque": "torque", "tau": "torque", "moment": "torque", "effort": "torque"}
 """Words for quantities that a drive reports; a current is known by its unit, or the word motor."""
 LOADS = {"payload", "load"}
-SPREAD = {"std", "sd", "sigma", "stdev", "rms", "min", "max", "minimum", "maximum"}
+SPREAD = {"std", "sd", "sigma", "stdev", "rms", "min", "max", "minimum", "maximum", "mpe", "tol",
+          "tolerance"}  # fmt: skip
 EXPANDED = {"u95", "u95%", "unc95"}
 STANDARD = {"u", "u1", "unc", "uncertainty"}
 PLAIN = {

@@ -1,4 +1,4 @@
-"""Readings with the digits of an earlier one: copies where that is certain, or only alike."""
+"""Readings that add nothing: copies of earlier ones where that is certain, means of others."""
 
 import numpy as np
 
@@ -13,6 +13,13 @@ inch for points, whose three numbers good readings of one pose may share; two an
 which have three angles besides [m]."""
 ON_GRID = 1e-10
 """Rounding of numbers in float64 to some kilometers [m]."""
+NEAR = 0.1
+"""How far a mean may lie from that of the others, as a part of their scatter: by chance readings of
+three poses do so in all axes less than once in 10^9."""
+FEWEST = 3
+"""Poses with a mean, and rows of each."""
+MOST = 0.8
+"""Share of the poses with so many rows that have a mean."""
 
 
 def is_fine(readings: Readings) -> bool:
@@ -53,3 +60,30 @@ def without_copies(part: TargetPart, *, fine: bool) -> tuple[TargetPart, list[st
     odd = rows_said(readings.place, earlier & keep, alike, left="")
     index = np.flatnonzero(keep)
     return TargetPart(part.joints.rows(index), readings.rows(index), part.section), said, odd
+
+
+def without_averages(part: TargetPart) -> tuple[TargetPart, list[str]]:
+    """Rows with their joints without such means, where most poses have one, and a sentence on them.
+
+    A mean adds nothing to the readings that it is made of. It stands right above or below them.
+    """
+    readings = part.readings
+    if readings.kind == "distance" or len(part) < FEWEST * FEWEST:
+        return part, []
+    names = (readings.target, readings.station)
+    labels = [np.unique(np.array(one, dtype=str), return_inverse=True)[1] for one in names]
+    key = np.column_stack([part.joints.q, *labels])
+    _, group, count = np.unique(key, axis=0, return_inverse=True, return_counts=True)
+    each = np.split(np.argsort(group.ravel(), kind="stable"), np.cumsum(count)[:-1])
+    keep, several = np.ones(len(part), dtype=np.bool_), [one for one in each if len(one) >= FEWEST]
+    for rows in several:
+        for own in (0, -1) if rows[-1] - rows[0] < len(rows) else ():
+            others = np.delete(readings.position[rows], own, axis=0)
+            off = np.abs(readings.position[rows[own]] - others.mean(axis=0))
+            keep[rows[own]] = not (off < NEAR * others.std(axis=0)).all()
+    means = int((~keep).sum())
+    if means < FEWEST or means < MOST * len(several):
+        return part, []
+    said = rows_said(readings.place, ~keep, "the mean of the other readings of their pose")
+    index = np.flatnonzero(keep)
+    return TargetPart(part.joints.rows(index), readings.rows(index), part.section), said

@@ -9,7 +9,7 @@ from testbed.files.matching import Match, by_cycle, by_order, by_pose, by_row
 from testbed.files.observed import has_readings, unused_columns
 from testbed.files.refusal import refusal, require_names
 from testbed.files.rows.by_time import by_time
-from testbed.files.rows.copies import without_copies
+from testbed.files.rows.copies import without_averages, without_copies
 from testbed.files.session import Sources
 from testbed.files.session_toml import SessionFile
 from testbed.files.table import DataTable
@@ -67,13 +67,14 @@ def with_joints(
         part = replace(part, joints=replace(part.joints, extras=named))
     # only now: match = "order" counts the rows of the file
     part, copies, alike = without_copies(part, fine=cleaned.fine)
+    part, means = without_averages(part)
     # only now: nests have no pose, and may be the only targets with a name
     require_names("pose_id", part.joints.extras.pose or (), part.joints.place)
     for side in (part.joints, part.readings):
         require_names("tool", side.extras.conditions.tool or (), side.place)
     if readings.kind != "pose" and any(part.readings.target):
         require_names("target", part.readings.target, part.readings.place)
-    return part, replace(match, masked=tuple(copies), warnings=(*match.warnings, *alike))
+    return part, replace(match, masked=(*copies, *means), warnings=(*match.warnings, *alike))
 
 
 def _require_one_place(

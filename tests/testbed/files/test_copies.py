@@ -48,6 +48,19 @@ def test_visits_that_a_coarse_file_prints_alike_are_kept_and_said(decimals, tmp_
     assert any(text.startswith(f"a.csv: {alike} rows (lines 3, ") for text in session.warnings)
 
 
+@pytest.mark.parametrize("at", [0, 4])
+def test_means_beside_the_shots_that_they_are_made_of_do_not_count(at, tmp_path):
+    table = visited(4, poses=12)
+    shots = np.setdiff1d(np.arange(5), at)
+    for name in LENGTHS:
+        cells = table[name].reshape(12, 5)
+        cells[:, at] = np.round(cells[:, shots].mean(axis=1), 4)
+    session = read(tmp_path, table)
+    assert len(session.measurements) == 48
+    assert session.masked[0].startswith(f"a.csv: 12 rows left out (lines {at + 2}, {at + 7}, ")
+    assert session.masked[0].endswith("the mean of the other readings of their pose")
+
+
 def test_copies_at_full_precision_are_left_out_with_their_joints(tmp_path):
     table = visited(4)
     assert repeated(table, *LENGTHS) == 0

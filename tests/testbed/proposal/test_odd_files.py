@@ -53,6 +53,9 @@ ODD = {
         joints("J{}_deg") | places("{}_mm") | {"qx": X, "qy": Y, "qz": Z, "qw": W}
     ),
     "a mark of the encoding": "\ufeff" + csv(PLAIN, eol="\r\n", **GERMAN),
+    "the largest errors and tolerances beside": csv(
+        PLAIN | places("MPE {}", np.full((M, 3), 0.04)) | places("Tol {}", np.full((M, 3), 0.5))
+    ),
     "comments above": COMMENTS + csv(PLAIN),
     "a line of units below the names": with_units(
         csv(PLAIN, **GERMAN), ";", ["°"] * 6 + ["mm"] * 3

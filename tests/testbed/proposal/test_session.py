@@ -470,6 +470,7 @@ def test_a_few_distances_do_not_win_over_many_points(backwards, tmp_path):
             'uncertainty; where it is that, write [points.columns] ux_mm = "std_x"',
         ),
         (("Sigma",), "uncertainty: Sigma is not used: scatter within a reading"),
+        (("Ux", "Uy", "Uz"), "uncertainty: Ux, Uy, Uz are taken as standard uncertainties (k = 1)"),
         (("standard", "stdx"), "uncertainty: no column has it; position_um = 30 is assumed"),
     ],
 )
