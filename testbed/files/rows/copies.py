@@ -20,6 +20,8 @@ FEWEST = 3
 """Poses with a mean, and rows of each."""
 MOST = 0.8
 """Share of the poses with so many rows that have a mean."""
+ASKED = 50
+"""Poses of a long file that show whether it has means."""
 
 
 def is_fine(readings: Readings) -> bool:
@@ -76,7 +78,9 @@ def without_averages(part: TargetPart) -> tuple[TargetPart, list[str]]:
     _, group, count = np.unique(key, axis=0, return_inverse=True, return_counts=True)
     each = np.split(np.argsort(group.ravel(), kind="stable"), np.cumsum(count)[:-1])
     keep, several = np.ones(len(part), dtype=np.bool_), [one for one in each if len(one) >= FEWEST]
-    for rows in several:
+    for k, rows in enumerate(several):
+        if k == ASKED and int((~keep).sum()) < MOST * ASKED:
+            return part, []
         for own in (0, -1) if rows[-1] - rows[0] < len(rows) else ():
             others = np.delete(readings.position[rows], own, axis=0)
             off = np.abs(readings.position[rows[own]] - others.mean(axis=0))
