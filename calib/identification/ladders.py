@@ -71,17 +71,19 @@ def _waves(nominal: RobotModel, sizes: tuple[float, float]) -> Ladder:
     if not (chain.prismatic == 0).any():
         return Ladder("waves", (NOTHING,), ("waves: no joint of this robot turns",))
 
+    every = [
+        (int(term.order), term)
+        for term in _new(nominal, harmonic_terms(chain.n_joints, tuple(range(1, MAP_ORDERS + 1))))
+        if chain.kinds[term.joint] == "revolute"
+    ]
+
     def level(
         name: str, share: float, orders: Iterable[int] = (), few: float = 1.0, usual: bool = False
     ) -> Level:
         parts = {1: share, 2: share} | dict.fromkeys(orders, few)
-        terms = _new(nominal, harmonic_terms(chain.n_joints, tuple(parts)))
+        own = ((term, parts[order]) for order, term in every if order in parts)
         errors = JointErrors(
-            tuple(
-                replace(term, share=parts[int(term.order)])
-                for term in terms
-                if chain.kinds[term.joint] == "revolute"
-            )
+            tuple(term if term.share == part else replace(term, share=part) for term, part in own)
         )
         return Level(name, errors, usual_sizes(errors, chain.kinds, waves=sizes), usual)
 

@@ -8,11 +8,12 @@ from calib.geometry.frames import exp_so3
 from calib.geometry.model import RobotModel
 from calib.identification.climb import climb
 from calib.identification.climbing import ASKED
+from calib.identification.gravity_ladder import gravity_ladder
 from calib.identification.joint_models import extended_parameters
-from calib.identification.ladders import ladders_of
 from calib.identification.levels import Level, prior_of
 from calib.identification.model_choice import extended_by
 from calib.identification.row_ladders import row_ladders
+from calib.information.sizes import SAG
 from testbed.identify.calibration import Calibration
 from testbed.identify.fit import wide_prior
 from testbed.identify.outliers import Looking
@@ -100,9 +101,9 @@ def _gains(looking: Looking, near: RobotModel, beside: tuple[Level, ...]) -> lis
     for turn in ((0, 0, 0), *TURNS):
         stands = np.eye(4)
         stands[:3, :3] = exp_so3(np.radians(turn))
-        ladder, _ = ladders_of(
+        ladder = gravity_ladder(
             start, replace(looking.mounted, T_world_base=stands), moments=robot.moments,
-            limits=robot.limits, payload=looking.train.conditions.usual_payload,
+            limits=robot.limits, payload=looking.train.conditions.usual_payload, sag=SAG,
         )  # fmt: skip
         best = climb(nominal, near, looking.train, free, (ladder,), None, prior=prior).best
         gains.append(-np.inf if best is None else best[1])

@@ -4,7 +4,7 @@ import pytest
 
 from tests.testbed.laboratory.outcomes import outcome
 
-ROBOTS = 24
+ROBOTS, FEW = 24, 12
 
 
 @pytest.mark.truth
@@ -38,9 +38,9 @@ def test_a_preset_leaves_what_the_specification_says(preset, fit, m, before, ran
 @pytest.mark.slow
 @pytest.mark.parametrize("preset", ["unmodelled", "elastic"])
 def test_no_offered_model_explains_an_unmodelled_or_elastic_robot(preset):
-    found = outcome(preset, "extended", 61, ROBOTS)
-    # chi-square per degree of freedom, of 300, has sd .08, a median of 24 robots .02: were
+    found = outcome(preset, "extended", 61, FEW)
+    # chi-square per degree of freedom, of 300, has sd .08, a median of 12 robots .03: were
     # the model right it would lie within four of those of 1
-    assert found.chi_random > 1.08
+    assert found.chi_random > 1.12
     # and yet it calibrates much better than the geometric model alone
-    assert found.random < 0.5 * outcome(preset, "gls30", 61, ROBOTS).random
+    assert found.random < 0.5 * outcome(preset, "gls30", 61, FEW).random

@@ -55,7 +55,8 @@ def test_a_plan_of_a_ur10_searches_for_no_way_in_vain(monkeypatch):
 
 
 def test_with_all_its_turns_it_ends_too_and_says_what_to_narrow(monkeypatch):
-    monkeypatch.setattr(moves, "PATIENCE", 30_000)
+    monkeypatch.setattr(moves, "RESOLUTION", 0.05)  # a fifth of the postures, and of the patience
+    monkeypatch.setattr(moves, "PATIENCE", 6_000)
     monkeypatch.setattr(moves, "NODES", 200)
     tested = []
     is_free = Mover.is_free

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from calib.errors import InputError
@@ -61,6 +61,7 @@ def test_each_scene_survives_being_written_with_every_default(name):
             assert set(written[table]) == fields - {"prior", "use"}
 
 
+@settings(max_examples=30)
 @given(
     seed=st.integers(0, 2**63 - 1),
     title=st.text(st.characters(exclude_categories=["C", "Zl", "Zp"]), max_size=20),
@@ -277,12 +278,14 @@ JSONISH = st.recursive(
 TOP = st.sampled_from(tuple(Scenario.model_fields)) | st.text(max_size=5)
 
 
+@settings(max_examples=60)
 @given(st.dictionaries(TOP, JSONISH))
 def test_whatever_is_in_the_file_only_our_error_comes_out(document):
     with suppress(InputError):
         scenario_of(deepcopy(SMALL) | document, where="x.toml")
 
 
+@settings(max_examples=60)
 @given(st.sampled_from(["truth", "tracker", "pool", "identification", "trial"]), st.data())
 def test_whatever_a_key_holds_only_our_error_comes_out(table, data):
     document = tomllib.loads(dump_scenario(small()))

@@ -91,6 +91,10 @@ def test_an_upright_arm_that_sags_under_larger_noise_than_stated_is_no_hint_of_a
     assert said(found) == []
 
 
+SEEDS = [pytest.param(seed, marks=[pytest.mark.study] * (seed > 1)) for seed in (1, 4, 5, 6)]
+"""Of gears. Without other levels beside gravity the first would be taken for those of a wall."""
+
+
 def geared(table, seed):
     """The table of an arm whose gears err besides: once and twice a turn, and by their ratio."""
     rng, k = np.random.default_rng(seed), table.q.shape[1]
@@ -101,7 +105,7 @@ def geared(table, seed):
     return replace(table, q=q - errors)
 
 
-@pytest.mark.parametrize("seed", [1, 4, 5])
+@pytest.mark.parametrize("seed", SEEDS)
 def test_gears_of_an_upright_arm_are_no_hint_of_a_wall(seed):
     """What gears do at joint 1 once a turn, a wall would do as well."""
     session = session_of(geared(table_of(true_model(), pool_r(80)), seed), model="choose")
@@ -110,7 +114,7 @@ def test_gears_of_an_upright_arm_are_no_hint_of_a_wall(seed):
     assert said(found) == []
 
 
-@pytest.mark.parametrize("seed", [1, 5, 6])
+@pytest.mark.parametrize("seed", SEEDS)
 def test_gears_do_not_hide_a_wall(seed):
     hanging = sagging([90.0, 0.0, 0.0])
     session = replace(hanging, measurements=geared(hanging.measurements, seed))

@@ -344,15 +344,18 @@ def test_a_program_beyond_a_joint_map_is_told_so(tmp_path, monkeypatch):
     assert told.count("half a wave") == 1
 
 
+@pytest.mark.parametrize(("robots", "least"), [(2, 1), pytest.param(4, 3, marks=pytest.mark.study)])
 @pytest.mark.parametrize("kind", ["frames", "one point", "targets found"])
-def test_only_tolerances_tell_the_flange_where_another_target_was_measured(kind, tmp_path):
+def test_only_tolerances_tell_the_flange_where_another_target_was_measured(
+    kind, robots, least, tmp_path
+):
     """Robots whose last link is off as its tolerances say, measured at a target beside the flange.
 
     Readings take that for the place of the target, and the corrected program moves the flange. Of
-    4 robots fewer than 3 are held in one study of 70, if 95 % are.
+    2 robots none is held in one study of 400, of 4 fewer than 3 in one of 70, if 95 % are.
     """
     held, sd, nominal = [], usual_tolerances(6)[-1], robot().model.chain
-    for seed in range(4):
+    for seed in range(robots):
         rng, plain = np.random.default_rng(seed), true_model(seed)
         links = plain.chain.links.copy()
         links[0] = nominal.links[0]  # its errors are those of the base
@@ -385,7 +388,7 @@ def test_only_tolerances_tell_the_flange_where_another_target_was_measured(kind,
         miss = (there - robot().model.poses(q))[0, :3, 3]
         held.append(np.linalg.norm(miss) < made.targets.radius_mean[0])
         assert made.targets.radius_mean[0] > 20 * found.proof.point.radius_mean
-    assert sum(held) >= 3
+    assert sum(held) >= least
 
 
 def test_a_tool_that_stays_as_the_file_has_it_is_the_one_that_was_measured():
