@@ -46,7 +46,7 @@ def campaign(model, see, robot, size):
 @pytest.mark.parametrize(
     ("size", "see", "model", "robots"),
     [
-        pytest.param(size, see, model, 24 if whole else 12, marks=[pytest.mark.study] * whole)
+        pytest.param(size, see, model, 24 if whole else 8, marks=[pytest.mark.study] * whole)
         for whole in (False, True)
         for size in (1.0, 3.0)
         for see in (poses, points)

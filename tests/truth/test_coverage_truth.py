@@ -17,7 +17,7 @@ GEOMETRIC, EXTENDED = range(2)
 FULL = 200
 
 
-@pytest.fixture(scope="module", params=[8, pytest.param(FULL, marks=pytest.mark.study)])
+@pytest.fixture(scope="module", params=[5, pytest.param(FULL, marks=pytest.mark.study)])
 def campaign(request):
     return played("coverage", {"coverage.robots": request.param})
 

@@ -19,7 +19,7 @@ POSES = 29
 POOL = pool_r()
 
 
-@pytest.fixture(scope="module", params=[120, pytest.param(4000, marks=pytest.mark.study)])
+@pytest.fixture(scope="module", params=[200, pytest.param(4000, marks=pytest.mark.study)])
 def count(request: pytest.FixtureRequest) -> int:
     """Of how many replications."""
     return int(request.param)

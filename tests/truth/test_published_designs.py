@@ -120,7 +120,7 @@ def test_the_mixed_factorial_of_algdesign_is_reached_or_beaten():
     assert per_run(F) == pytest.approx(0.6443940, abs=5e-8)
 
 
-@pytest.mark.slow
+@pytest.mark.study
 def test_the_screening_design_of_algdesign_is_reached():
     two = grid([-1.0, 1.0], 7)
     pairs = [two[:, i] * two[:, j] for i, j in itertools.combinations(range(7), 2)]

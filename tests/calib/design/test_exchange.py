@@ -19,7 +19,7 @@ METHODS = {"exchange": exchange, "fedorov": fedorov}
 @pytest.mark.parametrize("known", [False, True])
 def test_the_best_of_all_sets_is_found(name: str, known: bool):
     criterion, missed = small_criterion(name), 0
-    for seed in range(3):
+    for seed in range(2):
         blocks = small_pool(seed, 12)
         options = {"prior": 0.2 * np.eye(5), "given": (2,)} if known else {}
         base = information(blocks[[2]]) + 0.2 * np.eye(5) if known else 0.0

@@ -43,7 +43,7 @@ def test_a_selection_is_a_set_its_value_is_fresh_and_its_proof_is_said(method: s
         assert found.proof.startswith("no certificate: no bound")
 
 
-@pytest.mark.parametrize("name", ["D", "V", "G", "O2"])
+@pytest.mark.parametrize("name", ["D", "G"])
 @pytest.mark.parametrize("method", METHODS)
 def test_the_same_seed_gives_the_same_set_and_the_order_of_the_pool_is_no_matter(
     method: str, name: str
@@ -75,7 +75,7 @@ def test_a_pose_comes_twice_only_if_asked(method: str):
 @pytest.mark.parametrize("method", ["greedy", "detmax", "fedorov", "exchange"])
 @pytest.mark.parametrize("name", ["D", "E"])
 def test_every_search_is_far_better_than_a_random_set(method: str, name: str):
-    blocks, criterion = whitened_pool(150), small_criterion(name, 24)
+    blocks, criterion = whitened_pool(100), small_criterion(name, 24)
     found = METHODS[method](
         Problem.of_blocks(blocks, 12, criterion), np.random.default_rng(0)
     ).certificate
@@ -85,7 +85,7 @@ def test_every_search_is_far_better_than_a_random_set(method: str, name: str):
 @cache
 def of_a_random_set(name: str) -> float:
     """What is certain of it."""
-    problem = Problem.of_blocks(whitened_pool(150), 12, small_criterion(name, 24))
+    problem = Problem.of_blocks(whitened_pool(100), 12, small_criterion(name, 24))
     return random_set(problem, np.random.default_rng(0)).certificate.efficiency
 
 

@@ -28,7 +28,7 @@ def true_rp(sd):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("n", [3, 10, 30])
+@pytest.mark.parametrize("n", [3, pytest.param(10, marks=pytest.mark.study), 30])
 @pytest.mark.parametrize("sd", [(1.0, 1.0, 1.0), (1.0, 0.5, 0.25), (1.0, 1e-3, 1e-3)])
 def test_rp_of_endlessly_many_cycles_lies_within_its_limits(sd, n):
     x = np.random.default_rng(n).standard_normal((N, n, 3)) * sd

@@ -124,9 +124,9 @@ def told(way, campaigns, **settings):
 def test_poses_in_some_order_pass_no_misfit_for_a_drift(way):
     """Of 60 arms that sag by twice the noise 12 and 32 were said to drift: no joint follows its
     neighbors where poses are sorted by the size of an angle, or by height."""
-    sure, _, void = told(way, 15, size=2.0)
+    sure, _, void = told(way, 8, size=2.0)
     assert sure == 0
-    assert void >= 14
+    assert void >= 7
 
 
 @pytest.mark.slow
@@ -142,11 +142,11 @@ def test_poses_in_a_loose_order_pass_no_misfit_for_a_drift():
     assert sure <= binom.ppf(0.999, 60 - void, SURE)
 
 
-@pytest.mark.slow
+@pytest.mark.study  # fewer do not tell the two
 def test_a_misfit_beside_a_drift_hides_it_less():
     """Two noise sd: of 300 arms 60 % were below .05, and 65 % are."""
-    _, some, _ = told("random", 30, kind=waves, size=2.0, slow=0.5)
-    assert some >= binom.ppf(0.001, 30, 0.6)
+    _, some, _ = told("random", 300, kind=waves, size=2.0, slow=0.5)
+    assert some >= 0.62 * 300
 
 
 def test_what_is_taken_off_is_the_best_linear_guess_of_what_the_poses_share():

@@ -83,7 +83,7 @@ def test_one_visit_makes_of_small_stated_noise_the_misfit_that_it_may_be():
 
 @pytest.mark.slow
 def test_two_visits_tell_small_stated_noise_from_a_misfit():
-    found = [campaign(seed, gain=LARGER, visits=2) for seed in range(20)]
+    found = [campaign(seed, gain=LARGER, visits=2) for seed in range(12)]
     assert np.median([radius / np.quantile(apart, 0.95) for radius, _, apart, _ in found]) <= 2.5
     assert np.mean([(apart <= radius).mean() for radius, _, apart, _ in found]) >= 0.97
 
