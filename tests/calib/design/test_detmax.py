@@ -22,6 +22,7 @@ from tests.calib.design.design_cases import (
     whitened_pool,
 )
 
+pytestmark = pytest.mark.usefixtures("uncertified")
 REFERENCE = Path(__file__).parents[4] / "shared/reference/exchange_reference.json"
 
 

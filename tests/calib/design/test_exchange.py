@@ -12,6 +12,7 @@ from tests.calib.design.design_cases import small_criterion, small_pool, whitene
 
 ALL = ("D", "A", "V", "G", "E", "O2", "O4", "O5")
 METHODS = {"exchange": exchange, "fedorov": fedorov}
+pytestmark = pytest.mark.usefixtures("uncertified")
 
 
 @pytest.mark.slow

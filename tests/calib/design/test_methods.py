@@ -43,6 +43,7 @@ def test_a_selection_is_a_set_its_value_is_fresh_and_its_proof_is_said(method: s
         assert found.proof.startswith("no certificate: no bound")
 
 
+@pytest.mark.usefixtures("uncertified")
 @pytest.mark.parametrize("name", ["D", "G"])
 @pytest.mark.parametrize("method", METHODS)
 def test_the_same_seed_gives_the_same_set_and_the_order_of_the_pool_is_no_matter(
@@ -60,6 +61,7 @@ def test_the_same_seed_gives_the_same_set_and_the_order_of_the_pool_is_no_matter
         np.testing.assert_array_equal(order[shuffled.indices], first.indices)
 
 
+@pytest.mark.usefixtures("uncertified")
 @pytest.mark.parametrize("method", METHODS)
 def test_a_pose_comes_twice_only_if_asked(method: str):
     blocks, run = small_pool(2, 4), METHODS[method]
@@ -89,6 +91,7 @@ def of_a_random_set(name: str) -> float:
     return random_set(problem, np.random.default_rng(0)).certificate.efficiency
 
 
+@pytest.mark.usefixtures("uncertified")
 @pytest.mark.parametrize("method", METHODS)
 def test_a_prior_too_weak_to_count_beside_one_pose_breaks_nothing(method: str):
     blocks = small_pool(0)
@@ -204,6 +207,7 @@ def test_where_only_points_are_measured_the_turn_of_the_tool_is_no_number():
         Problem.of_poses(tx60(), pool_r()[:60], poses=15, noise=np.eye(2))
 
 
+@pytest.mark.usefixtures("uncertified")
 @pytest.mark.parametrize("name", ["D", "O1", "V"])
 @pytest.mark.parametrize("method", METHODS)
 def test_the_way_to_a_set_goes_by_single_exchanges_and_then_by_better_ends(method: str, name: str):
