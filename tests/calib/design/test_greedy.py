@@ -87,6 +87,7 @@ def test_an_earlier_calibration_takes_the_place_of_the_ridge(name: str):
     assert found.value == pytest.approx(criterion.figure(M, 5), rel=1e-9)
 
 
+@pytest.mark.usefixtures("uncertified")
 @pytest.mark.parametrize("name", ["D", "A", "V"])
 def test_the_ridge_is_too_small_to_choose(name: str, monkeypatch):
     blocks, criterion = whitened_pool(200), small_criterion(name, 24)

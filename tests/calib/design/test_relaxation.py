@@ -67,7 +67,7 @@ def test_packed_products_are_the_products():
 
 
 def test_a_bound_within_a_thousandth_of_the_last_is_reached_in_few_steps():
-    blocks = whitened_pool()
+    blocks = whitened_pool(400)
     few, many = (
         relaxation(Problem.of_blocks(blocks, 29, "D"), iterations=k, tolerance=1e-6).bound
         for k in (400, 4000)
