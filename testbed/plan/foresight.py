@@ -9,6 +9,7 @@ from calib.measurement.observations import Measurements
 from calib.uncertainty.statement.applicability import Proven, proven_by
 from calib.uncertainty.statement.distance import distance_radius, radius_over
 from calib.uncertainty.statement.gain import beside_held, least_squares_gain
+from calib.uncertainty.statement.instrument import InstrumentErrors
 from calib.uncertainty.statement.misfit import detectable_size, evidence_rows
 from calib.uncertainty.statement.places import reasons
 from calib.uncertainty.statement.shared import SharedErrors, planned_errors
@@ -70,7 +71,7 @@ def foresight(
         shared=frozen(u.shared),
         R95_over=radius_over(sigma, goal.weights),
         R95_worst=_largest(sigma, u.whole),
-        stated=rehearsed(bench, goal, parameters, train, apart, shared),
+        stated=rehearsed(bench, goal, parameters, train, apart, stated_errors(bench)),
         misfit_seen=detectable_size(evidence),
         applies=reach,
         why=() if proven is None or reach is None else reasons(proven, reach, goal.q),
@@ -116,11 +117,18 @@ def sources(
     bench: Bench, parameters: Parameters, gain: Array, train: Measurements, judged: Measurements
 ) -> SharedErrors | None:
     """The tracker's systematic errors one by one; None if it states none."""
-    settings, beam = bench.scenario.tracker, bench.tracker.T_world_tracker[None]
+    model, size, beam = bench.robot.model, stated_errors(bench), bench.tracker.T_world_tracker[None]
+    if size is None:
+        return None
+    return planned_errors(size, model, parameters, gain, train, judged, beam)
+
+
+def stated_errors(bench: Bench) -> InstrumentErrors | None:
+    """How large the tracker's systematic errors are; None if it states none."""
+    settings = bench.scenario.tracker
     if not isinstance(settings, At960Tracker) or not settings.systematic:
         return None
-    model, size = bench.robot.model, bias_size(settings)
-    return planned_errors(size, model, parameters, gain, train, judged, beam)
+    return bias_size(settings)
 
 
 def _largest(sigma: Array, u: Array) -> float:

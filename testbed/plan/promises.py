@@ -42,8 +42,7 @@ def _time_words(plan: Plan) -> str:
 
 def misfit_words(plan: Plan) -> str:
     """Which misfit the measurements would show, what becomes of a smaller one, and the radius."""
-    size, radius = plan.foresight.misfit_seen, plan.foresight.radius_stated
-    about = f"about {micrometres(radius, 2)} µm" if np.isfinite(radius) else ""
+    size, about = plan.foresight.misfit_seen, stated_words(plan)
     if not np.isfinite(size):
         few = "these measurements are too few to show any misfit"
         return f"{few}, and the calibration will state {about}" if about else few
@@ -54,6 +53,15 @@ def misfit_words(plan: Plan) -> str:
         f"a misfit of {micrometres(size, 2)} µm per axis or more would show in these "
         f"measurements; a smaller one may stay hidden, and {allowed}"
     )
+
+
+def stated_words(plan: Plan) -> str:
+    """Which radius the calibration will state, of which arm; empty where it will state none."""
+    links, joints = plan.foresight.stated.medians[:, 0]
+    if not np.isfinite(links):
+        return ""
+    bent = f", or {micrometres(joints, 2)} µm if joints sag and wave" if np.isfinite(joints) else ""
+    return f"about {micrometres(links, 2)} µm{bent}"
 
 
 def has_shared(plan: Plan) -> bool:

@@ -17,6 +17,7 @@ from testbed.laboratory.cell import Obstacle
 from testbed.laboratory.goal import Goal
 from testbed.laboratory.pool import PosePool
 from testbed.laboratory.tracker.stations import StationComparison
+from testbed.plan.rehearsal import Rehearsals
 from testbed.robots.controller import Controller
 from testbed.scenario.scenario import Scenario
 
@@ -81,9 +82,8 @@ class Foresight(Shown):
     [m]."""
     R95_worst: float
     """The same at the worst posture [m]."""
-    stated: Array
-    """(k,) radii over the goal that the statement after the plan has in rehearsals with a robot
-    that has no misfit, ascending; empty where nothing will be stated [m]."""
+    stated: Rehearsals
+    """Radii that the calibration will state if the robot has no misfit."""
     misfit_seen: float
     """Size per axis of a misfit of the model that the measurements will show [m]."""
     applies: Applicability | None
@@ -92,11 +92,6 @@ class Foresight(Shown):
     """(g,) what will warn of each of them, or refuse it; empty where nothing does."""
     sources: SharedErrors | None
     """The systematic errors one by one, at the held-out poses; None if the tracker states none."""
-
-    @property
-    def radius_stated(self) -> float:
-        """Radius over the goal that the statement will have, median of `stated`; nan: none [m]."""
-        return float(np.median(self.stated)) if len(self.stated) else np.nan
 
     @property
     def u(self) -> Array:

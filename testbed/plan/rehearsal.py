@@ -1,25 +1,57 @@
-"""A plan rehearsed: the radius that the statement after it will have, by virtual calibrations."""
+"""A plan rehearsed: the radius that its calibration will state, by virtual calibrations."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from calib.arrays import Array, frozen
 from calib.geometry.frames import exp_so3
+from calib.geometry.model import RobotModel
 from calib.geometry.parameters import Parameters
-from calib.identification.identify import identify
+from calib.identification.identify import Identification, identify
+from calib.identification.ladders import ladders_of
+from calib.identification.levels import Level
+from calib.identification.model_choice import extended_by
+from calib.identification.prior import Prior, own_prior, weak_prior
 from calib.measurement.observations import Measurements
+from calib.shown import Shown
 from calib.uncertainty.circumstances import Circumstances
 from calib.uncertainty.judgement import judge
 from calib.uncertainty.statement.distance import radius_over
-from calib.uncertainty.statement.shared import SharedErrors
+from calib.uncertainty.statement.instrument import InstrumentErrors
+from calib.uncertainty.statement.shared import shared_errors
 from calib.uncertainty.statement.stated_point import widened
 from testbed.laboratory.bench import Bench
 from testbed.laboratory.goal import Goal
 from testbed.streams import stream
 
-DRAWS = 20
-"""Rehearsals: the median of their radii is known to a few percent."""
+DRAWS = 10
+"""Rehearsals of each kind: the median of their radii is known to a twentieth."""
+
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Rehearsals(Shown):
+    """Radii that virtual calibrations state: at their held-out poses, and over the goal.
+
+    Columns of each array, in ascending order; no row where nothing will be stated, nan where the
+    statement does not reach the goal.
+    """
+
+    links: Array
+    """(k, 2) where the links alone are identified [m]."""
+    joints: Array
+    """(k, 2) where sag and waves of the joints are identified as well, as of most arms; none of an
+    arm that has no such terms [m]."""
+
+    @property
+    def medians(self) -> Array:
+        """(2, 2) of links and joints, at the held-out poses and over the goal; nan: none [m]."""
+        return np.array(
+            [
+                np.median(radii, axis=0) if len(radii) else (np.nan, np.nan)
+                for radii in (self.links, self.joints)
+            ]
+        )
 
 
 def rehearsed(
@@ -28,14 +60,15 @@ def rehearsed(
     parameters: Parameters,
     train: Measurements,
     held_out: Measurements,
-    shared: SharedErrors | None,
-) -> Array:
-    """Radii (k,) that calibrations of a robot without misfit state over the goal, ascending [m].
+    errors: InstrumentErrors | None,
+) -> Rehearsals:
+    """Radii that calibrations of a robot without misfit state, with and without joint errors.
 
     The nominal robot is read with the stated noise, identified and judged as `identify` does it: a
     misfit that noise may hide is in the region, and so is the doubt of what the robot's file says
-    of how joints come back. Postures where nothing will be stated are left out; empty where no
-    statement is made at all.
+    of how joints come back. Most arms sag and wave, so that `identify` adds joint errors to its
+    model. How much more uncertain it becomes depends on these numbers and their prior, not on what
+    they turn out to be: they are identified of the nominal robot, too.
 
     Parameters
     ----------
@@ -47,33 +80,70 @@ def rehearsed(
         The numbers to be identified.
     train, held_out : Measurements
         What the tracker would read of the nominal robot, with its noise.
-    shared : SharedErrors, optional
+    errors : InstrumentErrors, optional
         What all readings share, as stated.
     """
-    if not len(held_out):
-        return frozen(np.zeros(0))
-    rng = stream(bench.scenario.seed, "plan", "rehearsal")
-    held_out = replace(held_out, pose_id=held_out.pose_id + len(train))
-    tables = (train, held_out)
-    scatter = _joint_scatter(bench, train), _joint_scatter(bench, held_out)
+    links, joints = [], []
+    if len(held_out):
+        model, rng = bench.robot.model, stream(bench.scenario.seed, "plan", "rehearsal")
+        held_out = replace(held_out, pose_id=held_out.pose_id + len(train))
+        scatter = _joint_scatter(bench, train), _joint_scatter(bench, held_out)
+        levels, prior = usual_levels(model), links_prior(model, parameters)
+        for _ in range(DRAWS):
+            own, theirs = (_read(table, rng) for table in (train, held_out))
+
+            def radii(found: Identification, own: Measurements, theirs: Measurements) -> Array:
+                return _radii(bench, goal, found, own, theirs, scatter, errors)
+
+            links.append(radii(identify(model, own, parameters), own, theirs))
+            if levels and prior is not None:
+                _, found = extended_by(model, own, parameters, levels, prior=prior)
+                joints.append(radii(found, own, theirs))
+    return Rehearsals(*(_believed(radii) for radii in (links, joints)))
+
+
+def usual_levels(model: RobotModel) -> tuple[Level, ...]:
+    """The joint errors that a calibration mostly adds: the least level of sag and of waves."""
+    return tuple(each.levels[1] for each in ladders_of(model) if len(each.levels) > 1)
+
+
+def links_prior(model: RobotModel, parameters: Parameters) -> Prior | None:
+    """The prior of the free links beside joint errors; None where no link is free."""
+    links = set(model.names[6 : model.chain.n_numbers - 6])
+    names = [name for name in parameters.free_names if name in links]
+    if not names:
+        return None
+    usual, own = weak_prior(parameters.freeing(names), model), own_prior(parameters, model)
+    return usual if own is None else usual.joined(own)
+
+
+def _radii(
+    bench: Bench, goal: Goal, found: Identification, own: Measurements, theirs: Measurements,
+    scatter: tuple[Array, Array], errors: InstrumentErrors | None,
+) -> Array:  # fmt: skip
+    """Radii (2,) stated at the held-out poses and over the goal's postures that are reached [m]."""
+    beam, point = bench.tracker.T_world_tracker[None], goal.point.tolist()
+    shared = None if errors is None else shared_errors(errors, found, own, theirs, beam).covariance
     known = Circumstances(
-        shared=None if shared is None else shared.covariance,
-        target=(float(goal.point[0]), float(goal.point[1]), float(goal.point[2])),
+        shared=shared,
+        target=(point[0], point[1], point[2]),
         doubted=scatter if bench.sigma_q.any() else None,
     )
-    radii = []
-    for _ in range(DRAWS):
-        own, theirs = (_read(table, rng) for table in tables)
-        found = identify(bench.robot.model, own, parameters)
-        belief = judge(found, theirs, train=own, circumstances=known).belief
-        if belief is None:
-            continue
-        reached = belief.proven.applies(goal.q).place != "outside"
-        if reached.any():
-            region = belief.regions(goal.q[reached], target=known.target)
-            share = goal.weights[reached] / goal.weights[reached].sum()
-            radii.append(radius_over(widened(region), share))
-    return frozen(np.sort(radii))
+    judged = judge(found, theirs, train=own, circumstances=known)
+    if judged.belief is None or judged.point is None:
+        return np.full(2, np.nan)
+    reached, over = judged.belief.proven.applies(goal.q).place != "outside", np.nan
+    if reached.any():
+        region = judged.belief.regions(goal.q[reached], target=known.target)
+        share = goal.weights[reached] / goal.weights[reached].sum()
+        over = radius_over(widened(region), share)
+    return np.array([judged.point.radius_mean, over])
+
+
+def _believed(radii: list[Array]) -> Array:
+    """Radii (k, 2) of the rehearsals that state any, ascending by the first."""
+    found = np.reshape(radii, (-1, 2))
+    return frozen(sorted(found[np.isfinite(found[:, 0])].tolist())).reshape(-1, 2)
 
 
 def _read(table: Measurements, rng: np.random.Generator) -> Measurements:

@@ -182,8 +182,11 @@ def _promise(plan: Plan) -> Iterator[Quantity]:
     yield Quantity("predicted/sentence", promise(plan))
     yield Quantity("predicted/R95_over_goal_um", seen.R95_over, METRE)
     yield Quantity("predicted/R95_worst_um", seen.R95_worst, METRE)
-    yield Quantity("predicted/R95_stated_um", _or_nan(np.array(seen.radius_stated)), METRE)
-    yield Quantity("predicted/R95_stated_rehearsals_um", seen.stated, METRE)
+    arms, medians = (("", seen.stated.links), ("_joints", seen.stated.joints)), seen.stated.medians
+    for (arm, radii), (at_held_out, over_goal) in zip(arms, map(_or_nan, medians), strict=True):
+        yield Quantity(f"predicted/R95_stated{arm}_um", at_held_out, METRE)
+        yield Quantity(f"predicted/R95_stated{arm}_over_goal_um", over_goal, METRE)
+        yield Quantity(f"predicted/R95_stated{arm}_rehearsals_um", radii[:, 0], METRE)
     yield Quantity("predicted/u_mean_um", plan.u_mean, METRE)
     yield Quantity("predicted/u_noise_mean_um", plan.over_goal(seen.noise), METRE)
     yield Quantity("predicted/u_systematic_mean_um", plan.over_goal(seen.shared), METRE)
