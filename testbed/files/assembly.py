@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from calib.arrays import Array, Bool, Index, frozen
+from calib.measurement.corrections import Corrections
 from calib.measurement.observations import Measurements
 from testbed.files.conditions import SetUp, first_stated, of_session
 from testbed.files.matching import pose_numbers, poses_of_joints, visits_of
@@ -119,6 +120,7 @@ def assemble(
         joint_source=source,
         uncertainty="; ".join(dict.fromkeys(part.readings.uncertainty for part in parts)),
         systematic=settings.uncertainty.systematic,
+        corrections=Corrections.stacked([(len(one), one.readings.corrections) for one in parts]),
         joint_scatter=frozen(np.zeros(q.shape[1]) if included else robot.repeatability),
         fixtures=target.fixtures,
         placed=settings.start is not None and target.placed,

@@ -8,7 +8,8 @@ import numpy as np
 
 from calib.arrays import Array, Index, frozen
 from calib.errors import InputError
-from calib.geometry.frames import exp_so3, log_so3, skew
+from calib.geometry.frames import exp_so3, log_so3
+from calib.measurement.corrections import Corrections, rigid_fit_covariance
 from testbed.files.readings import SHOWN, Readings
 from testbed.files.refusal import refusal
 from testbed.files.session import Drift
@@ -70,6 +71,7 @@ def judge_drift(
     begins = (readings.order[rows[kept]] * there).sum(axis=1) / there.sum(axis=1)
     steps, squares, freedom = [], 0.0, 0
     first = rounds[0]
+    stated = readings.covariance[rows[kept], :3, :3]
     for k, now in enumerate(rounds):
         both = np.isfinite(now[:, 0]) & np.isfinite(first[:, 0])
         R, t = best_fit(first[both], now[both])
@@ -78,9 +80,12 @@ def judge_drift(
             squares += float(np.square(now[both] - first[both] @ R.T - t).sum())
             freedom += 3 * int(both.sum()) - 6
     # the residual holds the scatter of two rounds: the first and this one
-    stated = np.diagonal(readings.covariance[:, :3, :3], axis1=1, axis2=2)
-    scatter = np.sqrt(squares / freedom) if freedom > 0 else np.sqrt(stated.mean()) * 2**0.5
+    variance = float(np.trace(stated[there], axis1=1, axis2=2).mean()) / 3
+    scatter = np.sqrt(squares / freedom) if freedom > 0 else np.sqrt(2 * variance)
     u = scatter * _lever(first[np.isfinite(first[:, 0])], middle)
+    # few nests scatter little by chance: as much as stated, and what a variance of t has
+    shown = squares / 2 / max(freedom - 2, 1) if freedom > 0 else 0.0
+    noise = max(1.0, shown / variance) * stated
     moved = (exp_so3(step[3:]) @ middle + step[:3] for step in steps)
     shift = np.array([np.linalg.norm(point - middle) for point in moved])
     drift = Drift(
@@ -90,20 +95,36 @@ def judge_drift(
         uncertainty=float(u),
         corrected=bool(shift.max(initial=0.0) > TIMES * u),
         wrong=tuple(wrong),
+        covariance=frozen(
+            [
+                rigid_fit_covariance(place[good], middle, own[good])
+                for place, own in zip(rounds, noise, strict=True)
+                for good in [np.isfinite(place[:, 0])]
+            ]
+        ),
     )
     return drift, begins, warnings
 
 
-def correct_drift(readings: Readings, drift: Drift, begins: Array) -> Readings:
-    """Readings with the drift taken off, between two rounds in proportion."""
+def correct_drift(readings: Readings, drift: Drift, begins: Array, middle: Array) -> Readings:
+    """Readings with the drift taken off, between two rounds in proportion.
+
+    What the noise of the nests leaves in them goes with them: a step is of two rounds, the first
+    among them, in whose frame they are then.
+    """
     if not drift.corrected:
         return readings
-    at = np.column_stack([np.interp(readings.order, begins, column) for column in drift.steps.T])
+    share = np.column_stack(
+        [np.interp(readings.order, begins, each) for each in np.eye(len(begins))]
+    )
+    at = share @ drift.steps
     R = exp_so3(at[:, 3:])
     back = np.swapaxes(R, 1, 2)
     position = (back @ (readings.position - at[:, :3])[..., None])[..., 0]
     rotation = readings.rotation if readings.kind == "point" else back @ readings.rotation
-    return replace(readings, position=position, rotation=rotation)
+    share[:, 0] -= 1.0
+    left = Corrections(frozen(share), frozen(position - middle), drift.covariance)
+    return replace(readings, position=position, rotation=rotation, corrections=left)
 
 
 def best_fit(a: Array, b: Array) -> tuple[Array, Array]:
@@ -233,13 +254,8 @@ def _too_few(
 
 
 def _lever(nests: Array, middle: Array) -> float:
-    """Uncertainty of the fitted shift at `middle` per unit scatter of a nest, one axis.
-
-    A rigid fit has the covariance inv(sum J'J) with J = [I, -[x - c]x] for nests x.
-    """
-    J = np.concatenate([np.broadcast_to(np.eye(3), (len(nests), 3, 3)), -skew(nests - middle)], 2)
-    normal = np.einsum("kri,krj->ij", J, J)
-    covariance = np.linalg.solve(normal, np.eye(6))
+    """Uncertainty of the fitted shift at `middle` per unit scatter of a nest, one axis."""
+    covariance = rigid_fit_covariance(nests, middle, np.tile(np.eye(3), (len(nests), 1, 1)))
     return float(np.sqrt(np.linalg.eigvalsh(covariance[:3, :3])[-1]))
 
 
@@ -267,7 +283,7 @@ def without_drift(
     middle = robot.position.mean(axis=0)
     drift, begins, lost = judge_drift(nests, settings.nests, middle, limit=settings.limit_mm / 1e3)
     if apart is None or not drift.corrected:
-        return correct_drift(robot, drift, begins), drift, lost
+        return correct_drift(robot, drift, begins, middle), drift, lost
     warning = (
         f"{nests.where}: does not say between which poses the nests were shot; the drift is "
         "reported, not taken off"

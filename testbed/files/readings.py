@@ -6,6 +6,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from calib.arrays import Array, Bool, Index
+from calib.measurement.corrections import Corrections
 from testbed.files.joints import Extras
 from testbed.files.session import Stated, rows_of
 from testbed.files.table import Columns, DataTable, Unread
@@ -44,6 +45,8 @@ class Readings:
     """Where the covariances come from."""
     offset: Array | None = None
     """(m, 3) place of the reflector in the tool frame, where the file gives it [m]."""
+    corrections: Corrections | None = None
+    """Those by nests, where a drift was taken off."""
     columns: Columns = field(default_factory=Columns)
     """Columns of numbers that were read."""
     stated: Stated = field(default_factory=Stated)
@@ -66,7 +69,12 @@ class Readings:
             "station", "offset",
         )  # fmt: skip
         some = rows_of(self, index, columns)
-        return replace(some, stated=self.stated.rows(index), extras=self.extras.rows(index))
+        return replace(
+            some,
+            stated=self.stated.rows(index),
+            extras=self.extras.rows(index),
+            corrections=self.corrections and self.corrections.rows(index),
+        )
 
 
 def plain_readings(table: DataTable, kind: str, position: Array, spread: Spread) -> Readings:

@@ -8,6 +8,7 @@ import numpy as np
 
 from calib.arrays import Array, Bool, Index
 from calib.geometry.fixtures import Fixtures
+from calib.measurement.corrections import Corrections
 from calib.measurement.observations import Measurements
 from calib.shown import Shown, in_a_line
 from calib.uncertainty.statement.conditions import Conditions
@@ -60,6 +61,8 @@ class Drift:
     """Standard uncertainty of one such shift [m]."""
     corrected: bool
     """Whether it was taken off: the largest shift is above twice its uncertainty."""
+    covariance: Array
+    """(r, 6, 6) of the place of each round, shift of the middle and rotation [m, rad]."""
     wrong: tuple[str, ...]
     """Shots at nests that lie too far from their median, in words; they do not count."""
 
@@ -144,6 +147,8 @@ class Session(Shown):
     masked: tuple[str, ...] = ()
     """Rows left out, and why."""
     drift: Drift | None = None
+    corrections: Corrections | None = None
+    """Those by nests of each row (m,), where a drift was taken off."""
     warnings: tuple[str, ...]
     """What looks odd but did not stop the reading."""
     notes: tuple[str, ...]
@@ -211,6 +216,7 @@ class Session(Shown):
             measurements=self.measurements.rows(index),
             stated=self.stated.rows(index),
             conditions=self.conditions.rows(index),
+            corrections=self.corrections and self.corrections.rows(index),
         )
 
     def pose_name(self, row: int) -> str:

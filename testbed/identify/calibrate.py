@@ -199,11 +199,11 @@ def _calibrated(
     chosen = next(each for each in models if each.model == choice.chosen)
     report(STEPS[3], 3, len(STEPS))
     comes_back = repeatability(chosen.identification.model, robot, session, measurements, ~left_out)
-    judged = measurements.rows(split.is_test) if split.is_test.any() else train
     result, rows = chosen.identification, used
     if own is not None:
         result, rows = own.weighed(result, used), used | own.rows
-    shared = shared_of(session, result, measurements.rows(rows), judged)
+    shown = split.is_test if split.is_test.any() else used
+    shared = shared_of(session, result, measurements, rows, shown)
     target = stated_target(of_the_lead(session, measurements), result)
     judged_by = partial(
         proof_of,
@@ -221,7 +221,7 @@ def _calibrated(
     proof = judged_by(is_test=split.is_test)
     far = far_held_out(chosen.misses, measurements, split.is_test)
     without = judged_by(is_test=split.is_test & ~far).point if far.any() else None
-    stated = train if proof.frame is not None and proof.frame.found else judged
+    stated = train if proof.frame is not None and proof.frame.found else measurements.rows(shown)
     handback = hand_back(
         robot, session, links, prior_share(trained, train, len(links.sd)), proof.belief,
         stated.q[np.unique(stated.pose_id, return_index=True)[1]],

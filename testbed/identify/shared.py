@@ -4,9 +4,16 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from calib.arrays import Bool
 from calib.identification.identify import Identification
 from calib.measurement.observations import Measurements
-from calib.uncertainty.statement.shared import HIDDEN, NOTHING, SharedErrors, shared_errors
+from calib.uncertainty.statement.shared import (
+    HIDDEN,
+    NOTHING,
+    SharedErrors,
+    corrected_errors,
+    shared_errors,
+)
 from testbed.files.session import Session
 from testbed.identify.calibration import Calibration
 from testbed.report.page import Block, Section, Table, Text
@@ -22,34 +29,52 @@ UNSTATED = (
 )
 
 
+OF_NESTS = "nests that the drift was taken off by"
+"""Name of their source."""
+
+
 def shared_of(
-    session: Session, identification: Identification, train: Measurements, judged: Measurements
-) -> SharedErrors | None:
-    """What the stated systematic parts leave in an identification; None where none are stated.
+    session: Session, identification: Identification, measurements: Measurements,
+    used: Bool, judged: Bool,
+) -> SharedErrors | None:  # fmt: skip
+    """What the stated systematic parts and the nests leave in an identification; None without any.
 
     Parameters
     ----------
     session : Session
         Whose instrument it is.
     identification : Identification
-        From `train`.
-    train, judged : Measurements
+        From the rows used.
+    measurements : Measurements
+        All rows (m).
+    used, judged : (m,) array of bool
         Rows identified from, and those whose misses are shown.
     """
+    train, test = measurements.rows(used), measurements.rows(judged)
+    nests = None
+    if session.corrections is not None:
+        each = [session.corrections.rows(np.flatnonzero(some)) for some in (used, judged)]
+        nests = corrected_errors(OF_NESTS, identification, train, test, (each[0], each[1]))
     if session.systematic is None:
-        return None
+        return nests
     further = len(identification.model.fixtures.stations)
     own = beam_of(session.systematic)
     # what is stated of one session of a robot holds for its others
     others = own if session.visits else np.eye(4)
     beams = np.stack([own, *others[None].repeat(further, axis=0)])
-    return shared_errors(errors_of(session.systematic), identification, train, judged, beams)
+    found = shared_errors(errors_of(session.systematic), identification, train, test, beams)
+    return found.joined(nests)
+
+
+def states_instrument(found: SharedErrors | None) -> bool:
+    """Whether systematic errors of the instrument are in what all readings share."""
+    return found is not None and found.names != (OF_NESTS,)
 
 
 def shared_section(calibration: Calibration) -> Section:
     """Each source with what it leaves at the tool, and what a held-out pose can show."""
     found = calibration.shared
-    blocks: list[Block] = [Text(UNSTATED)]
+    blocks: list[Block] = [] if states_instrument(found) else [Text(UNSTATED)]
     if found is not None:
         held = calibration.split.is_test.any()
         rows = [
@@ -72,7 +97,7 @@ def shared_section(calibration: Calibration) -> Section:
             f"less than {percent(NOTHING)} of the whole is left there. The level of a station "
             "counts only for positions relative to gravity.",
         )
-        blocks = [table]
+        blocks.append(table)
     return Section("shared", "Errors that all readings share", tuple(blocks))
 
 

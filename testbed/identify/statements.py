@@ -10,6 +10,7 @@ from calib.uncertainty.statement.gain import of_all_numbers
 from calib.uncertainty.statement.stated_point import common_radius
 from calib.uncertainty.tool_point import ToolStatement, tool_statement
 from testbed.identify.calibration import Calibration
+from testbed.identify.shared import states_instrument
 from testbed.units import UM, counted, probability
 
 BELIEVED, NOT_NEEDED = "believed", "not needed"
@@ -51,7 +52,7 @@ def _believed(calibration: Calibration) -> list[StatedRadius]:
     drifting = calibration.proof.drifting
     if drifting is not None and drifting.drift is not None:
         within += ", a drift"
-    stated = calibration.shared is not None
+    stated = states_instrument(calibration.shared)
     within += ", and systematic errors" if stated else ", but no systematic errors"
     use = (
         BELIEVED

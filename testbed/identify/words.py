@@ -16,6 +16,7 @@ from testbed.identify.handback.delivered import GEOMETRIC, Delivered
 from testbed.identify.handback.states import hand_back_warnings, tool_words
 from testbed.identify.headline import deg, headline_cells, mm
 from testbed.identify.moved import moved_words
+from testbed.identify.shared import states_instrument
 from testbed.identify.visits.report import judges_called, visit_words
 from testbed.report.page import SIMULATED
 from testbed.units import UM, counted, sentences, significant
@@ -141,7 +142,7 @@ def _remarks(calibration: Calibration) -> list[str]:
             "Rows were left out while reading, before poses were held out: see "
             f"{masked} under The data"
         )
-    if calibration.shared is None and calibration.proof.belief is not None:
+    if not states_instrument(calibration.shared) and calibration.proof.belief is not None:
         texts.append(
             "No figure includes systematic errors of the instrument, because the session states "
             "none ([uncertainty.systematic])"

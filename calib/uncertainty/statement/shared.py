@@ -13,10 +13,11 @@ from calib.arrays import Array, frozen
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import Parameters
 from calib.identification.identify import Identification
+from calib.measurement.corrections import Corrections
 from calib.measurement.observations import GIVEN, POINT, Measurements, joined
 from calib.measurement.prediction import predict
 from calib.shown import Shown
-from calib.uncertainty.statement.gain import beside_held, estimator_gain
+from calib.uncertainty.statement.gain import beside_held, estimator_gain, of_all_numbers
 from calib.uncertainty.statement.instrument import PLACE, SOURCES, InstrumentErrors, shared_rows
 
 HIDDEN = 0.3
@@ -45,6 +46,17 @@ class SharedErrors(Shown):
 
     def __repr__(self) -> str:
         return f"SharedErrors({1e6 * self.combined:.3g} um at the tool, {len(self.names)} sources)"
+
+    def joined(self, other: "SharedErrors | None") -> "SharedErrors":
+        """Both, independent of each other, over the same poses."""
+        if other is None:
+            return self
+        return SharedErrors(
+            (*self.names, *other.names),
+            frozen(np.concatenate([self.at_tool, other.at_tool])),
+            frozen(np.concatenate([self.seen, other.seen])),
+            frozen(self.covariance + other.covariance),
+        )
 
     @property
     def combined(self) -> float:
@@ -130,7 +142,7 @@ def planned_errors(
     B = shared_rows(errors, model, both, T_station_beam) * np.sqrt(errors.variance)
     looked_at = np.column_stack([both.offset, both.is_pose, both.reflector, both.tool])
     _, target = np.unique(looked_at, axis=0, return_inverse=True)
-    rows, tool = predict(model, judged).rows[:, :3, free], _tool_rows(model, judged)[:, :, free]
+    rows = predict(model, judged).rows[:, :3, free]
     names, left, seen, covariance = [], [], [], np.zeros((len(free), len(free)))
     for name in dict.fromkeys(SOURCES):
         own = B[:, :, [k for k, source in enumerate(SOURCES) if source == name]]
@@ -145,12 +157,59 @@ def planned_errors(
         others = _variance(rows, part) - (absorbed**2).sum((1, 2))
         shown = ((own[m:, :3] - absorbed) ** 2).sum((1, 2)) + np.maximum(others, 0.0)
         names.append(name)
-        left.append(np.sqrt(_variance(tool, part).mean()))
+        left.append(at_the_tool(model, judged, parameters, part))
         seen.append(np.sqrt(shown.mean()))
         covariance += part
     return SharedErrors(
         tuple(names), frozen(left), frozen(seen), beside_held(parameters, covariance)
     )
+
+
+def corrected_errors(
+    name: str,
+    identification: Identification,
+    train: Measurements,
+    judged: Measurements,
+    corrections: tuple[Corrections, Corrections],
+) -> SharedErrors:
+    """What the errors of corrections leave after an identification by weighted least squares.
+
+    Parameters
+    ----------
+    name : str
+        What the source is called.
+    identification : Identification
+        From `train`.
+    train, judged : Measurements
+        Rows identified from, and those that both columns are of.
+    corrections : tuple of Corrections
+        Of the rows of `train` and of `judged`.
+
+    References
+    ----------
+    As `planned_errors`, with S of each correction.
+    """
+    gain, free = estimator_gain(identification, train), identification.parameters.free_index
+    rows = predict(identification.model, judged).rows[:, :3, free]
+    part, seen = np.zeros((len(free), len(free))), np.zeros(len(judged))
+    for k in range(len(corrections[0].covariance)):
+        own, theirs = (one.errors(k) for one in corrections)
+        moved = np.einsum("mfe,mek->fk", gain, own)
+        part += moved @ moved.T
+        seen += ((theirs[:, :3] - rows @ moved) ** 2).sum(axis=(1, 2))
+    left = at_the_tool(identification.model, judged, identification.parameters, part)
+    return SharedErrors(
+        (name,), frozen([left]), frozen([np.sqrt(seen.mean())]),
+        of_all_numbers(identification, part),
+    )  # fmt: skip
+
+
+def at_the_tool(
+    model: RobotModel, judged: Measurements, parameters: Parameters, covariance: Array
+) -> float:
+    """3-D standard uncertainty of the tool, RMS, by a covariance (f, f) of the free numbers [m]."""
+    tool = _tool_rows(model, judged)[:, :, parameters.free_index]
+    return float(np.sqrt(_variance(tool, covariance).mean()))
 
 
 def _variance(rows: Array, covariance: Array) -> Array:

@@ -8,6 +8,7 @@ import numpy as np
 from calib.arrays import Array, Index
 from calib.errors import InputError
 from calib.geometry.fixtures import Fixtures
+from calib.measurement.corrections import Corrections
 from calib.measurement.observations import joined
 from testbed.files.conditions import SetUp
 from testbed.files.conditions import joined as joined_conditions
@@ -163,6 +164,7 @@ def _joined(
             (one.drift for one in alone if one.drift is not None),
             key=lambda drift: float(drift.shift.max()), default=None,
         ),
+        corrections=Corrections.stacked([(len(one.place), one.corrections) for one in alone]),
         warnings=tuple(dict.fromkeys(text for one in alone for text in one.warnings)),
         notes=tuple(dict.fromkeys(text for one in alone for text in one.notes)),
         unread=tuple(dict.fromkeys(columns for one in alone for columns in one.unread)),

@@ -4,9 +4,11 @@ import numpy as np
 import pytest
 
 from calib.errors import InputError
-from calib.geometry.frames import exp_so3, step_transform
-from testbed.files.drift import best_fit
+from calib.geometry.frames import exp_so3, log_so3, step_transform
+from calib.measurement.corrections import rigid_fit_covariance
+from testbed.files.drift import best_fit, correct_drift, judge_drift
 from testbed.files.read import read_session
+from testbed.files.readings import Readings
 from tests.testbed.files.made import ROBOT, N, csv, made
 
 NESTS = {
@@ -233,3 +235,78 @@ def test_nests_need_no_joints_in_the_file_of_both(tmp_path):
     (tmp_path / "a.csv").write_text("\n".join(map(",".join, rows)) + "\n")
     with pytest.raises(InputError, match="1 of 55 rows has cells that are not numbers"):
         read_session(tmp_path / "a.csv", ROBOT, config=tmp_path / "s.toml")
+
+
+def readings_at(position, target, order, noise):
+    """Points (m, 3) [m] of one target or of several, without joints."""
+    m = len(position)
+    names = (target,) * m if isinstance(target, str) else tuple(target)
+    return Readings(
+        kind="point", where="a.csv", place=tuple(f"a.csv:{k}" for k in order), order=order,
+        position=position, rotation=np.tile(np.eye(3), (m, 1, 1)), distance=np.zeros(m),
+        covariance=np.tile(noise**2 * np.eye(6), (m, 1, 1)), target=names, anchor=("",) * m,
+        station=("",) * m, uncertainty="stated",
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("stated", [1.0, 0.1], ids=["as stated", "more than stated"])
+def test_what_the_nests_leave_in_the_readings_is_as_large_as_said(stated):
+    """Readings without noise of their own, by a station that moved between two of four rounds."""
+    names, nests = list(NESTS), np.array(list(NESTS.values()))
+    rng, noise, squares = np.random.default_rng(7), 20e-6, []
+    true = rng.uniform(-0.5, 0.5, (6, 3))
+    T = [np.eye(4)] * 2 + [step_transform(np.array([4e-4, 0, -3e-4, 0, 2e-4, 0]))] * 2
+    for _ in range(100):
+        shots = [T[r][:3, :3] @ p + T[r][:3, 3] for r in range(4) for p in nests]
+        shots += noise * rng.standard_normal((16, 3))
+        order = np.concatenate([7 * r + np.arange(4) for r in range(4)])
+        drift, begins, _ = judge_drift(
+            readings_at(np.array(shots), names * 4, order, stated * noise), names,
+            true.mean(axis=0), limit=5e-3,
+        )  # fmt: skip
+        seen = true @ T[2][:3, :3].T + T[2][:3, 3]
+        robot = readings_at(seen, "SMR", 18 + np.arange(6) / 2, 1e-6)
+        found = correct_drift(robot, drift, begins, true.mean(axis=0))
+        off = (found.position - true).mean(axis=0)
+        each = [found.corrections.errors(k)[:, :3].mean(axis=0) for k in range(4)]
+        S = sum(one @ one.T for one in each)
+        squares.append(off @ np.linalg.solve(S, off) / 3)
+    # 300 squares of a normal number: 0.08 each way and three of them, and the scatter of 12
+    # residuals (freedom 18) counts as at least what is stated, and as t has it
+    assert 0.6 < np.mean(squares) < 1.25
+
+
+def test_the_covariance_of_a_rigid_fit_is_that_of_its_derivatives():
+    rng, nests = np.random.default_rng(2), np.array(list(NESTS.values()))
+    middle, columns, step = np.array([0.3, -0.2, 0.5]), [], 1e-6
+    for at in np.ndindex(nests.shape):
+        ends = []
+        for sign in (1.0, -1.0):
+            seen = nests.copy()
+            seen[at] += sign * step
+            R, t = best_fit(nests, seen)
+            ends.append(np.concatenate([R @ middle + t, log_so3(R)]))
+        columns.append((ends[0] - ends[1]) / (2 * step))
+    gain = np.array(columns).reshape(4, 3, 6).swapaxes(1, 2)
+    root = 1e-5 * rng.standard_normal((4, 3, 3))
+    noise = root @ root.mT
+    found = rigid_fit_covariance(nests, middle, noise)
+    expected = (gain @ noise @ gain.mT).sum(axis=0)
+    assert np.allclose(found, expected, rtol=0, atol=1e-7 * np.abs(expected).max())
+
+
+def test_a_session_says_which_rows_share_what_its_nests_are_wrong_by(tmp_path):
+    step = [80e-6, -50e-6, 30e-6, 10e-6, 0.0, -20e-6]
+    session, true = measured(tmp_path, drift=step, noise=3e-6, rng=np.random.default_rng(1))
+    left = session.corrections
+    assert left.share.shape == (len(true), 5)
+    # every step is of two rounds, and between two of them in proportion
+    assert np.allclose(left.share.sum(axis=1), 0.0)
+    assert (left.share[:, 1:] >= 0).all()
+    assert ((left.share[:, 1:] > 0).sum(axis=1) <= 2).all()
+    middle = session.measurements.position - left.lever
+    assert np.allclose(middle, middle[0], atol=1e-12)
+    some = session.rows(np.arange(len(true)) % 2 == 0)
+    assert np.array_equal(some.corrections.share, left.share[::2])
+    still, _ = measured(tmp_path, drift=np.zeros(6), noise=8e-6, rng=np.random.default_rng(3))
+    assert still.corrections is None

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from calib.errors import InputError
+from calib.measurement.corrections import Corrections
 from calib.measurement.prediction import predict
 from calib.uncertainty.statement.gain import estimator_gain
 from calib.uncertainty.statement.shared import UNSEEN
@@ -17,7 +18,7 @@ from testbed.identify.calibrate import Options, calibrate
 from testbed.identify.handback.delivered import Delivered
 from testbed.identify.results import headline
 from testbed.identify.session import with_test
-from testbed.identify.shared import shared_of, shared_section
+from testbed.identify.shared import OF_NESTS, shared_of, shared_section
 from testbed.laboratory.truth.laboratory import open_laboratory
 from testbed.robots.catalog import load_robot
 from testbed.run.export import export_campaign
@@ -123,7 +124,32 @@ def test_a_session_that_states_none_is_told_that_none_is_counted():
     assert "shared" not in headline(none, NOTHING)
     plain = session_of(table_of(true_model(), pool_r(30)))
     assert plain.systematic is None
-    assert shared_of(plain, none.fit.identification, none.measurements, none.measurements) is None
+    every = np.ones(len(none.measurements), dtype=bool)
+    assert shared_of(plain, none.fit.identification, none.measurements, every, every) is None
+
+
+def test_what_nests_leave_is_a_source_of_its_own():
+    """Beside stated parts as well as alone, where the instrument still states none."""
+    found, rng = calibrated(), np.random.default_rng(0)
+    result, rows = found.fit.identification, found.measurements
+    used, judged = found.is_used, found.split.is_test
+    root = 1e-5 * rng.normal(size=(3, 6, 6))
+    left = Corrections(
+        rng.normal(size=(len(rows), 3)), rng.normal(size=(len(rows), 3)), root @ root.mT
+    )
+    plain = replace(session_of(rows), corrections=left)
+    alone = shared_of(plain, result, rows, used, judged)
+    assert alone.names == (OF_NESTS,)
+    with_parts = shared_of(replace(plain, systematic=PARTS), result, rows, used, judged)
+    parts = shared_of(replace(session_of(rows), systematic=PARTS), result, rows, used, judged)
+    assert with_parts.names == (*parts.names, OF_NESTS)
+    np.testing.assert_allclose(with_parts.covariance, parts.covariance + alone.covariance)
+    assert with_parts.combined == pytest.approx(np.hypot(parts.combined, alone.combined))
+    unstated, table = shared_section(replace(found, shared=alone)).blocks
+    assert "states no systematic errors" in unstated.text
+    assert table.rows[0][:2] == (OF_NESTS, f"{1e6 * alone.at_tool[0]:.2f}")
+    (table,) = shared_section(replace(found, shared=with_parts)).blocks
+    assert table.rows[-2][0] == OF_NESTS
 
 
 EXPORTED = {
