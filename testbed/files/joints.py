@@ -20,13 +20,9 @@ from testbed.files.table import Columns, DataTable, together
 from testbed.files.valid import valid_rows
 from testbed.robots.robot import Robot
 from testbed.strict import choice_of
+from testbed.units import either
 
 SPLITS = ("identify", "test")
-HELD = (
-    "; a joint that rods hold needs none where its robot.toml says so under [controller]: joints = "
-    '["q4 = -q2 - q3"]'
-)
-"""What to do where one joint has no column."""
 Source = Literal["commanded", "read-back"]
 
 
@@ -216,6 +212,29 @@ def _stems(robot: Robot) -> list[tuple[str, str]]:
     ]
 
 
+def held_words(robot: Robot, missing: Collection[str], there: Collection[str]) -> str:
+    """What to do where the joint or joints `missing` have no column, and others do.
+
+    A controller that counts its joints without one that rods hold calls joint 5 of the arm its 4.
+    """
+    own = [stem for stem, _ in _stems(robot)]
+    counted = [f"q{k + 1}" for k in range(len(own))]
+    if robot.controller.held and set(there) == set(counted):
+        pairs = [(stem, name) for stem, name in zip(own, counted, strict=True) if stem != name]
+        words = ", ".join(f'{stem}_deg = "{name}_deg"' for stem, name in pairs)
+        held = either([f"q{j + 1}" for j in robot.controller.held])
+        return (
+            f"; {held} of the arm is held by rods: if the controller counts its joints without it, "
+            f"write columns = {{ {words} }}, with the names in the file"
+        )
+    if len(missing) > 1 or not there:
+        return ""
+    return (
+        "; a joint that rods hold needs none where its robot.toml says so under [controller]: "
+        'joints = ["q4 = -q2 - q3"]'
+    )
+
+
 def _missing(table: DataTable, robot: Robot, tail: str) -> InputError:
     """The error where joints have no column."""
     found = {stem: table.find(kind, f"{stem}{tail}") for stem, kind in _stems(robot)}
@@ -225,6 +244,11 @@ def _missing(table: DataTable, robot: Robot, tail: str) -> InputError:
         for stem, kind in _stems(robot)
         if not found[stem]
     ]
+    held = (f"q{j + 1}" for j in robot.controller.held)
+    there = [
+        *(stem for stem in found if found[stem]),
+        *(stem for stem in held if table.find("angle", f"{stem}{tail}")),
+    ]
     return refusal(
         table.where, "joints",
         f"has no column for {len(missing)} of the {len(found)} joints of "
@@ -232,7 +256,7 @@ def _missing(table: DataTable, robot: Robot, tail: str) -> InputError:
         value=", ".join(table.names)[:200],
         allowed=f"needed: {', '.join(missing)}; {table.found(120)}",
         fix="name the columns so, with the unit, or let `truebed new session` propose them"
-        + HELD * (len(missing) == 1 < len(found)),
+        + held_words(robot, [stem for stem in found if not found[stem]], there),
     )  # fmt: skip
 
 

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from testbed.files.joints import HELD
+from testbed.files.joints import held_words
 from testbed.files.observed import BESIDE_PLAN
 from testbed.files.refusal import no_rows, refusal
 from testbed.files.rows.planned import foretold
@@ -259,12 +259,13 @@ def _require_joints(looks: tuple[Found, ...], robot: Robot) -> None:
     for look in looks:
         there = _joints(look)
         if missing := sorted(set(own) - there) if there else []:
-            shown = ", ".join(f"q{k}" for k in missing)
+            names = [f"q{k}" for k in missing]
+            held = held_words(robot, names, [f"q{k}" for k in there])
             raise refusal(
                 str(look.path), "joints",
-                f"has columns for {counted(len(there), 'joint')}, and none for {shown}",
+                f"has columns for {counted(len(there), 'joint')}, and none for {', '.join(names)}",
                 allowed=f"{robot.name} has {counted(len(own), 'joint')}",
-                fix=f"give all of them, or another ROBOT{HELD * (len(missing) == 1)}",
+                fix=f"give all of them, or another ROBOT{held}",
             )  # fmt: skip
 
 

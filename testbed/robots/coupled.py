@@ -207,12 +207,13 @@ def _require_joint(text: str, joint: int, n: int) -> None:
 
 def _require_motors(equations: dict[int, _Equation]) -> None:
     """Refuse statements that use the motor of a joint that is held."""
-    for one in equations.values():
+    for joint, one in equations.items():
         for name, k in one.others:
             if name == "J" and k in equations and equations[k].held:
                 raise ValueError(
                     f'"{one.text}" names J{k + 1}, and "{equations[k].text}" leaves the controller '
-                    f"none; add J{k + 1} there if it has one"
+                    f"none; add J{k + 1} there if it has one, or write J{joint + 1} here if it is "
+                    f"the one that turns q{joint + 1}: J is counted as q, with those that are held"
                 )
 
 

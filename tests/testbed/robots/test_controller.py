@@ -83,6 +83,7 @@ def test_the_inverse_of_random_statements_brings_joints_back(seed):
         (["q3 = J3", "J3 = q3 - q2"], "joint 3 is stated twice"),
         (["q2 = J2 + J3", "q3 = J3 + J2"], "stated by each other, in a circle"),
         (["q3 = J2", "q4 = J4 + J3"], "leaves the controller none"),
+        (["q4 = -q2 - q3", "q5 = J4"], "or write J5 here if it is the one that turns q5"),
         (["q3 = J3 + 2 mm/deg J2"], "takes no unit"),
         (["q4 = 1e-6 J4 + 1e6 q5"], "multiply joints by more"),
     ],

@@ -65,6 +65,25 @@ def session(folder, table, robot, more=""):
     return read_session(folder / "a.csv", robot, config=folder / "s.toml")
 
 
+def test_a_controller_that_counts_its_joints_without_the_held_one_is_asked_to_say_so(tmp_path):
+    J = HELD.controller.of_arm(made().q)
+    plain = in_radians(replace_q(made(), J))
+    del plain["q4_rad"]
+    last = {"q5_rad": "q4_rad", "q6_rad": "q5_rad"}
+    theirs = {last.get(name, name): values for name, values in plain.items()}
+    with pytest.raises(
+        InputError, match=r'write columns = \{ q5_deg = "q4_deg", q6_deg = "q5_deg"'
+    ):
+        session(tmp_path / "theirs", theirs, HELD)
+    named = SIGMAS.replace(
+        "[frames]", '[frames]\ncolumns = { q5_rad = "q4_rad", q6_rad = "q5_rad" }'
+    )
+    (tmp_path / "theirs" / "s.toml").write_text(named)
+    told = read_session(tmp_path / "theirs" / "a.csv", HELD, config=tmp_path / "theirs" / "s.toml")
+    own = session(tmp_path / "own", plain, HELD)
+    assert np.array_equal(told.measurements.q, own.measurements.q)
+
+
 def test_coupled_joints_are_read_as_the_same_bits_as_plain_ones(tmp_path):
     """All that follows then is the same: identification, statement, files."""
     J = FANUC.controller.of_arm(made().q)
