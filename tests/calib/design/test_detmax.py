@@ -60,6 +60,7 @@ def test_the_published_bars_of_o1_are_met(paper, criterion: IndexName, m: int, b
     ).all()
 
 
+@pytest.mark.slow
 def test_the_published_bar_of_o2_is_met(paper):
     found = detmax(Problem.of_blocks(paper, 29, "O2"), np.random.default_rng(0))
     assert found.value >= 5.9e-5

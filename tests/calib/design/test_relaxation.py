@@ -66,6 +66,7 @@ def test_packed_products_are_the_products():
     np.testing.assert_allclose(packed.traces(S), np.einsum("ij,nij->n", S, gram), rtol=1e-12)
 
 
+@pytest.mark.slow
 def test_a_bound_within_a_thousandth_of_the_last_is_reached_in_few_steps():
     blocks = whitened_pool(400)
     few, many = (

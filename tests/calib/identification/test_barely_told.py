@@ -43,6 +43,7 @@ def bare(result, *, prior=None):
     return identify(start, result.measured, parameters_of(start, start.names), prior=prior)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", STOPPED)
 def test_a_reflector_on_the_last_axis_is_calibrated_and_judged(seed):
     result, judged = calibrated(seed)
@@ -58,6 +59,7 @@ def test_a_reflector_on_the_last_axis_is_calibrated_and_judged(seed):
         assert u[name] <= sd * (1 + 1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", STOPPED[:2])
 def test_the_answer_is_that_of_a_prior_on_all_links(seed):
     test, (result, _) = drawn(seed)[2], calibrated(seed)
@@ -70,6 +72,7 @@ def test_the_answer_is_that_of_a_prior_on_all_links(seed):
     assert np.linalg.norm(points[0] - points[1], axis=1).max() < SD / 20
 
 
+@pytest.mark.slow
 def test_the_stated_radius_holds_the_true_tool_points():
     inside = []
     for seed in STOPPED:

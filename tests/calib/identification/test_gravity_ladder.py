@@ -241,6 +241,7 @@ def seen(true: RobotModel, m: int, seed: int):
     return poses(q, T, sd=(SIGMA_POSITION, SIGMA_ROTATION))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "which",
     [pytest.param(k, marks=[pytest.mark.study] * (k in (2, 5, 8))) for k in (2, 4, 5, 6, 8, 9)],

@@ -86,6 +86,7 @@ def test_ratio_does_not_depend_on_the_stated_noise():
     assert wider.ratio == pytest.approx(plain.ratio, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_a_sound_model_is_seldom_accused():
     """p-values of 60 sound campaigns: 5 % of them below 5 %, by chance up to 9 (99.9 %)."""
     p = [fitted(repeated(seed)).lack_of_fit.p_value for seed in range(100, 160)]

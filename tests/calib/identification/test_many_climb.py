@@ -100,6 +100,7 @@ def held_to(one, alone, q):
     assert np.abs(gap).max() < 1e-9
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("noise", "some", "robots"),
     [(1.0, slice(4), 4), (3.0, slice(1, 3), 2), (1.0, slice(4), MANY_SPRUNG)],
@@ -185,6 +186,7 @@ def test_where_rounding_may_decide_a_robot_climbs_by_itself(monkeypatch):
         assert (one.gain, one.steps) == (other.gain, other.steps)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("what", ["mean", "joints", "payload", "visits"])
 def test_what_arrays_do_not_know_is_left_to_each(what):
     tables, ladders = visits()[:2], LADDERS[1:]

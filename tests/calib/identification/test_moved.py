@@ -179,6 +179,7 @@ def louder(table, rng):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "how",
     ["sound", warming, gross, louder, "wavy", "wavy tour"],

@@ -54,6 +54,7 @@ def found_of(table, prior=PRIOR):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("noise", [1.0, 3.0])
 def test_links_as_an_arm_usually_has_them_keep_the_usual_widths(seed, noise):

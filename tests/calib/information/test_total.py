@@ -114,6 +114,7 @@ def test_the_best_moves_are_those_of_brute_force(name: str):
         assert (swap.leaving, swap.entering) == (i, places[j])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", NAMES)
 def test_no_set_beats_the_bound_and_the_search_finds_almost_the_best(name: str):
     for seed in range(2):
@@ -130,6 +131,7 @@ def test_no_set_beats_the_bound_and_the_search_finds_almost_the_best(name: str):
         assert found.value <= 1.05 * np.sqrt(least)
 
 
+@pytest.mark.slow
 def test_the_search_for_the_whole_beats_the_search_for_the_noise():
     """A pool half of whose poses see a large shared input that the noise does not tell of."""
     rng, goals = np.random.default_rng(2), goal_set(n=30)

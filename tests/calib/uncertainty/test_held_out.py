@@ -37,6 +37,7 @@ def test_the_chi_square_of_held_out_errors_counts_their_shared_parameter_error()
     assert found.distance == pytest.approx(np.sqrt((found.error**2).sum(axis=1)))
 
 
+@pytest.mark.slow
 def test_held_out_p_values_are_uniform_for_a_sound_model():
     p = []
     for seed in range(60):

@@ -62,6 +62,7 @@ def fitted(train, model):
     return extended_by(TX60, train, parameters, levels, prior=weak_prior(parameters))[1]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "model",
     [

@@ -126,6 +126,7 @@ def test_the_other_side_of_the_room_is_not_inside():
     assert "inside" in repr(same)
 
 
+@pytest.mark.slow
 def test_growth_holds_where_the_plain_rule_falls_short():
     """Sag and waves of half the noise, used with the other elbow; robots are the unit."""
     shares = []

@@ -151,6 +151,7 @@ def test_held_out_errors_guard_the_factor():
     assert belief.factor > K3
 
 
+@pytest.mark.slow
 def test_the_guarded_factor_makes_the_radius_hold_what_it_promises_too():
     """Errors along the longest axis alone: within every ellipsoid, and half as often in a ball."""
     rng = np.random.default_rng(5)

@@ -175,6 +175,7 @@ def held(robot, m, n):
     return [one.regions(q[m + n :]).holds(T[m + n :, :3, 3]).mean() for one in told]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("robots", "m", "n"),
     [

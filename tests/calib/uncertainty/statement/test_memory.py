@@ -57,6 +57,7 @@ def test_p_values_of_noise_that_forgets_are_uniform():
     assert kstest(p, "uniform").pvalue > 1e-3
 
 
+@pytest.mark.slow
 def test_slow_noise_is_seen_and_white_noise_is_not():
     seen = {0.0: 0, 20.0: 0}
     for memory in seen:

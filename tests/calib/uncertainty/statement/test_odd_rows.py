@@ -64,6 +64,7 @@ def stated(train, test, q, p, loss="squared"):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("size", [5e-3, 20e-3])
 def test_a_gross_error_under_a_robust_loss_hides_no_misfit(size):
     """Its weight of 1e-5 made it a row of millimeters of noise, and the misfit passed for that."""
