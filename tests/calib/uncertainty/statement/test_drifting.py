@@ -144,7 +144,7 @@ def test_poses_in_a_loose_order_pass_no_misfit_for_a_drift():
 
 @pytest.mark.study
 def test_a_misfit_beside_a_drift_hides_it_less():
-    """Two noise sd: of 300 arms 166 are below .05, and 148 of the same where it is not taken off."""
+    """Two noise sd: of 300 arms 166 are below .05, of the same 148 where it is not taken off."""
     _, some, _ = told("random", 300, kind=waves, size=2.0, slow=0.5)
     assert some >= 157  # half way
 
