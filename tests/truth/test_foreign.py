@@ -181,7 +181,7 @@ def test_a_load_that_no_row_carried_has_no_region_and_would_miss_it(tmp_path):
     """The kinematics do not see a load: what a row says of it does."""
     rng = np.random.default_rng(11)
     arm = true_arm(rng, "bearings", 2 * NOISE)
-    tracker, q = ForeignTracker(), candidates(rng, 40 + 20 + 50)
+    tracker, q = ForeignTracker(), candidates(rng, 40 + 20 + 25)
     found = from_files(arm, tracker, rng, q[:40], q[40:60])
     frame, tx60 = tracker.frame, load_robot("staubli_tx60")
     for load, words, low, high in ((0.0, "as measured", 0.9, 1.0), (9.0, "other payload", 0, 0.6)):
