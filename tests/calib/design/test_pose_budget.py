@@ -58,33 +58,33 @@ def test_the_curve_of_the_tx60_and_the_number_for_fifteen_micrometers(v, counts)
 @pytest.mark.parametrize("name", ["V", "G", "A"])
 def test_no_set_smaller_than_proven_reaches_the_target(name: str, known: str):
     # another pool for each way to know something, and one target for G, whose bound is costly
-    for seed in [("nothing", "prior", "given").index(known)]:
-        blocks, criterion = small_pool(seed, 10), small_criterion(name)
-        prior = 0.3 * np.eye(5) if known == "prior" else None
-        given = (0, 3, 4) if known == "given" else ()
-        base = information(blocks[list(given)]) + (0 if prior is None else prior)
-        free = [j for j in range(10) if j not in given]
-        best = {}
-        for m in range(1 if known != "nothing" else 3, len(free) + 1):
-            sets = blocks[list(itertools.combinations(free, m))].reshape(-1, 2 * m, 5)
-            every = base + np.swapaxes(sets, 1, 2) @ sets
-            # of sets of one size the figure is least where the value is largest
-            best[m] = criterion.figure(every[criterion.value(every).argmax()], m)
-        targets = (best[5] * 1.01, best[4], best[6] * 0.999)
-        for target in targets[: 1 if name == "G" else 3]:
-            target *= 1 + 1e-9
-            rng = np.random.default_rng(0)
-            problem = Problem.of_blocks(blocks, len(free), criterion, prior=prior, given=given)
-            found = pose_budget(problem, target, rng)
-            truth = min(m for m in best if best[m] <= target)
-            assert found.proven <= truth <= found.smallest
-            assert found.smallest <= truth + 1  # an exchange may miss the best set by a little
-            chosen = base + information(blocks[found.chosen])
-            assert criterion.figure(chosen, 1) <= target
-            assert len(found.chosen) == found.smallest
-            assert str(found.smallest) in found.sentence
-            for m, u, bound in zip(found.counts, found.reached, found.possible, strict=True):
-                assert bound <= best[m] * (1 + 1e-9) <= u * (1 + 2e-9)
+    seed = ("nothing", "prior", "given").index(known)
+    blocks, criterion = small_pool(seed, 10), small_criterion(name)
+    prior = 0.3 * np.eye(5) if known == "prior" else None
+    given = (0, 3, 4) if known == "given" else ()
+    base = information(blocks[list(given)]) + (0 if prior is None else prior)
+    free = [j for j in range(10) if j not in given]
+    best = {}
+    for m in range(1 if known != "nothing" else 3, len(free) + 1):
+        sets = blocks[list(itertools.combinations(free, m))].reshape(-1, 2 * m, 5)
+        every = base + np.swapaxes(sets, 1, 2) @ sets
+        # of sets of one size the figure is least where the value is largest
+        best[m] = criterion.figure(every[criterion.value(every).argmax()], m)
+    targets = (best[5] * 1.01, best[4], best[6] * 0.999)
+    for target in targets[: 1 if name == "G" else 3]:
+        target *= 1 + 1e-9
+        rng = np.random.default_rng(0)
+        problem = Problem.of_blocks(blocks, len(free), criterion, prior=prior, given=given)
+        found = pose_budget(problem, target, rng)
+        truth = min(m for m in best if best[m] <= target)
+        assert found.proven <= truth <= found.smallest
+        assert found.smallest <= truth + 1  # an exchange may miss the best set by a little
+        chosen = base + information(blocks[found.chosen])
+        assert criterion.figure(chosen, 1) <= target
+        assert len(found.chosen) == found.smallest
+        assert str(found.smallest) in found.sentence
+        for m, u, bound in zip(found.counts, found.reached, found.possible, strict=True):
+            assert bound <= best[m] * (1 + 1e-9) <= u * (1 + 2e-9)
 
 
 def test_a_poor_search_asks_for_more_poses_but_proves_no_more(monkeypatch):
