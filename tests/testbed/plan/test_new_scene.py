@@ -11,7 +11,7 @@ from testbed.robots.catalog import load_robot, robot_names
 from testbed.scenario.read import changed
 from testbed.studies import parse_scenario
 
-FEW = {"pool.size": 60, "plan.poses": 8, "plan.held_out": 2, "plan.method": "greedy"}
+FEW = {"pool.size": 60, "plan.poses": 8, "plan.held_out": 0, "plan.method": "greedy"}
 
 
 def proposed(name, **more):
@@ -61,7 +61,8 @@ def test_with_all_its_turns_it_ends_too_and_says_what_to_narrow(monkeypatch):
     tested = []
     is_free = Mover.is_free
     monkeypatch.setattr(Mover, "is_free", lambda *all_: tested.append(1) or is_free(*all_))
-    made = plan(proposed("universal_ur10", **{"pool.joint_ranges_deg": [[-360.0, 360.0]] * 6}))
+    turns = {"pool.joint_ranges_deg": [[-360.0, 360.0]] * 6, "plan.held_out": 2}
+    made = plan(proposed("universal_ur10", **turns))
     assert made.tour.blocked
     assert "narrow [pool] joint_ranges_deg" in made.tour.sentence
     # ten poses and the start: 55 pairs, each straight and by 40 stops at most, and the searches

@@ -12,7 +12,7 @@ from testbed.laboratory.tracker.of_scenario import tracker_from
 from testbed.plan.plan import compared, plan
 from testbed.plan.results import plan_csv
 from testbed.plan.words import measured_words
-from tests.planned import QUICK, ROBOT, SMALL, legs, quick_plan, scenario, small_plan
+from tests.planned import BARE, ROBOT, SMALL, legs, quick_plan, scenario, small_plan
 
 CHAIN = ROBOT.model.chain
 STEP = 1e-5
@@ -243,7 +243,7 @@ def test_poses_measured_already_count_and_are_not_chosen_again(tmp_path):
     first = quick_plan()
     file = tmp_path / "plan.csv"
     file.write_text(plan_csv(first), encoding="utf-8")
-    more = plan(scenario(QUICK, **{"plan.measured": str(file), "plan.poses": 3}))
+    more = plan(scenario(BARE, **{"plan.measured": str(file), "plan.poses": 3}))
     old = first.pool.q[first.places]
     # nine decimals of a degree are kept
     assert more.measured_q == pytest.approx(old, abs=1e-11)
@@ -269,7 +269,7 @@ def test_two_measured_poses_tell_too_little_alone_and_still_count(tmp_path):
     file.write_text(
         "q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg\n10,20,30,40,50,60\n-10,5,9,2,8,-9\n"
     )
-    made = plan(scenario(QUICK, **{"plan.measured": str(file), "plan.poses": 6}))
+    made = plan(scenario(BARE, **{"plan.measured": str(file), "plan.poses": 6}))
     assert np.isnan(made.u_of_step[:2]).all()
     assert np.isfinite(made.u_of_step[-1])
     q = np.vstack([made.measured_q, made.pool.q[made.places]])

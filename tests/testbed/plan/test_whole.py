@@ -105,7 +105,7 @@ def test_both_parts_and_the_radii_are_those_of_an_identification():
 
 def test_the_search_for_the_whole_is_no_worse_than_the_search_for_the_noise():
     made = whole_plan()
-    noise_only = plan(scenario(QUICK, **WHOLE | {"tracker.systematic": False}))
+    noise_only = plan(scenario(QUICK, **WHOLE | {"tracker.systematic": False, "plan.held_out": 0}))
     assert not noise_only.foresight.shared.any()
     counted = np.sqrt((noise_only.u**2 + shared_u(made, noise_only) ** 2).mean())
     assert made.u_mean <= counted * (1 + 1e-9)
