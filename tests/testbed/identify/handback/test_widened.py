@@ -48,7 +48,7 @@ def missed(calibration, seed):
     return np.linalg.norm(gap[:, :3, 3], axis=1)
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", [0, 1, pytest.param(2, marks=pytest.mark.study)])
 def test_an_arm_far_from_nominal_is_found_to_the_noise_and_stated_so(seed):
     """Under the usual prior they were missed by 0.45, 0.52 and 0.92 mm, and now by 0.30 to 0.34."""
     calibration = found(seed)
