@@ -2,7 +2,7 @@
 
 Robots of the same structure (`sights.alike`) are judged together. A robot is left to `judge` if no
 misfit can be estimated, its angles are further off than stated, a joint never moved or keeps steps,
-or its held-out rows seem to be in another frame.
+its held-out rows seem to be in another frame, or counting them bounds the misfit.
 """
 
 from collections.abc import Sequence
@@ -23,6 +23,7 @@ from calib.uncertainty.many.gains import ManyGains, gains_of, halved, many_white
 from calib.uncertainty.many.memories import memory_chances
 from calib.uncertainty.many.misfits import ManyMisfits, misfits
 from calib.uncertainty.many.sights import ManyRowsSeen, ManySights, sights
+from calib.uncertainty.proven_belief import counted_rank, enclosing_sizes
 from calib.uncertainty.regions import coverage_factor, mahalanobis_squared
 from calib.uncertainty.statement.applicability import (
     BEYOND,
@@ -106,6 +107,7 @@ def judge_many(
     alone |= motion_chances(seen, gains, seen.covariance, upper) < RED
     drift_p, drifts = _drifts(seen, trains, tests, gains, size)
     growth, *_ = _over(gains.left[0], gains)
+    alone |= _counted(seen, gains, drifts, growth, probability) < upper
     factor = _guarded(seen, gains, drifts, upper, growth, probability)
     sizes = upper[:, None] ** 2 * _over(gains.left[1], gains)[0]
     held_out_p, discrepancy = _held_out(seen, gains.spread[0])
@@ -210,6 +212,20 @@ def _guarded(
         ball[far] = plain * misses[far] / distance_radius(sigma[far], probability)
     scores = np.sort(np.stack([within, ball]), axis=2)[:, :, rank - 1].max(axis=0)
     return np.asarray(np.maximum(np.sqrt(chdtri(3, 1 - probability)), scores))
+
+
+def _counted(
+    seen: ManySights, gains: ManyGains, drifts: Drifts, growth: Array, probability: float
+) -> Array:
+    """Misfits (R,) that are enough for held-out errors if counted [m]; see `proven_belief`."""
+    rank = counted_rank(seen.test.q.shape[1], probability)
+    if not rank:
+        return np.full(len(growth), np.inf)
+    known, whole = (
+        _region(gains, drifts, seen.test, gains.spread[0], size * growth) for size in (0.0, 1.0)
+    )
+    sizes = enclosing_sizes(seen.test.residual[:, :, :3], known, whole - known, probability)
+    return np.asarray(np.sort(sizes, axis=1)[:, rank - 1])
 
 
 def _drifts(

@@ -67,7 +67,8 @@ def what_decides(belief: Belief, q: Array, band: float, *, shared: Array | None 
     noise = widened(still.regions(q, target=target)) - common
     hidden = whole - noise - common
     size = belief.misfit
-    best = min(size.best / size.upper, 1.0) ** 2 if size.p_value < SHOWN else 0.0
+    shown = size.p_value < SHOWN and size.upper > 0  # counted errors may allow for none
+    best = min(size.best / size.upper, 1.0) ** 2 if shown else 0.0
 
     def radius(of_noise: float, of_hidden: float) -> float:
         """Largest R95 where the noise and what was not seen are so many times as large."""

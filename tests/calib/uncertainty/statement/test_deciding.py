@@ -70,6 +70,12 @@ def test_of_a_misfit_that_was_seen_the_most_likely_size_stays(calibrated):
     assert near.quieter == pytest.approx(np.sqrt(3), rel=FINE)
 
 
+def test_a_likely_misfit_that_counted_errors_rule_out_does_not_stay(calibrated):
+    belief, q = calibrated
+    belief = hiding(belief, 0.0, 10e-6, ratio=40.0)
+    assert what_decides(belief, q, largest(belief, q)).staying == 0.0
+
+
 def test_what_all_readings_share_stays(calibrated):
     belief, q = hiding(calibrated[0], 0.0), calibrated[1]
     # as much again as the noise
