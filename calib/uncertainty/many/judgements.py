@@ -2,7 +2,7 @@
 
 Robots of the same structure (`sights.alike`) are judged together. A robot is left to `judge` if no
 misfit can be estimated, its angles are further off than stated, a joint never moved or keeps steps,
-its held-out rows seem to be in another frame, or counting them bounds the misfit.
+or its held-out rows seem to be in another frame.
 """
 
 from collections.abc import Sequence
@@ -107,7 +107,7 @@ def judge_many(
     alone |= motion_chances(seen, gains, seen.covariance, upper) < RED
     drift_p, drifts = _drifts(seen, trains, tests, gains, size)
     growth, *_ = _over(gains.left[0], gains)
-    alone |= _counted(seen, gains, drifts, growth, probability) < upper
+    upper = np.minimum(upper, _counted(seen, gains, drifts, growth, probability))
     factor = _guarded(seen, gains, drifts, upper, growth, probability)
     sizes = upper[:, None] ** 2 * _over(gains.left[1], gains)[0]
     held_out_p, discrepancy = _held_out(seen, gains.spread[0])

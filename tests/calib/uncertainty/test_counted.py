@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import binom, chi2
 
-from calib.uncertainty.judgement import judge
+from calib.uncertainty.judgement import Circumstances, judge
 from calib.uncertainty.many.judgements import judge_many
 from calib.uncertainty.proven_belief import CONFIDENCE, counted, counted_rank, enclosing_sizes
 from calib.uncertainty.regions import mahalanobis_squared
@@ -77,8 +77,15 @@ def test_held_out_poses_that_are_few_or_designed_bound_nothing_by_their_number(s
         assert counted(belief, rows) is belief
 
 
-def test_many_robots_of_which_counting_bounds_one_leave_it_to_the_judge(shot_wrong):
+def test_of_many_robots_each_is_counted_as_alone(shot_wrong):
+    """To 1e-9, as all else; see `test_many_judgements`."""
     _, fit, train, held_out, shot = shot_wrong
-    q = train.q[:2]
+    q, m, n = train.q[:2], len(train), len(shot)
     found = judge_many([fit] * 2, [train] * 2, [held_out, shot], [q] * 2)
-    assert found.alone.tolist() == [False, True]
+    assert not found.alone.any()
+    for k, test in enumerate((held_out, shot)):
+        ordered = Circumstances(order=(np.arange(m), m + np.arange(n)))
+        one = judge(fit, test, train=train, circumstances=ordered).belief.regions(q)
+        assert found.factor[k] == pytest.approx(one.factor, rel=1e-9)
+        size = np.linalg.norm(one.covariance, axis=(1, 2))[:, None, None]
+        np.testing.assert_allclose(found.believed[k] / size, one.covariance / size, atol=1e-9)
