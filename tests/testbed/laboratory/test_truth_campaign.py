@@ -40,7 +40,7 @@ def small(truth: dict, tracker: dict, **changes) -> Scenario:
         "robot": "staubli_tx60",
         "truth": truth,
         "tracker": tracker,
-        "pool": {"size": 40},
+        "pool": {"size": 60},
         "test": {"poses": 12},
         "identification": {"estimators": ["whitened"]},
         "uncertainty": {"repeats": 2, "replications": 2, "draws": 2000},
