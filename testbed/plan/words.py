@@ -85,7 +85,7 @@ def headline_rows(plan: Plan) -> list[tuple[str, str, str]]:
 def _stated(radii: Array, arm: str) -> str:
     """The unit of a radius that will be stated, and how far it may be off."""
     if not len(radii):
-        return "µm: nothing will be stated"
+        return f"µm: nothing will be stated {arm}"
     low, high = np.quantile(radii[:, 0], OFTEN)
     goal = float(np.median(radii[:, 1]))
     over = f"; over the goal {micrometres(goal, 2)}" if np.isfinite(goal) else ""
