@@ -13,9 +13,9 @@ from calib.identification.outliers.tails import LongTails
 from calib.shown import Shown
 from calib.uncertainty.bootstrap import Bootstrap
 from calib.uncertainty.conformal import Conformal
+from calib.uncertainty.drift.drifting import Drifting
 from calib.uncertainty.held_out import HeldOut
 from calib.uncertainty.statement.belief import Belief
-from calib.uncertainty.statement.drifting import Drifting
 from calib.uncertainty.statement.other_frame import OtherFrame
 from calib.uncertainty.statement.places import steps_words
 from calib.uncertainty.statement.questions import LEVEL, Questions

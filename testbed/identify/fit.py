@@ -22,7 +22,7 @@ from calib.measurement.accuracy import error_statistics
 from calib.measurement.observations import Measurements
 from calib.measurement.prediction import predict
 from calib.measurement.residual import linearize
-from calib.uncertainty.statement.gain import judged_by_stops
+from calib.uncertainty.statement.stops import judged_by_stops
 from testbed.identify.frames import FRAMES_ALONE, is_frame
 from testbed.identify.records import Choice, Figures, FittedModel, ModelName, RowErrors
 from testbed.streams import stream

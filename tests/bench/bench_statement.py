@@ -13,11 +13,11 @@ from calib.geometry.model import RobotModel
 from calib.geometry.parameters import parameters_of
 from calib.identification.identify import identify
 from calib.measurement.observations import joined
+from calib.uncertainty.drift.memory import memory_p
 from calib.uncertainty.judgement import Circumstances, judge
 from calib.uncertainty.many.judgements import judge_many
 from calib.uncertainty.statement.evidence import position_rows
 from calib.uncertainty.statement.likelihood import likelihood
-from calib.uncertainty.statement.memory import memory_p
 from calib.uncertainty.statement.shape import misfit_shape
 from tests.calib import kinds
 from tests.calib.uncertainty.statement.test_misfit import dense_likelihood

@@ -17,13 +17,19 @@ from calib.identification.fit_statistics import RED
 from calib.identification.identify import Identification
 from calib.measurement.observations import Measurements, joined
 from calib.uncertainty.conformal import conformal
+from calib.uncertainty.drift.drifting import (
+    ORDERED,
+    SEED,
+    beside_misfit,
+    where_poses_stand,
+)
+from calib.uncertainty.drift.memory import REMEMBERS, drift, interchangeable, seen_by_rows
 from calib.uncertainty.held_out import require_disjoint
 from calib.uncertainty.many.frames import motion_chances
 from calib.uncertainty.many.gains import ManyGains, gains_of, halved, many_whiteners, propagated
 from calib.uncertainty.many.memories import memory_chances
 from calib.uncertainty.many.misfits import ManyMisfits, misfits
 from calib.uncertainty.many.sights import ManyRowsSeen, ManySights, sights
-from calib.uncertainty.proven_belief import counted_rank, enclosing_sizes
 from calib.uncertainty.regions import coverage_factor, mahalanobis_squared
 from calib.uncertainty.statement.applicability import (
     BEYOND,
@@ -32,14 +38,8 @@ from calib.uncertainty.statement.applicability import (
     over_usual,
     steps_of,
 )
+from calib.uncertainty.statement.counted import counted_rank, enclosing_sizes
 from calib.uncertainty.statement.distance import SPARE, distance_radius
-from calib.uncertainty.statement.drifting import (
-    ORDERED,
-    SEED,
-    beside_misfit,
-    where_poses_stand,
-)
-from calib.uncertainty.statement.memory import REMEMBERS, drift, interchangeable, seen_by_rows
 from calib.uncertainty.statement.misfit import DROP
 from calib.uncertainty.statement.shape import MisfitShape, angles_apart, are_loud
 
@@ -217,7 +217,7 @@ def _guarded(
 def _counted(
     seen: ManySights, gains: ManyGains, drifts: Drifts, growth: Array, probability: float
 ) -> Array:
-    """Misfits (R,) that are enough for held-out errors if counted [m]; see `proven_belief`."""
+    """Misfits (R,) that are enough for held-out errors if counted [m]; see `counted`."""
     rank = counted_rank(seen.test.q.shape[1], probability)
     if not rank:
         return np.full(len(growth), np.inf)

@@ -6,7 +6,7 @@ from functools import lru_cache
 import numpy as np
 
 from calib.arrays import Array, Index
-from calib.uncertainty.statement.memory import KERNEL_ROWS, PERMUTATIONS, permuted
+from calib.uncertainty.drift.memory import KERNEL_ROWS, PERMUTATIONS, permuted
 
 AT_ONCE = 2_000_000
 """Entries of permuted kernels computed at a time (16 MB); kernels that need no more are cached."""

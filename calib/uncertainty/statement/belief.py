@@ -25,7 +25,6 @@ from calib.uncertainty.regions import coverage_factor, mahalanobis_squared
 from calib.uncertainty.statement.applicability import Proven, proven_at
 from calib.uncertainty.statement.distance import SPARE, distance_radius
 from calib.uncertainty.statement.evidence import NoiseRepeats
-from calib.uncertainty.statement.gain import stop_covariance
 from calib.uncertainty.statement.misfit import (
     DROP,
     UNGUARDED_DROP,
@@ -34,6 +33,7 @@ from calib.uncertainty.statement.misfit import (
     misfit_covariance,
 )
 from calib.uncertainty.statement.repeats import scatter_chance
+from calib.uncertainty.statement.stops import stop_covariance
 from calib.uncertainty.tool_point import ToolStatement
 
 APART = 0.05

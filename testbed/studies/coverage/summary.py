@@ -12,8 +12,8 @@ import numpy as np
 from scipy.special import chdtr, kolmogorov, ndtr
 
 from calib.arrays import Array
+from calib.uncertainty.drift.memory import REMEMBERS
 from calib.uncertainty.regions import coverage_factor
-from calib.uncertainty.statement.memory import REMEMBERS
 from testbed.store.kept import each_row
 from testbed.store.quantities import METRE, Quantity, below, in_si
 from testbed.studies.coverage.study import BELIEVED, MODELS, STATEMENTS, CoverageStudy

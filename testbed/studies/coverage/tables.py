@@ -5,7 +5,7 @@ from itertools import chain, groupby
 
 import numpy as np
 
-from calib.uncertainty.statement.memory import REMEMBERS
+from calib.uncertainty.drift.memory import REMEMBERS
 from testbed.report.page import Table, table_of
 from testbed.studies.coverage.study import MODELS, STATEMENTS, CoverageStudy
 from testbed.studies.coverage.summary import Cell, NumbersCheck, advised, cells

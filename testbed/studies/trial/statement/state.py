@@ -18,11 +18,11 @@ from calib.identification.outliers.search import search_outliers
 from calib.measurement.observations import Measurements, joined
 from calib.measurement.prediction import predict
 from calib.uncertainty.bootstrap import Bootstrap
+from calib.uncertainty.drift.drifting import Drifting
 from calib.uncertainty.held_out import held_out
 from calib.uncertainty.judgement import Circumstances, judge
 from calib.uncertainty.regions import mahalanobis_squared
 from calib.uncertainty.statement.belief import Belief
-from calib.uncertainty.statement.drifting import Drifting
 from calib.uncertainty.statement.gain import of_all_numbers
 from calib.uncertainty.tool_point import tool_statement
 from testbed.laboratory.truth.laboratory import Laboratory

@@ -19,9 +19,10 @@ from calib.measurement.residual import linearize, table_whiteners
 from calib.uncertainty.judgement import Circumstances, judge
 from calib.uncertainty.statement.belief import believe
 from calib.uncertainty.statement.evidence import position_rows
-from calib.uncertainty.statement.gain import estimator_gain, judged_by_stops, stop_covariance
+from calib.uncertainty.statement.gain import estimator_gain
 from calib.uncertainty.statement.misfit import misfit, misfit_shape
 from calib.uncertainty.statement.questions import fisher
+from calib.uncertainty.statement.stops import judged_by_stops, stop_covariance
 from tests.calib import kinds
 
 SCATTER = 20e-6

@@ -20,7 +20,7 @@ from calib.uncertainty.statement.belief import believe
 from calib.uncertainty.statement.repeats import noise_repeats
 from calib.uncertainty.statement.stated_point import common_radius
 from tests.calib import kinds
-from tests.calib.uncertainty.statement.test_drifting import gears, missed, sag
+from tests.calib.uncertainty.drift.test_drifting import gears, missed, sag
 
 M, N, MORE = 40, 20, 100
 LARGER = 3.5

@@ -13,11 +13,9 @@ from calib.geometry.operating import OperatingConditions
 from calib.geometry.parameters import parameters_of
 from calib.identification.identify import identify
 from calib.measurement.prediction import predict
-from calib.uncertainty.statement.belief import believe
-from calib.uncertainty.statement.beside_drift import beside_drift
-from calib.uncertainty.statement.drifting import drifting
-from calib.uncertainty.statement.gain import estimator_gain
-from calib.uncertainty.statement.memory import (
+from calib.uncertainty.drift.beside_drift import beside_drift
+from calib.uncertainty.drift.drifting import drifting
+from calib.uncertainty.drift.memory import (
     PERMUTATIONS,
     drift,
     interchangeable,
@@ -27,6 +25,8 @@ from calib.uncertainty.statement.memory import (
     sum_of_remembered,
     whitened_positions,
 )
+from calib.uncertainty.statement.belief import believe
+from calib.uncertainty.statement.gain import estimator_gain
 from calib.uncertainty.statement.misfit import misfit
 from calib.uncertainty.statement.shape import misfit_shape
 from tests.calib import kinds

@@ -15,8 +15,7 @@ from calib.arrays import Array, FloatOrNan, Index
 from calib.identification.identify import Identification
 from calib.measurement.observations import Measurements, joined
 from calib.measurement.prediction import tool_poses
-from calib.uncertainty.statement.evidence import sound_rows
-from calib.uncertainty.statement.memory import (
+from calib.uncertainty.drift.memory import (
     REMEMBERS,
     SlowDrift,
     drift,
@@ -26,6 +25,7 @@ from calib.uncertainty.statement.memory import (
     visits_of_poses,
     whitened_positions,
 )
+from calib.uncertainty.statement.evidence import sound_rows
 from calib.uncertainty.statement.misfit import HiddenMisfit
 
 SEED = 20_221

@@ -11,20 +11,20 @@ from calib.geometry.model import RobotModel
 from calib.geometry.operating import OperatingConditions
 from calib.geometry.parameters import parameters_of
 from calib.identification.identify import identify
-from calib.uncertainty.statement.belief import adding, believe
-from calib.uncertainty.statement.drifting import (
+from calib.uncertainty.drift.drifting import (
     ORDERED,
     SURE,
     beside_misfit,
     drifting,
     where_poses_stand,
 )
-from calib.uncertainty.statement.memory import (
+from calib.uncertainty.drift.memory import (
     REMEMBERS,
     interchangeable,
     memory_p,
     visits_of_poses,
 )
+from calib.uncertainty.statement.belief import adding, believe
 from tests.calib import kinds
 
 TX60 = RobotModel(kinds.ARMS["tx60"])

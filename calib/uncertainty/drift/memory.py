@@ -18,7 +18,7 @@ from calib.identification.identify import Identification
 from calib.measurement.observations import Measurements, joined
 from calib.measurement.prediction import predict
 from calib.shown import Shown
-from calib.uncertainty.statement.beside_drift import beside_drift
+from calib.uncertainty.drift.beside_drift import beside_drift
 from calib.uncertainty.statement.evidence import believed_before, reduced, sound_rows
 from calib.uncertainty.statement.gain import estimator_gain, of_all_numbers
 from calib.uncertainty.statement.misfit import DROP
