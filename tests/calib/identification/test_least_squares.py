@@ -294,27 +294,28 @@ def level_valley(rows):
     return evaluate
 
 
-def test_a_slow_approach_that_ends_level_to_rounding_has_converged_by_its_wider_certificate():
-    """Between 1e-6, which any other fit must meet, and 1e-5."""
-    found = solve(level_valley(8), FAR_UP, move=np.add)
-    assert 1e-6 < found.certificate < 1e-5
+@pytest.mark.parametrize("rows", [8, 403])
+def test_a_slow_approach_that_ends_level_to_rounding_has_converged_by_its_wider_certificate(rows):
+    """Between 1e-6, which any other fit must meet, and 1e-4."""
+    found = solve(level_valley(rows), FAR_UP, move=np.add)
+    assert 1e-6 < found.certificate < 1e-4
     assert found.status is Status.CONVERGED
     # a longer search finds no lower sum in any direction: scipy's, from there
-    other = least_squares(lambda x: level_valley(8)(x)[0], found.x, xtol=1e-15, diff_step=1e-3)
+    other = least_squares(lambda x: level_valley(rows)(x)[0], found.x, xtol=1e-15, diff_step=1e-3)
     assert found.trace[-1] <= 2 * other.cost * (1 + 1e-7)
 
 
 @pytest.mark.parametrize(
     ("rows", "start"),
     [
-        (403, FAR_UP),  # the same end, seven times less certain
+        (4003, FAR_UP),  # the same end, 26 times less certain
         (8, np.array([0.5, 0.5])),  # rounding stops it on the way, at 2e-4
     ],
 )
 def test_a_slow_approach_that_ends_elsewhere_has_not_converged(rows, start):
     found = solve(level_valley(rows), start, move=np.add)
     assert found.status is Status.STALLED
-    assert found.certificate > 1e-5
+    assert found.certificate > 1e-4
 
 
 def test_one_step_before_the_end_nobody_knows_that_it_is_one():
@@ -330,7 +331,7 @@ def test_a_fit_that_comes_at_once_is_not_called_converged_by_the_certificate_of_
     A, y = rng.normal(size=(40, 3)), rng.normal(size=40)
     found = solve(lambda x: (np.round(y - A @ x, 5), A), np.ones(3), move=np.add)
     assert (found.status, found.iterations) == (Status.STALLED, 1)
-    assert 1e-6 < found.certificate < 1e-5
+    assert 1e-6 < found.certificate < 1e-4
 
 
 def test_certificate_is_the_angle_between_residual_and_tangent_plane():
