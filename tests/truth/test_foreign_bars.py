@@ -31,9 +31,11 @@ import pytest
 
 from tests.truth.foreign import KINDS, PLACES
 from tests.truth.foreign_cells import Cell
-from tests.truth.test_foreign import MANY, error_of_mean, judged
+from tests.truth.test_foreign import error_of_mean, judged
 
 pytestmark = [pytest.mark.truth, pytest.mark.study]
+MANY = 200
+"""Robots a cell."""
 POSES = ((40, 20), (100, 50))
 LEAST = {"lengths": 0.92, "play": 0.92, "bearings": 0.92}
 """Bars of kinds that share their shape with nothing in the rule; of all others 94 %."""
