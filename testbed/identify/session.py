@@ -10,6 +10,7 @@ from calib.errors import refuse
 from calib.geometry.frames import right_jacobian_inverse
 from calib.geometry.jacobian import joint_columns
 from calib.geometry.model import RobotModel
+from calib.measurement.corrections import Corrections
 from calib.measurement.observations import Measurements, joined
 from calib.measurement.prediction import predict
 from testbed.files.conditions import joined as joined_conditions
@@ -74,6 +75,9 @@ def with_test(session: Session, other: Session) -> Session:
         ),
         notes=tuple(dict.fromkeys([*session.notes, *other.notes])),
         unread=tuple(dict.fromkeys([*session.unread, *other.unread])),
+        corrections=Corrections.stacked(
+            [(len(mine), session.corrections), (len(theirs), other.corrections)]
+        ),
         stated=_both_stated(session.stated, other.stated),
         simulated=session.simulated or other.simulated,
         place=(*session.place, *other.place),

@@ -198,3 +198,14 @@ def test_a_held_out_file_has_the_same_instrument_or_says_nothing():
     other = PARTS.model_copy(update={"station_mm": (0.0, 0.0, 0.0)})
     with pytest.raises(InputError, match="another place of the instrument"):
         with_test(one, replace(same, systematic=other))
+
+
+def test_a_held_out_file_brings_what_its_own_nests_are_wrong_by():
+    one, other = (session_of(table_of(true_model(), pool_r(m)[m - 8 :])) for m in (8, 16))
+    left = Corrections(np.ones((8, 2)), np.ones((8, 3)), np.tile(np.eye(6), (2, 1, 1)))
+    both = with_test(replace(one, corrections=left), replace(other, corrections=left))
+    np.testing.assert_array_equal(both.corrections.share, np.kron(np.eye(2), np.ones((8, 2))))
+    for given in ((left, None), (None, left)):
+        alone = (replace(each, corrections=c) for each, c in zip((one, other), given, strict=True))
+        share = with_test(*alone).corrections.share
+        np.testing.assert_array_equal(share.any(axis=1), np.repeat([g is left for g in given], 8))
