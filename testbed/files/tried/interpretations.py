@@ -118,11 +118,12 @@ class Probe:
         elif self.no_target is not None:
             raise self.no_target
         elif stated.score > self.far and self.linked is None:
-            best = stated.shown if self.best is None else self.best.misfit.shown
+            every = [stated, *(one.misfit for one in self.tried)]
+            least = min(every, key=lambda one: one.score)
             raise refusal(
                 self.where, "ROBOT",
                 f"with base and tool fitted, the readings miss the robot by {stated.shown}, and by "
-                f"{best} or more however the file is interpreted", code="M32",
+                f"{least.shown} or more however the file is interpreted", code="M32",
                 value=stated.position,
                 allowed=f"those of a {self.robot} would miss it by a few mm, or by what links "
                 f"explain that are {FARTHEST * LENGTH * 1e3:.0f} mm and "

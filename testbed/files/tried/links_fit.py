@@ -99,10 +99,9 @@ def links_fit(
         off = np.abs(whole.chain.links - start.chain.links)
         if (off > FARTHEST * sd).any() or _of_most(_missed(whole, table)) * TIMES > left:
             return None
-        missed, part = (
-            np.zeros(len(table)),
-            np.random.default_rng(0).permutation(len(table)) % FOLDS,
-        )
+        _, pose = np.unique(table.pose_id, return_inverse=True)
+        part = np.random.default_rng(0).permutation(table.n_poses)[pose.ravel()] % FOLDS
+        missed = np.zeros(len(table))
         for k in range(FOLDS):
             rest = _fit(start, table.rows(part != k), sd, free_anchors, near=whole)
             missed[part == k] = _missed(rest, table.rows(part == k))

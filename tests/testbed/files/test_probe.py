@@ -9,11 +9,13 @@ import pytest
 
 from calib.errors import InputError
 from calib.geometry.frames import inverse
+from calib.measurement import tables
 from testbed.files.alternatives import Alternative
 from testbed.files.frames_fit import Misfit
 from testbed.files.probe import probe
 from testbed.files.read import read_session
 from testbed.files.tried.interpretations import Probe, Tried
+from testbed.files.tried.links_fit import links_fit
 from testbed.robots.catalog import load_robot
 from tests.testbed.files.made import ROBOT, Made, N, columns, csv, made, with_spread
 
@@ -177,6 +179,15 @@ def test_a_wrong_reading_of_an_arm_far_from_nominal_is_named(change, told, tmp_p
         probe(ROBOT, read(tmp_path, table, "", "points")).raise_if_wrong()
 
 
+def test_links_are_asked_of_poses_left_out_with_all_their_shots():
+    """Twelve numbers and thirty of links explain any six poses, however far they are off."""
+    data, rng = made(0, 6), np.random.default_rng(0)
+    xyz = data.T[:, :3, 3] + rng.normal(scale=20e-3, size=(6, 3))
+    shots = [np.repeat(one, 3, axis=0) for one in (data.q, xyz)]
+    table = tables.points(shots[0], shots[1] + rng.normal(scale=1e-5, size=(18, 3)), sd=1e-3)
+    assert links_fit(ROBOT.model, table, left=30e-3) is None
+
+
 def distances(data, factor=1.0):
     table = columns(data, form="none")
     p = data.T[:, :3, 3] + data.T[:, :3, :3] @ [0.05, 0.03, 0.08]
@@ -276,8 +287,12 @@ def test_what_is_better_and_still_absurd_is_no_reading():
     told = Tried(Alternative("joints", "if", "do", "M20", "joints"), Misfit(16.0, 0.1))
     found = Probe("a.csv", "arm", bad, (told,), 1.0)
     assert found.wrong is None
-    with pytest.raises(InputError, match="is this the robot that was measured"):
-        found.raise_if_wrong()
+    for tried in ((told,), (replace(told, misfit=Misfit(900.0, 0.1)),)):
+        least = min(bad.position, tried[0].misfit.position)
+        with pytest.raises(
+            InputError, match=f"{least:g} m and 5.7 deg or more however .* the robot that"
+        ):
+            replace(found, tried=tried).raise_if_wrong()
 
 
 def test_a_constant_orientation_is_no_mistake(tmp_path):
