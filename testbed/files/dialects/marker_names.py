@@ -8,6 +8,8 @@ from testbed.gates.text import FileText
 NAMES, TYPES = "MARKER_NAMES", "TRAJECTORY_TYPES"
 FIRST = 30
 """Lines among which the header is."""
+CLOCK = ("Frame", "Time (s)")
+"""Columns before those of the markers, in exports that were told to write them."""
 
 
 def with_marker_columns(text: FileText) -> FileText:
@@ -23,8 +25,12 @@ def with_marker_columns(text: FileText) -> FileText:
     row = first[at + 1 + types].split("\t") if at + 1 + types < len(first) else []
     markers = first[at].strip().split("\t")[1:]
     cells = [cell.strip() for cell in row]
-    if len(cells) < 3 * len(markers) or not NUMBER.fullmatch(cells[0]):
+    own = [f"{marker} {axis} (mm)" for marker in markers for axis in "XYZ"]
+    while len(cells) > len(own) and not cells[-1]:
+        cells.pop()
+    before = len(cells) - len(own)
+    if before not in (0, len(CLOCK)) or not NUMBER.fullmatch(cells[0]):
         return text
-    head = "\t".join(f"{marker} {axis} (mm)" for marker in markers for axis in "XYZ")
+    head = "\t".join([*CLOCK[:before], *own])
     named = [head, *[f"# {first[at + 1]}"] * types]
     return replace(text, lines=(*text.lines[:at], *named, *text.lines[at + 1 + types :]))

@@ -66,6 +66,8 @@ ROWS = np.hstack([MM["A"], MM["B"]]).tolist()
 EXPORTS = {
     "Qualisys": ["NO_OF_FRAMES\t12", "NO_OF_MARKERS\t2", "DESCRIPTION\t--", "MARKER_NAMES\tA\tB",
                  "TRAJECTORY_TYPES\tMeasured\tMeasured", *("\t".join(map(repr, r)) for r in ROWS)],
+    "Qualisys with times": ["MARKER_NAMES\tA\tB", *("\t".join(map(repr, [k, k / 100, *row])) + "\t"
+                                                   for k, row in enumerate(ROWS, 1))],
     "Motive": ["Format Version,1.23,Length Units,Millimeters", "", ",,Marker" + ",Marker" * 5,
                ",,T:1,T:1,T:1,T:2,T:2,T:2", ",,A,A,A,B,B,B", ",,Position" + ",Position" * 5,
                "Frame,Time (Seconds),X,Y,Z,X,Y,Z",
