@@ -179,7 +179,8 @@ def _by_visit(
             odd |= {keys[k] for k in np.flatnonzero(stated != visit).tolist()}
         found.append([(key[0], int(k)) if key in twice else key
                       for key, k in zip(keys, visit, strict=True)])  # fmt: skip
-    if wrong := [key for key in count if key in odd & twice]:
+    odd &= twice
+    if wrong := [key for key in count if key in odd]:
         more = ", or number the visits in both files in a column repeat"
         raise _mismatch(readings.where, f"{stops.where} has joints twice for", wrong, more)
     return found[0], found[1]

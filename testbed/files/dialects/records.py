@@ -1,6 +1,7 @@
 """Records of JSON as a table: an object for each row, or a list for each column."""
 
 import json
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from hashlib import sha256
 from pathlib import Path
@@ -77,8 +78,7 @@ def _object(pairs: Sequence[tuple[str, Any]]) -> dict[str, Any]:
     """An object of JSON whose names differ."""
     found = dict(pairs)
     if len(found) < len(pairs):
-        names = [name for name, _ in pairs]
-        twice = next(name for name in names if names.count(name) > 1)
+        twice = Counter(name for name, _ in pairs).most_common(1)[0][0]
         message = f'holds two values called "{twice[:40]}" in one object'
         raise _SeveralError(message, "name each once")
     return found
