@@ -35,8 +35,8 @@ def judge_drift(
     """How the station moved, from its readings of the nests, and where each round stands.
 
     The k-th reading of a nest belongs to the k-th round. One farther than `limit` from the median
-    of its nest is wrong and does not count, nor does a round with fewer than
-    three others. Each round is fitted to the first by a rotation and a translation (Procrustes).
+    of its nest is wrong and does not count, nor does a round with fewer than three others, or all
+    in one line. Each is fitted to the first by a rotation and a translation (Procrustes).
 
     Parameters
     ----------
@@ -204,10 +204,11 @@ def _in_turn(readings: Readings, nests: Sequence[str], *, apart: bool) -> Index:
 
 
 def _whole_rounds(readings: Readings, rows: Index, rounds: Array) -> tuple[Index, list[str]]:
-    """Rounds that share three good shots with the first such one, and a warning of the others."""
-    good = np.isfinite(rounds[:, :, 0])
-    first = int(np.argmax(good.sum(axis=1) >= 3))
-    lost = np.flatnonzero((good & good[first]).sum(axis=1) < 3)
+    """Rounds with three good shots, not in one line, and a warning of others; see `judge_drift`."""
+    good, at = np.isfinite(rounds[:, :, 0]), np.nanmedian(rounds, axis=0)
+    first = int(np.argmax([_show_a_turn(at[some]) for some in good]))
+    both = good & good[first]
+    lost = np.flatnonzero([not _show_a_turn(at[some]) for some in both])
     if not len(lost):
         return np.arange(len(rounds)), []
     begins = [readings.place[rows[r][rows[r] >= 0][0]].rpartition(":")[2] for r in lost[:SHOWN]]
@@ -217,12 +218,14 @@ def _whole_rounds(readings: Readings, rows: Index, rounds: Array) -> tuple[Index
         f"round{plural} {', '.join(str(r + 1) for r in lost[:SHOWN])}{more} over the nests (from "
         f"line{plural} {', '.join(begins)}{more})"
     )
+    line = " out of one line" if both[lost].sum(axis=1).max() >= 3 else ""
+    few = f"fewer than three good shots{line}"
     if len(lost) > max(1, MOST_LOST * len(rounds)) or len(rounds) < 3:
         has = "has" if len(lost) == 1 else "have"
-        message = f"{which} of {len(rounds)} {has} fewer than three good shots"
+        message = f"{which} of {len(rounds)} {has} {few}"
         fix = "raise limit_mm under [drift], or leave the drift out"
         raise _too_few(readings.where, message, allowed="at least 3", fix=fix)
-    warning = f"{readings.where}: {which} left out: fewer than three good shots"
+    warning = f"{readings.where}: {which} left out: {few}"
     return np.setdiff1d(np.arange(len(rounds)), lost), [warning]
 
 
@@ -235,15 +238,21 @@ def _require_nests(rounds: Array, nests: Sequence[str], where: str) -> None:
             )
             fix = f"leave {nest} out of [drift], or raise limit_mm"
             raise _too_few(where, message, value=nest, fix=fix)
-    at = np.nanmedian(rounds, axis=0)
-    extent = np.linalg.svd(at - at.mean(axis=0), compute_uv=False)
-    if len(nests) >= 3 and extent[1] > FLAT * extent[0]:
+    if _show_a_turn(np.nanmedian(rounds, axis=0)):
         return
     what = f"{len(nests)} nests" if len(nests) < 3 else "nests in one line"
     raise _too_few(
         where, f"{what} cannot show how a station turns", value=len(nests),
         allowed="at least 3, not in one line", fix="measure more nests, or remove [drift]",
     )  # fmt: skip
+
+
+def _show_a_turn(places: Array) -> bool:
+    """Whether places (k, 3) are three or more, and not in one line."""
+    if len(places) < 3:
+        return False
+    extent = np.linalg.svd(places - places.mean(axis=0), compute_uv=False)
+    return bool(extent[1] > FLAT * extent[0])
 
 
 def _too_few(

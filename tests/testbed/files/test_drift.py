@@ -168,6 +168,17 @@ def test_a_round_without_three_good_shots_is_named_and_left_out(tmp_path, bad):
         assert session.drift.wrong[0].startswith(f"{tmp_path / 'a.csv'}:{line + 1}: nest B2 ")
 
 
+def test_a_round_whose_good_shots_are_in_one_line_does_not_count(tmp_path):
+    """They fix no turn about the line: readings were turned by whatever rounding made of it."""
+    nests = {f"B{k}": [k, 0.0, -0.3] for k in (2, 3, 4)} | {"B5": [2.0, 2.0, 1.0]}
+    step, shot = [80e-6, -50e-6, 30e-6, 0.0, 0.0, 0.0], 2 * (4 + 10) + 3
+    session, true = measured(
+        tmp_path, drift=step, noise=3e-6, nests=nests, missed=[shot], rng=rng()
+    )  # fmt: skip
+    assert np.abs(session.measurements.position - true).max() < 50e-6
+    assert session.warnings[0].endswith("left out: fewer than three good shots out of one line")
+
+
 @pytest.mark.parametrize("bad", [0, 4, 10])
 @pytest.mark.parametrize("nests", [THREE, NESTS], ids=["three", "four"])
 def test_a_shot_that_is_not_in_the_file_is_named_and_the_other_rounds_count(tmp_path, bad, nests):
