@@ -136,8 +136,8 @@ def by_pose(
     if lost and not drop:
         raise _mismatch(where, "there is no reading of", lost, " or add --drop-invalid")
     warnings = [f"{where}: there is no reading of {_listed(lost)}; left out"] if lost else []
-    if len(missing) > len(lost):
-        warnings.append(f"{where}: {len(missing) - len(lost)} poses are in other files only")
+    if apart := {key[0] for key in missing if key[0] in others}:
+        warnings.append(f"{where}: {len(apart)} poses are in other files only")
     rows = np.array([at[key] for key in measured], dtype=np.int64)
     return Match(rows, np.arange(len(measured)), tuple(warnings))
 
@@ -169,7 +169,6 @@ def _by_visit(
     twice = {key for key, often in count.items() if often > 1}
     shown = list(zip(measured, readings.target, readings.anchor, readings.station, strict=True))
     odd = {key for (key, *_), often in Counter(shown).items() if often != count[key]}
-    odd |= twice - set(measured)
     found = []
     for keys, visit, stated in (
         (commanded, visits_of(commanded), stops.extras.repeat),

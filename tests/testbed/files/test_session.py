@@ -246,9 +246,11 @@ def test_stations_are_one_file_each_or_a_column_and_the_second_one_is_found(tmp_
         np.testing.assert_allclose(found[:3, 3], T_first_second[:3, 3], atol=5e-3)
 
 
-def test_stations_need_not_see_every_pose_but_each_pose_is_seen(tmp_path):
-    data = made(m=20)
-    saved(tmp_path / "joints.csv", csv({k: v for k, v in columns(data).items() if k[0] in "pq"}))
+@pytest.mark.parametrize("again", [[], [1]], ids=["once", "pose 2 again, seen by one"])
+def test_stations_need_not_see_every_pose_but_each_pose_is_seen(again, tmp_path):
+    data, visits = made(m=20), [*range(20), *again]
+    joints = {k: v[visits] for k, v in columns(data).items() if k[0] in "pq"}
+    saved(tmp_path / "joints.csv", csv(joints))
     seen = {"pose_id": np.arange(1, 21)}
     seen |= {f"{a}_mm": data.T[:, k, 3] * 1e3 for k, a in enumerate("xyz")}
     saved(
@@ -258,11 +260,13 @@ def test_stations_need_not_see_every_pose_but_each_pose_is_seen(tmp_path):
     )
     for first, second in ((12, 8), (12, 13)):
         for name, rows in (("one", slice(first)), ("two", slice(second, None))):
-            part = {k: v[rows] for k, v in seen.items()}
+            more = again if name == "one" else []
+            part = {k: np.append(v[rows], v[more] + 1e-3 * (k[0] != "p")) for k, v in seen.items()}
+            part["pose_id"] = part["pose_id"].astype(int)
             saved(tmp_path / f"{name}.csv", csv(part))
         if second < first:
             session = read_session(tmp_path, ROBOT)
-            assert len(session.measurements) == 12 + 12
+            assert len(session.measurements) == 12 + 12 + len(again)
             assert session.warnings == (
                 "one.csv: 8 poses are in other files only",
                 "two.csv: 8 poses are in other files only",
