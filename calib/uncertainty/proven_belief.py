@@ -72,6 +72,7 @@ def proven_belief(
         frame = after_the_motion(frame, ruler, points, fit, train)
         use, belief = (None, alone) if frame.found else (use, belief)
     slow = None
+    shared: Array | float = 0.0 if known.shared is None else known.shared
     if known.order is not None:
         nobody = np.zeros(0, dtype=np.int64)
         slow = drifting(
@@ -81,7 +82,8 @@ def proven_belief(
         )  # fmt: skip
         if slow is not None and slow.drift is not None:
             belief = adding(belief, slow.drift.covariance, None if use is None else quiet.test)
-    belief = counted(belief, None if use is None else quiet.test)
+            shared = shared + slow.drift.covariance
+    belief = counted(belief, None if use is None else quiet.test, shared=shared)
     return (belief if np.isfinite(belief.misfit.upper) else None), frame, slow
 
 

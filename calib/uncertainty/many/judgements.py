@@ -107,7 +107,7 @@ def judge_many(
     alone |= motion_chances(seen, gains, seen.covariance, upper) < RED
     drift_p, drifts = _drifts(seen, trains, tests, gains, size)
     growth, *_ = _over(gains.left[0], gains)
-    upper = np.minimum(upper, _counted(seen, gains, drifts, growth, probability))
+    upper = np.minimum(upper, _counted(seen, gains, growth, probability))
     factor = _guarded(seen, gains, drifts, upper, growth, probability)
     sizes = upper[:, None] ** 2 * _over(gains.left[1], gains)[0]
     held_out_p, discrepancy = _held_out(seen, gains.spread[0])
@@ -214,15 +214,13 @@ def _guarded(
     return np.asarray(np.maximum(np.sqrt(chdtri(3, 1 - probability)), scores))
 
 
-def _counted(
-    seen: ManySights, gains: ManyGains, drifts: Drifts, growth: Array, probability: float
-) -> Array:
+def _counted(seen: ManySights, gains: ManyGains, growth: Array, probability: float) -> Array:
     """Misfits (R,) that are enough for held-out errors if counted [m]; see `counted`."""
     rank = counted_rank(seen.test.q.shape[1], probability)
     if not rank:
         return np.full(len(growth), np.inf)
     known, whole = (
-        _region(gains, drifts, seen.test, gains.spread[0], size * growth) for size in (0.0, 1.0)
+        _region(gains, {}, seen.test, gains.spread[0], size * growth) for size in (0.0, 1.0)
     )
     sizes = enclosing_sizes(seen.test.residual[:, :, :3], known, whole - known, probability)
     return np.asarray(np.sort(sizes, axis=1)[:, rank - 1])

@@ -22,11 +22,14 @@ HALVINGS = 40
 """Of the variance that is searched for: to a part in 10^12."""
 
 
-def counted(belief: Belief, held_out: Measurements | None) -> Belief:
+def counted(
+    belief: Belief, held_out: Measurements | None, *, shared: Array | float = 0.0
+) -> Belief:
     """The belief with no larger a misfit than lets its regions hold enough held-out errors.
 
-    Of several rows of a pose the worst counts, and noise counts as error. Held-out poses that guard
-    nothing bound nothing.
+    Of several rows of a pose the worst counts, and noise counts as error. What all readings share,
+    or neighbors in time (`shared`, a part of the belief's covariance), is no room for these errors,
+    which do not show it. Held-out poses that guard nothing bound nothing.
     """
     if held_out is None or not belief.n_guards or not np.isfinite(belief.misfit.upper):
         return belief
@@ -34,8 +37,9 @@ def counted(belief: Belief, held_out: Measurements | None) -> Belief:
     rank = counted_rank(points.n_poses, belief.probability)
     if not rank:
         return belief
+    own = replace(belief, covariance=belief.covariance - shared)
     known, whole = (
-        replace(belief, misfit=replace(belief.misfit, upper=size)).seen_regions(points).covariance
+        replace(own, misfit=replace(belief.misfit, upper=size)).seen_regions(points).covariance
         for size in (0.0, 1.0)
     )
     errors = predict(belief.model, points).residual[:, :3]
