@@ -22,7 +22,7 @@ from testbed.store.quantities import METRE, Quantity, below
 from testbed.units import UM, fixed, percent
 
 UNSTATED = (
-    "The session states no systematic errors of its instrument. No figure here includes errors "
+    "The session states no systematic errors of its instrument. No figure here includes its errors "
     "that all readings share (a wrong scale, eccentric encoder circles, a target off its place), "
     "and no held-out pose measured by the same instrument can show them: state them under "
     "[uncertainty.systematic] in session.toml."
