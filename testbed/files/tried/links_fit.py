@@ -99,8 +99,8 @@ def links_fit(
         off = np.abs(whole.chain.links - start.chain.links)
         if (off > FARTHEST * sd).any() or _of_most(_missed(whole, table)) * TIMES > left:
             return None
-        _, pose = np.unique(table.pose_id, return_inverse=True)
-        part = np.random.default_rng(0).permutation(table.n_poses)[pose.ravel()] % FOLDS
+        pose = np.unique(table.together, return_inverse=True)[1].ravel()
+        part = np.random.default_rng(0).permutation(int(pose.max()) + 1)[pose] % FOLDS
         missed = np.zeros(len(table))
         for k in range(FOLDS):
             rest = _fit(start, table.rows(part != k), sd, free_anchors, near=whole)
