@@ -120,18 +120,19 @@ def by_pose(
     commanded, measured = _keys(joints.extras, visits=visits), _keys(readings.extras, visits=visits)
     if not {key[0] for key in measured} <= {key[0] for key in commanded} and not elsewhere:
         commanded, measured = _written_alike(commanded, measured)
+    others = {_plain(name) for name in elsewhere}
     once = _stops(commanded, joints.q)
     at = {commanded[k]: k for k in once}
     if len(at) < len(once):
         keys = [commanded[k] for k in once]
-        keys, measured = _by_visit(keys, measured, joints.rows(np.array(once)), readings)
+        stops = joints.rows(np.array(once))
+        keys, measured = _by_visit(keys, measured, stops, readings, others)
         at = dict(zip(keys, once, strict=True))
     without = [key for key in dict.fromkeys(measured) if key not in at]
     if without:
         raise _mismatch(where, f"{joints.where} has no joints for", without)
     there = set(measured)
     missing = [key for key in at if key not in there]
-    others = {_plain(name) for name in elsewhere}
     lost = [key for key in missing if key[0] not in others]
     if lost and not drop:
         raise _mismatch(where, "there is no reading of", lost, " or add --drop-invalid")
@@ -156,6 +157,7 @@ def _by_visit(
     measured: Sequence[tuple[str, int]],
     stops: Joints,
     readings: Readings,
+    others: Collection[str],
 ) -> tuple[list[tuple[str, int]], list[tuple[str, int]]]:
     """Keys of stops and readings, with the visit in those of poses that have several stops.
 
@@ -169,6 +171,7 @@ def _by_visit(
     twice = {key for key, often in count.items() if often > 1}
     shown = list(zip(measured, readings.target, readings.anchor, readings.station, strict=True))
     odd = {key for (key, *_), often in Counter(shown).items() if often != count[key]}
+    odd |= {key for key in twice - set(measured) if key[0] not in others}
     found = []
     for keys, visit, stated in (
         (commanded, visits_of(commanded), stops.extras.repeat),
