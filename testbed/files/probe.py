@@ -230,9 +230,8 @@ def _probe_distances(plain: Probe, robot: Robot, session: Session) -> Probe:
     tried.sort(key=lambda one: one.misfit.score)
     found = replace(plain, stated=stated, tried=tuple(tried))
     if FAR < stated.score < float("inf") and found.wrong is None:
-        linked = links_fit(
-            model, table, stated.score, stated=session.link_sd, free_anchors=session.free_anchors
-        )
+        sd = session.link_sd if session.link_sd is not None else robot.tolerances
+        linked = links_fit(model, table, stated.score, stated=sd, free_anchors=session.free_anchors)
         found = replace(found, linked=linked)
     return found
 

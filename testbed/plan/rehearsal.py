@@ -34,7 +34,7 @@ class Rehearsals(Shown):
     """Radii that virtual calibrations state: at their held-out poses, and over the goal.
 
     Columns of each array, in ascending order; no row where nothing will be stated, nan where the
-    statement does not reach the goal.
+    statement does not reach the goal: such rehearsals are not counted there.
     """
 
     links: Array
@@ -46,12 +46,10 @@ class Rehearsals(Shown):
     @property
     def medians(self) -> Array:
         """(2, 2) of links and joints, at the held-out poses and over the goal; nan: none [m]."""
-        return np.array(
-            [
-                np.median(radii, axis=0) if len(radii) else (np.nan, np.nan)
-                for radii in (self.links, self.joints)
-            ]
-        )
+        columns = [column[np.isfinite(column)] for both in (self.links, self.joints)
+                   for column in both.T]  # fmt: skip
+        found = [np.median(column) if len(column) else np.nan for column in columns]
+        return np.reshape(found, (2, 2))
 
 
 def rehearsed(

@@ -87,7 +87,8 @@ def _stated(radii: Array, arm: str) -> str:
     if not len(radii):
         return f"µm: nothing will be stated {arm}"
     low, high = np.quantile(radii[:, 0], OFTEN)
-    goal = float(np.median(radii[:, 1]))
+    reached = radii[np.isfinite(radii[:, 1]), 1]
+    goal = float(np.median(reached)) if len(reached) else np.nan
     over = f"; over the goal {micrometres(goal, 2)}" if np.isfinite(goal) else ""
     return (
         f"µm: {micrometres(float(low), 2)} to {micrometres(float(high), 2)} in 8 of 10 rehearsals "

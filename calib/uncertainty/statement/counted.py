@@ -52,7 +52,7 @@ def counted(
 
 
 def enclosing_sizes(e: Array, known: Array, hidden: Array, probability: float = 0.95) -> Array:
-    """Smallest misfits (..., n) per axis whose regions hold errors, as ellipsoid and by radius [m].
+    """Misfits (..., n) per axis whose regions hold errors, as ellipsoid and by radius [m].
 
     Parameters
     ----------

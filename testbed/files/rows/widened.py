@@ -20,6 +20,8 @@ OF_AXIS = {"x": "X", "y": "Y", "z": "Z", "x-axis": "X", "y-axis": "Y", "z-axis":
 """What is said of a coordinate that has a row of its own."""
 ENDS = {3: 0.0, 7: 0.0, 11: 0.0, 15: 1.0}
 """Numbers of a transform that is written by columns."""
+PLACE = (12, 13, 14)
+"""Where its translation is then."""
 MOST = 64
 """Largest number of numbers in a cell."""
 
@@ -84,13 +86,19 @@ def _names(name: str, lists: Sequence[Sequence[str]]) -> list[str]:
         return [f"{name} {axis}" for axis in AXES]
     if count == 6 and "pose" in words:
         return [f"{name} {axis}" for axis in POSE]
-    if count == 16 and all(number_of(one[k]) == end for one in lists for k, end in ENDS.items()):
+    if count == 16 and _are_columns(lists):
         return [f"T{k % 4 + 1}{k // 4 + 1}" for k in range(count)]
     if count in (12, 16):
         return [f"T{k // 4 + 1}{k % 4 + 1}" for k in range(count)]
     if count == 9:
         return [f"r{k // 3 + 1}{k % 3 + 1}" for k in range(count)]
     return [f"{name}[{k}]" for k in range(count)]
+
+
+def _are_columns(lists: Sequence[Sequence[str]]) -> bool:
+    """Whether transforms (16 numbers) are written by columns, and by rows would be none."""
+    ends = all(number_of(one[k]) == end for one in lists for k, end in ENDS.items())
+    return ends and any(number_of(one[k]) for one in lists for k in PLACE)
 
 
 def _of_coordinates(sheet: Sheet) -> Sheet:

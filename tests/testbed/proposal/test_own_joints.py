@@ -13,6 +13,8 @@ import pytest
 from calib.geometry.frames import log_so3
 from testbed.files.probe import probe
 from testbed.files.read import read_session
+from testbed.files.rows.widened import of_rows
+from testbed.files.text import Sheet
 from testbed.robots.catalog import load_robot
 from tests.testbed.files.made import csv, made
 from tests.testbed.files.test_program import scara
@@ -111,6 +113,20 @@ def test_records_of_json_are_read(text, tmp_path):
     np.testing.assert_allclose(table.position, DATA.T[:, :3, 3], rtol=0, atol=2e-12)
     turned = table.rotation[table.is_pose]
     np.testing.assert_allclose(turned, DATA.T[table.is_pose, :3, :3], rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("place", "by_rows"),
+    [((5, 6, 7, 0, 0, 0), False), ((0, 0, 0, 5, 6, 7), True), ((0,) * 6, True)],
+)
+def test_transforms_are_read_by_columns_where_that_alone_makes_them_some(place, by_rows):
+    """Rotations without a place are transforms both ways: by rows, as most are written."""
+    T = np.eye(4)
+    T[:3, :3] = np.arange(1, 10).reshape(3, 3)
+    T[3, :3], T[:3, 3] = place[:3], place[3:]
+    cells = tuple((json.dumps(row),) for row in [T.ravel().tolist()] * 2)
+    sheet = Sheet("m.json", ("T",), cells, (1, 2), ";", "utf-8")
+    assert of_rows(sheet).head[1] == ("T12" if by_rows else "T21")
 
 
 @pytest.mark.parametrize(
