@@ -40,7 +40,9 @@ PARTED = 8
 STRETCHES, ENOUGH = (1, 2, 3, 5), 4
 """Into how many parts the rows are cut where one fit brings few of them near; fewest of a part."""
 FAR = 0.020
-"""Error that the right reading of a file of the right robot never leaves [m]."""
+"""Error that the right reading of a file of the right robot never leaves, near nominal [m]."""
+TIMES = 5.0
+"""What explains readings leaves so many times less than what does not."""
 SHARE = 0.05
 """The same as a share of the spread of the readings, where that is more: of arms less exact than
 those of industry. A wrong reading leaves a tenth and more."""

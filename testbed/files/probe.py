@@ -25,7 +25,7 @@ from testbed.files.alternatives import (
     small_rows,
     some_rows,
 )
-from testbed.files.frames_fit import FAR, Misfit, far_for, flange_poses, target_groups
+from testbed.files.frames_fit import FAR, TIMES, Misfit, far_for, flange_poses, target_groups
 from testbed.files.rows.exact import exactness
 from testbed.files.rows.names import exchanged_names
 from testbed.files.rows.one_tool import named_target, not_on_one_tool
@@ -40,7 +40,7 @@ from testbed.files.rows.shifts import (
     spread_out,
 )
 from testbed.files.session import Session
-from testbed.files.tried.interpretations import TIMES, Probe, Tried
+from testbed.files.tried.interpretations import Probe, Tried
 from testbed.files.tried.links_fit import LinksFit, links_fit, table_of
 from testbed.robots.robot import Robot
 
@@ -127,8 +127,7 @@ def _with_links(
     def linked(one: Interpretation, left: Misfit) -> LinksFit | None:
         if not np.isfinite(left.score):
             return None
-        stated = session.link_sd if session.link_sd is not None else robot.tolerances
-        return links_fit(robot.model, table_of(one), left.score, stated=stated)
+        return links_fit(robot.model, table_of(one), left.score, stated=_link_sd(robot, session))
 
     own = linked(read, stated)
     if own is not None:
@@ -140,6 +139,11 @@ def _with_links(
         if one.misfit.score < stated.score:
             tried[k] = replace(one, linked=linked(others[k], one.misfit))
     return replace(found, tried=tuple(tried))
+
+
+def _link_sd(robot: Robot, session: Session) -> Array | None:
+    """How far links may be off (n, 5), by the session or else by the robot's file."""
+    return session.link_sd if session.link_sd is not None else robot.tolerances
 
 
 def _others(
@@ -230,7 +234,7 @@ def _probe_distances(plain: Probe, robot: Robot, session: Session) -> Probe:
     tried.sort(key=lambda one: one.misfit.score)
     found = replace(plain, stated=stated, tried=tuple(tried))
     if FAR < stated.score < float("inf") and found.wrong is None:
-        sd = session.link_sd if session.link_sd is not None else robot.tolerances
+        sd = _link_sd(robot, session)
         linked = links_fit(model, table, stated.score, stated=sd, free_anchors=session.free_anchors)
         found = replace(found, linked=linked)
     return found

@@ -89,14 +89,11 @@ def rehearsed(
         levels, prior = usual_levels(model), links_prior(model, parameters)
         for _ in range(DRAWS):
             own, theirs = (_read(table, rng) for table in (train, held_out))
-
-            def radii(found: Identification, own: Measurements, theirs: Measurements) -> Array:
-                return _radii(bench, goal, found, own, theirs, scatter, errors)
-
-            links.append(radii(identify(model, own, parameters), own, theirs))
+            read = own, theirs, scatter, errors
+            links.append(_radii(bench, goal, identify(model, own, parameters), *read))
             if levels and prior is not None:
                 _, found = extended_by(model, own, parameters, levels, prior=prior)
-                joints.append(radii(found, own, theirs))
+                joints.append(_radii(bench, goal, found, *read))
     return Rehearsals(*(_believed(radii) for radii in (links, joints)))
 
 

@@ -7,14 +7,21 @@ from pathlib import Path
 import numpy as np
 
 from calib.errors import InputError
-from testbed.files.frames_fit import FAR, Misfit, far_for, fit_frames, flange_poses, target_groups
+from testbed.files.frames_fit import (
+    FAR,
+    TIMES,
+    Misfit,
+    far_for,
+    fit_frames,
+    flange_poses,
+    target_groups,
+)
 from testbed.files.probe import probe
 from testbed.files.read import session_of
 from testbed.files.refusal import refusal
 from testbed.files.rows.shifts import FEWEST, ROWS, spread_out
 from testbed.files.session import Session, Sources
 from testbed.files.session_toml import SESSION_FILE, SessionFile
-from testbed.files.tried.interpretations import TIMES
 from testbed.gates.mistakes import validated
 from testbed.gates.text import MAX_MB
 from testbed.proposal.both import Joined, is_ranged, joined_with, names_of

@@ -100,16 +100,16 @@ class HiddenMisfit(Shown):
         if not np.isfinite(self.upper):
             return "there are too few measurements to bound what the model may miss"
         if shown:
-            few = (
-                ", which is enough for the share of poses that is promised, as counting the "
-                "held-out errors shows: few of them are larger"
-            )
+            few = ""
+            if self.upper < self.best:
+                few = (
+                    ", which is enough for the share of poses that is promised, as counting the "
+                    "held-out errors shows: few of them are larger"
+                )
             return (
                 f"the readings show a misfit of about {1e6 * self.best:.1f} um per axis (p "
                 f"{'< 0.001' if self.p_value < SEEN else f'= {self.p_value:.3f}'}), and the "
-                f"region allows for up to {1e6 * self.upper:.1f} um"
-                + few
-                * (self.upper < self.best)
+                f"region allows for up to {1e6 * self.upper:.1f} um{few}"
             )
         told = "" if self.repeated else "; the stated noise is untested, as no pose was repeated"
         if self.doubted:

@@ -6,16 +6,15 @@ import numpy as np
 
 from calib.errors import InputError
 from testbed.files.alternatives import Alternative
-from testbed.files.frames_fit import FAR, Misfit
+from testbed.files.frames_fit import FAR, TIMES, Misfit
 from testbed.files.refusal import refusal
 from testbed.files.rows.shifts import FEWEST
 from testbed.files.tried.links_fit import ANGLE, FARTHEST, LENGTH, LinksFit
 
-TIMES = 5.0
-"""An alternative is named if what it leaves is so many times smaller."""
 ALIKE = 2.0
-"""The same of as many rows beside their own joints. Of 900 random lines of ten good rows one is
-named so and nine were without it; of 400 with shifted rows 193, as without it."""
+"""An alternative of few rows leaves so many times less than as many beside their own joints. Of
+900 random lines of ten good rows one is named so and nine were without it; of 400 with shifted rows
+193, as without it."""
 UNITS = (0.6, 1.6)
 """Spread of the measured positions over the nominal ones, with the right unit."""
 BEYOND = 5.0

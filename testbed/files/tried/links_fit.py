@@ -23,7 +23,7 @@ from calib.measurement.observations import Measurements
 from calib.measurement.prediction import predict
 from calib.measurement.tables import points, poses
 from testbed.files.alternatives import Interpretation
-from testbed.files.frames_fit import LEVER
+from testbed.files.frames_fit import LEVER, TIMES
 
 LENGTH, ANGLE = 8e-3, float(np.radians(1.5))
 """Standard deviations from nominal of links that are far from it [m, rad]."""
@@ -36,8 +36,6 @@ WIDE = 100.0
 """How many times wider than usual frames may lie from their start."""
 MOST = 0.8
 """Part of the poses left out that has to be explained; the others may be gross errors."""
-TIMES = 5.0
-"""Links explain what base and tool leave if they leave so many times less."""
 
 
 @dataclass(frozen=True, slots=True)
