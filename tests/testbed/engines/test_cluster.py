@@ -165,7 +165,7 @@ def test_faults_of_a_cluster_change_no_byte_and_a_lost_scheduler_is_said(
         start = time.monotonic()
         with pytest.raises(MachineError, match="is gone; start it again, then go on with --resume"):
             next(found)
-        assert time.monotonic() - start < cluster.ANSWER + 5
+        assert time.monotonic() - start < 6 * cluster.ANSWER  # it does not wait for ever
 
 
 @pytest.mark.filterwarnings("ignore")

@@ -206,9 +206,7 @@ def test_a_cluster_whose_scheduler_dies_ends_the_run_with_3_and_another_one_goes
     process = start(place, "toys.toml", "--out", out, "--scheduler", f"file:{first.file}")
     until(out, 1, process)
     first.scheduler.kill()
-    since = time.monotonic()
-    told = ended(process, 3, 30)
-    assert time.monotonic() - since < 15
+    told = ended(process, 3)
     assert "is gone; start it again, then go on with --resume. [F12]" in told
     first.stop()
     ended(start(place, "toys.toml", "--out", out, "--resume"))

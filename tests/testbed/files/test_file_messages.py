@@ -6,7 +6,6 @@ read the difference.
 
 import gzip
 import os
-import time
 import zipfile
 from functools import cache
 from pathlib import Path
@@ -26,6 +25,7 @@ from testbed.files.probe import probe
 from testbed.files.programs.read import read_program
 from testbed.files.read import ReadOptions, read_held_out, read_session
 from testbed.files.rows.terms import row_terms
+from tests.hangs import no_hang
 from tests.testbed.files.made import ROBOT, Made, N, columns, csv, made, with_spread
 
 GOLDEN = Path(__file__).parents[2] / "golden" / "file_messages.txt"
@@ -689,21 +689,20 @@ def _apart(folder):
 
 @cache
 def result(name):
-    """Message of a case, or what is said of one that is read, and the time it took."""
-    with TemporaryDirectory() as made_here:
-        folder, start = Path(made_here), time.process_time()
+    """Message of a case, or what is said of one that is read."""
+    with TemporaryDirectory() as made_here, no_hang():
+        folder = Path(made_here)
         if name in CASES:
             with pytest.raises(CalibError) as caught:
                 CASES[name](folder)
             lines = [str(caught.value)]
         else:
             lines = [str(line) for line in SAID[name](folder)]
-        spent = time.process_time() - start
-        return "\n".join(lines).replace(made_here, "DIR"), spent
+        return "\n".join(lines).replace(made_here, "DIR")
 
 
 def test_messages_are_word_for_word_as_written_down():
-    blocks = [f"{name}\n{result(name)[0]}\n" for name in (*CASES, *SAID)]
+    blocks = [f"{name}\n{result(name)}\n" for name in (*CASES, *SAID)]
     written = "\n".join(blocks)
     if os.environ.get("TRUEBED_UPDATE"):
         GOLDEN.write_text(written, encoding="utf-8")
@@ -711,9 +710,8 @@ def test_messages_are_word_for_word_as_written_down():
 
 
 @pytest.mark.parametrize("name", CASES)
-def test_each_message_is_short_quick_and_knows_no_insides(name):
-    shown, spent = result(name)
-    assert spent < 2  # seconds, one core; measured below 0.2
+def test_each_message_is_short_and_knows_no_insides(name):
+    shown = result(name)
     assert shown.endswith("]")
     code = shown[shown.rindex("[") + 1 : -1]
     assert code.isalnum()

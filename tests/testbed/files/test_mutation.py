@@ -9,6 +9,7 @@ import pytest
 from calib.errors import CalibError
 from testbed.files.probe import probe
 from testbed.files.read import ReadOptions, read_session
+from tests.hangs import no_hang
 from tests.testbed.files.made import ROBOT, columns, csv, made, with_spread
 from tests.testbed.files.test_session import ARMS, points_of
 
@@ -163,16 +164,14 @@ def survives(folder, name, rng):
     (folder / victim).write_bytes(mutated(files[victim].encode(), rng))
     toml = None if config is None else folder / config
     options = ReadOptions(drop_invalid=bool(rng.integers(2)))
-    start = time.process_time()
     try:
-        session = read_session(folder / data, ROBOT, config=toml, options=options)
-        assert np.isfinite(session.measurements.position).all()
-        if name != "ranges":  # where nothing fits, the start from distances takes its second
-            probe(ROBOT, session).raise_if_wrong()
+        with no_hang():
+            session = read_session(folder / data, ROBOT, config=toml, options=options)
+            assert np.isfinite(session.measurements.position).all()
+            if name != "ranges":  # where nothing fits, the start from distances takes its second
+                probe(ROBOT, session).raise_if_wrong()
     except CalibError:
         return True
-    finally:
-        assert time.process_time() - start < 2
     return False
 
 

@@ -1,6 +1,5 @@
 """Files of a real robot, read through a session.toml: nobody's simulation."""
 
-import time
 from pathlib import Path
 
 import numpy as np
@@ -28,7 +27,6 @@ pytestmark = pytest.mark.skipif(
 def test_a_published_file_is_read_as_it_was_meant(series):
     file, count, copies, again = SERIES[series]
     robot = load_robot("universal_ur10")
-    start = time.process_time()
     session = read_session(DATA / f"Series_{series}" / file, robot, config=HERE / "ur10.toml")
     # series B holds two rows whose digits are those of an earlier one
     assert len(session.measurements) == count - copies
@@ -40,8 +38,6 @@ def test_a_published_file_is_read_as_it_was_meant(series):
     assert 15 < session.conditions.temperature.min() <= session.conditions.temperature.max() < 30
     found = probe(robot, session)
     found.raise_if_wrong()
-    # measured 0.5 s and 0.4 s for series C
-    assert time.process_time() - start < 3
     # the data's page has 1.03, 0.90 and 0.72 mm for the mean; a root mean square is larger
     assert {"B": 1.0, "C": 0.85, "D": 0.7}[series] < found.stated.position * 1e3 < 1.2
     assert np.degrees(found.stated.rotation) < 0.15

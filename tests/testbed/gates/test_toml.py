@@ -1,16 +1,18 @@
 """What no TOML file may be, whoever reads it: too large, too deep, no text; one sentence each."""
 
-import time
 import tomllib
 import tracemalloc
+from difflib import get_close_matches
 from pathlib import Path
 
 import pytest
 from typer.testing import CliRunner
 
 from calib.errors import InputError
+from testbed import strict
 from testbed.cli import app
 from testbed.gates.toml import MOST_BYTES, deepest, toml_document
+from tests.hangs import no_hang
 
 ROOT = Path(__file__).parents[3]
 DEEP = {
@@ -71,10 +73,11 @@ def test_whoever_reads_a_deep_file_refuses_it_by_its_line(told, verb, case):
 @pytest.mark.parametrize("case", DEEP)
 def test_a_deep_file_is_refused_before_anything_walks_it(case):
     content, line, levels = DEEP[case]
-    start = time.process_time()
-    with pytest.raises(InputError, match=rf"^x\.toml:{line}: is nested {levels} deep; "):
+    with (
+        no_hang(),
+        pytest.raises(InputError, match=rf"^x\.toml:{line}: is nested {levels} deep; "),
+    ):
         toml_document(content, "x.toml")
-    assert time.process_time() - start < 1.0  # 0.05 s on a machine with nothing else to do
 
 
 def test_the_memory_of_the_gate_grows_with_the_length_of_a_file_alone():
@@ -118,13 +121,17 @@ def test_files_that_ship_stay_far_below_the_limit():
     assert max(deepest(file.read_text(encoding="utf-8"))[0] for file in shipped) == 5
 
 
-@pytest.mark.parametrize(
-    ("verb", "keys"), [("scenario", 60_000), ("session", 6_000), ("robot", 6_000)]
-)
-def test_of_many_faults_twenty_are_put_into_words_and_the_others_counted(told, verb, keys):
-    start = time.process_time()
+@pytest.mark.parametrize("verb", ["scenario", "session", "robot"])
+def test_of_many_faults_twenty_are_put_into_words_and_the_others_counted(told, verb, monkeypatch):
+    keys, compared = 6_000, []
+
+    def counted(word, *args):
+        compared.append(word)
+        return get_close_matches(word, *args)
+
+    monkeypatch.setattr(strict, "get_close_matches", counted)
     lines = told(verb, b"".join(b"k%d = 1\n" % k for k in range(keys)))
-    assert time.process_time() - start < 4.0  # below 1 s on a machine with nothing else to do
+    assert 0 < len(compared) <= 20
     assert len(lines) == 21
     count = int(lines[-1].removeprefix(": and ").removesuffix(" more faults"))
     assert keys - 20 <= count <= keys - 10  # beside the keys, those that are missing

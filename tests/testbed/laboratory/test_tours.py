@@ -1,6 +1,5 @@
 """Tours: the best single change is found, and many points take no hours."""
 
-import time
 import tracemalloc
 
 import numpy as np
@@ -9,6 +8,7 @@ import pytest
 from testbed.laboratory.route import tours
 from testbed.laboratory.route.moves import times_between, travel_times
 from testbed.laboratory.route.tours import best_tour, length
+from tests.hangs import no_hang
 
 
 def times_of(x):
@@ -47,10 +47,9 @@ def test_hundreds_of_points_take_seconds_and_no_longer_way_than_from_neighbor_to
 ):
     monkeypatch.setattr(tours, "MANY", 125)  # as 600 points beside the 250 there are
     times = times_of(np.random.default_rng(4).uniform(size=(300, 6)))
-    given, began = np.arange(300), time.process_time()
-    tour = best_tour(times, given)
-    # half a second on one core; move by move, from each of 25 starts, it took more than a minute
-    assert time.process_time() - began < 10
+    given = np.arange(300)
+    with no_hang():  # move by move, from each of 25 starts, it took minutes
+        tour = best_tour(times, given)
     assert sorted(tour) == given.tolist()
     nearest = tours.nearest_neighbors(times, int(np.argsort(times[0, 1:], kind="stable")[0]) + 1)
     assert length(times, tour) < 0.97 * length(times, nearest)

@@ -5,7 +5,6 @@ Truth: the files are written here from poses that are known.
 
 import re
 import tomllib
-from time import process_time
 
 import numpy as np
 import pytest
@@ -16,6 +15,7 @@ from testbed.files.probe import probe
 from testbed.files.read import read_session
 from testbed.proposal.names import meanings
 from testbed.proposal.naming.plain import without_unit
+from tests.hangs import no_hang
 from tests.testbed.files.made import ROBOT, csv
 from tests.testbed.proposal.test_session import (
     JOINTS,
@@ -273,10 +273,9 @@ def test_a_name_is_told_from_its_unit(name, meant):
 
 @pytest.mark.parametrize("part", ["_", "(", "[x", "x)", " ", ","])
 def test_a_long_name_is_read_in_time(part):
-    """A line may have 65,000 letters; where all ends of a name are tried, one takes a minute."""
-    begin = process_time()
-    meanings(["pose", part * (20_000 // len(part)) + "x", *(f"b{k} qx" for k in range(2000))])
-    assert process_time() - begin < 2  # below 0.2 s
+    """A line may have 65,000 letters; where all ends of a name are tried, one takes minutes."""
+    with no_hang():
+        meanings(["pose", part * (60_000 // len(part)) + "x", *(f"b{k} qx" for k in range(2000))])
 
 
 def test_the_covariance_of_points_is_read_and_none_assumed(tmp_path):

@@ -4,7 +4,6 @@ Truth: the files are written here from poses that are known.
 """
 
 import json
-import time
 from dataclasses import replace
 
 import numpy as np
@@ -16,6 +15,7 @@ from testbed.files.read import read_session
 from testbed.files.rows.widened import of_rows
 from testbed.files.text import Sheet
 from testbed.robots.catalog import load_robot
+from tests.hangs import no_hang
 from tests.testbed.files.made import csv, made
 from tests.testbed.files.test_program import scara
 from tests.testbed.proposal.test_dialects import read_as_meant
@@ -365,8 +365,7 @@ ENDLESS = {
 def test_long_cells_and_names_take_no_time(text, tmp_path):
     """By expressions that try each start again they took minutes, or all memory."""
     (tmp_path / "m.csv").write_text(text)
-    start = time.process_time()
-    done = call("new", "session", tmp_path / "m.csv", "--robot", UR10.name, "--out",
-                tmp_path / "session.toml")  # fmt: skip
+    with no_hang():
+        done = call("new", "session", tmp_path / "m.csv", "--robot", UR10.name, "--out",
+                    tmp_path / "session.toml")  # fmt: skip
     assert done.exit_code in (0, 2)
-    assert time.process_time() - start < 5

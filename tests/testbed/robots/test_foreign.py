@@ -1,6 +1,5 @@
 """What libraries of others raise, and how long and how much a hostile file of a robot takes."""
 
-import time
 import warnings
 from dataclasses import replace
 from pathlib import Path
@@ -16,20 +15,16 @@ from testbed.robots.describe.xml_gate import LARGEST, parse_xml
 from testbed.robots.foreign import foreign
 from testbed.robots.meshes import files
 from testbed.robots.robot import Visual, workspace
+from tests.hangs import no_hang
 from tests.testbed.robots.described_cases import MJCF, bench_arm, block, urdf
 from tests.testbed.robots.mutations import OBJ, SOUND, mutated
 from tests.testbed.robots.robot_cases import TX60
 
-SECONDS = 2.0
-"""CPU time that a refusal may take."""
-
 
 def refused(case):
-    """The error of a case; it must come within two seconds of CPU."""
-    start = time.process_time()
-    with pytest.raises(InputError) as caught:
+    """The error of a case."""
+    with no_hang(), pytest.raises(InputError) as caught:
         case()
-    assert time.process_time() - start < SECONDS
     return caught.value
 
 
@@ -102,9 +97,8 @@ def test_endless_xml_is_refused_while_it_is_read(data, code):
     if code:
         assert refused(lambda: parse_xml(data, "robot", where="x")).code == code
         return
-    start = time.process_time()
-    parse_xml(data, "robot", where="x")
-    assert time.process_time() - start < SECONDS
+    with no_hang():
+        parse_xml(data, "robot", where="x")
 
 
 def test_a_long_row_of_links_is_refused_or_read_at_once(tmp_path):
@@ -117,9 +111,8 @@ def test_a_long_row_of_links_is_refused_or_read_at_once(tmp_path):
     assert "1998 joints move" in str(error)
     fixed = [(name, "fixed", *rest) for name, _, *rest in row[:-1]]
     path.write_text(urdf("row", [*fixed, row[-1]]))
-    start = time.process_time()
-    robot = load_robot(path)
-    assert time.process_time() - start < SECONDS
+    with no_hang():
+        robot = load_robot(path)
     assert robot.model.chain.n_joints == 1
 
 
@@ -132,9 +125,8 @@ def test_an_mjcf_of_many_bodies_is_refused_or_read_at_once(bodies, allowed, tmp_
     if not allowed:
         assert refused(lambda: load_robot(path)).code == "R2"
         return
-    start = time.process_time()
-    assert load_robot(path, tip="b7").model.chain.n_joints == 1
-    assert time.process_time() - start < SECONDS
+    with no_hang():
+        assert load_robot(path, tip="b7").model.chain.n_joints == 1
 
 
 # --- meshes of a robot.toml ---
@@ -187,11 +179,11 @@ def test_a_robot_with_anything_changed_is_read_or_refused_with_its_file(
             if seen.get(name) != data:
                 (tmp_path / name).write_bytes(data)
         seen = content
-        start = time.process_time()
         try:
-            arm = load_robot(tmp_path / robot)
-            Simulator(arm, arm.model.chain)
-            box = workspace(arm)
+            with no_hang():
+                arm = load_robot(tmp_path / robot)
+                Simulator(arm, arm.model.chain)
+                box = workspace(arm)
         except InputError as error:
             told = str(error)
             assert str(tmp_path) in told
@@ -201,8 +193,6 @@ def test_a_robot_with_anything_changed_is_read_or_refused_with_its_file(
             numbers = (arm.model.chain.links, arm.limits, arm.speeds, arm.masses, arm.inertias)
             numbers += (arm.centers, box.box_center_mm, box.box_size_mm, arm.base_offset)
             assert all(np.isfinite(row).all() for row in numbers), seed
-        # 2 s are promised; the first one imports the readers
-        assert time.process_time() - start < 2 * SECONDS, seed
     assert "Traceback" not in capfd.readouterr().err
 
 

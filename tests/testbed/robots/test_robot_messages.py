@@ -7,7 +7,6 @@ difference.
 
 import os
 import re
-import time
 from dataclasses import replace
 from pathlib import Path
 
@@ -18,6 +17,7 @@ from calib.errors import InputError
 from testbed.robots.catalog import load_robot
 from testbed.robots.write.folder import write_robot_folder
 from testbed.robots.write.identified import identified_robot
+from tests.hangs import no_hang
 from tests.testbed.robots.described_cases import MJCF, UR_LIKE, bench_arm, block, stl, urdf
 from tests.testbed.robots.robot_cases import TX60
 
@@ -358,24 +358,22 @@ def toml(folder, old="", new="", drop=""):
 
 @pytest.fixture(scope="module")
 def told(tmp_path_factory):
-    """Code, words and seconds of every case, each played once."""
+    """Code and words of every case, each played once."""
     out = {}
     for k, name in enumerate(CASES):
         folder = tmp_path_factory.mktemp("case") / str(k)
         folder.mkdir()
-        start = time.perf_counter()
-        with pytest.raises(InputError) as caught:
+        with no_hang(), pytest.raises(InputError) as caught:
             CASES[name](folder)
-        span = time.perf_counter() - start
         shown = str(caught.value).replace(str(folder), "DIR")
         # how the XML library puts it depends on its version
         shown = re.sub(r"(not well-formed XML: ).*?;", r"\1...;", shown)
-        out[name] = caught.value.code, shown, span
+        out[name] = caught.value.code, shown
     return out
 
 
 def test_messages_are_word_for_word_as_written_down(told):
-    text = "\n".join(f"{name}\n{shown}\n" for name, (_, shown, _) in told.items())
+    text = "\n".join(f"{name}\n{shown}\n" for name, (_, shown) in told.items())
     text = text.replace(str(Path(__file__).parents[3]), "REPO")
     if os.environ.get("TRUEBED_UPDATE"):
         GOLDEN.write_text(text, encoding="utf-8")
@@ -383,10 +381,8 @@ def test_messages_are_word_for_word_as_written_down(told):
 
 
 @pytest.mark.parametrize("name", CASES)
-def test_each_refusal_has_the_code_of_its_row_and_comes_at_once(name, told):
-    code, shown, span = told[name]
-    # promised within 2 s; the machine may be busy
-    assert span < 4
+def test_each_refusal_has_the_code_of_its_row(name, told):
+    code, shown = told[name]
     row = name.split()[0]
     if row[0] == "R" and row[1:].isdigit():
         # bombs and outside entities are both stopped by the one rule against document types

@@ -1,11 +1,10 @@
 """What may not enter: bombs, outside files, broken or endless XML."""
 
-import time
-
 import pytest
 
 from calib.errors import InputError
 from testbed.robots.describe.xml_gate import LARGEST, parse_xml, read_xml
+from tests.hangs import no_hang
 
 LOL = '<!DOCTYPE robot [<!ENTITY a "ha"><!ENTITY b "{}">]>'.format("&a;" * 10)
 
@@ -55,12 +54,10 @@ def test_an_entity_bomb_is_refused_at_once_in_urdf_and_mjcf(root):
     levels = "".join(
         f'<!ENTITY l{i} "{f"&l{i - 1};" * 10}">' if i else '<!ENTITY l0 "lol">' for i in range(20)
     )
-    start = time.perf_counter()
-    error = refused(f"<!DOCTYPE {root} [{levels}]><{root}>&l19;</{root}>".encode(), root)
+    with no_hang():  # expanding would take 10^20 characters
+        error = refused(f"<!DOCTYPE {root} [{levels}]><{root}>&l19;</{root}>".encode(), root)
     assert error.code == "R3"
     assert "DOCTYPE" in str(error)
-    # promise: bad input is refused in 2 s; expanding would take 10^20 characters
-    assert time.perf_counter() - start < 2
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,5 @@
 """What all languages share: several statements on a line, no statement at all, and long lines."""
 
-from time import process_time
 from typing import get_args
 
 import pytest
@@ -8,6 +7,7 @@ import pytest
 from calib.errors import InputError
 from testbed.files.dialects.controllers.read import READERS, Language, joints_in, language_of
 from testbed.gates.text import read_text
+from tests.hangs import no_hang
 
 LANGUAGES = get_args(Language)
 BEGUN = (
@@ -51,12 +51,10 @@ def test_a_program_without_a_statement_has_no_joint_target(language, content, tm
 
 @pytest.mark.parametrize("language", LANGUAGES)
 def test_a_line_of_spaces_is_read_in_time(language, tmp_path):
-    """Where two parts of a pattern both take the spaces, one such line takes ten seconds."""
-    texts = [text_of(tmp_path, f"{begun}{' ' * 20_000}{end}") for begun in BEGUN for end in "x="]
-    begin = process_time()
-    for text in texts:
-        language_of(text)
-        with pytest.raises(InputError):
-            joints_in(text, language)
-    # each is read once or a few times, milliseconds each
-    assert process_time() - begin < 2
+    """Where two parts of a pattern both take the spaces, one such line takes minutes."""
+    texts = [text_of(tmp_path, f"{begun}{' ' * 60_000}{end}") for begun in BEGUN for end in "x="]
+    with no_hang():
+        for text in texts:
+            language_of(text)
+            with pytest.raises(InputError):
+                joints_in(text, language)
