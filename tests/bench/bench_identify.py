@@ -12,10 +12,12 @@ from calib.identification.fit_each import fit_each
 from calib.identification.identify import identify
 from calib.identification.joint_models import extended_model
 from calib.identification.prior import PriorRows, prior_rows, weak_prior
+from calib.identification.start.start import start_frames
 from calib.identification.tangent import System, column_norms, normal_plane
 from calib.measurement.observations import Measurements
 from calib.measurement.residual import linearize, table_whiteners
 from calib.measurement.term_rows import TermRows
+from tests.calib import kinds
 from tests.reference import WEN24, pool_r, rigid_truth, tx60
 from tests.truth.measuring import measured
 
@@ -31,6 +33,14 @@ def test_one_fit_of_29_poses(benchmark, free, mode):
     parameters = parameters_of(tx60(), free)
     result = benchmark(identify, tx60(), TABLE, parameters, mode=mode)
     assert result.status.name == "CONVERGED"
+
+
+@pytest.mark.parametrize("kind", ["poses", "one point"])
+def test_frames_of_2700_poses_from_nothing(benchmark, kind):
+    """Less than a third of a second."""
+    rng = np.random.default_rng(12)
+    _, nominal, table, _ = kinds.measured(kind, "ur10", kinds.joints("ur10", rng, 2700), rng)
+    benchmark(start_frames, nominal, table)
 
 
 def test_one_extended_fit_of_29_poses(benchmark):
