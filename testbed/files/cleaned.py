@@ -13,7 +13,7 @@ from testbed.files.dialects.tables import (
     OpticalTable,
     PointsTable,
 )
-from testbed.files.drift import without_drift
+from testbed.files.nests.drift import without_drift
 from testbed.files.observed import (
     misspelt_columns,
     read_observed,

@@ -191,12 +191,9 @@ def corrected_errors(
     """
     gain, free = estimator_gain(identification, train), identification.parameters.free_index
     rows = predict(identification.model, judged).rows[:, :3, free]
-    part, seen = np.zeros((len(free), len(free))), np.zeros(len(judged))
-    for k in range(len(corrections[0].covariance)):
-        own, theirs = (one.errors(k) for one in corrections)
-        moved = np.einsum("mfe,mek->fk", gain, own)
-        part += moved @ moved.T
-        seen += ((theirs[:, :3] - rows @ moved) ** 2).sum(axis=(1, 2))
+    moved = corrections[0].followed(gain)
+    whole = np.moveaxis(moved, 0, 1).reshape(len(free), -1)
+    part, seen = whole @ whole.T, corrections[1].left(rows, moved)
     left = at_the_tool(identification.model, judged, identification.parameters, part)
     return SharedErrors(
         (name,), frozen([left]), frozen([np.sqrt(seen.mean())]),

@@ -6,7 +6,7 @@ import pytest
 from calib.errors import InputError
 from calib.geometry.frames import exp_so3, log_so3, step_transform
 from calib.measurement.corrections import rigid_fit_covariance
-from testbed.files.drift import best_fit, correct_drift, judge_drift
+from testbed.files.nests.drift import best_fit, correct_drift, judge_drift
 from testbed.files.read import read_session
 from testbed.files.readings import Readings
 from tests.testbed.files.made import ROBOT, N, csv, made
@@ -279,7 +279,10 @@ def test_what_the_nests_leave_in_the_readings_is_as_large_as_said(stated):
         robot = readings_at(seen, "SMR", 18 + np.arange(6) / 2, 1e-6)
         found = correct_drift(robot, drift, begins, true.mean(axis=0))
         off = (found.position - true).mean(axis=0)
-        each = [found.corrections.errors(k)[:, :3].mean(axis=0) for k in range(4)]
+        left, each = found.corrections, np.zeros((4, 3, 6))
+        for which, share in zip(left.which.T, left.share.T, strict=True):
+            error = share[:, None, None] * (left.motion[:, :3] @ left.roots[which])
+            np.add.at(each, which, error / len(left.lever))
         S = sum(one @ one.T for one in each)
         squares.append(off @ np.linalg.solve(S, off) / 3)
     # 300 squares of a normal number: 0.08 each way and three of them, and the scatter of 12
@@ -310,11 +313,13 @@ def test_a_session_says_which_rows_share_what_its_nests_are_wrong_by(tmp_path):
     step = [80e-6, -50e-6, 30e-6, 10e-6, 0.0, -20e-6]
     session, true = measured(tmp_path, drift=step, noise=3e-6, rng=np.random.default_rng(1))
     left = session.corrections
-    assert left.share.shape == (len(true), 5)
+    assert len(left.covariance) == 5
+    share = np.zeros((len(true), 5))
+    np.add.at(share, (np.arange(len(true))[:, None], left.which), left.share)
     # every step is of two rounds, and between two of them in proportion
-    assert np.allclose(left.share.sum(axis=1), 0.0)
-    assert (left.share[:, 1:] >= 0).all()
-    assert ((left.share[:, 1:] > 0).sum(axis=1) <= 2).all()
+    assert np.allclose(share.sum(axis=1), 0.0)
+    assert (share[:, 1:] >= 0).all()
+    assert ((share[:, 1:] > 0).sum(axis=1) <= 2).all()
     middle = session.measurements.position - left.lever
     assert np.allclose(middle, middle[0], atol=1e-12)
     some = session.rows(np.arange(len(true)) % 2 == 0)

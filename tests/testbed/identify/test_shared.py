@@ -134,9 +134,9 @@ def test_what_nests_leave_is_a_source_of_its_own():
     result, rows = found.fit.identification, found.measurements
     used, judged = found.is_used, found.split.is_test
     root = 1e-5 * rng.normal(size=(3, 6, 6))
-    left = Corrections(
-        rng.normal(size=(len(rows), 3)), rng.normal(size=(len(rows), 3)), root @ root.mT
-    )
+    which = np.tile(np.arange(3), (len(rows), 1))
+    share, lever = rng.normal(size=(2, len(rows), 3))
+    left = Corrections(which, share, lever, root @ root.mT)
     plain = replace(session_of(rows), corrections=left)
     alone = shared_of(plain, result, rows, used, judged)
     assert alone.names == (OF_NESTS,)
@@ -202,9 +202,11 @@ def test_a_held_out_file_has_the_same_instrument_or_says_nothing():
 
 def test_a_held_out_file_brings_what_its_own_nests_are_wrong_by():
     one, other = (session_of(table_of(true_model(), pool_r(m)[m - 8 :])) for m in (8, 16))
-    left = Corrections(np.ones((8, 2)), np.ones((8, 3)), np.tile(np.eye(6), (2, 1, 1)))
+    which = np.tile(np.arange(2), (8, 1))
+    left = Corrections(which, np.ones((8, 2)), np.ones((8, 3)), np.tile(np.eye(6), (2, 1, 1)))
     both = with_test(replace(one, corrections=left), replace(other, corrections=left))
-    np.testing.assert_array_equal(both.corrections.share, np.kron(np.eye(2), np.ones((8, 2))))
+    np.testing.assert_array_equal(both.corrections.share, np.ones((16, 2)))
+    np.testing.assert_array_equal(both.corrections.which, np.repeat([[0, 1], [2, 3]], 8, axis=0))
     for given in ((left, None), (None, left)):
         alone = (replace(each, corrections=c) for each, c in zip((one, other), given, strict=True))
         share = with_test(*alone).corrections.share

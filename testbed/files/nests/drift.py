@@ -9,7 +9,8 @@ import numpy as np
 from calib.arrays import Array, Index, frozen
 from calib.errors import InputError
 from calib.geometry.frames import exp_so3, log_so3
-from calib.measurement.corrections import Corrections, rigid_fit_covariance
+from calib.measurement.corrections import rigid_fit_covariance
+from testbed.files.nests.between_rounds import correct_drift
 from testbed.files.readings import SHOWN, Readings
 from testbed.files.refusal import refusal
 from testbed.files.session import Drift
@@ -104,27 +105,6 @@ def judge_drift(
         ),
     )
     return drift, begins, warnings
-
-
-def correct_drift(readings: Readings, drift: Drift, begins: Array, middle: Array) -> Readings:
-    """Readings with the drift taken off, between two rounds in proportion.
-
-    What the noise of the nests leaves in them goes with them: a step is of two rounds, the first
-    among them, in whose frame they are then.
-    """
-    if not drift.corrected:
-        return readings
-    share = np.column_stack(
-        [np.interp(readings.order, begins, each) for each in np.eye(len(begins))]
-    )
-    at = share @ drift.steps
-    R = exp_so3(at[:, 3:])
-    back = np.swapaxes(R, 1, 2)
-    position = (back @ (readings.position - at[:, :3])[..., None])[..., 0]
-    rotation = readings.rotation if readings.kind == "point" else back @ readings.rotation
-    share[:, 0] -= 1.0
-    left = Corrections(frozen(share), frozen(position - middle), drift.covariance)
-    return replace(readings, position=position, rotation=rotation, corrections=left)
 
 
 def best_fit(a: Array, b: Array) -> tuple[Array, Array]:
