@@ -18,8 +18,7 @@ from calib.measurement.cycles import cycles_of, mean_largest, per_pose, repeatab
 from calib.measurement.iso9283 import IsoFigure, accuracy, repeatability
 
 BACK = 0.02
-"""Angle from a full turn within which a path turns back on itself [rad]: that of commands which are
-rounded to a hundredth of their steps."""
+"""Angle from a full turn within which a path turns back [rad]; commands are rounded."""
 CORNER = 0.7
 """Turn between two parts of a command beyond which it is a corner [rad]."""
 LOST = 10.0
@@ -87,8 +86,8 @@ def through_planes(measured: ArrayLike, command: ArrayLike) -> Array:
     half a step away from it, the middle one counts: the nearest would be nearer than the tool is.
     Between two readings a path bends as its command does there, so that neither few readings nor
     some that are lost cut its bends. A path may begin late or end early by one step of the command:
-    it goes on in the direction of that, as far off as it was. By as much it may turn back too
-    early, where the command turns back. Not a number where a plane is not passed in its turn.
+    it goes on in the direction of that, as far off as it was. By all but a twentieth of one it may
+    turn back early where the command does. Not a number where a plane is not passed in its turn.
     """
     x, c = check("k 3, m 3", measured=measured, command=command)
     if len(x) < 2:
@@ -97,7 +96,8 @@ def through_planes(measured: ArrayLike, command: ArrayLike) -> Array:
     longer = np.concatenate([[x[0] - (c[1] - c[0])], x, [x[-1] + (c[-1] - c[-2])]])
     steps, back = np.linalg.norm(np.diff(c, axis=0), axis=1), _turns_back(c)
     shorter = np.minimum(np.append(steps[:1], steps), np.append(steps, steps[-1:]))
-    near = np.where(back, 0.0, shorter / 2)
+    beside = np.convolve(back, [1, 0, 1], "same") > 0
+    near = np.where(back, 0.0, shorter / np.where(beside, 20, 2))
     passes = [_passes(longer, *one) for one in zip(c, normal, near, strict=True)]
     for i in np.flatnonzero(back):
         step = float(steps[i - 1])

@@ -162,6 +162,20 @@ def test_a_line_out_and_back_keeps_what_each_way_is_off_by():
     np.testing.assert_array_equal(np.flatnonzero(missed), [18, 19, 20, 21, 22])
 
 
+@pytest.mark.parametrize("early", [0.001, 0.3, 0.54, 0.8, 0.94])
+def test_a_run_that_turns_back_up_to_a_step_early_keeps_what_each_way_is_off_by(early):
+    """Its last reading before the turn lies short of it by so much of a step of 10 mm."""
+    x = np.linspace(0, 100, 11)
+    command = np.zeros((21, 3))
+    command[:, 0] = np.concatenate([x, x[-2::-1]])
+    way = np.concatenate([np.arange(0, 100 - 10 * early, 2.0), [100 - 10 * early]])
+    run = np.zeros((2 * len(way), 3))
+    run[:, 0] = np.concatenate([way, way[::-1] - 1e-3])
+    run[:, 1] = np.repeat([0.05, -0.05], len(way))
+    found = through_planes(run, command)
+    np.testing.assert_allclose(found[:, 1], np.repeat([0.05, -0.05], [11, 10]), atol=1e-12)
+
+
 def test_commands_rounded_at_the_turn_still_turn_back():
     """A plane between the two sides of such a turn would lie along the path."""
     ends = np.array([[0, 0, 0], [0.01, 0.003, 0.0]])
