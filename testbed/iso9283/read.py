@@ -21,6 +21,11 @@ from testbed.gates.toml import read_toml_bytes, toml_document
 from testbed.iso9283.grouped import Commands, paths_in, visits_in
 from testbed.iso9283.records import CycleTest, PathRuns, Visits
 from testbed.iso9283.rows import Rows, are_counts, read_rows
+from testbed.units import MM, significant
+
+SIZES = 5e-3, 5e1
+"""Largest extent of all commands of an arm that is tested [m]; meters and millimeters exchanged
+make it a thousand times smaller or larger."""
 
 
 def read_test(
@@ -98,6 +103,7 @@ def test_of(
     warnings = [f"{where}: {text}" for text in sheet.instrument.warnings(stated.date)]
     warnings += [text for one in parts for text in one.warnings]
     warnings += _repeating(visits, paths)
+    warnings += _of_odd_size(visits, paths)
     limits: dict[str, float] = {}
     limits |= {name: limit * 1e-6 for name, limit in settings.iso9283.limits_um.items()}
     sha = tuple(dict.fromkeys([*first, *sources.files]))
@@ -139,6 +145,18 @@ def _repeating(visits: Visits | None, paths: Sequence[PathRuns]) -> Iterator[str
         yield (
             f"{what}: every reading is its command to the last digit: no measurement; name the "
             "columns of what the instrument saw"
+        )
+
+
+def _of_odd_size(visits: Visits | None, paths: Sequence[PathRuns]) -> Iterator[str]:
+    """A sentence where all commands lie nearer together, or further apart, than an arm moves."""
+    parts = [one.command for one in paths]
+    parts += [visits.command] if visits is not None else []
+    size = float(np.ptp(np.concatenate(parts), axis=0).max())
+    if 0 < size < SIZES[0] or size > SIZES[1]:
+        yield (
+            f"all commands lie within {significant(size * MM)} mm: if the arm moved another way "
+            "than that, commands and readings are in another unit than their columns say (_mm, _m)"
         )
 
 

@@ -143,7 +143,16 @@ def _readings(
     stated = bool(
         spread_columns(observed.kind, table, given).names or given.position_um or given.mpe_um
     )
-    return read_observed(table, observed, given if stated else UNKNOWN, drop=drop), stated
+    try:
+        return read_observed(table, observed, given if stated else UNKNOWN, drop=drop), stated
+    except InputError as error:
+        if error.field != "euler":
+            raise
+        # the key stands elsewhere than in a calibration
+        raise refusal(
+            error.where, error.field, error.message, code=error.code, value=error.value,
+            allowed=error.allowed, fix=error.fix.replace("[frames]", "[cycles] or [paths]"),
+        ) from error  # fmt: skip
 
 
 def _commands(table: DataTable, section: CyclesTable) -> Readings | None:
@@ -162,9 +171,12 @@ def _commands(table: DataTable, section: CyclesTable) -> Readings | None:
     except InputError as error:
         if error.code != "M35":
             raise
+        fix = "give command_x_mm, command_y_mm and command_z_mm"
+        if error.field.startswith(("r", "q", "e")) and error.fix:
+            fix = error.fix  # it is the rotation that is not whole
         raise refusal(
             table.where, COMMANDED, f"the columns {COMMANDED}... give no command: {error.message}",
-            fix=misspelling(table.names) or "give command_x_mm, command_y_mm and command_z_mm",
+            fix=misspelling(table.names) or fix,
         ) from error  # fmt: skip
 
 

@@ -367,6 +367,22 @@ def test_noise_of_endlessly_many_readings_is_what_a_lower_limit_is_freed_of(tmp_
     assert decisions(played(tmp_path, pose_rows(n=5), toml))[0].word == "UNDECIDED"
 
 
+def test_commands_all_within_a_millimeter_are_said_to_be_in_another_unit(tmp_path):
+    """Both sides called mm and given in m spread alike; their figures are 1000 times too small."""
+    names = [f"{what}{axis}_mm" for what in ("", "command_") for axis in "xyz"]
+    rows = [row | {name: row[name] * 1e-3 for name in names} for row in pose_rows(n=4)]
+    said = "All commands lie within 0.4"
+    assert any(said in one and "another unit" in one for one in reasons(played(tmp_path, rows)))
+    assert not any("another unit" in one for one in reasons(played(tmp_path, pose_rows(n=4))))
+
+
+def test_a_fit_that_lowers_nothing_is_not_said_to(tmp_path):
+    """Readings that are their commands deviate by rounding alone, before a fit and after it."""
+    rows = [row | {f"{a}_mm": row[f"command_{a}_mm"] for a in "xyz"} for row in pose_rows(n=4)]
+    assert "would lower" not in played(tmp_path, rows).frame
+    assert "would lower" in played(tmp_path, pose_rows(n=4)).frame
+
+
 def test_noise_that_is_stated_larger_than_all_that_scatters_is_said_to_be(tmp_path):
     for noise, said in ((8, "the stated noise is too large"), (4, "the robot itself repeats")):
         found = played(tmp_path, pose_rows(sd=4.0), f"[uncertainty]\nposition_um = {noise}\n")

@@ -76,6 +76,13 @@ CASES = {
     "distances": (
         [{"pose_id": "P1", "cycle": k, "distance_mm": 1.0, "anchor": "A"} for k in range(4)], ""),
     "meters called millimeters": (scaled(POSES, 1e-3), ""),
+    "millimeters beside commands in meters": (
+        [row | {name: row[name] * 1e-3 for name in COMMANDS} for row in POSES], ""),
+    "angles that nothing tells the order of": (
+        [row | {"rx_deg": 10, "ry_deg": 20, "rz_deg": 30} for row in POSES], ""),
+    "a commanded angle is missing": (
+        [row | {"rx_deg": 10, "ry_deg": 20, "rz_deg": 30, "command_rx_deg": 10, "euler": "kuka"}
+         for row in POSES], ""),
     "another frame": (shifted(POSES), ""),
     "readings one row further up": (moved(POSES, 1), ""),
     "readings two rows further down": (moved(POSES, -2), ""),
