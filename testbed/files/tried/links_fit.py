@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calib.arrays import Array
+from calib.arrays import Array, Index
 from calib.errors import InputError
 from calib.geometry.frames import transform
 from calib.geometry.model import RobotModel
@@ -19,11 +19,13 @@ from calib.identification.folds import FOLDS
 from calib.identification.identify import identify
 from calib.identification.prior import Prior, weak_prior
 from calib.identification.start.start import start_frames
+from calib.measurement.grouping import first_met, united
 from calib.measurement.observations import Measurements
 from calib.measurement.prediction import predict
 from calib.measurement.tables import points, poses
 from testbed.files.alternatives import Interpretation
 from testbed.files.frames_fit import LEVER, TIMES
+from testbed.files.rows.stops import NEAR, NEAR_SLIDE, near_joints
 
 LENGTH, ANGLE = 8e-3, float(np.radians(1.5))
 """Standard deviations from nominal of links that are far from it [m, rad]."""
@@ -97,7 +99,7 @@ def links_fit(
         off = np.abs(whole.chain.links - start.chain.links)
         if (off > FARTHEST * sd).any() or _of_most(_missed(whole, table)) * TIMES > left:
             return None
-        pose = np.unique(table.together, return_inverse=True)[1].ravel()
+        pose = _stops(table, whole)
         part = np.random.default_rng(0).permutation(int(pose.max()) + 1)[pose] % FOLDS
         missed = np.zeros(len(table))
         for k in range(FOLDS):
@@ -107,6 +109,16 @@ def links_fit(
         return None
     found = LinksFit(_of_most(missed), float(off[:, 1:3].max()), float(off[:, [0, 3, 4]].max()))
     return found if found.left * TIMES <= left else None
+
+
+def _stops(table: Measurements, model: RobotModel) -> Index:
+    """Number (m,) of the place each row was measured at: joints read back differ from shot to shot.
+
+    Shots of one place are left out together, else each would be foretold by the others.
+    """
+    slides = np.array([kind == "prismatic" for kind in model.chain.kinds])
+    near = near_joints(table.q, np.where(slides, NEAR_SLIDE, NEAR))
+    return np.unique(united(table.together, first_met(near[:, None])), return_inverse=True)[1]
 
 
 def _fit(

@@ -179,12 +179,18 @@ def test_a_wrong_reading_of_an_arm_far_from_nominal_is_named(change, told, tmp_p
         probe(ROBOT, read(tmp_path, table, "", "points")).raise_if_wrong()
 
 
-def test_links_are_asked_of_poses_left_out_with_all_their_shots():
-    """Twelve numbers and thirty of links explain any six poses, however far they are off."""
+@pytest.mark.parametrize("read_back", [0.0, 1e-4])
+def test_links_are_asked_of_poses_left_out_with_all_their_shots(read_back):
+    """Twelve numbers and thirty of links explain any six poses, however far they are off.
+
+    Joints that are read back differ from shot to shot of one pose.
+    """
     data, rng = made(0, 6), np.random.default_rng(0)
     xyz = data.T[:, :3, 3] + rng.normal(scale=20e-3, size=(6, 3))
     shots = [np.repeat(one, 3, axis=0) for one in (data.q, xyz)]
-    table = tables.points(shots[0], shots[1] + rng.normal(scale=1e-5, size=(18, 3)), sd=1e-3)
+    noise = rng.normal(scale=1e-5, size=(18, 3))
+    q = shots[0] + read_back * rng.standard_normal((18, 6))
+    table = tables.points(q, shots[1] + noise, sd=1e-3)
     assert links_fit(ROBOT.model, table, left=30e-3) is None
 
 
