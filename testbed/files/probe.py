@@ -131,14 +131,22 @@ def _with_links(
 
     own = linked(read, stated)
     if own is not None:
-        text = f"base and tool alone leave {stated.shown}, far more than usual, and {own.sentence}"
-        said = (text,) if stated.score > found.far else ()
-        return replace(found, linked=own, warnings=(*found.warnings, *said))
+        return _far_off(found, own)
     tried = list(found.tried)
     for k, one in enumerate(tried[:MOST_LINKS]):
         if one.misfit.score < stated.score:
             tried[k] = replace(one, linked=linked(others[k], one.misfit))
     return replace(found, tried=tuple(tried))
+
+
+def _far_off(found: Probe, links: LinksFit | None) -> Probe:
+    """The same with links that explain what was read, and a warning if it is odd."""
+    if links is None or found.stated is None:
+        return found
+    left = found.stated
+    text = f"base and tool alone leave {left.shown}, far more than usual, and {links.sentence}"
+    said = (text,) if left.score > found.far else ()
+    return replace(found, linked=links, warnings=(*found.warnings, *said))
 
 
 def _link_sd(robot: Robot, session: Session) -> Array | None:
@@ -235,8 +243,8 @@ def _probe_distances(plain: Probe, robot: Robot, session: Session) -> Probe:
     found = replace(plain, stated=stated, tried=tuple(tried))
     if FAR < stated.score < float("inf") and found.wrong is None:
         sd = _link_sd(robot, session)
-        linked = links_fit(model, table, stated.score, stated=sd, free_anchors=session.free_anchors)
-        found = replace(found, linked=linked)
+        free = session.free_anchors
+        found = _far_off(found, links_fit(model, table, stated.score, stated=sd, free_anchors=free))
     return found
 
 

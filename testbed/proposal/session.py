@@ -13,10 +13,10 @@ from testbed.proposal.both import is_ranged, merged
 from testbed.proposal.cycles import cycles_in
 from testbed.proposal.data import Document, Found
 from testbed.proposal.drafts import EACH_A_STATION, Draft, drafts_of
+from testbed.proposal.fits.tried import tried_with, unnamed
 from testbed.proposal.names import is_wished
 from testbed.proposal.naming.own_joints import with_joints
 from testbed.proposal.rows.clocks import REACH
-from testbed.proposal.tried import tried_with, unnamed
 from testbed.proposal.verdict import verdict_on
 from testbed.proposal.wished import is_angle
 from testbed.robots.robot import Robot

@@ -9,13 +9,14 @@ import pytest
 from calib.errors import InputError
 from calib.geometry.frames import inverse
 from calib.measurement import tables
+from testbed.files import probe as probing
 from testbed.files.alternatives import Alternative
 from testbed.files.frames_fit import Misfit, fit_frames
 from testbed.files.probe import probe
 from testbed.files.read import read_session
 from testbed.files.rows import shifts
 from testbed.files.tried.interpretations import Probe, Tried
-from testbed.files.tried.links_fit import links_fit
+from testbed.files.tried.links_fit import LinksFit, links_fit
 from testbed.robots.catalog import load_robot
 from tests.testbed.files.made import ROBOT, Made, N, columns, csv, made, with_spread
 
@@ -216,6 +217,26 @@ def test_distances_are_probed_by_the_general_start(tmp_path):
     assert right.stated.position < 1e-3
     with pytest.raises(InputError, match="distances are in mm, not m"):
         probe(ROBOT, session(distances(data, 1e3))).raise_if_wrong()
+
+
+def test_distances_of_an_arm_far_from_nominal_are_read_with_a_warning(tmp_path, monkeypatch):
+    # other readings take a slow start each, and play no part in this; nor does what links leave
+    links = LinksFit(1e-3, 6e-3, 0.1)
+    for name in ("distance_alternatives", "_other_distances"):
+        monkeypatch.setattr(probing, name, lambda _: ())
+    monkeypatch.setattr(probing, "links_fit", lambda *_, **__: links)
+    (tmp_path / "a.csv").write_text(csv(distances(made(3, 60, off=45.0))))
+    (tmp_path / "s.toml").write_text(
+        '[ranges]\nanchors_mm = { A = "free" }\n[uncertainty]\ndistance_um = 30\n'
+    )
+    session = read_session(tmp_path / "a.csv", ROBOT, config=tmp_path / "s.toml")
+    found = probe(ROBOT, session)
+    found.raise_if_wrong()
+    assert found.stated.score > found.far
+    assert found.warnings == (
+        f"base and tool alone leave {found.stated.shown}, far more than usual, and "
+        f"{links.sentence}",
+    )
 
 
 @pytest.mark.parametrize("shift", [1, -1])

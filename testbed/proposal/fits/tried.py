@@ -27,8 +27,9 @@ from testbed.gates.text import MAX_MB
 from testbed.proposal.both import Joined, is_ranged, joined_with, names_of
 from testbed.proposal.data import Found
 from testbed.proposal.drafts import PARTS, Draft
+from testbed.proposal.fits.far_off import far_off
+from testbed.proposal.fits.sent import is_of_a_controller, places_of, without_sent
 from testbed.proposal.rows.beginning import SEEN, beginnings
-from testbed.proposal.sent import is_of_a_controller, places_of, without_sent
 from testbed.robots.robot import Robot
 from testbed.units import counted
 
@@ -113,8 +114,10 @@ def tried_with(
 
     sessions = [readable(draft) for draft in drafts]
     # if a reading was lost and later rows are shifted, a part of the rows still fits
+    whole: list[_Fit] = []
     for parts in PARTS:
         fits = [_fit(robot, session, parts) for session in sessions]
+        whole = whole or fits
         best = _best(drafts, sessions, fits)
         if fits[best].is_near:
             best, made, aside = _by_an_instrument(drafts, sessions, fits, best, robot)
@@ -141,6 +144,8 @@ def tried_with(
                 raise
             raise unnamed(nameless) from error
         raise AssertionError("a draft can be read that could not be")
+    if (explained := far_off(sessions, [one.score for one in whole], robot)) is not None:
+        return drafts[explained[0]], explained[1], True
     session = sessions[likely]
     assert session is not None
     found = probe(robot, session)
