@@ -175,7 +175,8 @@ def table_in(text: FileText, settings: SessionFile, *sections: FileTable | None)
     if isinstance(own, JointsTable) and own.format != "csv":
         return table_of(joints_in(text, own.format).sheet, {}, decimal=".")
     require_no_program(text.lines, text.where)
-    sheet = sheet_in(text, separator=dialect.separator or "", header=dialect.header)
+    header = dialect.header if own is None or own.header is None else own.header
+    sheet = sheet_in(text, separator=dialect.separator or "", header=header)
     for k, section in enumerate(sections):
         if isinstance(section, PointsTable) and section.targets and _holds(sheet, section, k == 0):
             sheet = one_target_a_row(sheet, section)

@@ -44,9 +44,6 @@ def drafts_of(
     """
     bare = [look for look in looks if look.kind == "bare"]
     heads = [look for look in looks if look.kind == "table"]
-    if bare and heads:
-        message = f"has no line that names its columns, but {heads[0].name} has"
-        raise refusal(str(bare[0].path), "file", message, fix="name the columns of both")
     if alone := [look for look in bare if look.rows < 2]:
         raise refusal(
             str(alone[0].path), "file", "is one line of numbers: nothing tells what they are",
@@ -67,6 +64,8 @@ def drafts_of(
             and "both" in one[3] + two[3]
         ):
             continue
+        if one is not None and one[0].kind != two[0].kind and "both" in one[3] + two[3]:
+            continue  # a row of joints and a place has no other joints
         if (
             one is not None
             and _where(one[0]) == _where(two[0])
@@ -117,8 +116,13 @@ def _matched(
         }  # fmt: skip
         said.append(EACH_A_STATION)
         ways = ("pose_id",)
-    if look.kind == "bare":
+    bare = {name for name, one in (("joints", joints and joints[0]), (section, look))
+            if one is not None and one.kind == "bare"}  # fmt: skip
+    if bare == {"joints", section}:
         document["dialect"] = {"header": False}
+    else:
+        for name in bare:
+            document[name] = {**document[name], "header": False}
     stated, more = _uncertainty(look, section)
     document["uncertainty"] = stated
     for way in ways:

@@ -9,6 +9,8 @@ from testbed.proposal.sizes import signed
 from testbed.proposal.transforms import BLOCKS, Block
 
 Names = tuple[str, ...]
+SCATTER = 0.2
+"""What uncertainties of coordinates do not exceed, in millimeters or in meters."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,7 +50,8 @@ def layouts(look: Found, n: int) -> Iterator[Layout]:
                     f"both {skip} {turns} joints last",
                     _names(at + 3 + turns, n), _names(at, 3), _names(at + 3, turns),
                 )  # fmt: skip
-        if left > 7:  # what stands behind a place is not known
+        if left > 7 or (left == 6 and _is_scatter(look, at + 3)):
+            # what stands behind a place is not known
             yield Layout("readings", (), _names(at, 3))
         if left > n:  # or behind the joints: those of other axes
             yield Layout("joints", joints=_names(at, n))
@@ -62,6 +65,12 @@ def layouts(look: Found, n: int) -> Iterator[Layout]:
                     if block.fits(_numbers(look, begin, block)):
                         name = f"both {skip} {block.words} joints {order}"
                         yield _of_block(name, block, begin, _names(joints, n))
+
+
+def _is_scatter(look: Found, at: int) -> bool:
+    """Whether three columns are no angles, but small and never negative, as of uncertainties."""
+    numbers = signed(look, _names(at, 3))
+    return bool(((numbers >= 0) & (numbers < SCATTER)).all())
 
 
 def _names(start: int, count: int) -> Names:

@@ -15,6 +15,7 @@ from testbed.proposal.names import Meaning
 from testbed.proposal.naming.plain import without_unit
 from testbed.proposal.naming.targets import targets_in_a_row
 from testbed.proposal.polar.parts import is_polar, polar_ways
+from testbed.proposal.rows.markers import COUNTERS, markers_in
 from testbed.proposal.sizes import by_size, signed
 from testbed.proposal.turns import turn_columns, turnings
 
@@ -96,6 +97,8 @@ def seen_parts(look: Found, own: tuple[int, ...]) -> Iterator[Part]:
     n = own[-1]
     if look.kind in ("points", "frames"):
         yield from exported_parts(look)
+    elif look.kind == "bare" and (certain := list(_markers(look))):
+        yield from certain
     elif look.kind == "bare":
         for layout in layouts(look, len(own)):
             if layout.position:
@@ -122,6 +125,22 @@ def seen_parts(look: Found, own: tuple[int, ...]) -> Iterator[Part]:
             yield from _targets(look, n)
         if look.has("distance") and not polar and (not place or look.has("anchor")):
             yield from _distances(look, n)
+
+
+def _markers(look: Found) -> Iterator[Part]:
+    """[points] of rows that are nothing but several markers on one tool, for each possible unit."""
+    columns = [str(k + 1) for k in range(look.names, look.names + look.width)]
+    for unit in by_size(look, columns[COUNTERS:], REACH, ("mm", "m")):
+        if found := markers_in(look, unit):
+            first, last = (next(iter(each)) for each in (found.values(), reversed(found.values())))
+            said = (
+                f"positions: columns {first[0]} to {last[-1]}, taken as {len(found)} markers: they "
+                "stay as far from each other in all rows",
+                f"positions: no column states its unit; assumed: {unit}",
+            )
+            targets = {name: list(own) for name, own in found.items()}
+            keys: Document = {"section": "points", "length": unit, "targets": targets}
+            yield look, keys, said, "readings"
 
 
 def _targets(look: Found, n: int) -> Iterator[Part]:

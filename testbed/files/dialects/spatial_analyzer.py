@@ -78,6 +78,7 @@ def _read_points(
     pose, target, rule = _poses(table, k, section)
     note = f"Spatial Analyzer points, {lines.system.lower()}, {length}, {k} name fields; {rule}"
     unread = room - sum(bool(own) for own in section.after)
+    note += "; decimal commas" if lines.decimal == "," else ""
     note += f"; {unread} fields after the coordinates are not used" if unread else ""
     whole = replace(
         plain_readings(table, "point", position, spread),

@@ -1,7 +1,7 @@
 """Lines of a Spatial Analyzer export: fields, axes and units, and how many fields are names."""
 
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -10,10 +10,13 @@ from testbed.files.columns import ANGLES, LENGTHS
 from testbed.files.dialects.numbers import number_of, pointed
 from testbed.files.refusal import refusal
 from testbed.files.rows.below import table_ends
-from testbed.gates.text import SEPARATORS, FileText
+from testbed.gates.text import FileText
 
 AXES = re.compile(r"AXES\s*=\s*(\w+)\s*:(.*)", re.IGNORECASE)
 UNIT = re.compile(r"\((mm|m|meters|millimeters|inches|in|degrees|deg|radians|rad)\)", re.IGNORECASE)
+WITHIN, BEHIND = re.compile(r"(?<=\d),(?=\d)"), re.compile(r",\s+")
+"""A comma that may stand before decimals, and one that separates as a blank is behind it."""
+DECIMAL = re.compile(r"[+\u2212-]?\d+,\d+")
 UNITS = {"meters": "m", "millimeters": "mm", "inches": "in", "degrees": "deg", "radians": "rad"}
 SYSTEMS = {
     "CARTESIAN": ("x", "y", "z"),
@@ -34,6 +37,8 @@ class Lines:
     lines: tuple[int, ...]
     separator: str
     encoding: str
+    decimal: str
+    """What numbers have before their decimals."""
     system: str = "CARTESIAN"
     length: str = ""
     angle: str = ""
@@ -50,16 +55,13 @@ def sa_lines(text: FileText) -> Lines:
     between = next((each for each in ";,\t" if each in content[0][1]), None)
     end = table_ends([list(map(str.strip, line.split(between))) for _, line in content])
     content, below = content[:end], tuple(content[end:])
-    marks = (name for name in ("semicolon", "comma")
-             if all(SEPARATORS[name] in line for _, line in content))  # fmt: skip
-    separator = next(marks, "space")
-    mark = SEPARATORS[separator] if separator != "space" else None
-    mark = "\t" if mark is None and "\t" in content[0][1] else mark
-    fields = tuple(_apart([f.strip() for f in line.split(mark)]) for _, line in content)
-    if separator == "semicolon":  # where a comma before decimals leaves no other
+    separator, parts, by_comma = _split_by([line for _, line in content])
+    fields = tuple(_apart(parts(line)) for _, line in content)
+    decimal = "," if by_comma and any(map(DECIMAL.fullmatch, fields[0])) else "."
+    if by_comma:
         fields = tuple(tuple(map(_pointed, line)) for line in fields)
     numbers = tuple(number for number, _ in content)
-    lines = Lines(text.where, fields, numbers, separator, text.encoding, below=below)
+    lines = Lines(text.where, fields, numbers, separator, text.encoding, decimal, below=below)
     found = AXES.search("\n".join(comments))
     if not found:
         return lines
@@ -72,6 +74,40 @@ def sa_lines(text: FileText) -> Lines:
     length = next((unit for unit in units if unit in LENGTHS), "")
     angle = next((unit for unit in units if unit in ANGLES), "")
     return replace(lines, system=system, length=length, angle=angle)
+
+
+def _split_by(lines: Sequence[str]) -> tuple[str, Callable[[str], list[str]], bool]:
+    """The name of what separates the fields of all lines, how that parts one, and a decimal comma.
+
+    A comma may stand before decimals where something else separates: a semicolon, a tab, blanks, or
+    a comma with a blank behind it. A mark that leaves no three numbers is one inside a field.
+    """
+    tab = "\t" if "\t" in lines[0] else None
+
+    def by(mark: str | None) -> Callable[[str], list[str]]:
+        return lambda line: [field.strip() for field in line.split(mark)]
+
+    commas = [line.count(",") for line in lines]
+    within, behind = ([len(mark.findall(line)) for line in lines] for mark in (WITHIN, BEHIND))
+    found: dict[str, tuple[Callable[[str], list[str]], bool]] = {}
+    if all(";" in line for line in lines):
+        found["semicolon"] = by(";"), True
+    if all(commas):
+        both = [one + other for one, other in zip(within, behind, strict=True)]
+        for name, parts, fits in (
+            ("space", by(tab), within == commas),
+            ("comma", BEHIND.split, all(behind) and both == commas),
+        ):
+            if fits and all(sum(map(bool, map(DECIMAL.fullmatch, parts(line)))) >= 3
+                            for line in lines):  # fmt: skip
+                return name, parts, True
+        found["comma"] = by(","), False
+    for name, (parts, by_comma) in found.items():
+        fields = map(_pointed, parts(lines[0])) if by_comma else parts(lines[0])
+        if sum(bool(np.isfinite(number_of(field))) for field in fields) >= 3:
+            return name, parts, by_comma
+    first = next(iter(found), "space")
+    return first, *found.get(first, (by(tab), False))
 
 
 def _pointed(field: str) -> str:

@@ -35,6 +35,17 @@ class FileTable(Strict):
     """Of a workbook that has several."""
     columns: dict[Name, Name] = Field(default_factory=dict)
     """Own column name, unit included, to the name in the file: ``x_mm = "measurement_x"``."""
+    header: bool | None = None
+    """As under [dialect], for this file alone, where the first line of one names its columns and
+    that of another does not."""
+
+    @model_validator(mode="after")
+    def _of_a_table(self) -> "FileTable":
+        """Exports and programs have no line that names columns."""
+        form = getattr(self, "format", "csv")
+        if self.header is not None and form != "csv":
+            raise ValueError(f'header is of tables, not of format = "{form}"')
+        return self
 
 
 class ObservedTable(FileTable):

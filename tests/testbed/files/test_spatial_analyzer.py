@@ -68,6 +68,18 @@ def test_systems_names_and_separators(tmp_path, system, names, separator):
     )
 
 
+@pytest.mark.parametrize("separator", [";", " ", "\t", ",  "])
+def test_commas_before_decimals_are_read_where_something_else_separates(tmp_path, separator):
+    head, *rows = text("cartesian", 3, separator).rstrip("\n").rsplit("\n", len(DATA.q))
+    read = session(tmp_path, "\n".join([head, *(row.replace(".", ",") for row in rows)]))
+    assert agrees(read)
+    assert any("decimal commas" in note for note in read.notes)
+
+
+def test_a_semicolon_inside_a_comment_separates_nothing(tmp_path):
+    assert agrees(session(tmp_path, text(separator=", ", tail="0.01; 0.02 mm")))
+
+
 @pytest.mark.parametrize("names", [2, 3])
 def test_names_with_colons_between_their_parts_go_by_pose(tmp_path, names):
     head, *rows = text("cartesian", names, ", ").rstrip("\n").rsplit("\n", len(DATA.q))

@@ -250,7 +250,7 @@ def test_nothing_is_written_over_another_or_where_nothing_is_understood(tmp_path
     assert "export the X Y Z of the same points" in said
     assert "beside Hz [gon], name one azimuth" in said
     (folder / "b.csv").write_text("1,2,3,4,5,6,7,8,9\n")
-    assert "has no line that names its columns, but a.csv has" in refused(
+    assert "b.csv: is one line of numbers: nothing tells" in refused(
         tmp_path, file, folder / "b.csv"
     )
     (folder / "c.csv").write_text("1,2,3\n")
