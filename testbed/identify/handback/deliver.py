@@ -128,11 +128,13 @@ def statement_name(program: Path) -> str:
 
 
 def in_own_frames(calibration: Calibration) -> RobotModel:
-    """The chosen model in the base and with the tool of the robot's file: what its programs know.
+    """The robot handed out in the base and with the tool of the robot's file: what programs know.
 
-    Found from nothing, both say only where the tracker stood and where its target was mounted.
+    Found from nothing, both say only where the tracker stood and where its target was mounted. Of
+    all robots of the same poses it has to be the one handed out: where links can stand for a part
+    of base and tool, each of them has a base of its own.
     """
-    model, own = calibration.fit.identification.model, calibration.nominal.chain
+    model, own = handed_robot(calibration).model, calibration.nominal.chain
     if calibration.own_frames:
         return RobotModel(model.chain, model.joint_errors)
     chain = replace(model.chain, T_world_base=own.T_world_base, T_flange_tool=own.T_flange_tool)

@@ -8,6 +8,8 @@ from functools import cache
 import numpy as np
 import pytest
 
+from calib.compensation import compensate
+from calib.geometry.model import RobotModel
 from calib.identification.ladders import ladders_of
 from calib.identification.levels import with_errors
 from calib.identification.prior import Prior
@@ -97,6 +99,25 @@ def test_targets_of_a_program_are_those_of_the_tool_in_use(tmp_path):
     plain = replace(found, handback=replace(found.handback, in_use=None))
     # the tool of the file is as far behind the flange as the gripper is, and lies nearer
     assert 10 * found.proof.point.radius_mean < statement_at(plain, result).radius_mean < tip
+
+
+def test_a_corrected_program_brings_the_robot_that_is_handed_out_to_its_targets():
+    """Where axes 1 and 2 are apart, beta1 and d3 stand for a turn of the base: 0.3 mm here."""
+    chain = robot().model.chain
+    links = chain.links.copy()
+    links[0, 2] = 0.15
+    arm = replace(robot(), model=RobotModel(replace(chain, links=links)))
+    links = links + true_model().chain.links - chain.links
+    truth = RobotModel(replace(true_model().chain, links=links))
+    found = calibrate(arm, session_of(table_of(truth, pool_r(60))), Options(seed=1))
+    T = arm.model.poses(pool_r(100)[60:80])
+    sent = compensate(arm.model, in_own_frames(found), pool_r(100)[60:80], arm.limits)
+    reached = np.array([status == "reached" for status in sent.status])
+    assert reached.sum() > 10
+    handed = delivered_robot(found, arm, found.fit).model.chain
+    own = replace(handed, T_world_base=chain.T_world_base, T_flange_tool=chain.T_flange_tool)
+    # what is left of a target counts as none from 1e-9 m on
+    np.testing.assert_allclose(RobotModel(own).poses(sent.q)[reached], T[reached], atol=2e-9)
 
 
 def test_numbers_of_springs_have_no_uncertainty_of_their_own():
