@@ -170,6 +170,17 @@ def in_um(length: float) -> str:
     return f"{size:.0f}" if size == 0 or size >= 9.95 else f"{size:.2g}"
 
 
+def length_words(length: float) -> str:
+    """A length [m] for a sentence with its unit: in um below a millimetre, else in mm.
+
+    Examples
+    --------
+    >>> length_words(26.4e-6), length_words(1.0186e-3)
+    ('26 um', '1.019 mm')
+    """
+    return f"{in_um(length)} um" if length < 1e-3 else f"{1e3 * length:.4g} mm"
+
+
 def decimals(uncertainty: float) -> int:
     """Places behind the point that leave an uncertainty two digits; six where there is none.
 

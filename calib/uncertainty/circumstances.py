@@ -44,6 +44,8 @@ class Circumstances:
     """Whether each station is a visit of its own, which may stand in another frame by itself."""
     unmodelled: tuple[str, ...] = ()
     """What is known to be in no covariance: then a drift is looked for whatever a test says."""
+    pose_names: tuple[str, ...] = ()
+    """What poses are called in sentences, by `pose_id`; by default their numbers."""
 
     def __post_init__(self) -> None:
         check_fields(self)
@@ -75,6 +77,11 @@ class Circumstances:
             (sd,) = check(f"{joints}", repeatability=self.repeatability)
             if (sd < 0).any():
                 raise refuse("repeatability", float(sd.min()), "zero or more", code="A3")
+        named = len(self.pose_names)
+        if named and len(test) and not 0 <= test.pose_id.min() <= test.pose_id.max() < named:
+            least, most = int(test.pose_id.min()), int(test.pose_id.max())
+            message = f"pose_names are {named}, and held-out poses have numbers {least} to {most}"
+            raise refuse("pose_names", named, "one for each pose_id", code="A3", message=message)
         if self.stops is not None:
             check(f"{counts[0]} 6 j, {counts[1]} 6 j", stops_of_train=self.stops[0],
                   stops_of_test=self.stops[1])  # fmt: skip

@@ -31,6 +31,7 @@ from calib.uncertainty.held_out import (
     held_out,
     require_disjoint,
 )
+from calib.uncertainty.outlying.poses import Strays
 from calib.uncertainty.proven_belief import proven_belief, stated_radius
 from calib.uncertainty.refit import unknown_to_loops
 from calib.uncertainty.statement.belief import Belief
@@ -56,7 +57,8 @@ class Judgement(Shown):
     held_out: HeldOut | None
     """Errors at the held-out poses, one row each; None where no pose or point was held out."""
     frame: OtherFrame | None
-    """Whether they stand in another frame; None below `other_frame.FEWEST` poses."""
+    """Whether they stand in another frame, without those that stand out; None below
+    `other_frame.FEWEST` poses."""
     drifting: Drifting | None
     """Whether the noise remembers, and what that leaves; None without an order in time."""
     discrepancy: Discrepancy | None
@@ -68,8 +70,10 @@ class Judgement(Shown):
     trust: Trust
     """What is believed, and why."""
     tails: LongTails | None = None
-    """Tails of the residuals that are longer than those of normal noise; None where they are not.
-    """
+    """Tails of the residuals that are longer than those of normal noise, without poses that stand
+    out; None where they are not."""
+    strays: Strays | None = None
+    """Held-out poses that stand out where all others agree; they stay in every figure."""
 
     def __repr__(self) -> str:
         count = 0 if self.held_out is None else len(self.held_out)
@@ -174,30 +178,32 @@ def judge(
         linear is not None and linear.outcome == "not validated"
     )
     settled = replayed is not None and replayed.settled
-    belief = frame = slow = point = tails = None
+    belief = frame = slow = point = tails = strays = None
     sound = identification.status is Status.CONVERGED and identification.mode == "whitened"
     if sound and (settled or not bent):
         numbers = None
         if bent and replayed is not None:
             numbers = of_all_numbers(identification, replayed.empirical)
         quiet = measured_noise(identification.model, train, test, known)
-        belief, frame, slow = proven_belief(
+        belief, frame, slow, strays = proven_belief(
             identification, train, test, known, numbers, probability, quiet
         )
         if belief is not None:
             point = stated_radius(belief, train, test, frame, known, quiet)
         apart = frame is not None and frame.found
-        tails = long_tails(identification, train, test.rows([]) if apart else test)
+        others = test if strays is None else test.rows(~np.isin(test.pose_id, strays.poses))
+        tails = long_tails(identification, train, test.rows([]) if apart else others)
     questions = _asked(identification, seen, belief, frame, slow)
     verdict = trust(
         identification, belief=belief, point=point, questions=questions, held_out=seen,
         frame=frame, drifting=slow, conformal=radius, bootstrap=replayed, linear=linear,
-        unmodelled=known.unmodelled, tails=tails,
+        unmodelled=known.unmodelled, tails=tails, strays=strays, pose_names=known.pose_names,
         ranged=len(test) > 0 and bool(test.is_distance.all()),
     )  # fmt: skip
     return Judgement(
-        belief, point, questions, seen, frame, slow, spread, radius, replayed, verdict, tails
-    )
+        belief, point, questions, seen, frame, slow, spread, radius, replayed, verdict, tails,
+        strays,
+    )  # fmt: skip
 
 
 def _of_noise(fit: Identification, train: Measurements, known: Circumstances) -> Array:

@@ -1,7 +1,8 @@
 """What is believed of an identification by held-out rows, repeats and the order in time.
 
 Rows that stand in another frame are no evidence; what a drift leaves is added, and where enough
-poses are held out, their errors are counted.
+poses are held out, their errors are counted. A few poses that stand out are evidence, and named;
+whether there is another frame is asked of the others.
 """
 
 from dataclasses import replace
@@ -13,9 +14,10 @@ from calib.identification.identify import Identification
 from calib.measurement.observations import Measurements
 from calib.uncertainty.circumstances import Circumstances, MeasuredNoise
 from calib.uncertainty.drift.drifting import Drifting, drifting
+from calib.uncertainty.outlying.angles import loud_turns
+from calib.uncertainty.outlying.poses import Strays, far_off, strays_beside, strays_of
 from calib.uncertainty.statement.belief import Belief, adding, believe
 from calib.uncertainty.statement.counted import counted
-from calib.uncertainty.statement.misfit import loud_turns
 from calib.uncertainty.statement.other_frame import (
     FEWEST,
     OtherFrame,
@@ -28,8 +30,8 @@ from calib.uncertainty.statement.stated_point import StatedPoint, common_radius,
 def proven_belief(
     fit: Identification, train: Measurements, test: Measurements, known: Circumstances,
     numbers: Array | None, probability: float, quiet: MeasuredNoise,
-) -> tuple[Belief | None, OtherFrame | None, Drifting | None]:  # fmt: skip
-    """The belief, None where the rows bound no misfit; whether there is another frame, and a drift.
+) -> tuple[Belief | None, OtherFrame | None, Drifting | None, Strays | None]:  # fmt: skip
+    """The belief, None where the rows bound no misfit; another frame, a drift, what stands out.
 
     Parameters
     ----------
@@ -64,12 +66,22 @@ def proven_belief(
     belief = believed(use)
     points = test.rows(~test.is_distance)
     sure = belief if np.isfinite(belief.misfit.upper) else believed(None)
+    alone, strays = None, None
+    if far_off(sure, points):
+        alone = believed(None)
+        strays = strays_of(alone, points, fit, train)
+        if strays is not None:
+            points = points.rows(~np.isin(points.pose_id, strays.poses))
     frame = _likeliest_frame(sure, points, fit, train, visits=known.stations_are_visits)
     if frame is not None and frame.found:
-        alone = believed(None)
+        alone = believed(None) if alone is None else alone
         frame = replace(frame, within=_half_radius(alone, points, known))
         ruler = alone if np.isfinite(alone.misfit.upper) else sure
         frame = after_the_motion(frame, ruler, points, fit, train)
+        if frame.in_part and strays is None:
+            frame, strays = _without_few(frame, sure, ruler, points, fit, train)
+        if frame.found and strays is not None:
+            strays = replace(strays, moved=True)
         use, belief = (None, alone) if frame.found else (use, belief)
     slow = None
     shared: Array | float = 0.0 if known.shared is None else known.shared
@@ -84,7 +96,26 @@ def proven_belief(
             belief = adding(belief, slow.drift.covariance, None if use is None else quiet.test)
             shared = shared + slow.drift.covariance
     belief = counted(belief, None if use is None else quiet.test, shared=shared)
-    return (belief if np.isfinite(belief.misfit.upper) else None), frame, slow
+    return (belief if np.isfinite(belief.misfit.upper) else None), frame, slow, strays
+
+
+def _without_few(
+    frame: OtherFrame, sure: Belief, alone: Belief, points: Measurements, fit: Identification,
+    train: Measurements,
+) -> tuple[OtherFrame, Strays | None]:  # fmt: skip
+    """The motion of all held-out poses but a few that stand out beside it, if it explains these."""
+    own = points.rows(points.station == frame.station)
+    one = (not frame.at_tool, frame.at_tool)
+    for station, target in (one, one[::-1], (True, True)):
+        found = strays_beside(alone, own, fit, train, station=station, target=target)
+        if found is None:
+            continue
+        strays, rest = found[0], own.rows(found[1])
+        again = replace(other_frame(sure, rest, fit, train), within=frame.within)
+        again = after_the_motion(again, alone, rest, fit, train)
+        if again.found:
+            return again, strays
+    return frame, None
 
 
 def _likeliest_frame(

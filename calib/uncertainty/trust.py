@@ -15,6 +15,7 @@ from calib.uncertainty.bootstrap import Bootstrap
 from calib.uncertainty.conformal import Conformal
 from calib.uncertainty.drift.drifting import Drifting
 from calib.uncertainty.held_out import HeldOut
+from calib.uncertainty.outlying.poses import Strays
 from calib.uncertainty.statement.belief import Belief
 from calib.uncertainty.statement.other_frame import OtherFrame
 from calib.uncertainty.statement.places import steps_words
@@ -60,6 +61,8 @@ def trust(
     linear: LinearCheck | None = None,
     unmodelled: Sequence[str] = (),
     tails: LongTails | None = None,
+    strays: Strays | None = None,
+    pose_names: Sequence[str] = (),
     ranged: bool = False,
 ) -> Trust:
     """Put what was found into words: what is believed first, then what is in it, then the tests.
@@ -82,10 +85,14 @@ def trust(
         What is known to be missing in every covariance.
     tails : LongTails, optional
         Of the residuals, where they are longer than those of normal noise.
+    strays : Strays, optional
+        Held-out poses that stand out where all others agree.
+    pose_names : sequence of str
+        What poses are called, by `pose_id`; by default their numbers.
     ranged : bool
         Whether all that is held out are distances, which guard nothing.
     """
-    reasons = _against(identification, held_out)
+    reasons = _against(identification, held_out, strays)
     nonlinear = [part.sentence for part in (bootstrap,) if part is not None and not part.agrees]
     if linear is not None and linear.outcome == "not validated":
         nonlinear.append(linear.sentence)
@@ -93,11 +100,15 @@ def trust(
     words: list[str] = []
     if frame is not None and (frame.found or frame.in_part):
         words.append(_capital(frame.sentence))
+    if strays is not None:
+        names = [pose_names[pose] if pose_names else str(pose) for pose in strays.poses]
+        words.append(_capital(strays.said_of(names)))
     if belief is None or point is None:
         settled = bootstrap is not None and bootstrap.settled  # then its covariance was used
-        words += _nothing(identification, [] if settled else nonlinear, conformal)
+        words = _nothing(identification, [] if settled else nonlinear, conformal) + words
     else:
-        words += _believed(belief, point, questions, drifting, ranged=ranged)
+        few = strays is not None and not strays.moved
+        words += _believed(belief, point, questions, drifting, few=few, ranged=ranged)
     if reasons:
         words.append("The parameters alone do not explain the readings: " + "; ".join(reasons))
     else:
@@ -123,15 +134,18 @@ def _believed(
     questions: Questions,
     drifting: Drifting | None,
     *,
+    few: bool,
     ranged: bool,
 ) -> list[str]:
     """What is believed, and what is in it."""
     um = 1e6 * belief.misfit.upper
-    what = f"this includes a misfit of up to {um:.1f} um per axis" if um > 0 else "without misfit"
+    what = (
+        f"this includes a misfit of up to {um:.1f} um per axis" if um > 0 else "no misfit is in it"
+    )
     words = [f"{_capital(point.sentence)}; {what}"]
     if point.move_sentence:
         words.append(_capital(point.move_sentence))
-    words.append(_capital(belief.misfit.told(MISFIT in questions.said)))
+    words.append(_capital(belief.misfit.told(MISFIT in questions.said, few=few)))
     if belief.turned:
         words.append(
             f"The measured angles are off by up to {1e3 * np.degrees(belief.turned):.2g} mdeg per "
@@ -177,7 +191,9 @@ def _freedom(fit: Identification) -> float:
     return fit.dof_effective if np.isfinite(fit.dof_effective) else float(fit.dof)
 
 
-def _against(fit: Identification, held_out: HeldOut | None) -> list[str]:
+def _against(
+    fit: Identification, held_out: HeldOut | None, strays: Strays | None = None
+) -> list[str]:
     """What contradicts the interval from the parameters alone."""
     reasons = []
     if fit.mode == "paper":
@@ -193,8 +209,9 @@ def _against(fit: Identification, held_out: HeldOut | None) -> list[str]:
             f"the misfit is larger than the scatter of repeats explains (p {chance(lack.p_value)})"
         )
     if held_out is not None and held_out.p_value < RED:
+        few = "" if strays is None else f" ({strays.counted_words} among them)"
         reasons.append(
-            f"errors at {len(held_out)} held-out poses are larger than predicted (chi-square "
+            f"errors at {len(held_out)} held-out poses{few} are larger than predicted (chi-square "
             f"{held_out.chi_square / (3 * len(held_out)):.2f} per degree of freedom, "
             f"p {chance(held_out.p_value)})"
         )

@@ -219,7 +219,10 @@ def _calibrated(
         shared=None if shared is None else shared.covariance,
     )
     proof = judged_by(is_test=split.is_test)
-    far = far_held_out(chosen.misses, measurements, split.is_test)
+    far = far_held_out(chosen.misses, measurements, split.is_test, proof.strays)
+    far_names, far_said = held_out_outliers(
+        chosen.misses, measurements, split.is_test, far, proof.belief, names
+    )
     without = judged_by(is_test=split.is_test & ~far).point if far.any() else None
     stated = train if proof.frame is not None and proof.frame.found else measurements.rows(shown)
     handback = hand_back(
@@ -251,9 +254,8 @@ def _calibrated(
             noise_factor=shots.noise_factor,
             left_out=frozen(left_out, np.bool_),
             sentences=bad_words(shots, looking.train, called),
-            held_out_sentences=held_out_outliers(
-                chosen.misses, measurements, split.is_test, proof.belief, names
-            ),
+            held_out_sentences=far_said,
+            held_out_names=far_names,
             radius_without=None if without is None else without.radius_mean,
         ),
         before_misses=misses,

@@ -4,6 +4,7 @@ import numpy as np
 
 from calib.arrays import Array, Bool, frozen
 from calib.measurement.observations import Measurements
+from calib.uncertainty.outlying.poses import Strays
 from calib.uncertainty.statement.belief import Belief
 from testbed.identify.records import RowErrors
 from testbed.units import MM, significant
@@ -22,15 +23,26 @@ ALONE = "another reading of that pose fits, so check this one"
 """What is said where neither the arm nor its model can be to blame."""
 
 
-def far_held_out(errors: RowErrors, table: Measurements, is_test: Bool) -> Bool:
-    """Which (m,) held-out rows are far off, of all rows and their errors."""
-    return frozen(is_test & (_medians(errors, table, is_test) > FAR), np.bool_)
+def far_held_out(
+    errors: RowErrors, table: Measurements, is_test: Bool, strays: Strays | None = None
+) -> Bool:
+    """Which (m,) held-out rows are far off, of all rows and their errors.
+
+    Also those of poses that stand out, less rows of them that fit.
+    """
+    medians, least = _medians(errors, table, is_test), np.full(len(table), FAR)
+    if strays is not None and not strays.moved:
+        least[np.isin(table.pose_id, strays.poses)] = FITS
+    return frozen(is_test & (medians > least), np.bool_)
 
 
 def held_out_outliers(
-    errors: RowErrors, table: Measurements, is_test: Bool, belief: Belief | None, name: list[str]
-) -> tuple[str, ...]:
-    """A sentence on each held-out row that is far off, worst first; they stay in every figure.
+    errors: RowErrors, table: Measurements, is_test: Bool, far: Bool, belief: Belief | None,
+    name: list[str],
+) -> tuple[tuple[str, ...], tuple[str, ...]]:  # fmt: skip
+    """Names of the held-out rows that are far off, worst first, and a sentence on each.
+
+    They stay in every figure.
 
     Parameters
     ----------
@@ -40,14 +52,16 @@ def held_out_outliers(
         These rows.
     is_test : (m,) array of bool
         Which are held out.
+    far : (m,) array of bool
+        Which of them are far off, by `far_held_out`.
     belief : Belief or None
         What is believed: where a row lies against the others decides what is to be looked at.
     name : list of str
         (m,) how each row is called.
     """
-    medians, far = _medians(errors, table, is_test), far_held_out(errors, table, is_test)
-    said, poses = [], table.together
-    for row in sorted(np.flatnonzero(far).tolist(), key=lambda row: -errors.position[row]):
+    medians, said, poses = _medians(errors, table, is_test), [], table.together
+    ranked = sorted(np.flatnonzero(far).tolist(), key=lambda row: -errors.position[row])
+    for row in ranked:
         place = "inside"
         if belief is not None:
             place = str(belief.proven.applies(table.q[row : row + 1]).place[0])
@@ -57,7 +71,7 @@ def held_out_outliers(
             f"held-out {name[row]} is off by {significant(errors.position[row] * MM)} mm, "
             f"{medians[row]:.0f} times the median: {look}; it counts in every figure"
         )
-    return tuple(said)
+    return tuple(name[row] for row in ranked), tuple(said)
 
 
 def _medians(errors: RowErrors, table: Measurements, is_test: Bool) -> Array:

@@ -79,6 +79,7 @@ def proof_of(
         stops=_of_stops(measurements, root, used, is_test),
         target=target,
         stations_are_visits=bool(session.visits),
+        pose_names=session.pose_names,
     )
     rng = stream(seed, "bootstrap") if len(train) <= MOST_ROWS else None
     return judge(result, test, train=train, circumstances=known, rng=rng, replicates=REPLICATES)

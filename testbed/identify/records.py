@@ -132,3 +132,5 @@ class OutlierRows(Shown):
     radius_without: float | None
     """R95 of the mean tool point if these had not been there [m]; None where there are none, or
     nothing would be believed."""
+    held_out_names: tuple[str, ...] = ()
+    """What these rows are called, worst first."""

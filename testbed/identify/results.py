@@ -71,6 +71,7 @@ def headline(calibration: Calibration, delivered: Delivered) -> dict[str, Any]:
         "outliers/left_out_rows": outliers.left_out.sum(),
         "outliers/training": outliers.sentences,
         "outliers/held_out": outliers.held_out_sentences,
+        "outliers/held_out_rows": outliers.held_out_names,
         "frames": calibration.frames,
         "before/what": "nominal links, base, tool and fixtures fitted to the training rows",
     }
@@ -91,6 +92,7 @@ def headline(calibration: Calibration, delivered: Delivered) -> dict[str, Any]:
     ]
     parts = [
         *unitless(words),
+        Quantity("outliers/R95_mean_without_um", outliers.radius_without, METRE),
         *below("data/conditions", conditions_numbers(calibration)),
         *below("sessions", visit_numbers(calibration)),
         *below("job", job_numbers(calibration.set_up.job)),

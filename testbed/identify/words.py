@@ -5,7 +5,7 @@ import numpy as np
 from calib.held_out_counts import fewest_poses
 from calib.identification.fit_statistics import RED
 from calib.uncertainty.statement.stated_point import StatedPoint
-from testbed.identify.applies.beyond import beyond_words, simpler_words
+from testbed.identify.applies.beyond import beyond_words, drawn_out, far_step, simpler_words
 from testbed.identify.applies.targets import tool_words as target_words
 from testbed.identify.applies.unsaid import unsaid_words
 from testbed.identify.calibration import Calibration
@@ -93,7 +93,15 @@ def believed_words(calibration: Calibration) -> str:
     if calibration.elsewhere:
         return f"{radius}; the held-out poses should have tested it, and could not."
     if belief.n_guards:
-        return f"{radius}; it can be believed: {belief.n_guards} held-out poses guard it."
+        text = f"{radius}; it can be believed: {belief.n_guards} held-out poses guard it."
+        less, shots = drawn_out(calibration), len(calibration.gross.held_out_names)
+        if less is not None:
+            text += (
+                f" It is so wide because of {counted(shots, 'held-out row')} that "
+                f"{'stands' if shots == 1 else 'stand'} out: without "
+                f"{'it' if shots == 1 else 'them'}, R95 would be {significant(less * UM)} um."
+            )
+        return text
     if calibration.proof.held_out is None:
         alone = f"{radius}; it rests on the fit alone: "
         if held_out_poses(calibration) and calibration.measurements.is_distance.all():
@@ -195,6 +203,8 @@ def next_step(calibration: Calibration) -> str:
     if np.isfinite(proof.point.radius_move):
         text += f" and {significant(proof.point.radius_move * UM)} um for a single move"
     text += ", at poses like the held-out ones."
+    if first := far_step(calibration):
+        return f"{first}{text}"
     if not proof.belief.n_guards:
         done = "guards" if proof.held_out is not None else "has tested"
         return f"{text} State with it that no held-out pose {done} it. {_more_poses(calibration)}"

@@ -121,7 +121,7 @@ def judge_many(
 
 
 def _turned_apart(seen: ManySights, gains: ManyGains) -> Bool:
-    """Robots (R,) with larger errors of angles than stated; see `misfit.loud_turns`."""
+    """Robots (R,) with larger errors of angles than stated; see `angles.loud_turns`."""
     both = seen.train, seen.test
     residual, rows, covariance = (
         np.concatenate([getattr(table, name) for table in both], axis=1)

@@ -47,7 +47,7 @@ def counted(
     enough = float(np.sort(points.largest_of_poses(sizes))[rank - 1])
     if enough >= belief.misfit.upper:
         return belief
-    less = replace(belief, misfit=replace(belief.misfit, upper=enough))
+    less = replace(belief, misfit=replace(belief.misfit, upper=enough, counted=True))
     return adding(less, np.zeros_like(belief.covariance), points)
 
 

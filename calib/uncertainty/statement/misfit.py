@@ -6,11 +6,12 @@ and held-out rows in one likelihood, and its upper limit belongs into every regi
 """
 
 from dataclasses import dataclass, replace
+from typing import Annotated
 
 import numpy as np
 from scipy.special import chdtrc
 
-from calib.arrays import Array, Bool, FloatOrNan, frozen
+from calib.arrays import LATER, Array, Bool, FloatOrNan
 from calib.errors import refuse
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import Parameters
@@ -31,10 +32,7 @@ from calib.uncertainty.statement.gain import covariance_of_groups, estimator_gai
 from calib.uncertainty.statement.likelihood import DOUBT, likelihood
 from calib.uncertainty.statement.shape import (
     MisfitShape,
-    angles_apart,
-    are_loud,
     misfit_shape,
-    wrong_shots,
 )
 
 DROP = 0.821
@@ -43,10 +41,10 @@ UNGUARDED_DROP = 1.353
 """The same for 95 %, where too few held-out poses guard the factor of the region."""
 SHOWN = 0.01
 """A p-value below which the readings show a misfit, in words."""
-TURNS = np.concatenate([[0.0], np.geomspace(0.01, 1000.0, 200)])
-"""Errors of angles that are tried, in their stated standard deviations."""
-ROUNDS = 10
-"""Searches for wrong shots among angles that are all further off than stated; two or three do."""
+ENOUGH = (
+    "which is enough for the share of poses that is promised, as counting the held-out errors "
+    "shows: few of them are larger"
+)
 NO_WHITE_NOISE = 1.25
 """What a real misfit, smooth over the poses, needs more than white noise of its size to be seen."""
 
@@ -72,6 +70,8 @@ class HiddenMisfit(Shown):
     """Whether repeats told the noise; else it is taken on trust within 10 %."""
     doubted: bool = False
     """Whether a part of the stated noise counts as misfit in the upper limit, too."""
+    counted: Annotated[bool, LATER] = False
+    """Whether counting the held-out errors lowered the upper limit."""
 
     def __repr__(self) -> str:
         return f"HiddenMisfit(up to {1e6 * self.upper:.3g} um per axis)"
@@ -95,37 +95,50 @@ class HiddenMisfit(Shown):
         """The result in words, where nothing else was asked of the readings."""
         return self.told(self.p_value < SHOWN)
 
-    def told(self, shown: bool) -> str:
-        """The result in words, and whether the readings count as showing a misfit."""
+    def told(self, shown: bool, *, few: bool = False) -> str:
+        """The result in words, and whether the readings count as showing a misfit.
+
+        `few` poses that stand out look like a misfit of all.
+        """
         if not np.isfinite(self.upper):
             return "there are too few measurements to bound what the model may miss"
         if shown:
-            few = ""
-            if self.upper < self.best:
-                few = (
-                    ", which is enough for the share of poses that is promised, as counting the "
-                    "held-out errors shows: few of them are larger"
-                )
-            return (
-                f"the readings show a misfit of about {1e6 * self.best:.1f} um per axis (p "
-                f"{'< 0.001' if self.p_value < SEEN else f'= {self.p_value:.3f}'}), and the "
-                f"region allows for up to {1e6 * self.upper:.1f} um{few}"
-            )
-        told = "" if self.repeated else "; the stated noise is untested, as no pose was repeated"
+            return self._shown(few)
+        size, told = f"up to {1e6 * self.upper:.1f} um", ""
         if self.doubted:
             told = (
                 "; repeats do not show how far the joints scatter, so all of that scatter counts "
                 "as misfit"
             )
+        elif not self.repeated:
+            told = "; the stated noise is untested, as too few poses were repeated"
+        if self.counted and not self.upper:
+            return f"the region includes no misfit, {ENOUGH}{told}"
+        limit = f"these readings allow for {size}, which the region includes{told}"
+        if self.counted:
+            limit = f"the region includes {size}, {ENOUGH}{told}"
         if np.isnan(self.detectable):
-            least = "the measurements are too few to say how large a misfit may hide"
-        else:
-            size = f"{1e6 * self.detectable:.1f} um per axis"
-            least = f"a misfit of {size} or more would have been detected; a smaller one may hide"
+            return f"the measurements are too few to detect a misfit; per axis, {limit}"
+        if self.detectable < self.upper:
+            return f"no test detects a misfit, yet one may hide behind the noise; per axis, {limit}"
         return (
-            f"{least} behind the noise: these readings allow for up to {1e6 * self.upper:.1f} um, "
-            f"which the region includes{told}"
+            f"a misfit of {1e6 * self.detectable:.1f} um per axis or more would have been "
+            f"detected; a smaller one may hide behind the noise: {limit}"
         )
+
+    def _shown(self, few: bool) -> str:
+        """That the readings show a misfit, and how large a one the region allows for."""
+        p = "p < 0.001" if self.p_value < SEEN else f"p = {self.p_value:.3f}"
+        size = f"about {1e6 * self.best:.1f} um per axis ({p})"
+        limit = f"the region allows for up to {1e6 * self.upper:.1f} um"
+        if self.upper < self.best:
+            limit += f", {ENOUGH}"
+        if few:
+            return (
+                "a few errors that stand out look like a misfit of all poses: taken together, the "
+                f"readings show one of {size}, and {limit}"
+            )
+        return f"the readings show a misfit of {size}, and {limit}"
 
 
 def misfit(
@@ -231,57 +244,3 @@ def misfit_covariance(
     B = shape.rows(predict(identification.model, train).rows)
     each = estimator_gain(identification, train) @ B  # (m, f, k)
     return of_all_numbers(identification, covariance_of_groups(each, train.pose_id[:, None]))
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class LoudTurns:
-    """Errors of angles beyond what is stated of them, and what they pull the numbers by.
-
-    The estimate follows angles that no evidence of positions looks at.
-    """
-
-    size: float
-    """Upper limit per axis, anew at each pose [rad]."""
-    covariance: Array
-    """(P, P) that they leave in all numbers [m, rad]."""
-
-
-def loud_turns(
-    identification: Identification, train: Measurements, held_out: Measurements
-) -> LoudTurns | None:
-    """How far angles are off beyond their noise and the misfit of positions; None where not at all.
-
-    References
-    ----------
-    t by its profile likelihood, its limit as that of the misfit; C = t^2 sum over poses of F F', F
-    the gain of the angles of a pose.
-    """
-    tables = [table for table in (train, held_out) if table.is_pose.any()]
-    if not tables:
-        return None
-    model = identification.model
-    shape = misfit_shape(model, held_out if len(held_out) else train)
-    seen = [(predict(model, table), table.is_pose) for table in tables]
-    variance, square = angles_apart(
-        np.concatenate([one.residual[some] for one, some in seen]),
-        np.concatenate([shape.rows(one.rows[some, 3:]) for one, some in seen]),
-        np.concatenate([table.covariance[table.is_pose] for table in tables]),
-    )
-    if not are_loud(variance, square):
-        return None
-    tried = float(np.sqrt(variance.mean())) * TURNS
-    wrong = wrong_shots(variance, square)
-    for _ in range(ROUNDS):  # what is far off for the noise may be none for these errors
-        whole = (variance + tried[:, None, None] ** 2)[:, ~wrong]
-        value = -(np.log(whole) + square[~wrong] / whole).sum(axis=(1, 2)) / 2
-        before, wrong = wrong, wrong_shots(variance + tried[value.argmax()] ** 2, square)
-        if np.array_equal(wrong, before):
-            break
-    last = int(np.flatnonzero(value >= value.max() - DROP)[-1])
-    size = float(tried[min(last + 1, len(tried) - 1)])
-    pull = estimator_gain(identification, train)[:, :, 3:]
-    _, pose = np.unique(train.pose_id, return_inverse=True)
-    moved = np.zeros((int(pose.max()) + 1, *pull.shape[1:]))
-    np.add.at(moved, pose.ravel(), pull)
-    root = size * np.moveaxis(moved, 0, 1).reshape(pull.shape[1], -1)
-    return LoudTurns(size, frozen(of_all_numbers(identification, root @ root.T)))

@@ -102,6 +102,8 @@ def explained(shared: Array, e: Array, motion: Array, plain: Array) -> tuple[Arr
 def chi_square(shared: Array, e: Array, motion: Array) -> tuple[float, int]:
     """What the best motion leaves of whitened errors, and how many of its numbers they tell."""
     left, rest = _beside(shared, e, motion)
+    if not motion.shape[1]:
+        return float(rest @ rest), 0
     numbers = np.linalg.lstsq(left, rest, rcond=None)[0]
     return float(((rest - left @ numbers) ** 2).sum()), int(np.linalg.matrix_rank(motion))
 

@@ -12,7 +12,7 @@ from calib.identification.fit_statistics import RED
 from calib.identification.identify import Identification
 from calib.measurement.observations import Measurements
 from calib.measurement.prediction import predict, predicted_positions
-from calib.shown import Shown, in_um
+from calib.shown import Shown, length_words
 from calib.uncertainty.statement.belief import Belief
 from calib.uncertainty.statement.motion_fit import asked, chi_square, explained
 from calib.uncertainty.statement.rigid import (
@@ -104,9 +104,9 @@ class OtherFrame(Shown):
         if self.in_part:
             less = max(self.errors - self.rest, 0.0)
             return (
-                f"a rigid motion explains {_length(less)} of the held-out errors of "
-                f"{_length(self.errors)} (rms), but not the remaining {_length(self.rest)}: "
-                "joints, payload or the model changed"
+                f"a rigid motion explains {length_words(less)} of the held-out errors of "
+                f"{length_words(self.errors)} (rms), but not the remaining "
+                f"{length_words(self.rest)}: joints, payload or the model changed"
             )
         if not self.found:
             return f"{self.n_poses} held-out poses are in the frame of the calibration"
@@ -118,13 +118,13 @@ class OtherFrame(Shown):
         """That they stand elsewhere, in words; `rows` is what they are called."""
         if self.at_tool:
             what = (
-                f"see another target: {_length(self.tool_size)} from where the calibration has it "
-                "on the tool"
+                f"see another target: {length_words(self.tool_size)} from where the calibration "
+                "has it on the tool"
             )
         else:
             angle = np.degrees(float(np.linalg.norm(self.turn)))
             what = (
-                f"are off as a whole by {_length(self.size)} and "
+                f"are off as a whole by {length_words(self.size)} and "
                 f"{angle:.{1 if angle >= 1 else 3}f} deg (another base, or the station moved)"
             )
         if self.both:
@@ -233,8 +233,3 @@ def after_the_motion(
     alone = left(not found.at_tool, found.at_tool)
     whole = alone if alone.found else left(True, True)
     return whole if whole.found else alone
-
-
-def _length(metres: float) -> str:
-    """In um below a millimetre, else in mm."""
-    return f"{in_um(metres)} um" if metres < 1e-3 else f"{1e3 * metres:.4g} mm"

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from calib.arrays import Array
+from calib.arrays import Array, Bool
 from calib.geometry.frames import log_so3
 from calib.geometry.model import RobotModel
 from calib.identification.start.closed_forms import fitted_frame
@@ -34,7 +34,9 @@ def plain_offset(e: Array, tool: Array) -> tuple[Array, float, float]:
     return np.asarray(offset, np.float64), rms_length(tool @ offset), rms_length(e - tool @ offset)
 
 
-def rest_of(position: Array, p: Array, tool: Array, *, station: bool, target: bool) -> Array:
+def rest_of(
+    position: Array, p: Array, tool: Array, *, station: bool, target: bool, used: Bool | None = None
+) -> Array:
     """Errors (m, 3) that the best motion of station or target, or of both, leaves [m].
 
     Parameters
@@ -45,25 +47,28 @@ def rest_of(position: Array, p: Array, tool: Array, *, station: bool, target: bo
         Axes of the tool there.
     station, target : bool
         Which of them may have moved.
+    used : (m,) array of bool, optional
+        Rows that tell the motion; all by default.
 
     References
     ----------
     Procrustes for the station, whatever its turn; the offset of the target by Gauss-Newton, with
     the columns of a further motion of the station beside it.
     """
-    offset = np.zeros(3)
+    offset, mine = np.zeros(3), np.ones(len(p), np.bool_) if used is None else used
     for _ in range(STEPS):
         aim = p + tool @ offset
         seen = position
         if station:
-            T = fitted_frame(position, aim, np.eye(3))
+            T = fitted_frame(position[mine], aim[mine], np.eye(3))
             seen = (position - T[:3, 3]) @ T[:3, :3]
         left = seen - aim
         if not target:
             break
         base = turning(aim - aim.mean(axis=0))
-        columns = np.concatenate([base, tool] if station else [tool], axis=2).reshape(left.size, -1)
-        offset = offset + np.linalg.lstsq(columns, left.ravel(), rcond=None)[0][-3:]
+        columns = np.concatenate([base, tool] if station else [tool], axis=2)[mine]
+        own = left[mine].ravel()
+        offset += np.linalg.lstsq(columns.reshape(own.size, -1), own, rcond=None)[0][-3:]
     return np.asarray(left)
 
 

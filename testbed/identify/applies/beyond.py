@@ -10,7 +10,7 @@ from calib.geometry.model import RobotModel
 from calib.uncertainty.statement.conditions import named
 from testbed.identify.calibration import Calibration
 from testbed.identify.fit import of_poses
-from testbed.units import DEG, MM, UM, fixed, significant
+from testbed.units import DEG, MM, UM, fixed, listed, significant
 
 FARTHER = 2.0
 """So many times as far must held-out poses be missed: with ten of them or more, no chance does it
@@ -18,6 +18,8 @@ where both kinds come from one place."""
 FEWEST = 10
 WIDER = 1.2
 """So many times as wide must the radius be by shots far off, to say so."""
+MOST_NAMED = 5
+"""Of these shots, named in what is to be done."""
 CHANCE = 2.0
 """Standard errors by which chance makes one of two alike models worse, one time in forty."""
 AHEAD, AHEAD_SLIDE = np.radians(5.0), 0.02
@@ -56,19 +58,40 @@ def beyond_words(calibration: Calibration) -> tuple[str, ...]:
     )
 
 
+def drawn_out(calibration: Calibration) -> float | None:
+    """R95 without held-out shots that are far off [m]; None where it would be hardly smaller."""
+    less, point = calibration.gross.radius_without, calibration.proof.point
+    if less is None or point is None or calibration.elsewhere:
+        return None
+    return None if point.radius_mean < WIDER * less else less
+
+
 def far_words(calibration: Calibration) -> tuple[str, ...]:
     """That held-out shots far off make the radius wide, where it would be narrower without them."""
-    gross, point = calibration.gross, calibration.proof.point
-    if gross.radius_without is None or point is None or calibration.elsewhere:
+    less, far = drawn_out(calibration), calibration.gross.held_out_sentences
+    if less is None:
         return ()
-    if point.radius_mean < WIDER * gross.radius_without:
-        return ()
-    far = gross.held_out_sentences
     more = f" (and {len(far) - 1} more like it)" if len(far) > 1 else ""
     return (
         "Readings that are far off enlarge the radius, which would be "
-        f"{significant(gross.radius_without * UM)} um without them: {far[0]}{more}; if a reading "
-        "proves to be bad, remove its row or measure it again",
+        f"{significant(less * UM)} um without them: {far[0]}{more}; if a reading "
+        "proves to be bad, measure the pose again, or remove the row and state that you did",
+    )
+
+
+def far_step(calibration: Calibration) -> str:
+    """What to do about such shots before anything is quoted; empty where there is nothing."""
+    less, names = drawn_out(calibration), calibration.gross.held_out_names
+    if less is None:
+        return ""
+    shown = [*names[:MOST_NAMED]]
+    if len(names) > MOST_NAMED:
+        shown.append(f"{len(names) - MOST_NAMED} more (see Outliers)")
+    them, are = ("it", "stands") if len(names) == 1 else ("them", "stand")
+    return (
+        f"First look into held-out {listed(shown)}, which {are} out: without {them}, R95 would be "
+        f"{significant(less * UM)} um. If the reading is wrong, measure the pose again, or remove "
+        "the row and state that you did; if it is right, the model fails there. Until then: "
     )
 
 

@@ -176,6 +176,7 @@ def statement_headline(statement: Statement) -> list[Quantity]:
         *([] if np.isnan(evidence) else [Quantity("model/log_evidence", evidence)]),
         Quantity("outlier_poses", statement.outlier_poses),
         Quantity("set_aside_poses", statement.set_aside),
+        Quantity("stray_poses", () if statement.strays is None else statement.strays.poses),
         Quantity("validation/poses", len(held_out)),
         Quantity("validation/chi_square_per_dof", held_out.chi_square / (3 * len(held_out))),
         Quantity("validation/p_value", held_out.p_value),

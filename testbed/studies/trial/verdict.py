@@ -5,6 +5,7 @@ import numpy as np
 from calib.held_out_counts import fewest_poses
 from calib.identification.fit_statistics import RED
 from calib.identification.identify import Identification, Status
+from calib.uncertainty.outlying.poses import Strays
 from testbed.report.page import Verdict
 from testbed.studies.trial.records import Campaign, Comparison, Estimate, Replications, Trial
 from testbed.studies.trial.statement.records import LEVEL, Statement
@@ -65,6 +66,12 @@ def _lacking(estimate: Estimate, against: list[str]) -> tuple[str, ...]:
         return ()
     if min(found.p_value, statement.held_out.p_value) >= ALARM:
         return ()
+    if found.p_value >= ALARM and (strays := _strays(statement)) is not None:
+        return (
+            f"{counted(len(strays.poses), 'held-out pose')} "
+            f"{'stands' if len(strays.poses) == 1 else 'stand'} out where all others agree, so a "
+            "reading is wrong or the model fails there; the stated region allows for either",
+        )
     return (
         "the model lacks something, as the next lines show; the stated region allows for it, and "
         "this region is what the truth judges",
@@ -236,6 +243,13 @@ def next_step(campaign: Campaign) -> str:
             "others (named below). Measure them again, or play the scenario with [identification] "
             f'loss = "cauchy". Until then quote {quoted}.'
         )
+    if (strays := _strays(statement)) is not None:
+        few = len(strays.poses)
+        return (
+            f"{counted(few, 'held-out pose')} {'stands' if few == 1 else 'stand'} out where all "
+            "others agree (named below), and can make the radius many times as wide. Measure "
+            f"{'it' if few == 1 else 'them'} again. Until then quote {quoted}."
+        )
     if tested(found) and found.p_value < ALARM:
         factor = np.sqrt(found.chi_square / found.dof)
         wider = (
@@ -252,6 +266,12 @@ def next_step(campaign: Campaign) -> str:
             "model lacks."
         )
     return f"Quote {quoted}. {more_poses(statement)}"
+
+
+def _strays(statement: Statement | None) -> Strays | None:
+    """Held-out poses that stand out where all others agree with the calibration."""
+    strays = None if statement is None else statement.strays
+    return None if strays is None or strays.moved else strays
 
 
 def errors_in_words(seen: Comparison) -> str:

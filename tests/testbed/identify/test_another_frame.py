@@ -7,6 +7,8 @@ from calib.errors import InputError
 from calib.geometry.frames import step_transform
 from testbed.files.read import read_held_out, read_session
 from testbed.identify.calibrate import Options, calibrate
+from testbed.identify.handback.delivered import Delivered
+from testbed.identify.results import headline
 from testbed.identify.session import with_test
 from testbed.identify.words import next_step, reasons, verdict
 from tests.testbed.files.campaign import HEAD, session, table, visit, written
@@ -42,6 +44,39 @@ def test_a_moved_station_is_no_proof(tmp_path, size):
         assert f"{size[1]:.3g} deg" in said
     assert "First find out" in next_step(found)
     assert found.proof.belief.n_guards == 0
+
+
+def test_a_wrong_shot_among_held_out_poses_is_named_first_and_nothing_is_said_to_have_moved(
+    tmp_path,
+):
+    """Of 20 shots one is off by a millimetre; 130 others identify: R95 is wide by it alone."""
+    data = visit(0, 150)
+    T = data.T.copy()
+    T[140, :3, 3] += [6e-4, -8e-4, 0.0]
+    split = ["identify"] * 130 + ["test"] * 20
+    text = table(Made(data.q, T, data.truth), split=split)
+    found = calibrate(
+        ROBOT, read_session(written(tmp_path, {"a": text}, head=ONE), ROBOT), GEOMETRIC
+    )
+    without = f"{found.gross.radius_without * 1e6:.3g} um"
+    assert found.gross.radius_without < 0.1 * found.proof.point.radius_mean
+    (name,) = found.gross.held_out_names
+    assert name == f"pose {found.pose_names[found.measurements.pose_id[140]]}"
+    first = verdict(found)
+    assert "it can be believed" in first
+    assert first.endswith(
+        "It is so wide because of 1 held-out row that stands out: without it, R95 would be "
+        f"{without}."
+    )
+    assert next_step(found).startswith(f"First look into held-out {name}, which stands out: ")
+    said = reasons(found)
+    assert said[0].startswith(f"Held-out {name} stands out: its error is ")
+    assert "the other 19 agree with the calibration" in said[0]
+    assert not any("payload" in text or "motion" in text for text in said)
+    told = headline(found, Delivered((), (), 0))["outliers"]
+    assert told["held_out_rows"] == [name]
+    assert told["R95_mean_without_um"] == pytest.approx(found.gross.radius_without * 1e6)
+    assert found.split.is_test.sum() == found.proof.belief.n_guards == 20
 
 
 def test_a_station_that_stood_still_is_proof(tmp_path):

@@ -10,7 +10,7 @@ import pytest
 
 from calib.uncertainty.judgement import Circumstances, judge
 from calib.uncertainty.many.judgements import judge_many
-from calib.uncertainty.statement.misfit import loud_turns
+from calib.uncertainty.outlying.angles import loud_turns
 from tests.truth.foreign import candidates, turn
 from tests.truth.foreign_cells import TARGETS, Cell, drawn, readings
 from tests.truth.foreign_tracker import JOINT_SD, STATION, ForeignTracker

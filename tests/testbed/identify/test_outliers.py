@@ -144,15 +144,17 @@ def test_far_held_out_rows_are_named_but_stay():
     names = [f"pose P{k + 1}" for k in range(80)]
     far = replace(found.fit.misses, position=position)
     table, is_test, belief = found.measurements, found.split.is_test, found.proof.belief
-    (told,) = held_out_outliers(far, table, is_test, belief, names)
+    out = far_held_out(far, table, is_test)
+    (called,), (told,) = held_out_outliers(far, table, is_test, out, belief, names)
+    assert called == names[row]
     assert told.startswith(f"held-out pose P{row + 1} is off by 400 mm")
     place = belief.proven.applies(table.q[row : row + 1]).place[0]
     assert ("check its reading" in told) == (place == "inside")
     q = table.q.copy()
     q[row, 2] = 2 * belief.proven.high[2]
-    (told,) = held_out_outliers(far, replace(table, q=q), is_test, belief, names)
+    _, (told,) = held_out_outliers(far, replace(table, q=q), is_test, out, belief, names)
     assert "of what the others prove" in told or "outside what the others prove" in told
-    assert held_out_outliers(found.fit.misses, table, is_test, belief, names) == ()
+    assert not far_held_out(found.fit.misses, table, is_test).any()
 
 
 def test_a_held_out_row_that_is_wrong_among_others_of_its_pose_is_a_shot_to_be_looked_at():
@@ -166,12 +168,15 @@ def test_a_held_out_row_that_is_wrong_among_others_of_its_pose_is_a_shot_to_be_l
     errors = RowErrors(np.zeros((33, 3)), misses, np.zeros(33))
     assert np.flatnonzero(far_held_out(errors, table, is_test)).tolist() == [5, 6, 7]
     names = [f"pose {k // 3}, target {k % 3}" for k in rows]
-    told = held_out_outliers(errors, table, is_test, None, names)
+    far = far_held_out(errors, table, is_test)
+    called, told = held_out_outliers(errors, table, is_test, far, None, names)
+    assert sorted(called) == [names[k] for k in (5, 6, 7)]
     assert [text.split(": ")[1].split(";")[0] for text in told] == 3 * [
         "another reading of that pose fits, so check this one"
     ]
     misses[8] = 12e-5  # now all of pose 2: the arm or its model may be to blame
-    told = held_out_outliers(errors, table, is_test, None, names)
+    far = far_held_out(errors, table, is_test)
+    _, told = held_out_outliers(errors, table, is_test, far, None, names)
     assert ["another reading" in text for text in told] == [
         text.startswith("held-out pose 1") for text in told
     ]

@@ -13,6 +13,7 @@ from calib.uncertainty.conformal import Conformal
 from calib.uncertainty.discrepancy import Discrepancy
 from calib.uncertainty.drift.drifting import Drifting
 from calib.uncertainty.held_out import HeldOut
+from calib.uncertainty.outlying.poses import Strays
 from calib.uncertainty.statement.belief import Belief
 from calib.uncertainty.statement.other_frame import OtherFrame
 from calib.uncertainty.statement.questions import Questions
@@ -146,6 +147,8 @@ class Statement(Shown):
     """By which levels of joint errors the model is extended, as `why` says it."""
     because: Annotated[str, LATER] = ""
     """Why it was fitted, as `why` says it."""
+    strays: Annotated[Strays | None, LATER] = None
+    """Held-out poses that stand out where all others agree; they stay in every figure."""
 
 
 SUMS = (

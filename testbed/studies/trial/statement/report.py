@@ -176,6 +176,9 @@ def answer(statement: Statement) -> str:
         if name == "another frame" and frame is not None and not frame.found:
             by = " in part" if frame.in_part else " by less than the region allows for"
         seen.append(f"{name}{by}")
+    if statement.strays is not None:
+        count = len(statement.strays.poses)
+        seen.append(f"{counted(count, 'pose')} {'stands' if count == 1 else 'stand'} out")
     if not seen and not found.agree:
         return "larger than the noise"
     return ", ".join(seen) or "nothing found"
@@ -194,7 +197,8 @@ def reasons(statement: Statement, *, brief: bool = False) -> tuple[str, ...]:
     if brief:
         frame = statement.frame
         framed = frame is not None and (frame.found or frame.in_part)
-        texts = texts[: int(framed or point is None)]
+        first = int(framed) + int(statement.strays is not None)
+        texts = texts[: 1 if point is None else first]
         return tuple(map(written, (*texts, *statement.outliers, *statement.warnings)))
     if point is not None and np.isnan(point.u_move):
         texts.insert(

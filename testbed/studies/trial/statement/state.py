@@ -192,6 +192,7 @@ def state(
             shared,
             unseen_sources(bench, result, first, observations),
         ),
+        strays=judgement.strays,
     )
 
 

@@ -25,8 +25,8 @@ from calib.uncertainty.statement.evidence import (
     position_rows,
 )
 from calib.uncertainty.statement.likelihood import LARGEST, SMALLEST, likelihood
-from calib.uncertainty.statement.misfit import DROP, misfit, misfit_covariance
-from calib.uncertainty.statement.shape import misfit_shape
+from calib.uncertainty.statement.misfit import DROP, HiddenMisfit, misfit, misfit_covariance
+from calib.uncertainty.statement.shape import MisfitShape, misfit_shape
 from tests.calib import kinds
 
 TX60 = RobotModel(kinds.ARMS["tx60"])
@@ -482,3 +482,49 @@ def test_the_grid_reaches_from_nothing_to_centimetres():
     assert found.size[0] == 0
     assert found.size[1] == pytest.approx(SMALLEST)
     assert found.size[-1] == pytest.approx(LARGEST, rel=0.08)
+
+
+SHAPE = MisfitShape(np.arange(3), np.ones(3))
+ENOUGH = (
+    "which is enough for the share of poses that is promised, as counting the held-out errors "
+    "shows: few of them are larger"
+)
+SEEN_FROM = "a misfit of 9.0 um per axis or more would have been detected; a smaller one may hide"
+
+
+@pytest.mark.parametrize(
+    ("changed", "shown", "few", "said"),
+    [
+        ({"upper": np.inf}, False, False,
+         "there are too few measurements to bound what the model may miss"),
+        ({}, True, False, "the readings show a misfit of about 4.0 um per axis (p < 0.001), and "
+         "the region allows for up to 5.0 um"),
+        ({"upper": 3e-6, "counted": True, "ratio": 6.6}, True, False,
+         "the readings show a misfit of about 4.0 um per axis (p = 0.005), and the region allows "
+         f"for up to 3.0 um, {ENOUGH}"),
+        ({"upper": 3e-6, "counted": True}, True, True,
+         "a few errors that stand out look like a misfit of all poses: taken together, the "
+         "readings show one of about 4.0 um per axis (p < 0.001), and the region allows for up to "
+         f"3.0 um, {ENOUGH}"),
+        ({}, False, False, f"{SEEN_FROM} behind the noise: these readings allow for up to 5.0 um, "
+         "which the region includes"),
+        ({"repeated": False}, False, False,
+         f"{SEEN_FROM} behind the noise: these readings allow for up to 5.0 um, which the region "
+         "includes; the stated noise is untested, as too few poses were repeated"),
+        ({"doubted": True, "repeated": False}, False, False,
+         f"{SEEN_FROM} behind the noise: these readings allow for up to 5.0 um, which the region "
+         "includes; repeats do not show how far the joints scatter, so all of that scatter counts "
+         "as misfit"),
+        ({"counted": True}, False, False,
+         f"{SEEN_FROM} behind the noise: the region includes up to 5.0 um, {ENOUGH}"),
+        ({"upper": 0.0, "counted": True}, False, False, f"the region includes no misfit, {ENOUGH}"),
+        ({"upper": 12e-6}, False, False, "no test detects a misfit, yet one may hide behind the "
+         "noise; per axis, these readings allow for up to 12.0 um, which the region includes"),
+        ({"detectable": np.nan}, False, False, "the measurements are too few to detect a misfit; "
+         "per axis, these readings allow for up to 5.0 um, which the region includes"),
+    ],
+)  # fmt: skip
+def test_every_sentence_on_the_misfit(changed, shown, few, said):
+    """Of 4 um, a limit of 5 and a test that sees 9, and what changes in these."""
+    plain = HiddenMisfit(SHAPE, 4e-6, 5e-6, 9e-6, 30.0, 1.0, 9e-6, repeated=True)
+    assert replace(plain, **changed).told(shown, few=few) == said

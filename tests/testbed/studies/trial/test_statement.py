@@ -12,6 +12,7 @@ from scipy import stats
 from calib.errors import InputError
 from calib.geometry.operating import AS_USUAL
 from calib.uncertainty.discrepancy import Discrepancy
+from calib.uncertainty.outlying.poses import Strays
 from calib.uncertainty.tool_point import tool_statement
 from testbed.laboratory.tracker.of_scenario import bias_size
 from testbed.laboratory.truth.laboratory import open_laboratory
@@ -31,7 +32,12 @@ from testbed.studies.trial.report_secret import secret_section
 from testbed.studies.trial.results import statement_headline, truth_headline
 from testbed.studies.trial.statement.linear_check import linear_check, moved_targets, moving_axes
 from testbed.studies.trial.statement.regions import honest_share
-from testbed.studies.trial.statement.report import question_table, reasons, statement_blocks
+from testbed.studies.trial.statement.report import (
+    answer,
+    question_table,
+    reasons,
+    statement_blocks,
+)
 from testbed.studies.trial.statement.sources import drift_left
 from testbed.studies.trial.statement.state import sound_held_out, state
 from testbed.studies.trial.verdict import (
@@ -323,6 +329,36 @@ def test_under_the_squared_loss_wrong_shots_are_named_and_nothing_is_set_aside()
     assert not len(told.set_aside)
     assert told.trust.refuted
     assert any('write loss = "cauchy"' in text for text in told.warnings)
+    # of the three that a robust loss sets aside one is smaller than the misfit by wrong shots
+    names = told.strays.poses.tolist()
+    assert len(names) == 2
+    assert set(names) < set(estimate(loose()).statement.set_aside)
+    assert as_json(statement_headline(told))["stray_poses"] == names
+    assert as_json(statement_headline(estimate(loose()).statement))["stray_poses"] == []
+    brief = reasons(told, brief=True)[0]
+    assert brief.startswith(f"Held-out poses {names[0]} and {names[1]} stand out: their errors")
+    assert reasons(told)[0] == brief
+    assert answer(told) == "misfit, 2 poses stand out"
+    assert same(unpack(type(told), pack(told)), told)
+
+
+def test_held_out_poses_that_stand_out_are_no_fault_of_the_model_in_the_verdict():
+    trial, one = rigid().trials[0], estimate(rigid())
+    strays = Strays(np.array([7]), 1e-3, 35e-6, 48, 0.5)
+    seen = replace(one.statement.held_out, p_value=1e-9)
+    told = replace(one.statement, strays=strays, held_out=seen)
+    shot = replace(one, statement=told)
+    said = judge(trial, shot).reasons[0]
+    assert said.startswith("1 held-out pose stands out where all others agree, so a reading is")
+    of = replace(rigid(), trials=(replace(trial, estimates=(shot, *trial.estimates[1:])),))
+    advice = next_step(of)
+    assert advice.startswith("1 held-out pose stands out where all others agree (named below)")
+    assert f"Measure it again. Until then quote {1e6 * told.point.radius_mean:#.3g} µm" in advice
+    assert answer(told) == "1 pose stands out"
+    assert (
+        "lacks something"
+        in judge(trial, replace(one, statement=replace(told, strays=None))).reasons[0]
+    )
 
 
 def test_what_the_model_misses_everywhere_is_no_gross_error():

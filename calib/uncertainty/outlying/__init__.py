@@ -1,0 +1,1 @@
+"""What stands out of the readings: held-out poses, and measured angles."""
