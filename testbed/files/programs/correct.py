@@ -32,6 +32,7 @@ from testbed.files.programs.motors import by_motors
 from testbed.files.programs.read import (
     ADDED,
     configurations,
+    in_other_units,
     is_cartesian,
     poses_of,
     read_program,
@@ -190,6 +191,7 @@ def correct_program(
         result,
         sentences=(
             done,
+            *in_other_units(table, robot),
             *renamed_words(table.names, robot),
             *([robot.controller.sentence] if counted else []),
             *failed,

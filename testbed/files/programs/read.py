@@ -40,6 +40,10 @@ AS_TABLE = "write its targets as a CSV, one per line, below a header q1_deg, q2_
 STARTS = 64
 """Number of postures over the joint ranges from which a target far from the last is searched."""
 
+FEW, NEAR, SMALL = 3, 1e-2, 1e-2
+"""Targets below which nothing is said of units; positions too near to the base for an arm [m],
+and joints so near to zero that all targets are one home [rad]."""
+
 
 def read_program(path: Path, robot: Robot) -> tuple[FileText, DataTable]:
     """The lines and the targets of a program file, with the columns of all targets checked.
@@ -99,7 +103,15 @@ def is_cartesian(table: DataTable) -> bool:
 def poses_of(table: DataTable) -> tuple[Columns, Stated, Array, Sequence[str]]:
     """Columns, stated rotations and poses (m, 4, 4) of Cartesian targets [m], and warnings."""
     place = table.find("length", "x", "y", "z")
-    found = stated_in(table, None)
+    try:
+        found = stated_in(table, None)
+    except InputError as error:
+        if error.field != "euler" or error.value is not None:
+            raise
+        fix = 'add a column euler, with for example "kuka" in each row'
+        raise refusal(
+            table.where, error.field, error.message, code=error.code, allowed=error.allowed, fix=fix
+        ) from None
     if place is None or found is None:
         raise refusal(
             table.where, "frames", "has positions without rotations", code="M24",
@@ -111,6 +123,27 @@ def poses_of(table: DataTable) -> tuple[Columns, Stated, Array, Sequence[str]]:
     good, _ = valid_rows(table, columns, drop=None)
     R, odd = checked_rotations(stated, table, good)
     return columns, stated, transform(R, table.values(place)), odd
+
+
+def in_other_units(table: DataTable, robot: Robot) -> tuple[str, ...]:
+    """A sentence where all targets lie as if their unit were another than their columns say."""
+    said = list[str]()
+    place, few = table.find("length", "x", "y", "z"), len(table) < FEW
+    if place is not None and not few and np.abs(table.values(place)).max() < NEAR:
+        said.append(
+            "all positions lie within 10 mm of the base: if they are in meters, name the columns "
+            "x_m, y_m, z_m"
+        )
+    if joint_columns(table, robot) and not few:
+        q = read_joints(table, robot, "commanded", drop=None).q
+        turns = np.abs(q[:, [kind == "revolute" for kind in robot.model.chain.kinds]])
+        # angles in radians, which are called degrees: pi of these are 0.055 rad
+        if turns.size and SMALL < turns.max() < np.radians(np.pi):
+            said.append(
+                "no joint turns by more than 3.1416 deg: if the joints are in radians, name the "
+                "columns q1_rad ..."
+            )
+    return tuple(said)
 
 
 def configurations(table: DataTable, robot: Robot, T: Array) -> tuple[Array, tuple[str, ...]]:

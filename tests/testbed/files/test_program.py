@@ -13,7 +13,7 @@ from calib.geometry.inverse import inverse_kinematics
 from calib.geometry.joint_errors import JointErrors, gravity_terms
 from calib.geometry.model import RobotModel
 from testbed.files.programs.correct import correct_program
-from testbed.files.programs.read import ADDED, read_program
+from testbed.files.programs.read import ADDED, in_other_units, read_program
 from testbed.files.rotations import EULER, in_form, rotations
 from testbed.files.text import read_sheet
 from testbed.gates.text import read_text
@@ -69,6 +69,26 @@ def test_joint_targets_bring_the_real_robot_where_the_program_meant(tmp_path, re
     # searches end at rounding, which is no figure to print
     assert found.left.max() < 1e-9
     assert found.sentences[0].endswith(" mm before and less than 0.000001 mm after")
+
+
+def test_targets_in_another_unit_than_their_columns_say_are_said_to_be(tmp_path, real):
+    """Radians called degrees and meters called millimeters: each target alone seems a bad one."""
+    joints, place = [f"q{k}_deg" for k in range(1, 7)], ["x_mm", "y_mm", "z_mm", "rvx_deg"]
+    place += ["rvy_deg", "rvz_deg"]
+    T = ROBOT.model.poses(Q)
+    turn = np.degrees(log_so3(T[:, :3, :3]))
+    cases = {
+        "in radians": (joints, Q, np.degrees(Q)),
+        "in meters": (place, *(np.hstack([f * T[:, :3, 3], turn]) for f in (1, 1e3))),
+    }
+    for said, (head, wrong, right) in cases.items():
+        for k, (rows, told) in enumerate(((wrong, True), (right, False), (wrong[:2], False))):
+            path = written(tmp_path / f"{said}{k}.csv", head, rows.tolist())
+            found = in_other_units(read_program(path, ROBOT)[1], ROBOT)
+            assert any(said in one for one in found) == told
+    path = written(tmp_path / "whole.csv", joints, Q.tolist())
+    sentences = correct_program(path, ROBOT, real, tmp_path / "out.csv").sentences
+    assert any("in radians" in one for one in sentences)
 
 
 FORMS = {
@@ -336,7 +356,7 @@ def test_numbers_of_a_rotation_mean_that_rotation_and_stay_where_they_were(form)
         (
             ["x_mm", "y_mm", "z_mm", "rx_deg", "ry_deg", "rz_deg"],
             [1] * 6,
-            "no euler, which says how",
+            "no euler, which says how .* add a column euler, with",
         ),
         ([*(f"q{k}_deg" for k in range(1, 7)), "status"], [1] * 7, "already"),
         ([f"q{k}_rad" for k in range(1, 7)], [40.0] * 6, "outside the limits"),
