@@ -53,6 +53,12 @@ WORDS: dict[str, str] = {
     "corrected",
     "out of reach": "left as written: the robot does not reach it from a posture near this one",
 }
+LOAD_UNKNOWN = "payload of the measurements not stated"
+LOAD_WORDS = (
+    "the model is bent by what the arm carried in the measurements, which do not state it: all "
+    "targets are corrected for that load, and nothing can be stated at them; write payload_kg "
+    "under [conditions] in session.toml"
+)
 LEAST_MM = 1e-6
 """Smaller remaining errors are rounding [mm]."""
 SAME = 1e-12
@@ -160,14 +166,22 @@ def correct_program(
     correct = _correct_poses if is_cartesian(table) else _correct_joints
     m, set_up = len(table), set_up or SetUp()
     own = first_stated(target_conditions(table), set_up.use.rows(np.zeros(m, dtype=np.int64)))
-    result, targets = correct(table, robot, identified, own)
     away = departure(measured or Conditions(), own, m, set_up.tolerance)
+    # a model of unknown load cannot be put under another one: its moments hold what was carried
+    unknown = measured is not None and measured.payload is None and own.payload is not None
+    if unknown:
+        own = replace(own, payload=None, center=None)
+    result, targets = correct(table, robot, identified, own)
+    words, departed, unsaid = away.words, away.outside, away.unsaid
+    if unknown and identified.joint_errors.springs is not None:
+        words, departed = (LOAD_UNKNOWN,) * m, np.ones(m, dtype=np.bool_)
+        unsaid = (*unsaid, LOAD_WORDS)
     columns: tuple[Sequence[str] | Array, ...] = (
         result.status,
         1e3 * result.before,
         1e3 * result.left,
         DEG * result.left_rotation,
-        away.words,
+        words,
     )
     theirs = [table.names[name] for name in targets.columns.names]
     new, old = targets.numbers / targets.columns.factors, table.numbers(targets.columns.names)
@@ -199,11 +213,11 @@ def correct_program(
                 identified, result.status, result.left_rotation, len(robot.controller.held)
             ),
             *away.sentences,
-            *away.unsaid,
+            *unsaid,
             *result.sentences,
         ),
-        conditions=away.words,
-        departed=away.outside,
+        conditions=words,
+        departed=departed,
         names=names,
         places=table.places,
     )

@@ -59,10 +59,14 @@ def of_targets(
         )
     springs = identified.joint_errors.springs
     if springs is not None:
-        load = f"{springs.weight.payload[0]:.3g} kg, as on average in the measurements"
+        # no weight is what was stated, or what stands for a load of which nothing is
+        weight = float(springs.weight.payload[0])
+        load = "what it carried in the measurements" + f", {weight:.3g} kg on average" * (
+            weight > 0
+        )
         if stated.payload is not None:
-            load = stated.words("payload")
-        said.append(f"the arm is bent by its own weight and a payload of {load}")
+            load = f"a payload of {stated.words('payload')}"
+        said.append(f"the arm is bent by its own weight and {load}")
     if "lengths" in terms:
         mean = terms["lengths"].reference
         words = f"{mean:.4g} degC, the mean of the measurements: they state no temperature"

@@ -1,12 +1,17 @@
 """What rows and targets say of payload, tool and temperature: read as it was written."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from calib.errors import InputError
+from calib.geometry.model import RobotModel
+from calib.identification.ladders import ladders_of
+from calib.identification.levels import with_errors
 from calib.uncertainty.statement.conditions import NOT_STATED, Conditions
 from testbed.files.conditions import SetUp, first_stated, joined
-from testbed.files.programs.correct import correct_program
+from testbed.files.programs.correct import LOAD_UNKNOWN, LOAD_WORDS, correct_program
 from testbed.files.read import ReadOptions, read_session
 from testbed.identify.session import with_test
 from tests.testbed.files.made import ROBOT, N, columns, csv, made, with_spread
@@ -158,6 +163,30 @@ def test_targets_of_a_program_under_other_conditions_are_named_and_corrected_sti
         "target 3 has the tool gripper",
     ]
     assert "the targets do not state their temperature" in found.sentences[3]
+
+
+def test_a_load_is_not_put_on_a_model_whose_own_load_nobody_stated(tmp_path):
+    """Its moments hold what was carried: stated of targets alone, it was on them twice."""
+    gravity, _ = ladders_of(ROBOT.model, limits=ROBOT.limits)
+    springs = next(level.errors for level in gravity.levels if level.errors.springs is not None)
+    bent = with_errors(ROBOT.model, springs)
+    numbers = np.full(len(bent.joint_errors.coefficients), 1e-3)
+    bent = RobotModel(bent.chain, replace(bent.joint_errors, coefficients=numbers))
+    sent, found = {}, {}
+    for name, measured in (("unsaid", Conditions()), ("said", Conditions(np.full(9, 5.0)))):
+        for load in ({}, {"payload_kg": [5, 5, 5]}):
+            targets = {f"q{j + 1}_deg": np.degrees(made().q[:3, j]) for j in range(N)}
+            (tmp_path / "p.csv").write_text(csv(targets | load))
+            out = tmp_path / f"{name}{len(load)}.csv"
+            done = correct_program(tmp_path / "p.csv", ROBOT, bent, out, measured=measured)
+            sent[name, len(load)], found[name, len(load)] = done.q, done
+    np.testing.assert_array_equal(sent["unsaid", 0], sent["unsaid", 1])
+    assert np.abs(sent["said", 0] - sent["said", 1]).max() > 1e-5
+    assert found["unsaid", 1].departed.all()
+    assert found["unsaid", 1].conditions == (LOAD_UNKNOWN,) * 3
+    assert LOAD_WORDS in found["unsaid", 1].sentences
+    assert not found["unsaid", 0].departed.any()
+    assert not found["said", 1].departed.any()
 
 
 def test_what_the_session_says_of_use_stands_in_for_columns_that_are_missing(tmp_path):
