@@ -44,13 +44,22 @@ PROGRAMS = {
     ),
     "fanuc": (
         "a TP program (FANUC)",
-        re.compile(r"\s*(/(PROG|ATTR|MN|POS)\b|P\[\d+[^\]]{0,99}\]\s*\{)"),
+        re.compile(
+            r"\s*(/(PROG|ATTR|MN|POS)\b|P\[\d+[^\]]{0,99}\]\s*\{|\[\*\w{1,20}\*\]\s*\$POSREG\b)"
+        ),
     ),
     "inform": ("an INFORM job (Yaskawa)", re.compile(r"\s*/(JOB|/NAME|/POS)\b")),
     "doosan": ("a DRL program (Doosan)", re.compile(r".*\bpos[jx]\s*\(")),
     "kawasaki": (
         "an AS program (Kawasaki)",
         re.compile(r"\s*(\.(PROGRAM|JOINTS|TRANS)\b|[JL]MOVE\s+#?\w|POINT\s+#)", re.IGNORECASE),
+    ),
+    "python": (
+        "a Python program",
+        re.compile(
+            r"\s*(from\s+[\w.]+\s+import\s|import\s+\w[\w.]*(\s+as\s+\w+)?\s*(#|$)|#!.*python"
+            r"|[\w.]+\.(set_servo_angle(_j)?|moveJ)\()"
+        ),
     ),
     "urscript": (
         "a URScript program (Universal Robots)",
@@ -62,12 +71,24 @@ PROGRAMS = {
             r"\s*(program\s+\w+\s*\(|begin\s*$|move[jlc]\s*\(\s*[\w{])|.*<(Database|Program)\b"
         ),
     ),
-}
+    "pacscript": (
+        "a PacScript program (Denso)",
+        re.compile(r"\s*('!TITLE|Sub\s+Main\b|TakeArm\b|Move\s+[PL],\s*@)", re.IGNORECASE),
+    ),
+    "spel": (
+        "a SPEL+ program (Epson)",
+        re.compile(r"\s*(Function\s+\w+\s*$|Motor\s+On\b|Go\s+(P\w+|JA\s*\())", re.IGNORECASE),
+    ),
+    "spel points": (
+        "a file of SPEL+ points (Epson)", re.compile(r"\s*(Point\d+\s*\{|sVersion\s*=)")
+    ),
+}  # fmt: skip
 """Names of robot programs, and patterns of a line among their first ones."""
 FIRST = 20
 AS_TABLE = (
     "write its joint targets as a CSV, one per line, below a header q1_deg, q2_deg ...; `truebed "
-    "new session` reads those of RAPID, KRL, TP (.ls), URScript, DRL, AS, INFORM and VAL3 directly"
+    "new session` reads those of RAPID, KRL, TP (.ls), URScript, DRL, AS, INFORM, VAL3 and Python "
+    "directly"
 )
 OF_SESSIONS = {
     "joints", "frames", "points", "ranges", "drift", "dialect", "match", "session", "cycles",

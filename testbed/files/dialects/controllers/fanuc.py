@@ -1,4 +1,8 @@
-"""Joint positions of a TP program (FANUC) as ASCII: ``P[1]{ GP1: J1= 0.000 deg, ... };``."""
+"""Joint positions of FANUC: of a TP program as ASCII, and of registers (posreg.va).
+
+``P[1]{ GP1: J1= 0.000 deg, ... };`` in the one, ``[1,2] = 'HOME' Group: 1  J1 = 0.000 deg`` in the
+other, whose first number is the group and the second that of the register.
+"""
 
 import re
 
@@ -11,7 +15,12 @@ GROUP = re.compile(r"GP(\d)\s*:")
 ENTRY = re.compile(
     r"\b([JE])(\d)\s*=\s*([-+]?(?:\d+(?:\.\d*)?|\.\d+)|\*+)\s*(deg|mm)?", re.IGNORECASE
 )
-PLACE = re.compile(r"\bX\s*=")
+PLACE = re.compile(r"\bX\s*[=:]")
+REGISTERS = re.compile(r"\s*\[\*\w{1,20}\*\]\s*\$POSREG\b")
+REGISTER = re.compile(r"\s*\[(\d{1,3}),(\d{1,6})\]\s*=(.*)")
+UNTAUGHT = re.compile(r"'\s*Uninitialized|\*{4}")
+FIRST = 20
+"""Lines among which a file of registers says what it is."""
 MOVED = re.compile(r"\s*(?:\d+\s*)?:\s*([JLCA])\s+(PR?)\[([^\]:]{1,20})")
 """``1:J P[1:above] 20% FINE``; comments after // or ! do not match."""
 
@@ -24,6 +33,8 @@ def read_fanuc(text: FileText) -> JointList:
     InputError
         M35: a move goes to a register, a position was never taught; or as `Program.joints`.
     """
+    if any(map(REGISTERS.match, text.lines[:FIRST])):
+        return _registers(text)
     program = Program(text, "P[1]{ GP1: J1= ... deg, ... }")
     moves, name, block, first = list[tuple[int, str, str, str]](), "", list[str](), 0
     for number, line in text.content():
@@ -47,6 +58,24 @@ def read_fanuc(text: FileText) -> JointList:
             program.move_to(number, f"P{int(own)}")
         else:
             program.aside.append(number)  # an arc goes through one position to another
+    return program.joints()
+
+
+def _registers(text: FileText) -> JointList:
+    """Joints of the position registers that hold such, in their order."""
+    taught = "J1 = ... deg in each register, as it is saved once the pendant shows it as joints"
+    program = Program(text, taught)
+    blocks = list[tuple[int, str, str, list[str]]]()
+    for number, line in text.content():
+        if (begun := REGISTER.match(line)) is not None:
+            blocks.append((number, begun[1], begun[2], [begun[3]]))
+        elif blocks:
+            blocks[-1][3].append(line)
+    for number, group, own, lines in blocks:
+        block = " ".join(lines)
+        if group == "1" and not UNTAUGHT.search(block):
+            _position(program, number, f"PR{int(own)}", block)
+    program.aside += program.tool.values()
     return program.joints()
 
 

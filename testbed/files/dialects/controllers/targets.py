@@ -40,14 +40,14 @@ class JointList:
 
     sheet: Sheet
     aside: int = 0
-    """Number of moves to Cartesian positions, whose joint values no program states."""
+    """Number of Cartesian positions that it moves to or has, whose joints no program states."""
 
     @property
     def note(self) -> tuple[str, ...]:
         """A sentence on moves that are not in the sheet."""
         if not self.aside:
             return ()
-        moves = f"{counted(self.aside, 'move')} to Cartesian positions"
+        moves = counted(self.aside, "Cartesian position")
         verb = "is" if self.aside == 1 else "are"
         return (f"joints: {moves} {verb} not used: {LOST}",)
 

@@ -42,6 +42,14 @@ PROGRAMS = {
     "moves of TP": ("fanuc", True, ["/PROG CAL", "/MN", "   1:  !to P[1] ;", *TP, "/POS",
                                     *(position(k, row) for k, row in enumerate(DEG)), "/END"]),
     "positions of TP": ("fanuc", True, ["/POS", *(position(*one) for one in enumerate(DEG))]),
+    "position registers": ("fanuc", True, [
+        "[*POSREG*]$POSREG  Storage: CMOS  Access: RW  : ARRAY[1,60] OF Position Reg", "",
+        *(f"    [1,{k + 1}] =  'P {k}'  Group: 1\n {axes(row[:3], 'J{k} = {v:.9f} deg', ' ')}\n"
+          f" J4 = {row[3]:.9f} deg J5 = {row[4]:.9f} deg J6 = {row[5]:.9f} deg"
+          for k, row in enumerate(DEG)),
+        "    [1,58] =  ''  Group: 1  Config: N U T, 0, 0, 0\n X: 1.0 Y: 2.0 Z: 3.0 (LIN)",
+        *(f"    [1,{k}] =   ''   Uninitialized" for k in (59, 60)),
+    ]),
     "moves of URScript": ("urscript", False, ["def cal():", "  set_tcp(p[0,0,0,0,0,0])", *UR]),
     "names of URScript": ("urscript", True, [
         "def cal():", *DEGREES, *(f"  movej(p{k}, a=1)" for k in range(M)), "end",
@@ -62,7 +70,7 @@ def test_a_program_is_proposed_as_the_joints_of_its_stops(language, named, lines
     said, written = proposed(tmp_path, files, "--robot", ROBOT.name)
     assert f'format = "{language}"' in written
     left = any("LIN" in line for line in lines)
-    assert ("1 move to Cartesian positions is not used" in said) is left
+    assert ("1 Cartesian position is not used" in said) is left
     table = read_session(tmp_path / "session.toml", ROBOT).measurements
     np.testing.assert_allclose(table.q, DATA.q, rtol=0, atol=1e-11)  # nine decimals of a degree
     np.testing.assert_allclose(table.position, DATA.T[:, :3, 3], rtol=0, atol=1e-12)
@@ -84,6 +92,13 @@ REFUSED = {
         ["/PROG A", "/MN", "1:L P[1] 9mm/sec FINE ;", "/POS", "P[1]{ GP1: X = 1 mm, Y = 2 mm };"],
         "1 Cartesian position and no joint target",
     ),
+    "registers of places": (
+        ["[*POSREG*]$POSREG", "[1,1] = '' Group: 1", "X = 1.0 mm Y = 2.0 mm"],
+        "a.txt:2: has 1 Cartesian position and no joint target",
+    ),
+    "what Denso writes": (["Sub Main", "Move P, @E J(1, 2)"], "is a PacScript program (Denso)"),
+    "what Epson writes": (["Function main", "Go JA(1, 2)"], "is a SPEL+ program (Epson)"),
+    "points of Epson": (["Point1 {", "rX=1"], "is a file of SPEL+ points (Epson)"),
     "poses of UR": (["def a():", "  movej(p[1,2,3,0,0,0])"], "1 Cartesian position and no joint"),
     "an inverse": (["def a():", "  movej(get_inverse_kin(w, qnear=q))"], "1 Cartesian position"),
     "a sum": (["def a():", "  movej([0, 1+1, 2, 3, 4, 5])"], "movej has a computed target"),
