@@ -6,6 +6,7 @@ from itertools import accumulate
 
 from calib.errors import InputError
 from testbed.files.columns import WRITTEN
+from testbed.files.dialects.commented_names import with_commented_names
 from testbed.files.dialects.numbers import NUMBER
 from testbed.files.refusal import refusal
 from testbed.files.rows.below import table_ends
@@ -68,6 +69,7 @@ def read_sheet(
         M35: the first line holds numbers, a row is longer or shorter than the head, a name comes
         twice, a quote stays open.
     """
+    text = text if header is False else with_commented_names(text)
     content = text.content("#")
     if not content:
         raise refusal(text.where, "file", "has no table")
@@ -82,7 +84,8 @@ def read_sheet(
         _require_names(head, f"{text.where}:{content[0][0]}")
     for title in reversed(titles[-MOST_GROUPS:]):
         head = _of_groups(head, title, separator)
-    _check_head(head, text.where)
+    head = _without_echoes(head, cells[first:])
+    _check_head(head, f"{text.where}:{content[0][0]}")
     head = tuple(name or f"column {k + 1}" for k, name in enumerate(head))
     width, units = len(head), _units(cells[1:2], len(head)) if header is not False else ()
     first += bool(units)
@@ -190,6 +193,22 @@ def _of_groups(head: tuple[str, ...], title: tuple[int, str], separator: str) ->
     return tuple(name or cell for name, cell in zip(named, own, strict=False))
 
 
+def _without_echoes(head: tuple[str, ...], rows: Sequence[Sequence[str]]) -> tuple[str, ...]:
+    """The same with a number behind names that come again over cells that say nothing more.
+
+    Those hold no number, as the state of a second tool, or what the first column of the name holds.
+    """
+    names = list(head)
+    for k, name in enumerate(head):
+        first = head.index(name)
+        if name and first < k:
+            both = [(row[first], row[k]) for row in rows if k < len(row)]
+            wordy = not any(NUMBER.fullmatch(cell) for _, cell in both)
+            if both and (wordy or all(one == other for one, other in both)):
+                names[k] = f"{name} ({head[: k + 1].count(name)})"
+    return tuple(names)
+
+
 def _units(below: Sequence[Sequence[str]], width: int) -> tuple[str, ...]:
     """What the line below the names says where it holds nothing but units."""
     cells = [cell.strip("[]() ") for row in below for cell in _trimmed(row)]
@@ -232,8 +251,10 @@ def _check_head(head: tuple[str, ...], where: str) -> None:
     """No name of a column comes twice, and most columns have one."""
     for k, name in enumerate(head):
         if name and name in head[:k]:
-            message = f'two columns are called "{name[:40]}"'
-            raise refusal(where, "file", message, fix="name each once")
+            first = head.index(name)
+            message = f'columns {first + 1} and {k + 1} are both called "{name[:40]}"'
+            fix = "name each once, with the tool, marker or kind that it is of before it"
+            raise refusal(where, "file", message, fix=fix)
     if 2 * head.count("") > len(head):
         message = (
             f"column {head.index('') + 1} has no name, and {head.count('') - 1} more have none"

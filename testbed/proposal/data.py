@@ -9,6 +9,7 @@ from typing import Any, Literal, TypeAlias
 import numpy as np
 
 from calib.errors import InputError
+from testbed.files.dialects.commented_names import with_commented_names
 from testbed.files.dialects.controllers.read import Language, joints_in, language_of
 from testbed.files.dialects.numbers import NUMBER, number_of
 from testbed.files.dialects.spatial_lines import name_fields, sa_lines
@@ -111,7 +112,7 @@ def look_at(paths: Sequence[Path], root: Path) -> tuple[Found, ...]:
         sheets = sheet_names(path, where) if is_workbook(path) else (None,)
         alone = len(sheets) == 1
         for sheet in sheets:
-            text = text_of(path, where, sheet=sheet, max_mb=MAX_MB)
+            text = with_commented_names(text_of(path, where, sheet=sheet, max_mb=MAX_MB))
             if any(line.strip() for line in text.lines):
                 name = at.relative_to(root.resolve()).as_posix() if at.exists() else path.name
                 found.append(_looked(path, name, None if alone else sheet, text))

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from calib.errors import InputError
 from testbed.files.read import read_session
@@ -69,3 +70,28 @@ def test_an_export_has_no_header_to_speak_of(tmp_path):
     with pytest.raises(InputError, match='header is of tables, not of format = "sa"'):
         read_session(tmp_path / "s.toml", UR10)
     assert call("check", tmp_path / "s.toml").exit_code == 2
+
+
+QUATERNION = Rotation.from_matrix(DATA.T[:, :3, :3]).as_quat(scalar_first=True)
+
+
+def test_what_a_second_tool_says_again_names_no_column_twice(tmp_path):
+    """A tracker of markers writes frame and state of each tool, and nothing of one that is lost."""
+    head = "Tools,Port 1,Frame,State,Q0,Qx,Qy,Qz,Tx,Ty,Tz,Error,Port 2,Frame,State"
+    rows = [",".join(map(str, (2, "0A", k, "OK", *QUATERNION[k], *1e3 * DATA.T[k, :3, 3], 0.1,
+                               "0B", k, "Missing"))) for k in range(M)]  # fmt: skip
+    (tmp_path / "joints.csv").write_text(NAMED)
+    (tmp_path / "ndi.csv").write_text("\n".join([head, *rows]))
+    proposed(tmp_path, [tmp_path / "joints.csv", tmp_path / "ndi.csv"], "--robot", UR10.name)
+    table = read_session(tmp_path / "session.toml", UR10).measurements
+    np.testing.assert_allclose(table.position, DATA.T[:, :3, 3], rtol=0, atol=1e-12)
+    np.testing.assert_allclose(table.rotation, DATA.T[:, :3, :3], rtol=0, atol=1e-12)
+
+
+def test_places_that_come_twice_are_refused_by_their_columns(tmp_path):
+    head, cells = "Frame,Tx,Ty,Tz,State,Tx,Ty,Tz,State", "{0},1{0},2,3,OK,4{0},5,6,OK"
+    rows = [cells.format(k) for k in range(M)]
+    (tmp_path / "ndi.csv").write_text("\n".join([head, *rows]))
+    done = call("new", "session", tmp_path / "ndi.csv", "--out", tmp_path / "session.toml")
+    assert done.exit_code == 2
+    assert 'ndi.csv:1: columns 2 and 6 are both called "Tx"' in " ".join(done.stderr.split())
