@@ -13,6 +13,7 @@ from calib.measurement.observations import Measurements
 from calib.shown import Shown, in_a_line
 from calib.uncertainty.statement.conditions import Conditions
 from testbed.files.conditions import SetUp
+from testbed.files.dialects.blocks import with_block_rows
 from testbed.files.dialects.controllers.read import READERS
 from testbed.files.dialects.marker_names import with_marker_columns
 from testbed.files.dialects.numbers import with_bare_numbers
@@ -294,4 +295,4 @@ def text_of(path: Path, where: str, *, sheet: str | None, max_mb: float) -> File
         raise refusal(where, "sheet", message, code="S37", fix=fix)
     text = read_text(path, where, max_mb=max_mb, markup=path.suffix.lower() in APPLICATIONS)
     require_no_program(text.lines, where, read=tuple(READERS))
-    return with_bare_numbers(with_marker_columns(text))
+    return with_bare_numbers(with_block_rows(with_marker_columns(text)))
