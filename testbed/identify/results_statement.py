@@ -9,7 +9,7 @@ from testbed.identify.calibration import Calibration
 from testbed.identify.decisions import decided_at, decision_line, decision_words, would_decide
 from testbed.identify.handback.delivered import Delivered, TargetStatement
 from testbed.identify.statements import statements_of
-from testbed.store.quantities import METRE, Quantity, below, unitless
+from testbed.store.quantities import METRE, Quantity, below, stated, unitless
 
 
 def statements(calibration: Calibration) -> list[Quantity]:
@@ -81,7 +81,7 @@ def decisions(calibration: Calibration, delivered: Delivered) -> list[Quantity]:
         return [Quantity("sentence", said[0])] if said else []
     rule = found[0].rule
     out = [
-        Quantity("tolerance_um", found[0].by.tolerance, METRE),
+        stated("tolerance_um", found[0].by.tolerance, METRE),
         Quantity("rule", rule),
         Quantity("sentence", decision_line(found)),
         Quantity("would_decide", would_decide(calibration) or None),

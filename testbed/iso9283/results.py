@@ -9,7 +9,7 @@ from testbed.iso9283.records import STANDARD, CycleResult, StatedFigure
 from testbed.iso9283.words import enough, mark, notice, reasons, verdict
 from testbed.jobsheet.report import job_numbers
 from testbed.report.text import csv_text
-from testbed.store.quantities import METRE, RADIAN, Quantity, as_json, below, unitless
+from testbed.store.quantities import METRE, RADIAN, Quantity, as_json, below, stated, unitless
 
 FORMAT = 1
 KIND, FILES = "iso9283", "files_sha256"
@@ -43,7 +43,7 @@ def headline(result: CycleResult) -> dict[str, Any]:
     }
     parts = [*unitless(words), *below("job", job_numbers(test.job))]
     for one in decisions(result):
-        own = [Quantity("limit_um", one.limit, METRE)]
+        own = [stated("limit_um", one.limit, METRE)]
         own += unitless({"decision": one.word, "sentence": one.sentence})
         parts += below(f"decisions/{one.name}", own)
     for figure in result.figures:

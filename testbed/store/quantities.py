@@ -1,12 +1,16 @@
 """Published figures: a value under a name that ends in its unit, for result.json and arrays.npz."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, get_type_hints
 
 import numpy as np
 
+from calib.arrays import Array
 from testbed.units import DEG, MDEG, MM, UM, Mean
+
+STATED = 12
+"""Significant digits of numbers that people state, or fewer."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,6 +93,19 @@ def _shown(value: Any, factor: float) -> Any:
     if value is None or isinstance(value, bool | str) or factor == 1.0:
         return value
     return value * factor
+
+
+def stated(name: str, value: float | Sequence[float] | Array, unit: Unit) -> Quantity:
+    """What somebody stated, without the rounding of the unit that it is kept in.
+
+    Examples
+    --------
+    >>> 60e-6 * 1e6, stated("tolerance_um", 60e-6, METRE).shown
+    (59.99999999999999, 60.0)
+    """
+    shown = np.asarray(value) * unit.factor(name)
+    numbers = [float(f"{number:.{STATED}g}") for number in shown.ravel().tolist()]
+    return Quantity(name, numbers if shown.ndim else numbers[0], AS_NAMED)
 
 
 def unitless(values: Mapping[str, object]) -> list[Quantity]:

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from testbed.identify.calibration import Calibration
 from testbed.identify.handback.states import hand_back_words, handed_numbers, tool_words
 from testbed.report.text import csv_text
-from testbed.store.quantities import AS_NAMED, METRE, Quantity
+from testbed.store.quantities import AS_NAMED, METRE, Quantity, stated
 from testbed.units import UM
 
 DH_HEAD = ("number", "unit", "old", "new", "delta", "U_k2", "tolerance", "held_by")
@@ -44,7 +44,7 @@ def hand_back_numbers(calibration: Calibration) -> Iterator[Quantity]:
         return
     yield Quantity("tool_in_use/name", found.tool.name)
     yield Quantity("tool_in_use/sentences", tool_words(calibration))
-    yield Quantity("tool_in_use/point_mm", found.worst, METRE)
+    yield stated("tool_in_use/point_mm", found.worst, METRE)
     yield Quantity("tool_in_use/R95_mean_um", found.radius_mean, METRE)
     yield Quantity("tool_in_use/R95_move_um", found.radius_move, METRE)
     yield Quantity("tool_in_use/largest_R95_um", float(found.at_poses.max()), METRE)

@@ -13,7 +13,7 @@ from calib.uncertainty.statement.stated_point import widened
 from testbed.laboratory.truth.setting import held_out_conditions
 from testbed.report.page import Section, Table, Text, heads
 from testbed.scenario.tolerance import Decision
-from testbed.store.quantities import METRE, Quantity, below
+from testbed.store.quantities import METRE, Quantity, below, stated
 from testbed.studies.trial.records import Campaign, Estimate
 from testbed.studies.trial.statement.records import LEVEL
 from testbed.units import UM, counted, micrometres, percent, sentence, typeset
@@ -145,5 +145,5 @@ def published(campaign: Campaign, estimate: Estimate) -> list[Quantity]:
         out += below(f"decisions/{name}", figures)
     if out and settings is not None:
         out.insert(0, Quantity("decisions/rule", settings.decision.rule))
-        out.insert(0, Quantity("decisions/tolerance_um", settings.decision.tolerance, METRE))
+        out.insert(0, stated("decisions/tolerance_um", settings.decision.tolerance, METRE))
     return out
