@@ -75,7 +75,7 @@ def read_sheet(
         raise refusal(text.where, "file", "has no table")
     above = 0 if header is not None else titles_above(content, separator)
     titles, content = content[:above], content[above:]
-    separator = separator or separator_of(content[0][1])
+    separator = separator or _separator(content)
     cells = split_cells(content, separator, text.where)
     head, first = _names(cells[0], cells[1:]), 1
     if header is False:
@@ -98,6 +98,18 @@ def read_sheet(
     )  # fmt: skip
     _check_lengths(sheet)
     return sheet
+
+
+def _separator(content: Sequence[tuple[int, str]]) -> str:
+    """What separates the cells of all lines, told by the first one.
+
+    Tabs in some places and spaces in others are white space, where only then all rows are alike.
+    """
+    found = separator_of(content[0][1])
+    lines = [line for _, line in content]
+    if found != "tab" or len({line.rstrip().count("\t") for line in lines}) == 1:
+        return found
+    return "space" if len({len(line.split()) for line in lines}) == 1 else found
 
 
 def titles_above(content: Sequence[tuple[int, str]], separator: str = "") -> int:

@@ -69,3 +69,14 @@ def test_a_transform_over_four_lines_is_to_be_written_into_one(tmp_path):
     done = call("new", "session", tmp_path / "a.txt", "--out", tmp_path / "session.toml")
     assert done.exit_code == 2
     assert "has 16 transforms of four lines each" in " ".join(done.stderr.split())
+
+
+def test_tabs_and_spaces_in_one_line_are_both_white_space(tmp_path):
+    joints = [line.replace(" ", "\t", 5 - k % 3) for k, line in enumerate(text(DEG).split("\n"))]
+    files = [tmp_path / "a.txt", tmp_path / "b.txt"]
+    files[0].write_text("\n".join(joints))
+    files[1].write_text(text(MM).replace(" ", "  "))
+    said, _ = proposed(tmp_path, files, "--robot", UR10.name)
+    assert "to fix" not in said
+    table = read_session(tmp_path / "session.toml", UR10).measurements
+    np.testing.assert_allclose(table.q, DATA.q, rtol=0, atol=1e-11)  # eleven decimals of a degree
