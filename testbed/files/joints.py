@@ -31,6 +31,7 @@ class Extras:
     """What a file says of its rows besides joints and readings; None where it says nothing."""
 
     pose: tuple[str, ...] | None = None
+    target: tuple[str, ...] | None = None
     repeat: Index | None = None
     split: tuple[str, ...] | None = None
     approach: tuple[str, ...] | None = None
@@ -45,7 +46,7 @@ class Extras:
 
     def rows(self, index: Index) -> "Extras":
         """The same for some rows (indices)."""
-        some = rows_of(self, index, ("pose", "repeat", "split", "approach", "time"))
+        some = rows_of(self, index, ("pose", "target", "repeat", "split", "approach", "time"))
         return replace(
             some,
             moments=self.moments.rows(index) if self.moments is not None else None,
@@ -81,6 +82,7 @@ def extras_of(table: DataTable, good: Bool) -> Extras:
     time, still = times_of(moments, good, table.where)
     return Extras(
         pose=table.texts_of("pose_id"),
+        target=table.texts_of("target"),
         repeat=_repeats(table, good) if "repeat" in table else None,
         split=split,
         approach=table.texts_of("approach"),

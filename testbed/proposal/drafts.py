@@ -34,6 +34,12 @@ class Draft:
     jointless: bool = False
     """Whether no file has joints."""
 
+    @property
+    def counts_targets(self) -> bool:
+        """Whether a column without a name is taken as that of targets."""
+        columns = [self.document.get(name, {}).get("columns", {}) for name in ("joints", "points")]
+        return any(one.get("target", "").isdigit() for one in columns)
+
 
 def drafts_of(
     looks: tuple[Found, ...], own: tuple[int, ...], slides: frozenset[int] = frozenset()

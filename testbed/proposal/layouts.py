@@ -1,5 +1,6 @@
 """Possible columns of joints and readings in rows without a header."""
 
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -11,6 +12,8 @@ from testbed.proposal.transforms import BLOCKS, Block
 Names = tuple[str, ...]
 SCATTER = 0.2
 """What uncertainties of coordinates do not exceed, in millimeters or in meters."""
+FEWEST_EACH = 10
+"""Rows of each number that may be a target: a base and a tool, 9 numbers, fit fewer by chance."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,6 +27,8 @@ class Layout:
     rotation: Names = ()
     said: tuple[str, ...] = ()
     """Assumption on the order of numbers, if they are not separate columns."""
+    target: str = ""
+    """Column of whole numbers that may say which of several targets each row saw."""
 
 
 def layouts(look: Found, n: int) -> Iterator[Layout]:
@@ -55,6 +60,12 @@ def layouts(look: Found, n: int) -> Iterator[Layout]:
             yield Layout("readings", (), _names(at, 3))
         if left > n:  # or behind the joints: those of other axes
             yield Layout("joints", joints=_names(at, n))
+            if target := _coded(look, at + n):
+                yield Layout("joints", joints=_names(at, n), target=target)
+        if left == n + 4 and (target := _coded(look, at + n)):
+            yield Layout(
+                f"both {skip} joints, target", _names(at, n), _names(at + n + 1, 3), target=target
+            )
         for block in BLOCKS:
             if left == block.size and block.fits(_numbers(look, at, block)):
                 yield _of_block("readings", block, at, ())
@@ -76,6 +87,14 @@ def _is_scatter(look: Found, at: int) -> bool:
 def _names(start: int, count: int) -> Names:
     """Numbers of some columns, from 1."""
     return tuple(str(start + k + 1) for k in range(count))
+
+
+def _coded(look: Found, k: int) -> str:
+    """Name of the column behind `k` others, if it holds whole numbers that come again and again."""
+    (name,) = _names(k, 1)
+    count = Counter(look.column(name))
+    again = len(count) > 1 and min(count.values()) >= FEWEST_EACH
+    return name if again and all(code.isascii() and code.isdigit() for code in count) else ""
 
 
 def _numbers(look: Found, at: int, block: Block) -> Array:

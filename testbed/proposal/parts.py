@@ -10,7 +10,7 @@ from testbed.files.rows.one_tool import apart_or_alike
 from testbed.files.rows.planned import foretold
 from testbed.proposal.data import Document, Found, Part
 from testbed.proposal.exports import exported_parts
-from testbed.proposal.layouts import layouts
+from testbed.proposal.layouts import Layout, layouts
 from testbed.proposal.names import Meaning
 from testbed.proposal.naming.plain import without_unit
 from testbed.proposal.naming.targets import targets_in_a_row
@@ -48,8 +48,10 @@ def joint_parts(
                 continue
             for units, said in _each_unit(look, dict(zip(own, names, strict=True)), slides):
                 mapped = {f"q{k}_{units[k]}": name for k, name in zip(own, names, strict=True)}
+                mapped |= _target_of(layout) if not layout.position else {}
                 note = f"joints: columns {names[0]} to {names[-1]}, taken as {said}"
-                yield look, {"columns": _more(look) | mapped}, (note,), layout.name
+                coded = _coded_said(layout) if not layout.position else ()
+                yield look, {"columns": _more(look) | mapped}, (note, *coded), layout.name
     elif look.has(*(f"q{k}" for k in own)) or look.has(*(f"q{k}_read" for k in own)):
         stems = [f"q{k}{tail}" for tail in ("", "_read") for k in own]
         found = [look.stems[stem] for stem in stems if stem in look.stems]
@@ -62,10 +64,22 @@ def joint_parts(
             mapped = {f"{one.stem}_{one.unit or units[_number(one)]}": one.theirs
                       for one in foreign}  # fmt: skip
             unit = (f"joints: no column states its unit; assumed: {assumed}",) if open_ else ()
-            named = {key: name for key, name in _more(look).items() if key in BESIDE_JOINTS}
+            beside = BESIDE_JOINTS if look.has(*"xyz") else (*BESIDE_JOINTS, "target")
+            named = {key: name for key, name in _more(look).items() if key in beside}
             named |= _drives(look, own[-1])
             keys = {**source, **({"columns": named | mapped} if named or mapped else {})}
             yield look, keys, (*unit, *notes), ""
+
+
+def _target_of(layout: Layout) -> dict[str, str]:
+    """The column of targets of a layout, by our name."""
+    return {"target": layout.target} if layout.target else {}
+
+
+def _coded_said(layout: Layout) -> tuple[str, ...]:
+    """The assumption on the column of targets of a layout."""
+    said = f"targets: column {layout.target}, taken as the number of the one that was measured"
+    return (said,) if layout.target else ()
 
 
 def _number(one: Meaning) -> int:
@@ -103,8 +117,10 @@ def seen_parts(look: Found, own: tuple[int, ...]) -> Iterator[Part]:
         for layout in layouts(look, len(own)):
             if layout.position:
                 place = dict(zip("xyz", layout.position, strict=True))
-                for keys, notes in _readings(look, place, layout.rotation, _more(look)):
-                    yield look, keys, (*layout.said, *notes), layout.name
+                more = _more(look) | _target_of(layout)
+                for keys, notes in _readings(look, place, layout.rotation, more):
+                    said = (*layout.said, *_coded_said(layout))
+                    yield look, keys, (*said, *notes), layout.name
     elif look.kind == "table":
         stems = look.stems
         polar = is_polar(look)

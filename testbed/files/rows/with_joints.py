@@ -3,6 +3,8 @@
 from collections.abc import Sequence
 from dataclasses import replace
 
+import numpy as np
+
 from testbed.files.cleaned import Cleaned, sheet_of, table_in
 from testbed.files.joints import has_joints, read_joints
 from testbed.files.matching import Match, by_cycle, by_order, by_pose, by_row
@@ -62,6 +64,8 @@ def with_joints(
         poses = {name for other in others for name in other.poses}
         match = by_pose(joints, readings, drop=drop, elsewhere=poses)
     part = TargetPart(joints.rows(match.joints), readings.rows(match.readings), section)
+    if not same:
+        part = _with_targets_of_joints(part, len(joints))
     if settings.match == "time" and part.joints.extras.pose is None:  # a log numbers no poses
         named = replace(part.joints.extras, pose=part.readings.extras.pose)
         part = replace(part, joints=replace(part.joints, extras=named))
@@ -75,6 +79,21 @@ def with_joints(
     if readings.kind != "pose" and any(part.readings.target):
         require_names("target", part.readings.target, part.readings.place)
     return part, replace(match, masked=(*copies, *means), warnings=(*match.warnings, *alike))
+
+
+def _with_targets_of_joints(part: TargetPart, count: int) -> TargetPart:
+    """Points named as in the file of the `count` joints, where their own names no targets.
+
+    Each of these joints belongs to one reading. Names that never come again are those of where the
+    robot was sent: a reflector is measured more than once.
+    """
+    names, readings = part.joints.extras.target or (), part.readings
+    paired = len(part) == count == len(np.unique(part.joints.row))
+    if readings.kind != "point" or any(readings.target) or not paired:
+        return part
+    if not 0 < len(set(names)) < len(names):
+        return part
+    return replace(part, readings=replace(readings, target=names))
 
 
 def _require_one_place(

@@ -80,3 +80,58 @@ def test_tabs_and_spaces_in_one_line_are_both_white_space(tmp_path):
     assert "to fix" not in said
     table = read_session(tmp_path / "session.toml", UR10).measurements
     np.testing.assert_allclose(table.q, DATA.q, rtol=0, atol=1e-11)  # eleven decimals of a degree
+
+
+MANY = made(6, 36, robot=UR10)
+JOINTS, FLANGE = np.degrees(MANY.q), 1e3 * MANY.T[:, :3, 3]
+SEEN = np.random.default_rng(1).permutation(36) % 3
+"""Which of three reflectors is seen at each pose."""
+POINT_NAMES = np.array([f"p{10 * k}" for k in range(36)])
+PLACES = np.array([[80.0, 0.0, 50.0], [-60.0, 90.0, 50.0], [-60.0, -90.0, 70.0]])
+POINTS = FLANGE + np.einsum("mij,mj->mi", MANY.T[:, :3, :3], PLACES[SEEN])
+
+
+def of_targets(tmp_path, *texts):
+    """What is said of files in which each row sees one of three reflectors, and what is read."""
+    files = [tmp_path / f"{name}.txt" for name in "ab"[: len(texts)]]
+    for file, one in zip(files, texts, strict=True):
+        file.write_text(one)
+    said, _ = proposed(tmp_path, files, "--robot", UR10.name)
+    return said, read_session(tmp_path / "session.toml", UR10)
+
+
+@pytest.mark.parametrize(
+    "texts",
+    [
+        [text(JOINTS, (SEEN + 1).astype(str)), text(POINTS)],
+        [text(JOINTS, (SEEN + 1).astype(str), POINTS, mark=",")],
+        ["J1,J2,J3,J4,J5,J6,SMR\n" + text(JOINTS, (SEEN + 1).astype(str), mark=","),
+         "X,Y,Z\n" + text(POINTS, mark=",")],
+        ["J1,J2,J3,J4,J5,J6,target\n" + text(JOINTS, (SEEN + 1).astype(str), mark=","),
+         "X,Y,Z\n" + text(POINTS, mark=",")],
+    ],
+    ids=["in two files", "in one file", "under a name", "under our name"],
+)  # fmt: skip
+def test_the_number_of_the_reflector_beside_the_joints_is_its_name(texts, tmp_path):
+    said, session = of_targets(tmp_path, *texts)
+    assert "to fix" not in said
+    assert "Not used" not in said
+    names = np.array(session.reflector_names)[session.measurements.reflector]
+    assert names.tolist() == (SEEN + 1).astype(str).tolist()
+    np.testing.assert_allclose(session.measurements.q, MANY.q, rtol=0, atol=1e-11)
+
+
+def test_a_number_that_explains_nothing_is_no_reflector(tmp_path):
+    said, session = of_targets(tmp_path, text(JOINTS, SEEN.astype(str)), text(FLANGE))
+    assert "a.txt: columns 7" in said
+    assert session.reflector_names == ()
+
+
+def test_names_beside_the_joints_that_never_come_again_are_no_reflectors(tmp_path):
+    head = "q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg,target\n"
+    _, session = of_targets(
+        tmp_path,
+        head + text(JOINTS, POINT_NAMES, mark=","),
+        "x_mm,y_mm,z_mm\n" + text(FLANGE, mark=","),
+    )
+    assert session.reflector_names == ()
