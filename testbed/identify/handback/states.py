@@ -148,8 +148,10 @@ def _why_and_beyond(calibration: Calibration) -> list[str]:
     elif given.widened:
         said.append(f"the links lie {_widths(given.tolerance)} from nominal ({given.stated_by})")
     far = [one for one in handed_numbers(calibration) if one.is_far]
+    # what no number of the model stands for is spread over those that come near it
+    refuted = "ask for it, though some of what the model misses may be in it"
     for alone, why in (
-        (True, "confirm it"),
+        (True, refuted if calibration.refuted else "confirm it"),
         (False, "determine them only together with others"),
     ):
         some = [one for one in far if (one.held_by == BEYOND) == alone]

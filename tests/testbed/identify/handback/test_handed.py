@@ -206,6 +206,17 @@ def test_a_number_beyond_its_tolerance_is_told():
     assert all(f"{name} by " in sentences for name in list(moved)[:6])
 
 
+def test_a_model_that_tests_refute_confirms_no_number():
+    """Fitted without its springs, an arm has numbers that stand for them, far beyond their U."""
+    found = sound()
+    narrow = replace(found.handback, tolerance=usual_tolerances(6) / 4)
+    refuted = replace(found.proof, trust=replace(found.proof.trust, refuted=True))
+    for proof, confirmed in ((found.proof, True), (refuted, False)):
+        told = " ".join(hand_back_warnings(replace(found, handback=narrow, proof=proof)))
+        assert ("confirm it" in told) == confirmed
+        assert ("what the model misses may be in it" in told) != confirmed
+
+
 def test_a_number_beyond_its_tolerance_is_told_though_priors_hold_others():
     """Waves have priors of their own, and share their mean with the zero of their joint."""
     found = sound()
