@@ -1,25 +1,16 @@
 """The draft of a session that fits best, after fitting base and tool of the nominal robot."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from calib.errors import InputError
-from testbed.files.frames_fit import (
-    FAR,
-    TIMES,
-    Misfit,
-    far_for,
-    fit_frames,
-    flange_poses,
-    target_groups,
-)
+from testbed.files.frames_fit import FAR, TIMES, Misfit
 from testbed.files.probe import probe
 from testbed.files.read import session_of
 from testbed.files.refusal import refusal
-from testbed.files.rows.shifts import FEWEST, ROWS, spread_out
+from testbed.files.rows.shifts import FEWEST
 from testbed.files.session import Session, Sources
 from testbed.files.session_toml import SESSION_FILE, SessionFile
 from testbed.gates.mistakes import validated
@@ -27,54 +18,16 @@ from testbed.gates.text import MAX_MB
 from testbed.proposal.both import Joined, is_ranged, joined_with, names_of
 from testbed.proposal.data import Found
 from testbed.proposal.drafts import PARTS, Draft
+from testbed.proposal.fits.draft_fit import AXES, DraftFit, fit_of
 from testbed.proposal.fits.far_off import far_off
 from testbed.proposal.fits.sent import is_of_a_controller, places_of, without_sent
 from testbed.proposal.rows.beginning import SEEN, beginnings
 from testbed.robots.robot import Robot
 from testbed.units import counted
 
-AXES = 3
-"""Equations of a position; a distance has one."""
 GUESSED = ("M20", "M22", "M23", "V9")
 """Error codes of numbers with another meaning than assumed."""
-EXPLAINED = 3
-"""Least spread of positions, as a multiple of the misfit, that a robot has caused."""
 BY_SIZE = "units and conventions are guessed from the numbers and from common use"
-
-
-@dataclass(frozen=True, slots=True)
-class _Fit:
-    """Misfit of a draft after fitting base and tool, with counts of equations and unknowns."""
-
-    left: Misfit
-    """Infinite if nothing could be fitted."""
-    equations: int
-    numbers: int
-    far: float = FAR
-    """Misfit that the right draft never leaves [m]."""
-
-    @property
-    def score(self) -> float:
-        """Misfit in one number [m]."""
-        return self.left.score
-
-    @property
-    def is_near(self) -> bool:
-        return self.score <= self.far
-
-    @property
-    def is_one(self) -> bool:
-        """Whether anything was fitted."""
-        return bool(np.isfinite(self.score))
-
-    @property
-    def noise(self) -> float:
-        """The misfit by degrees of freedom [m]; infinite without any."""
-        left = self.equations - self.numbers
-        return self.score * float(np.sqrt(self.equations / left)) if left > 0 else np.inf
-
-
-NONE = _Fit(Misfit(np.inf, 0.0), 0, 0)
 
 
 def tried_with(
@@ -114,9 +67,9 @@ def tried_with(
 
     sessions = [readable(draft) for draft in drafts]
     # if a reading was lost and later rows are shifted, a part of the rows still fits
-    whole: list[_Fit] = []
+    whole: list[DraftFit] = []
     for parts in PARTS:
-        fits = [_fit(robot, session, parts) for session in sessions]
+        fits = [fit_of(robot, session, parts) for session in sessions]
         whole = whole or fits
         best = _best(drafts, sessions, fits)
         if fits[best].is_near:
@@ -178,7 +131,7 @@ def unnamed(look: Found) -> InputError:
 def _by_an_instrument(
     drafts: Sequence[Draft],
     sessions: Sequence[Session | None],
-    fits: Sequence[_Fit],
+    fits: Sequence[DraftFit],
     best: int,
     robot: Robot,
 ) -> tuple[int, set[int], str]:
@@ -204,7 +157,7 @@ def _by_an_instrument(
 def _of_both(
     drafts: Sequence[Draft],
     sessions: Sequence[Session | None],
-    fits: Sequence[_Fit],
+    fits: Sequence[DraftFit],
     best: int,
     robot: Robot,
     read: Callable[[Draft], Session],
@@ -249,7 +202,9 @@ def _fitting(robot: Robot, left: Misfit, others: Sequence[Misfit], count: int, p
     return tried
 
 
-def _best(drafts: Sequence[Draft], sessions: Sequence[Session | None], fits: Sequence[_Fit]) -> int:
+def _best(
+    drafts: Sequence[Draft], sessions: Sequence[Session | None], fits: Sequence[DraftFit]
+) -> int:
     """The draft of least estimated noise; among other files that fit, the one with most rows.
 
     A few rows always fit well, and would otherwise win over a file with many.
@@ -282,31 +237,3 @@ def _same_rows(one: Session | None, other: Session | None) -> bool:
         np.array_equal(getattr(one.measurements, name), getattr(other.measurements, name))
         for name in ("q", "position", "rotation", "distance")
     )
-
-
-def _fit(robot: Robot, session: Session | None, parts: int) -> _Fit:
-    """Misfit after fitting base and tool to the best of several parts of the rows of one target."""
-    if session is None:
-        return NONE
-    table, groups = session.measurements, target_groups(session.measurements)
-    if not groups and parts == 1:
-        stated = probe(robot, session).stated
-        # the tool and the positions; if all of these are free, the base is the world
-        free = len(session.free_anchors)
-        numbers = 3 + 3 * free + (6 if free < len(session.anchor_names) else 0)
-        return _Fit(stated, min(len(table), ROWS), numbers) if stated is not None else NONE
-    if not groups or len(groups[0]) < FEWEST * parts:
-        return NONE
-    left = []
-    for stretch in np.array_split(groups[0], parts):
-        rows = stretch[spread_out(len(stretch))]
-        F = flange_poses(robot.model, table.q[rows])
-        turned = table.rotation[rows] if table.is_pose[rows[0]] else None
-        seen = table.position[rows]
-        frames = fit_frames(F, seen, turned)
-        misfit = frames.misfit(F, seen, turned)
-        if EXPLAINED * misfit.score > float(np.sqrt(np.var(seen, axis=0).sum())):
-            misfit = NONE.left  # no robot has moved them
-        size, numbers = (3, 9) if turned is None else (6, 12)
-        left.append(_Fit(misfit, size * len(rows), numbers, far_for(seen)))
-    return min(left, key=lambda one: one.score)
