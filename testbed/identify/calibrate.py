@@ -269,7 +269,7 @@ def _calibrated(
         shared=shared,
         visits=session.visits,
         visit=session.visit,
-        moved=moved_in(session, chosen.identification, measurements, used),
+        moved=moved_in(session, (chosen, models[0]), measurements, used),
         handback=handback,
         warnings=(
             *model_words(shots, looking.train, chosen, called),

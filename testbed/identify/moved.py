@@ -1,30 +1,35 @@
 """Whether a station, the base, a target, the tool or a joint moved once, in words."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from calib.arrays import Bool
 from calib.identification.outliers.moved import Moved, moved_once, targets_of
-from calib.identification.result import Identification
 from calib.measurement.observations import GIVEN, Measurements
 from testbed.files.session import Session
 from testbed.identify.calibration import Calibration
+from testbed.identify.records import FittedModel
 from testbed.units import DEG, MM, UM, fixed, significant
 
 
 def moved_in(
-    session: Session, result: Identification, measurements: Measurements, used: Bool
+    session: Session, models: Sequence[FittedModel], measurements: Measurements, used: Bool
 ) -> Moved | None:
     """What moved between two rows that identify, where something tells their order.
+
+    A step that a rich model took for waves of the joints is not in its residuals, but it explains
+    those of a simpler model, almost all that is beyond noise: what the model misses follows the
+    poses and does not begin at a row.
 
     Parameters
     ----------
     session : Session
         Whose rows. Of several visits it is asked what differs between one and the next: a tool or
         a base that is the same as another's only by the file, or the zero of a joint.
-    result : Identification
-        Of the chosen model.
+    models : sequence of FittedModel
+        The chosen one, then the simplest: the first whose residuals a step explains counts.
     measurements : Measurements
         All rows (m).
     used : (m,) array of bool
@@ -35,7 +40,10 @@ def moved_in(
         return None
     rows = np.flatnonzero(used)
     order = session.in_time[rows] if visit is None else visit[rows]
-    found = moved_once(result, measurements.rows(rows), order)
+    table = measurements.rows(rows)
+    fits = dict.fromkeys(model.identification for model in models)
+    steps = (moved_once(fit, table, order) for fit in fits)
+    found = next((step for step in steps if step is not None), None)
     if found is None:
         return None
     last, row = int(rows[found.last]), int(rows[found.row])

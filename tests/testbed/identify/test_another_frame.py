@@ -5,12 +5,16 @@ import pytest
 
 from calib.errors import InputError
 from calib.geometry.frames import step_transform
+from calib.identification.outliers.moved import moved_once
+from calib.measurement import tables
 from testbed.files.read import read_held_out, read_session
 from testbed.identify.calibrate import Options, calibrate
 from testbed.identify.handback.delivered import Delivered
 from testbed.identify.results import headline
 from testbed.identify.session import with_test
 from testbed.identify.words import next_step, reasons, verdict
+from tests.calibrated import robot, session_of, true_model
+from tests.reference import pool_r
 from tests.testbed.files.campaign import HEAD, session, table, visit, written
 from tests.testbed.files.made import ROBOT, Made
 
@@ -206,3 +210,19 @@ def test_a_tool_or_base_that_is_the_same_is_not_accused(tmp_path, part):
     sessions = session("a"), session("b", f'{part} = "same as a"')
     found = calibrate(ROBOT, read_session(written(tmp_path, data, *sessions), ROBOT), SPLIT)
     assert found.moved is None
+
+
+def test_a_zero_that_slipped_is_named_where_waves_of_the_joints_took_it_up():
+    """Of a dozen such arms a map of the joints was chosen for two, and nothing had moved."""
+    rng, q, true = np.random.default_rng(8), pool_r(65, seed=8), true_model(8)
+    slipped = q + np.radians([0, 0, 0.02, 0, 0, 0]) * (np.arange(65) >= 30)[:, None]
+    xyz = true.poses(slipped)[:, :3, 3] + rng.normal(scale=10e-6, size=(65, 3))
+    data = session_of(tables.points(q, xyz, sd=10e-6))
+    found = calibrate(robot(), data, Options(model="choose", held_out=25))
+    assert found.choice.chosen == "extended"
+    table = found.measurements.rows(found.is_used)
+    assert moved_once(found.fit.identification, table, np.arange(len(table))) is None
+    assert (found.moved.what, found.moved.number) == ("joint", 2)
+    # forty readings of 10 um, some tenths of a meter from that joint
+    assert np.degrees(found.moved.change) == pytest.approx(0.02, rel=0.05)
+    assert next_step(found).startswith("First find out what moved")
