@@ -226,7 +226,7 @@ def repeatability(
     apart from that of the instrument: then their upper 95 % limit is taken.
     """
     stated, said, by = robot.repeatability, "the robot's description", "the robot's description"
-    if robot.sources.get("repeatability", "").startswith("assumed"):
+    if robot.scatter_is_assumed:
         said, by = "assumed, as the robot's file states none", "the assumption"
     some = np.flatnonzero(visits & ~measurements.is_distance)
     seen = measurements.rows(some)

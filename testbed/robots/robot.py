@@ -146,6 +146,11 @@ class Robot(Shown):
         return tuple(k for k in self.unread if k not in self.shapeless)
 
     @property
+    def scatter_is_assumed(self) -> bool:
+        """Whether its file states no repeatability of the joints."""
+        return self.sources.get("repeatability", "").startswith("assumed")
+
+    @property
     def moments(self) -> Array | None:
         """(n, 4) masses and first moments of its links [kg, kg m]; None where some are assumed."""
         if any(note.startswith(NO_MASS) for note in self.notes) or not self.masses.any():

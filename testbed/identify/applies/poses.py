@@ -7,7 +7,9 @@ from calib.identification.fit_statistics import RED
 from calib.identification.identify import Status
 from calib.identification.result import ILL_CONDITIONED
 from calib.measurement.observations import Measurements
+from testbed.files.session import Session
 from testbed.identify.records import FittedModel
+from testbed.robots.catalog import Robot
 from testbed.units import significant
 
 LEAST_TURN, LEAST_SLIDE = np.radians(10.0), 0.010
@@ -15,19 +17,43 @@ LEAST_TURN, LEAST_SLIDE = np.radians(10.0), 0.010
 
 
 def warnings_of(
-    geometric: FittedModel, chosen: FittedModel, train: Measurements
+    geometric: FittedModel, chosen: FittedModel, train: Measurements, scatter: str
 ) -> tuple[str, ...]:
-    """Sentences on the poses, by the geometric fit, and on the fit that was chosen."""
+    """Sentences on the poses, by the geometric fit, and on the fit that was chosen.
+
+    `scatter` says who told the scatter of the joints, as `scatter_told` does.
+    """
     result = chosen.identification
     texts = [*_still(geometric, train), *_condition(geometric)]
     if result.status is not Status.CONVERGED:
         texts.append(f"the fit {result.status.value}")
     if result.p_value > 1 - RED:
-        texts.append(
-            "the residuals are smaller than the stated noise of readings and joints together: one "
-            "of the two is stated too large"
-        )
+        texts.append(_quiet(scatter))
     return tuple(texts)
+
+
+def scatter_told(robot: Robot, session: Session) -> str:
+    """Who told the scatter of the joints that the noise contains: nobody, "stated", "assumed"."""
+    if not session.joint_scatter.any():
+        return ""
+    return "assumed" if robot.scatter_is_assumed else "stated"
+
+
+def _quiet(scatter: str) -> str:
+    """That less is left than the noise would leave, and which part of it may be too large."""
+    less = "the residuals are smaller than the"
+    if scatter == "stated":
+        return (
+            f"{less} stated noise of readings and joints together: one of the two is stated too "
+            "large"
+        )
+    if scatter == "assumed":
+        return (
+            f"{less} stated noise of the readings and the scatter of the joints together, which is "
+            "assumed, as the robot's file states none: one of the two is too large; "
+            'joint_repeatability = "included" under [uncertainty] takes the stated noise alone'
+        )
+    return f"{less} stated noise of the readings, which is stated too large"
 
 
 def _still(fit: FittedModel, train: Measurements) -> tuple[str, ...]:

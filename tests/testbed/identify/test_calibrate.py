@@ -185,6 +185,20 @@ def test_joints_that_were_not_moved_are_named_first_of_all_warnings():
     assert sound().warnings == ()
 
 
+def test_who_told_the_noise_that_is_too_large_is_said():
+    """A scatter of the joints that no file states was called one that somebody stated."""
+    session = session_of(table_of(true_model(), pool_r(40), noise=0.5))
+    scatter, sources = np.full(6, 1e-5), {"repeatability": "assumed: 10 urad"}
+    for arm, joints, said in (
+        (robot(), np.zeros(6), "stated noise of the readings, which is stated too large"),
+        (robot(), scatter, "stated noise of readings and joints together: one of the two is stat"),
+        (replace(robot(), sources=sources), scatter, "joints together, which is assumed, as the "),
+    ):
+        found = calibrate(arm, replace(session, joint_scatter=joints))
+        (told,) = (text for text in found.warnings if "residuals are smaller" in text)
+        assert said in told
+
+
 def test_where_only_linearity_fails_the_numbers_are_those_of_the_virtual_calibrations():
     found = sound()
     bent = replace(found.proof.bootstrap, estimates=2 * found.proof.bootstrap.estimates)
