@@ -37,6 +37,9 @@ class Trust(Shown):
     """Whether a test contradicts the interval from the parameters alone; where none does, that
     interval is still not proven."""
     sentences: tuple[str, ...]
+    found: tuple[str, ...] = ()
+    """Those of them that say what speaks against the stated noise alone: a drift, and readings that
+    it does not explain."""
 
     def __repr__(self) -> str:
         return f"Trust(believe={self.believe!r}, refuted={self.refuted})"
@@ -98,6 +101,9 @@ def trust(
         nonlinear.append(linear.sentence)
     refuted = bool(reasons or nonlinear)
     words: list[str] = []
+    found: list[str] = []
+    if drifting is not None and drifting.seen:
+        found.append(_capital(drifting.sentence))
     if frame is not None and (frame.found or frame.in_part):
         words.append(_capital(frame.sentence))
     if strays is not None:
@@ -110,7 +116,8 @@ def trust(
         few = strays is not None and not strays.moved
         words += _believed(belief, point, questions, drifting, few=few, ranged=ranged)
     if reasons:
-        words.append("The parameters alone do not explain the readings: " + "; ".join(reasons))
+        found.append("The parameters alone do not explain the readings: " + "; ".join(reasons))
+        words.append(found[-1])
     else:
         words.append(_unrefuted(questions, held_out, frame))
     if tails is not None:
@@ -125,7 +132,8 @@ def trust(
     elif not nonlinear:
         words += [_capital(part.sentence) for part in (bootstrap, linear) if part is not None]
     words += [f"Not covered by the stated noise: {text}" for text in unmodelled]
-    return Trust("none" if belief is None else "region", refuted, tuple(words))
+    told = tuple(text for text in found if text in words)
+    return Trust("none" if belief is None else "region", refuted, tuple(words), told)
 
 
 def _believed(

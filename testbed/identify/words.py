@@ -208,6 +208,11 @@ def next_step(calibration: Calibration) -> str:
     if not proof.belief.n_guards:
         done = "guards" if proof.held_out is not None else "has tested"
         return f"{text} State with it that no held-out pose {done} it. {_more_poses(calibration)}"
+    if proof.drifting is not None and proof.drifting.seen:
+        return (
+            f"{text} The readings drift: let the instrument and the arm settle, and measure nests "
+            "on the floor with them ([drift])."
+        )
     if proof.tails is not None and not proof.tails.source:
         return f"{text} Measure every pose twice, to tell noise with long tails from a misfit."
     if calibration.refuted:
@@ -273,7 +278,8 @@ def terminal_text(calibration: Calibration, delivered: Delivered) -> str:
     if delivered.program:
         parts += ["Program:", *(f"  {text}" for text in sentences(delivered.program))]
     parts.append("Of note:")
-    said = [*_remarks(calibration), *visit_words(calibration), conditions_words(calibration)]
+    said = list(calibration.proof.trust.found) if believed else []
+    said += [*_remarks(calibration), *visit_words(calibration), conditions_words(calibration)]
     said += calibration.gross.sentences[:MOST_NAMED]
     more = len(calibration.gross.sentences) - MOST_NAMED
     if more > 0:

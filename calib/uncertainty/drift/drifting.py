@@ -57,6 +57,11 @@ class Drifting:
         return bool(np.isnan(self.p_value))
 
     @property
+    def seen(self) -> bool:
+        """Whether rows follow their neighbors so that something is to be done about it."""
+        return self.drift is not None and self.p_value < SURE
+
+    @property
     def sentence(self) -> str:
         """The result in words."""
         size = ""

@@ -12,9 +12,11 @@ from calib.geometry.joint_errors import harmonic_terms
 from calib.identification.identify import Status
 from calib.identification.lack_of_fit import LackOfFit
 from calib.identification.outliers.tails import LongTails
+from calib.uncertainty.drift.drifting import Drifting
+from calib.uncertainty.drift.memory import SlowDrift
 from calib.uncertainty.regions import coverage_factor
 from calib.uncertainty.tool_point import tool_statement
-from calib.uncertainty.trust import Trust
+from calib.uncertainty.trust import Trust, trust
 from testbed.identify.fit import figures_of
 from testbed.identify.handback.delivered import Delivered
 from testbed.identify.handback.states import HandedNumber, handed_numbers
@@ -176,6 +178,25 @@ def test_the_terminal_says_the_same_in_plain_text():
     assert text.splitlines()[0] == MEASURED
     assert "\n".join(verdict_lines(plain(page(real).verdict))) in text
     assert "2 of 2 corrected." in text
+
+
+def test_what_speaks_against_the_noise_is_said_on_the_terminal_and_what_to_do_about_a_drift():
+    """Both were below the fold of the report alone."""
+    found = real()
+    told = " ".join(terminal_text(found, DELIVERED).split())
+    assert "The parameters alone do not explain the readings: " in told.partition("Of note:")[2]
+    assert "The readings drift" not in told
+    proof = found.proof
+    slow = Drifting(0.002, SlowDrift(5e-6, 30.0, np.zeros((30, 30))))
+    for seen in (slow, replace(slow, p_value=0.04)):  # so near by chance in one set of 25
+        judged = trust(
+            found.fit.identification, belief=proof.belief, point=proof.point,
+            questions=proof.questions, held_out=proof.held_out, drifting=seen,
+        )  # fmt: skip
+        drifts = replace(found, proof=replace(proof, drifting=seen, trust=judged))
+        told = " ".join(terminal_text(drifts, DELIVERED).split())
+        assert ("Successive readings are correlated (p = 0.002)" in told) == (seen is slow)
+        assert ("measure nests on the floor" in next_step(drifts)) == (seen is slow)
 
 
 def test_a_worse_model_is_not_said_to_fall_and_is_not_recommended():
