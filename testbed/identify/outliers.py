@@ -163,7 +163,7 @@ def bad_words(found: LookedAt, train: Measurements, name: list[str]) -> tuple[st
 def model_words(
     found: LookedAt, train: Measurements, chosen: FittedModel, name: list[str]
 ) -> tuple[str, ...]:
-    """What is missed and not called bad: a sentence on the model.
+    """What is missed and not called bad: sentences on the model, and on shots that may be bad.
 
     Parameters
     ----------
@@ -193,19 +193,39 @@ def model_words(
     rows -= bad
     if not rows:
         return ()
-    ranked = sorted(rows, key=lambda row: -misses[row])
-    them, there = ("it", "this one is") if len(ranked) == 1 else ("them", "these are")
-    typical = _median(misses, train, ranked[0])
-    text = (
-        f"the model fails in a region: it misses {_named(ranked, misses, name)} by up to "
-        f"{significant(misses[ranked[0]] * MM)} mm, where {significant(typical * MM, 2)} mm is "
-        f"typical, and a richer model, fitted without {them}, explains {them}; nothing is left "
-        f"out, as only another reading there could show whether {there} bad"
-    )
-    if alone := [row for row in ranked if _another_fits(row, rows | bad, misses, train)]:
+    explained = {k for k in rows if shots.misses[k] < FAR_OFF * _median(shots.misses, train, k)}
+    texts = []
+    if explained:
+        far, them, names = _missed(explained, misses, train, name)
+        there = "this one is" if them == "it" else "these are"
+        texts.append(
+            f"the model fails in a region: it misses {names} by up to {far}, and a richer model, "
+            f"fitted without {them}, explains {them}; nothing is left out, as only another reading "
+            f"there could show whether {there} bad"
+        )
+    if doubted := rows - explained:
+        far, them, names = _missed(doubted, misses, train, name)
+        most = significant(shots.misses[list(doubted)].max() * MM)
+        texts.append(
+            f"the model misses {names} by up to {far}, and a richer model, fitted without {them}, "
+            f"by up to {most} mm: probably {'a bad shot' if them == 'it' else 'bad shots'}, not "
+            "left out, as that model may be as far off at poses that so few are like; measure "
+            f"{them} again"
+        )
+    if alone := [row for row in rows if _another_fits(row, rows | bad, misses, train)]:
         beside = _named(alone, misses, name)
-        text += f"; for {beside}, another reading of the same pose fits: check there first"
-    return (text,)
+        texts[-1] += f"; for {beside}, another reading of the same pose fits: check there first"
+    return tuple(texts)
+
+
+def _missed(
+    rows: set[int], misses: Array, train: Measurements, name: list[str]
+) -> tuple[str, str, str]:
+    """By how much rows are missed and what is typical; "it" or "them"; their names."""
+    worst = max(rows, key=lambda row: misses[row])
+    typical = significant(_median(misses, train, worst) * MM, 2)
+    far = f"{significant(misses[worst] * MM)} mm, where {typical} mm is typical"
+    return far, "it" if len(rows) == 1 else "them", _named(rows, misses, name)
 
 
 def _another_fits(row: int, missed: set[int], misses: Array, train: Measurements) -> bool:
