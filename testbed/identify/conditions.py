@@ -32,15 +32,22 @@ def conditions_words(calibration: Calibration) -> str:
     return " ".join(said)
 
 
+def held_out_departs(
+    conditions: Conditions, set_up: SetUp, used: Bool, is_test: Bool
+) -> tuple[str, ...]:
+    """How the conditions of held-out rows differ from those of the training rows, by kind."""
+    there = conditions.rows(is_test)
+    found = departure(conditions.rows(used), there, int(is_test.sum()), set_up.tolerance)
+    return tuple(found.clauses(partial(counted, "held-out row"), "the training rows").values())
+
+
 def held_out_warnings(
     conditions: Conditions, set_up: SetUp, used: Bool, is_test: Bool
 ) -> tuple[str, ...]:
     """What judges a calibration under other conditions than it was made, by kind of condition."""
-    there = conditions.rows(is_test)
-    found = departure(conditions.rows(used), there, int(is_test.sum()), set_up.tolerance)
     return tuple(
         f"{said}: they judge the calibration under other conditions than those it was made under"
-        for said in found.clauses(partial(counted, "held-out row"), "the training rows").values()
+        for said in held_out_departs(conditions, set_up, used, is_test)
     )
 
 

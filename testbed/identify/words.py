@@ -9,7 +9,7 @@ from testbed.identify.applies.beyond import beyond_words, drawn_out, far_step, s
 from testbed.identify.applies.targets import tool_words as target_words
 from testbed.identify.applies.unsaid import unsaid_words
 from testbed.identify.calibration import Calibration
-from testbed.identify.conditions import conditions_words
+from testbed.identify.conditions import conditions_words, held_out_departs
 from testbed.identify.decisions import decision_words
 from testbed.identify.frames import FRAMES_ALONE
 from testbed.identify.handback.delivered import GEOMETRIC, Delivered
@@ -63,7 +63,8 @@ def verdict(calibration: Calibration) -> str:
         where = f"on {counted(held_out_poses(calibration), 'held-out pose')}"
     if calibration.elsewhere and calibration.proof.frame is not None:
         said = calibration.proof.frame.said_of(judges_called(calibration))
-        return f"{said[0].upper()}{said[1:]}. {believed_words(calibration)}"
+        said = ". ".join((f"{said[0].upper()}{said[1:]}", *_or_conditions(calibration)))
+        return f"{said}. {believed_words(calibration)}"
     if calibration.choice.asked == FRAMES_ALONE:
         text = f"With only the frames fitted, the {kind(calibration)} {where} is "
         text += f"{mm(after.position.mean)} mm"
@@ -82,6 +83,13 @@ def verdict(calibration: Calibration) -> str:
             f"{deg(after.rotation.mean)} deg"
         )
     return f"{text}. {believed_words(calibration)}"
+
+
+def _or_conditions(calibration: Calibration) -> tuple[str, ...]:
+    """What may have moved held-out rows as a whole beside another frame: their own conditions."""
+    used, judges = calibration.is_used, calibration.split.is_test
+    differ = held_out_departs(calibration.conditions, calibration.set_up, used, judges)
+    return (f"It may be their conditions instead: {'; '.join(differ)}",) if differ else ()
 
 
 def believed_words(calibration: Calibration) -> str:
@@ -177,9 +185,10 @@ def next_step(calibration: Calibration) -> str:
         )
     use = _what_to_use(calibration)
     if calibration.elsewhere:
+        conditions = ", or what their conditions do" if _or_conditions(calibration) else ""
         return (
             "First find out why the held-out poses are off as a whole: a base or a station that "
-            "moved, another target, another tool. Then measure them again."
+            f"moved, another target, another tool{conditions}. Then measure them again."
         )
     if calibration.moved is not None:
         return (

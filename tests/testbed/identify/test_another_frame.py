@@ -1,5 +1,7 @@
 """Rows in another frame: held-out ones are no proof, and a step between two rows is named."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -7,6 +9,7 @@ from calib.errors import InputError
 from calib.geometry.frames import step_transform
 from calib.identification.outliers.moved import moved_once
 from calib.measurement import tables
+from calib.uncertainty.statement.conditions import Conditions
 from testbed.files.read import read_held_out, read_session
 from testbed.identify.calibrate import Options, calibrate
 from testbed.identify.handback.delivered import Delivered
@@ -81,6 +84,17 @@ def test_a_wrong_shot_among_held_out_poses_is_named_first_and_nothing_is_said_to
     assert told["held_out_rows"] == [name]
     assert told["R95_mean_without_um"] == pytest.approx(found.gross.radius_without * 1e6)
     assert found.split.is_test.sum() == found.proof.belief.n_guards == 20
+
+
+def test_held_out_rows_under_a_load_may_be_off_for_that(tmp_path):
+    """Four kilograms that the file states were called another base, and nothing else."""
+    found = judged_by(tmp_path, moved(visit(0, 20, seed=5), 0.05, 0.01))
+    assert "It may be their conditions" not in verdict(found)
+    assert "conditions" not in next_step(found)
+    loaded = replace(found, conditions=Conditions(payload=np.where(found.split.is_test, 4.0, 0.0)))
+    said = "It may be their conditions instead: 20 held-out rows carry 4 kg; "
+    assert said in verdict(loaded)
+    assert "another tool, or what their conditions do. Then" in next_step(loaded)
 
 
 def test_a_station_that_stood_still_is_proof(tmp_path):
