@@ -6,10 +6,11 @@ instrument shares and what a drift leaves. Other statements stand beside it for 
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 
-from calib.arrays import Array
+from calib.arrays import LATER, Array
 from calib.held_out_counts import FEWEST, fewest_poses
 from calib.identification.fit_statistics import RED
 from calib.identification.identify import Identification, Status
@@ -72,7 +73,7 @@ class Judgement(Shown):
     tails: LongTails | None = None
     """Tails of the residuals that are longer than those of normal noise, without poses that stand
     out; None where they are not."""
-    strays: Strays | None = None
+    strays: Annotated[Strays | None, LATER] = None
     """Held-out poses that stand out where all others agree; they stay in every figure."""
 
     def __repr__(self) -> str:

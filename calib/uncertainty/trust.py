@@ -119,7 +119,10 @@ def trust(
         found.append("The parameters alone do not explain the readings: " + "; ".join(reasons))
         words.append(found[-1])
     else:
-        words.append(_unrefuted(questions, held_out, frame))
+        text = _unrefuted(questions, held_out, frame)
+        if strays is not None and not strays.moved:
+            text = f"Apart from what stands out: {text[0].lower()}{text[1:]}"
+        words.append(text)
     if tails is not None:
         words.append(_capital(tails.sentence))
         if identification.loss == "squared" and tails.source != "misfit":
@@ -236,7 +239,7 @@ def _unrefuted(questions: Questions, held_out: HeldOut | None, frame: OtherFrame
             motion = "a motion that explains the held-out errors in part"
         elif frame is not None and not frame.found:
             motion = f"{FRAME}, by less than the region allows for"
-        said = " and ".join(motion if name == FRAME else name for name in questions.said)
+        said = " and ".join(motion if name == FRAME else f"a {name}" for name in questions.said)
         least = max(p for p in questions.adjusted if p < LEVEL)
         return f"A test of the {of} shows {said} (p {chance(least)})"
     if not questions.agree:

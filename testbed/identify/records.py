@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
-from calib.arrays import Array, Bool, FloatOrNan
+from calib.arrays import LATER, Array, Bool, FloatOrNan
 from calib.identification.climbing import ClimbStep, Offer
 from calib.identification.identify import Identification
 from calib.measurement.accuracy import Accuracy
@@ -132,5 +132,5 @@ class OutlierRows(Shown):
     radius_without: float | None
     """R95 of the mean tool point if these had not been there [m]; None where there are none, or
     nothing would be believed."""
-    held_out_names: tuple[str, ...] = ()
+    held_out_names: Annotated[tuple[str, ...], LATER] = ()
     """What these rows are called, worst first."""

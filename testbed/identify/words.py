@@ -155,8 +155,8 @@ def _remarks(calibration: Calibration) -> list[str]:
     if calibration.source.masked:
         masked = counted(len(calibration.source.masked), "note")
         texts.append(
-            "Rows were left out while reading, before poses were held out: see "
-            f"{masked} under The data"
+            "Rows were left out while reading, before poses were held out, so no figure contains "
+            f"them: see {masked} under The data"
         )
     if not states_instrument(calibration.shared) and calibration.proof.belief is not None:
         texts.append(

@@ -107,7 +107,7 @@ def strays_of(
 ) -> Strays | None:
     """Held-out poses that stand out, if all others agree; None where none does, or they do not.
 
-    Also None where the training rows bound no misfit.
+    Also None where the training rows bound no misfit. Of each visit only a few may stand out.
 
     Parameters
     ----------
@@ -130,8 +130,11 @@ def strays_of(
     far = np.zeros(n, np.bool_)
     for one in seen:
         score, limit = _scores(one, n * len(seen))
-        far[np.searchsorted(poses, np.unique(one.points.pose_id))] |= score > limit
-    if not far.any() or far.sum() > MOST_OUTLIERS * n or n - far.sum() < FEWEST:
+        own = score > limit
+        if own.sum() > MOST_OUTLIERS * len(own):
+            return None
+        far[np.searchsorted(poses, np.unique(one.points.pose_id))] |= own
+    if not far.any() or n - far.sum() < FEWEST:
         return None
     p = min(_chance(one, ~np.isin(one.points.pose_id, poses[far])) for one in seen)
     p_others = min(1.0, len(seen) * p)

@@ -32,6 +32,8 @@ A true motion is hardly lost by it: the misfit believed is the largest that may 
 """
 PART = 0.01
 """A motion that leaves no more of the errors is one: gross errors bend the plain rules."""
+LEAST_TURN = 5e-4
+"""Turns below this, in degrees, would be written as zero."""
 FEWEST = 6
 """Held-out poses below which a motion of six numbers is not told from their noise."""
 
@@ -123,9 +125,10 @@ class OtherFrame(Shown):
             )
         else:
             angle = np.degrees(float(np.linalg.norm(self.turn)))
+            turned = f" and {angle:.{1 if angle >= 1 else 3}f} deg" if angle >= LEAST_TURN else ""
             what = (
-                f"are off as a whole by {length_words(self.size)} and "
-                f"{angle:.{1 if angle >= 1 else 3}f} deg (another base, or the station moved)"
+                f"are off as a whole by {length_words(self.size)}{turned} (another base, or the "
+                "station moved)"
             )
         if self.both:
             what += (

@@ -10,6 +10,7 @@ from calib.geometry.model import RobotModel
 from calib.geometry.parameters import parameters_of
 from calib.identification.identify import Status, identify
 from calib.uncertainty.judgement import Circumstances, judge
+from calib.uncertainty.outlying.poses import Strays
 from calib.uncertainty.tool_point import tool_statement
 from calib.uncertainty.trust import trust
 from calib.uncertainty.validation import LinearCheck
@@ -104,6 +105,33 @@ def test_a_motion_that_the_region_holds_is_said_to_be_in_it():
     # the smaller of two p-values, twice
     answer = "shows another frame, by less than the region allows for (p = 0.0002)"
     assert answer in verdict.sentence
+
+
+def test_tests_are_named_in_plain_words_and_those_of_a_shot_apart():
+    """A shot too small for chi-square of all poses stands out, and nothing else is contradicted."""
+    _, fit, train, test = campaign(3)
+    made = judge(fit, test, train=train)
+    parts = {"belief": made.belief, "point": made.point, "held_out": made.held_out}
+    asked = dataclasses.replace(made.questions, names=("misfit", "drift"), p_values=(1e-4, 1e-5))
+    both = trust(fit, **parts, questions=asked)
+    assert "shows a misfit and a drift (p " in both.sentences[-1]
+    one = Strays(np.array([7]), 151e-6, 35e-6, 39, 0.5)
+    shot = trust(fit, **parts, questions=made.questions, strays=one)
+    assert shot.sentences[0].startswith("Held-out pose 7 stands out: its error is 151 um")
+    assert shot.sentences[-1].startswith("Apart from what stands out: no test of the residuals and")
+    nothing = trust(fit, belief=None, point=None, questions=made.questions, strays=one)
+    assert nothing.sentences[0].startswith("No statement about the tool point is believed")
+    assert nothing.sentences[1].startswith("Held-out pose 7")
+
+
+def test_a_turn_too_small_to_be_written_is_not_said_to_be_zero():
+    _, fit, train, test = campaign(3)
+    frame = judge(fit, test, train=train).frame
+    turns = {1e-4: "", 7e-4: " and 0.001 deg", 17.7: " and 17.7 deg"}
+    for degrees, said in turns.items():
+        turn = np.radians([0.0, degrees, 0.0])
+        moved = dataclasses.replace(frame, size=5e-5, turn=turn, p_base=0.0, at_tool=False)
+        assert f"off as a whole by 50 um{said} (another base" in moved.sentence
 
 
 @pytest.mark.parametrize(

@@ -100,7 +100,10 @@ def shorter(text: str, before: Sequence[str]) -> str:
     return f"{first}." if colon and any(one.endswith(rest) for one in before) else text
 
 
-ELSEWHERE = ("No test of the", "The parameters alone do not explain the readings")
+ELSEWHERE = (
+    "No test of the", "Apart from what stands out: no test of the",
+    "The parameters alone do not explain the readings",
+)  # fmt: skip
 """Beginnings of sentences that repeat the table of tests and the reasons of the verdict."""
 
 

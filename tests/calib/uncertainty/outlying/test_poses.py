@@ -7,15 +7,18 @@ import pytest
 from scipy.stats import chi2
 
 from calib.errors import InputError
+from calib.geometry.fixtures import Fixtures
 from calib.geometry.joint_errors import JointErrors, gravity_terms
 from calib.geometry.model import RobotModel
+from calib.geometry.parameters import parameters_of
+from calib.identification.identify import identify
 from calib.measurement.prediction import predict, predicted_positions
 from calib.uncertainty.judgement import Circumstances, judge
 from calib.uncertainty.outlying.poses import Strays, strays_beside, strays_of
 from calib.uncertainty.statement.belief import believe
 from calib.uncertainty.statement.rigid import rest_of
 from tests.calib import kinds
-from tests.calib.uncertainty.statement.test_belief import campaign
+from tests.calib.uncertainty.statement.test_belief import TX60, campaign
 from tests.calib.uncertainty.statement.test_other_frame import shifted
 
 BLAMED = "joints, payload or the model changed"
@@ -75,6 +78,37 @@ def test_nothing_stands_out_where_nothing_is_wrong_or_everything():
     # of a quarter of the poses nobody can say that the others are the rule
     many, _ = hit(held_out, rng, 5)
     assert judge(fit, many, train=train).strays is None
+
+
+@pytest.mark.parametrize("louder", [0.0, 1.5])
+def test_one_stands_out_only_where_the_others_agree(louder):
+    """Noise of 1.8 times what is stated at all held-out poses: chi-square of 19 is three times."""
+    rng = np.random.default_rng([1, 20, 130, 77])
+    _, fit, train, held_out = campaign(rng, 0.0, m=130)
+    shot, _ = hit(held_out, rng, 1)
+    away = louder * kinds.NOISE * rng.normal(size=(20, 3))
+    shot = replace(shot, position=shot.position + away)
+    assert (judge(fit, shot, train=train).strays is None) == (louder > 0)
+
+
+def test_a_visit_in_another_frame_does_not_stand_out_pose_by_pose():
+    """Six of 40 held-out poses are of a second visit, half a millimetre away."""
+    rng = np.random.default_rng(46)
+    _, _, train, held_out = campaign(rng, 0.0, m=60, n=40)
+    visited = replace(TX60, fixtures=Fixtures(stations=np.tile(np.eye(4), (1, 1, 1))))
+    fit = identify(visited, train, parameters_of(visited, TX60.names))
+    second = np.arange(40) >= 34
+    moved = held_out.position + second[:, None] * [5e-4, 0.0, 0.0]
+    seen = replace(held_out, position=moved, station=second.astype(np.int64))
+    known = Circumstances(stations_are_visits=True)
+    found = judge(fit, seen, train=train, circumstances=known)
+    assert found.strays is None
+    assert found.frame.found
+    assert found.frame.station == 1
+    # a wrong shot stands out, whichever visit it is of
+    calm = replace(seen, position=held_out.position)
+    shot, wrong = hit(calm, rng, 1)
+    assert set(judge(fit, shot, train=train, circumstances=known).strays.poses.tolist()) == wrong
 
 
 def test_a_base_that_moved_is_found_beside_a_wrong_shot():
