@@ -18,7 +18,7 @@ from testbed.proposal.names import is_wished
 from testbed.proposal.naming.own_joints import with_joints
 from testbed.proposal.rows.clocks import REACH
 from testbed.proposal.verdict import verdict_on
-from testbed.proposal.wished import is_angle
+from testbed.proposal.wished import is_angle, is_computed
 from testbed.robots.robot import Robot
 from testbed.units import counted
 
@@ -196,10 +196,14 @@ def _proposed(looks: tuple[Found, ...], robot: Robot | None, root: Path) -> Prop
                 f"beside {', '.join(angles[:6])}, name one azimuth, one elevation (or zenith "
                 "angle) and one range, or export the X Y Z of the same points"
             )
+        if made := [name for one in looks for name in one.head if is_computed(name)]:
+            fix = f"{made[0]} ... are poses that the controller computed: give what was measured"
         if wished:
             fix = f"{', '.join(wished[:6])} are targets or differences: give what was measured"
+        where = ", ".join(one.called for one in looks) or "DATA"
+        no = "none has a" if len(looks) > 1 else "has no"
         raise refusal(
-            looks[0].name if looks else "DATA", "DATA", "has no column known as a reading",
+            where, "DATA", f"{no} column known as a reading",
             allowed="columns X Y Z, also with rotations; or points or frames of Spatial Analyzer",
             fix=fix,
         )  # fmt: skip

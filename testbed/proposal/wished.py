@@ -1,5 +1,7 @@
 """Targets and differences in rows of measurements: what they are, and whether they agree."""
 
+import re
+
 import numpy as np
 
 from calib.arrays import Array
@@ -14,6 +16,9 @@ from testbed.strict import toml_value
 
 UNITS = ("mm", "m")
 """Units tried for columns without one: first for measured ones, then targets and differences."""
+
+COMPUTED = re.compile(r"(tcp|flange|ee|cartesian)[\s_]?pose[\s_]?\d|O_T_EE[\s_]?\d+", re.IGNORECASE)
+"""Columns of logs, of Universal Robots and Franka among others, with numbers of a pose."""
 
 
 def wished_lines(look: Found) -> tuple[list[str], set[str]]:
@@ -76,6 +81,11 @@ def _meters(look: Found, columns: list[Meaning], unit: str) -> tuple[Array, floa
     digits = min(len(cell.partition(".")[2]) for column in cells for cell in column)
     values: Array = np.array([[number_of(cell) for cell in column] for column in cells]).T
     return values * FACTORS[unit], 10.0**-digits * FACTORS[unit]
+
+
+def is_computed(name: str) -> bool:
+    """Whether a column is of a pose in the log of a controller: actual_TCP_pose_0, O_T_EE_12."""
+    return COMPUTED.search(name) is not None
 
 
 def is_angle(name: str) -> bool:

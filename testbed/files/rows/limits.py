@@ -3,6 +3,7 @@
 import numpy as np
 
 from calib.arrays import Array, Bool
+from testbed.bounds import FACTORS
 from testbed.files.columns import UNITS, unit_of
 from testbed.files.refusal import refusal
 from testbed.files.rows.counts import added
@@ -14,6 +15,8 @@ from testbed.units import unit_of as unit_of_kind
 
 MANY = 0.05
 """Part of the joint values outside the limits above which the unit is wrong."""
+COUNTED, WHOLE = 3600, 1e-6
+"""Whole numbers above this are counts; what is left of one by the change of its unit."""
 LARGER = ("rad", "m")
 """Units whose numbers may be those of the other one."""
 OTHER_UNIT = {"rad": "deg", "deg": "rad", "m": "mm", "mm": "m"}
@@ -76,6 +79,12 @@ def check_limits(
         fix = f"if {what} are {other}, name the columns {stem}_{other} ...; else check the robot"
     elif not robot.controller.plain:
         fix = "correct these cells, or check the robot and its [controller]"
+    numbers = table.values(columns) / FACTORS[unit]
+    if (np.abs(numbers - np.round(numbers)) < WHOLE).all() and np.abs(numbers).max() > COUNTED:
+        fix = (
+            "whole numbers of that size are counts of encoders, and only the controller knows how "
+            f"many make a turn: export the joints in {'mm' if unit in ('m', 'mm') else 'degrees'}"
+        )
     if other_way := _other_way(robot, q, good):
         lines = added(robot.controller, *(f"q{k} = -J{k}" for k in other_way))
         which = " and ".join(f"q{k}" for k in other_way)

@@ -166,6 +166,13 @@ WRONG = {
         PLAIN | {"J2": DEG[:, 2], "J3": DEG[:, 1]}, "if the columns q2 and q3 are swapped",
     ),
     "shifted rows": (PLAIN | places("{}", np.roll(MM, 1, axis=0)), "if row k+1 belongs to pose k"),
+    "poses of a controller": (
+        joints("actual_q_{}") | {f"actual_TCP_pose_{k}": MM[:, k] for k in range(3)},
+        "actual_TCP_pose_0 ... are poses that the controller computed: give what was measured",
+    ),
+    "counts of encoders": (
+        joints("J{}", np.round(1000 * DEG)) | places("{}"), "are counts of encoders, and only the",
+    ),
     "targets alone": (joints("J{}") | places("{}_Soll"), "are targets or differences"),
     "a unit that another line contradicts": (
         {name: ["[rad]" if name[0] == "q" else "mm", *column] for name, column in
@@ -189,6 +196,16 @@ def test_names_and_order_that_agree_are_one_reading(tmp_path):
     read = session.measurements
     # six decimals of a millimeter are printed
     np.testing.assert_allclose(read.position, DATA.T[:, :3, 3], rtol=0, atol=1e-9)
+
+
+def test_all_files_are_named_where_none_has_a_reading(tmp_path):
+    (tmp_path / "joints.csv").write_text(csv(joints("J{}")))
+    (tmp_path / "log.csv").write_text("state,volts\nok,1\nok,2\n")
+    files = [tmp_path / "joints.csv", tmp_path / "log.csv"]
+    done = call("new", "session", *files, "--robot", UR10.name, "--out", tmp_path / "session.toml")
+    assert done.exit_code == 2
+    said = " ".join(done.stderr.split())
+    assert "joints.csv, log.csv: none has a column known as a reading" in said
 
 
 def test_a_table_on_its_side_is_named(tmp_path):
