@@ -189,6 +189,10 @@ def _table(file: Path, arm: Robot | None) -> list[str]:
             return [*said, f"type truebed {verb} {shlex.quote(str(file))}"]
     if arm is None:
         return [*said, "units and conventions were not tried: name the robot with --robot"]
+    given = shlex.quote(str(file))
+    asked = f"identify needs a session.toml: truebed new session {given} --robot ROBOT"
+    if any(one.kind != "table" for one in looks):  # nothing but a session says what is in these
+        return [*said, asked]
     try:
         return [*said, *_read(file, arm)]
     except InputError as error:
@@ -197,9 +201,7 @@ def _table(file: Path, arm: Robot | None) -> list[str]:
             raise
         if ours and error.code == "M35":
             raise
-        # not in the layout of truebed: a session.toml is needed
-        given = shlex.quote(str(file))
-        return [*said, f"identify needs a session.toml: truebed new session {given} --robot ROBOT"]
+        return [*said, asked]  # not in the layout of truebed
 
 
 def _columns(head: Sequence[str], known: dict[str, str], kind: str) -> list[str]:

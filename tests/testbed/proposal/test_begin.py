@@ -302,6 +302,26 @@ def test_check_tells_sessions_and_tables(tmp_path):
     assert not (tmp_path / "runs").exists()
 
 
+@pytest.mark.parametrize(
+    ("text", "what"),
+    [
+        (
+            "// AXES = CARTESIAN: X, Y, Z (mm)\nA, 1.5, 2.5, 3.5\nB, 4.5, 5.5, 6.5",
+            "an export of po",
+        ),
+        ("/POS\nP[1]{ GP1: J1= 1 deg, J2= 2 deg, J3= 3 deg, J4= 4 deg };", "a TP program (FANUC)"),
+        ("1 2.5 3.5\n2 4.5 5.5", "a table whose columns have no names, 2 rows"),
+    ],
+)
+def test_check_says_what_other_files_are_with_a_robot_as_without(text, what, tmp_path):
+    (tmp_path / "a.txt").write_text(text)
+    for more in ([], ["--robot", "staubli_tx60"]):
+        done = call("check", tmp_path / "a.txt", *more)
+        assert done.exit_code == 0
+        assert what in done.stdout
+    assert "identify needs a session.toml" in " ".join(done.stdout.split())
+
+
 def test_check_refuses_as_the_verb_would(tmp_path):
     cases = {
         "a.toml": ("[frames]\nfil = 1\n", 'has no key "fil"'),
