@@ -44,8 +44,9 @@ STREAMED = {"servoJ", "speedJ", "servoj", "speedj", "movesj", "set_servo_cartesi
 TAUGHT = "arm.set_servo_angle(angle=[...]), rtde_c.moveJ([...]), or movej([...]) of Doosan"
 SOME = (ast.ListComp, ast.SetComp, ast.DictComp, ast.GeneratorExp, ast.Lambda, ast.IfExp)
 """Expressions whose parts come once, several times or not at all."""
+PLACES, RADIAN = (ast.Name, ast.Subscript, ast.Attribute), "default_is_radian"
 FIRST = 40
-MOST_MB, MOST_STEPS, DEEPEST = 4.0, 50_000, 20
+MOST_MB, MOST_STEPS, DEEPEST = 0.3, 50_000, 20
 """Of a program that is parsed: its size, the statements that are followed, calls in calls."""
 
 
@@ -147,9 +148,10 @@ class _Reader:
                     self.lists = self.lists or one.lineno
             case _:
                 self._calls(one)
-                self.names.forget(*(part for part in ast.walk(one) if not isinstance(part, ast.Call)
-                                    and isinstance(part, ast.Name | ast.Subscript)))  # fmt: skip
-                if "default_is_radian" in ast.dump(one):
+                given = [part for part in ast.walk(one) if isinstance(part, PLACES)
+                         and not isinstance(part.ctx, ast.Load)]  # fmt: skip
+                self.names.forget(*given)
+                if any(isinstance(part, ast.Attribute) and part.attr == RADIAN for part in given):
                     self.radian = None
 
     def _loop(self, loop: ast.For) -> None:
@@ -194,10 +196,11 @@ class _Reader:
 
     def _calls(self, part: ast.AST) -> None:
         """All calls of a statement."""
-        for some in ast.walk(part):
+        parts = [one for one in ast.walk(part) if isinstance(one, (ast.Call, *SOME))]
+        for some in parts:
             if isinstance(some, SOME) and (moves := self._moves_in(some)):
                 raise self.program.computed(moves[0].lineno, "a move within an expression")
-        for call in [one for one in ast.walk(part) if isinstance(one, ast.Call)]:
+        for call in [one for one in parts if isinstance(one, ast.Call)]:
             name, words = called(call), {one.arg: one.value for one in call.keywords}
             own = self.functions.get(name)
             if name == "XArmAPI" and "is_radian" in words:

@@ -13,8 +13,8 @@ IN_RADIANS, IN_DEGREES = {"radians", "deg2rad"}, {"degrees", "rad2deg"}
 LISTS = {"array", "asarray", "list", "tuple"}
 HARMLESS = {"print", "len", "enumerate", "range", *LISTS, *IN_RADIANS, *IN_DEGREES}
 """Functions that leave a list as it is."""
-LONGEST = 100_000
-"""Most numbers of a range."""
+LONGEST, GROWN = 100_000, 5000
+"""Most numbers of a range, and most parts of a list that grows one by one."""
 
 
 @dataclass(slots=True)
@@ -40,7 +40,7 @@ class Names:
             case ast.Call(
                 func=ast.Attribute(value=ast.Name(id=name), attr="append" | "extend" as how),
                 args=[one],
-            ) if isinstance(old := self.known.get(name), tuple):
+            ) if isinstance(old := self.known.get(name), tuple) and len(old) < GROWN:
                 more = self.of(one) if how == "extend" else (self.of(one),)
                 self.known[name] = (*old, *more) if isinstance(more, tuple) else None
                 return

@@ -115,6 +115,7 @@ REFUSED = {
     "Python 2": (["import a", "print 'hello'"], "a.py:2: is no Python 3"),
     "endless calls": ([*RTDE, "def f():", "    f()", "f()"], "is no Python 3 that can be followed"),
     "deep brackets": (["import a", "x = " + 30_000 * "["], "is no Python 3"),
+    "a program too large": (["import a", *["x = [1, 2, 3, 4]"] * 40_000], "more than 0.3 MB"),
     "endless loops": (
         ["import a", *(f"{k * ' '}for i in range(1000):" for k in range(3)), "    x = 1"],
         "takes more than",
