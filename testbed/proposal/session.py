@@ -88,10 +88,30 @@ def propose_session(looks: tuple[Found, ...], robot: Robot | None, root: Path) -
         if isinstance(each, dict)
         for name in (each.get("file"), *each.get("files", ()))
     }
-    unused = tuple(one.called for one in looks if (one.name, one.sheet) not in read)
+    unused = tuple(
+        _left_aside(one, looks, proposed.document.get("points", {}).get("file"))
+        for one in looks
+        if (one.name, one.sheet) not in read
+    )
     said = verdict_on(proposed.document, looks, robot, root, fits=proposed.fits)
     odd = said.odd if cycles is None else (*said.odd, cycles.sentence)
     return replace(proposed, unused=(*unused, *said.unread), to_mend=said.refused, odd=odd)
+
+
+def _left_aside(look: Found, looks: Sequence[Found], points: str | None) -> str:
+    """A file that is not used, and what to do if it has one more target, beside those of `points`.
+
+    It has as many rows then, and the same columns.
+    """
+    form = (look.rows, look.head, look.kind)
+    read = [one for one in looks if one.name == points and (one.rows, one.head, one.kind) == form]
+    if not read or look.has("pose_id"):
+        return look.called
+    names = " ".join(f"{Path(one.name).stem}_{axis}" for one in (read[0], look) for axis in "XYZ")
+    return (
+        f"{look.called}, of as many rows and the same columns as {read[0].called}: if it is of "
+        f"another target on the same tool, write both side by side into one file, under {names}"
+    )
 
 
 def _of_visits(proposed: Proposed, looks: tuple[Found, ...]) -> Proposed:

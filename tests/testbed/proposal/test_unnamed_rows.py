@@ -135,3 +135,29 @@ def test_names_beside_the_joints_that_never_come_again_are_no_reflectors(tmp_pat
         "x_mm,y_mm,z_mm\n" + text(FLANGE, mark=","),
     )
     assert session.reflector_names == ()
+
+
+def test_a_file_of_one_more_target_is_not_left_aside_without_a_word(tmp_path):
+    places = FLANGE + np.einsum("mij,j->mi", MANY.T[:, :3, :3], PLACES[0])
+    blocks = {"q.txt": JOINTS, "smr1.txt": FLANGE, "smr2.txt": places}
+    files = [tmp_path / name for name in blocks]
+    for file, block in zip(files, blocks.values(), strict=True):
+        file.write_text(text(block))
+    said, _ = proposed(tmp_path, files, "--robot", UR10.name)
+    under = "smr1_X smr1_Y smr1_Z smr2_X smr2_Y smr2_Z"
+    assert f"write both side by side into one file, under {under}" in " ".join(said.split())
+    (tmp_path / "session.toml").unlink()
+    both = tmp_path / "all.txt"  # as it says
+    both.write_text(f"J1 J2 J3 J4 J5 J6 {under}\n" + text(JOINTS, FLANGE, places))
+    proposed(tmp_path, [both], "--robot", UR10.name)
+    session = read_session(tmp_path / "session.toml", UR10)
+    assert session.reflector_names == ("smr1", "smr2")
+    assert len(session.measurements) == 72
+
+
+def test_a_second_file_of_joints_is_no_target(tmp_path):
+    files = [tmp_path / name for name in ("q.txt", "smr1.txt", "r.txt")]
+    for file, block in zip(files, (DEG, MM, DEG), strict=True):
+        file.write_text(text(block))
+    said, _ = proposed(tmp_path, files, "--robot", UR10.name)
+    assert "side by side" not in said
