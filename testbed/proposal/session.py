@@ -4,28 +4,19 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from testbed.files.joints import held_words
-from testbed.files.observed import BESIDE_PLAN
-from testbed.files.refusal import no_rows, refusal
-from testbed.files.rows.planned import foretold
+from testbed.files.refusal import no_rows
 from testbed.proposal.beside import with_origin
 from testbed.proposal.both import is_ranged, merged
 from testbed.proposal.cycles import cycles_in
 from testbed.proposal.data import Document, Found
 from testbed.proposal.drafts import EACH_A_STATION, Draft, drafts_of
-from testbed.proposal.fits.tried import tried_with, unnamed
-from testbed.proposal.names import is_wished
+from testbed.proposal.fits.tried import tried_with
+from testbed.proposal.missing import columns_of, joints_in, no_reading, not_known, require_joints
 from testbed.proposal.naming.own_joints import with_joints
 from testbed.proposal.rows.clocks import REACH
 from testbed.proposal.verdict import verdict_on
-from testbed.proposal.wished import is_angle, is_computed
 from testbed.robots.robot import Robot
-from testbed.units import counted
 
-MOST_JOINTS = 20
-"""More than the number of joints in any file."""
-SHOWN = 8
-"""Largest number of unknown columns that are named."""
 JOINTS = 6
 """Assumed number of joints if no robot is named."""
 
@@ -197,36 +188,7 @@ def _proposed(looks: tuple[Found, ...], robot: Robot | None, root: Path) -> Prop
     drafts = _drafts(choices, own, slides)
     looks, n = tuple(one[0] for one in choices), len(own)
     if not drafts:
-        ahead = [foretold(one.head) for one in looks]
-        if any(ahead):
-            raise refusal(
-                looks[0].name, "DATA", "has no column known as a reading", fix=BESIDE_PLAN
-            )
-        wished = [name for one in looks for name in one.head if is_wished(name)]
-        fix = "name the columns, or name them under columns in session.toml by hand"
-        nameless = [one for one in looks if one.kind == "bare"]
-        if any(one.rows <= n + 12 < 2 * one.width for one in nameless):
-            fix = (
-                "each row is one measurement: turn rows into columns if the table lies on its side"
-            )
-        elif nameless:
-            raise unnamed(nameless[0])
-        if angles := [name for one in looks for name in one.head if is_angle(name)]:
-            fix = (
-                f"beside {', '.join(angles[:6])}, name one azimuth, one elevation (or zenith "
-                "angle) and one range, or export the X Y Z of the same points"
-            )
-        if made := [name for one in looks for name in one.head if is_computed(name)]:
-            fix = f"{made[0]} ... are poses that the controller computed: give what was measured"
-        if wished:
-            fix = f"{', '.join(wished[:6])} are targets or differences: give what was measured"
-        where = ", ".join(one.called for one in looks) or "DATA"
-        no = "none has a" if len(looks) > 1 else "has no"
-        raise refusal(
-            where, "DATA", f"{no} column known as a reading",
-            allowed="columns X Y Z, also with rotations; or points or frames of Spatial Analyzer",
-            fix=fix,
-        )  # fmt: skip
+        raise no_reading(looks, n)
     first = _untried(drafts)
     if robot is None:
         tried = (
@@ -235,27 +197,14 @@ def _proposed(looks: tuple[Found, ...], robot: Robot | None, root: Path) -> Prop
         )
         return Proposed(first.document, first.notes, tried, False)
     if first.jointless:
-        _require_joints(looks, robot)
-        tried = "there are no joints: nothing could be tried" + _not_known(looks)
+        require_joints(looks, robot)
+        tried = "there are no joints: nothing could be tried" + not_known(looks)
         return Proposed(first.document, first.notes, tried, False)
     best, tried, fits = tried_with(drafts, looks, robot, root)
-    there = max(len(_joints(one)) for one in looks)
+    there = max(len(joints_in(one)) for one in looks)
     if not fits and there > n:
         tried += f". There are {there} joints, and {robot.name} has {n}"
     return Proposed(best.document, best.notes, tried, fits)
-
-
-def _not_known(looks: tuple[Found, ...]) -> str:
-    """The unknown columns of tables, in words."""
-    names = [
-        name
-        for one in looks
-        if one.kind == "table"
-        for name in one.head
-        if name not in {each.theirs for each in one.meanings}
-    ]
-    more = f" and {len(names) - SHOWN} more" if len(names) > SHOWN else ""
-    return f"; not known are {', '.join(names[:SHOWN])}{more}" if names else ""
 
 
 def _untried(drafts: list[Draft]) -> Draft:
@@ -265,32 +214,6 @@ def _untried(drafts: list[Draft]) -> Draft:
     pairs = [(one, first) if is_ranged(first) else (first, one) for one in others]
     both = (joined for pair in pairs if (joined := merged(*pair)) is not None)
     return next(both, first)
-
-
-def _joints(look: Found) -> set[int]:
-    """Numbers of the joints with columns in a file."""
-    return {k for k in range(1, MOST_JOINTS) if f"q{k}" in look.stems or f"q{k}_read" in look.stems}
-
-
-def columns_of(robot: Robot) -> tuple[int, ...]:
-    """Numbers of the joints with columns in a table of this robot."""
-    return tuple(robot.controller.counted(robot.model.chain.n_joints) + 1)
-
-
-def _require_joints(looks: tuple[Found, ...], robot: Robot) -> None:
-    """Refuse a file with only some of the joints, if no other file has the rest."""
-    own = columns_of(robot)
-    for look in looks:
-        there = _joints(look)
-        if missing := sorted(set(own) - there) if there else []:
-            names = [f"q{k}" for k in missing]
-            held = held_words(robot, names, [f"q{k}" for k in there])
-            raise refusal(
-                str(look.path), "joints",
-                f"has columns for {counted(len(there), 'joint')}, and none for {', '.join(names)}",
-                allowed=f"{robot.name} has {counted(len(own), 'joint')}",
-                fix=f"give all of them, or another ROBOT{held}",
-            )  # fmt: skip
 
 
 def _count(looks: tuple[Found, ...]) -> int:

@@ -82,13 +82,14 @@ class TrialStudy:
 
     def answer(self, scenario: Scenario, records: Records) -> Answer | None:
         """The verdict on the first trial: the answer where no other study asks."""
+        from testbed.studies.trial.advice import next_step
         from testbed.studies.trial.decisions import decided_in_words
         from testbed.studies.trial.report_accuracy import (
             accuracy_is_not_belief,
             distributions,
             headline_table,
         )
-        from testbed.studies.trial.verdict import next_step, trial_verdict
+        from testbed.studies.trial.verdict import trial_verdict
 
         campaign = campaign_of(scenario, records)
         step = next_step(campaign) + decided_in_words(campaign)

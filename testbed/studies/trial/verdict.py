@@ -1,20 +1,15 @@
 """The verdict: how good a calibration is, whether what is stated can be believed, what to do."""
 
-import numpy as np
-
-from calib.held_out_counts import fewest_poses
 from calib.identification.fit_statistics import RED
 from calib.identification.identify import Identification, Status
 from calib.uncertainty.outlying.poses import Strays
 from testbed.report.page import Verdict
-from testbed.studies.trial.records import Campaign, Comparison, Estimate, Replications, Trial
-from testbed.studies.trial.statement.records import LEVEL, Statement
+from testbed.studies.trial.records import Campaign, Estimate, Replications, Trial
+from testbed.studies.trial.statement.records import Statement
 from testbed.units import (
     MM,
     NARROW,
     counted,
-    micrometres,
-    millimetres,
     percent,
     probability,
     significant,
@@ -26,8 +21,6 @@ GOOD = "✓ The stated uncertainty can be believed"
 NOTHING = "✗ Nothing about the tool point can be believed"
 BAD = "✗ The stated uncertainty must not be believed"
 OPEN = "? The stated uncertainty was not tested against the truth"
-NOISE = ("tracker noise", "joint repeatability", "gross errors")
-"""Sources that more poses average out."""
 JUDGES = "further poses, used for nothing else"
 GROSS = 0.5
 """Share of one robot's poses below which the covariance of a fit has failed, by itself."""
@@ -66,7 +59,7 @@ def _lacking(estimate: Estimate, against: list[str]) -> tuple[str, ...]:
         return ()
     if min(found.p_value, statement.held_out.p_value) >= ALARM:
         return ()
-    if found.p_value >= ALARM and (strays := _strays(statement)) is not None:
+    if found.p_value >= ALARM and (strays := strays_of(statement)) is not None:
         return (
             f"{counted(len(strays.poses), 'held-out pose')} "
             f"{'stands' if len(strays.poses) == 1 else 'stand'} out where all others agree, so a "
@@ -224,91 +217,7 @@ def tested(found: Identification) -> bool:
     return found.mode == "whitened" and found.dof > 0
 
 
-def next_step(campaign: Campaign) -> str:
-    """What a person should do after reading the verdict on the first estimate."""
-    trial = campaign.trials[0]
-    estimate = trial.estimates[0]
-    found, statement = estimate.identification, estimate.statement
-    if found.status is not Status.CONVERGED:
-        return f"The fit did not end in a minimum. {found.status.value}"
-    errors = errors_in_words(estimate.comparison)
-    quoted = errors if statement is None else quotable(statement, errors)
-    if judge(trial, estimate).contradicted:
-        believed = statement is not None and statement.point is not None
-        return f"Do not quote the stated uncertainty; quote {errors if believed else quoted}."
-    outliers = 0 if statement is None else len(statement.outlier_poses)
-    if outliers and found.loss == "squared":
-        return (
-            f"{counted(outliers, 'observation')} of the calibration do not fit the "
-            "others (named below). Measure them again, or play the scenario with [identification] "
-            f'loss = "cauchy". Until then quote {quoted}.'
-        )
-    if (strays := _strays(statement)) is not None:
-        few = len(strays.poses)
-        return (
-            f"{counted(few, 'held-out pose')} {'stands' if few == 1 else 'stand'} out where all "
-            "others agree (named below), and can make the radius many times as wide. Measure "
-            f"{'it' if few == 1 else 'them'} again. Until then quote {quoted}."
-        )
-    if tested(found) and found.p_value < ALARM:
-        factor = np.sqrt(found.chi_square / found.dof)
-        wider = (
-            'Set model = "choose" under [identification], so that the evidence decides about sag '
-            "and harmonics, and free what may have moved"
-            if statement is None or statement.model == "geometric"
-            else "Sag and harmonics are in the model already; look for backlash, warming, and "
-            "frames that were held fixed but moved"
-        )
-        return (
-            f"The residuals are {significant(float(factor), 2)} times as large as the noise "
-            f"explains, so the model lacks something that the robot has. {wider}. Until then quote "
-            f"{quoted}. More poses do not help: they reduce the part of the noise, not what the "
-            "model lacks."
-        )
-    return f"Quote {quoted}. {more_poses(statement)}"
-
-
-def _strays(statement: Statement | None) -> Strays | None:
+def strays_of(statement: Statement | None) -> Strays | None:
     """Held-out poses that stand out where all others agree with the calibration."""
     strays = None if statement is None else statement.strays
     return None if strays is None or strays.moved else strays
-
-
-def errors_in_words(seen: Comparison) -> str:
-    """The errors at the held-out poses; no share of so few that it would say nothing."""
-    count, largest = len(seen.after), f"{millimetres(seen.accuracy_after.maximum, 2)} mm"
-    if count < fewest_poses(LEVEL):
-        return f"only that the error at {counted(count, 'held-out pose')} reaches {largest}"
-    return (
-        f"the held-out errors (95 % of poses below {millimetres(seen.accuracy_after.p95, 2)} mm, "
-        f"maximum {largest})"
-    )
-
-
-def more_poses(statement: Statement | None) -> str:
-    """What four times the poses would make of u: they shrink noise, and hardly anything else."""
-    if statement is None or statement.point is None:
-        return "Four times as many poses would halve the noise part."
-    noise = np.isin(statement.sources, NOISE)
-    if [name for name in statement.sources if name not in NOISE] == ["prior"]:
-        return "Only a fit without the prior can show how much more poses would help."
-    part = float(np.sqrt((statement.source_u[noise] ** 2).sum()))
-    return (
-        f"Four times as many poses would halve the noise part, {micrometres(part, 2)} µm of "
-        f"u = {micrometres(statement.point.u_mean, 2)} µm (3-D, k = 1)."
-    )
-
-
-def quotable(statement: Statement, errors: str) -> str:
-    """What may be quoted; the secret errors come last."""
-    point = statement.point
-    if point is None:
-        if statement.conformal is None:
-            return errors
-        radius = micrometres(statement.conformal.radius, 3)
-        return f"the conformal radius, {radius} µm for 95 % of poses like the held-out ones"
-    radius = micrometres(point.radius_mean, 3)
-    words = f"{radius} µm (3-D radius, 95 %) for the mean of many moves"
-    if np.isfinite(point.radius_move):
-        words += f" and {micrometres(point.radius_move, 3)} µm for the end of a single move"
-    return f"{words}, at poses like the {'held-out ones' if point.held_out else 'measured ones'}"

@@ -23,8 +23,8 @@ from testbed.files.rows.ratios import ratios_that_fit
 from testbed.files.rows.shifts import as_read, misfit_of
 from testbed.laboratory.joint_lists import from_deg, read_joints
 from testbed.proposal.data import look_at
+from testbed.proposal.missing import columns_of
 from testbed.proposal.parts import joint_parts
-from testbed.proposal.session import columns_of
 from testbed.robots.coupled import ControllerTable
 from testbed.run.export import session_csv
 from tests.testbed.files import made as made_of

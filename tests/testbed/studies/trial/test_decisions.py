@@ -12,6 +12,7 @@ from testbed.run.derive import page_of
 from testbed.scenario.hashes import scenario_hash
 from testbed.scenario.read import changed
 from testbed.store.quantities import as_json
+from testbed.studies.trial.advice import next_step
 from testbed.studies.trial.decisions import (
     decide,
     decided_in_words,
@@ -19,7 +20,6 @@ from testbed.studies.trial.decisions import (
     published,
 )
 from testbed.studies.trial.records import Campaign
-from testbed.studies.trial.verdict import next_step
 from tests.campaign import record_hash
 from tests.reported import VERSIONS, bare_campaign
 

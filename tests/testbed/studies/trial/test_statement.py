@@ -23,6 +23,7 @@ from testbed.store.codec import pack, unpack
 from testbed.store.quantities import as_json
 from testbed.studies import load_scenario
 from testbed.studies.trial import plots_uncertainty
+from testbed.studies.trial.advice import errors_in_words, next_step
 from testbed.studies.trial.compare import attained, target_prediction
 from testbed.studies.trial.estimator import estimator_for
 from testbed.studies.trial.play import validation_visit
@@ -40,14 +41,7 @@ from testbed.studies.trial.statement.report import (
 )
 from testbed.studies.trial.statement.sources import drift_left
 from testbed.studies.trial.statement.state import sound_held_out, state
-from testbed.studies.trial.verdict import (
-    BAD,
-    GOOD,
-    errors_in_words,
-    judge,
-    next_step,
-    trial_verdict,
-)
+from testbed.studies.trial.verdict import BAD, GOOD, judge, trial_verdict
 from tests import campaign
 from tests.calib.uncertainty.test_sprung import calibrated
 from tests.campaign import record_hash

@@ -1,0 +1,87 @@
+"""Files without a reading, or without some of the joints: what is missing, and what to do."""
+
+from calib.errors import InputError
+from testbed.files.joints import held_words
+from testbed.files.observed import BESIDE_PLAN
+from testbed.files.refusal import refusal
+from testbed.files.rows.planned import foretold
+from testbed.proposal.data import Found
+from testbed.proposal.fits.tried import unnamed
+from testbed.proposal.names import is_wished
+from testbed.proposal.wished import is_angle, is_computed
+from testbed.robots.robot import Robot
+from testbed.units import counted
+
+MOST_JOINTS = 20
+"""More than the number of joints in any file."""
+SHOWN = 8
+"""Largest number of unknown columns that are named."""
+
+
+def no_reading(looks: tuple[Found, ...], n: int) -> InputError:
+    """The error for files of which no column is known as a reading, of an arm with n joints."""
+    ahead = [foretold(one.head) for one in looks]
+    if any(ahead):
+        return refusal(looks[0].name, "DATA", "has no column known as a reading", fix=BESIDE_PLAN)
+    wished = [name for one in looks for name in one.head if is_wished(name)]
+    fix = "name the columns, or name them under columns in session.toml by hand"
+    nameless = [one for one in looks if one.kind == "bare"]
+    if any(one.rows <= n + 12 < 2 * one.width for one in nameless):
+        fix = "each row is one measurement: turn rows into columns if the table lies on its side"
+    elif nameless:
+        return unnamed(nameless[0])
+    if angles := [name for one in looks for name in one.head if is_angle(name)]:
+        fix = (
+            f"beside {', '.join(angles[:6])}, name one azimuth, one elevation (or zenith "
+            "angle) and one range, or export the X Y Z of the same points"
+        )
+    if made := [name for one in looks for name in one.head if is_computed(name)]:
+        fix = f"{made[0]} ... are poses that the controller computed: give what was measured"
+    if wished:
+        fix = f"{', '.join(wished[:6])} are targets or differences: give what was measured"
+    where = ", ".join(one.called for one in looks) or "DATA"
+    no = "none has a" if len(looks) > 1 else "has no"
+    return refusal(
+        where, "DATA", f"{no} column known as a reading",
+        allowed="columns X Y Z, also with rotations; or points or frames of Spatial Analyzer",
+        fix=fix,
+    )  # fmt: skip
+
+
+def require_joints(looks: tuple[Found, ...], robot: Robot) -> None:
+    """Refuse a file with only some of the joints, if no other file has the rest."""
+    own = columns_of(robot)
+    for look in looks:
+        there = joints_in(look)
+        if missing := sorted(set(own) - there) if there else []:
+            names = [f"q{k}" for k in missing]
+            held = held_words(robot, names, [f"q{k}" for k in there])
+            raise refusal(
+                str(look.path), "joints",
+                f"has columns for {counted(len(there), 'joint')}, and none for {', '.join(names)}",
+                allowed=f"{robot.name} has {counted(len(own), 'joint')}",
+                fix=f"give all of them, or another ROBOT{held}",
+            )  # fmt: skip
+
+
+def not_known(looks: tuple[Found, ...]) -> str:
+    """The unknown columns of tables, in words."""
+    names = [
+        name
+        for one in looks
+        if one.kind == "table"
+        for name in one.head
+        if name not in {each.theirs for each in one.meanings}
+    ]
+    more = f" and {len(names) - SHOWN} more" if len(names) > SHOWN else ""
+    return f"; not known are {', '.join(names[:SHOWN])}{more}" if names else ""
+
+
+def joints_in(look: Found) -> set[int]:
+    """Numbers of the joints with columns in a file."""
+    return {k for k in range(1, MOST_JOINTS) if f"q{k}" in look.stems or f"q{k}_read" in look.stems}
+
+
+def columns_of(robot: Robot) -> tuple[int, ...]:
+    """Numbers of the joints with columns in a table of this robot."""
+    return tuple(robot.controller.counted(robot.model.chain.n_joints) + 1)
