@@ -74,7 +74,8 @@ def place_words(place: Labels, noun: str, plural: str, names: Sequence[str] | No
         which = np.flatnonzero(place == word)
         if word == "inside" or len(which):
             some = "" if word == "inside" else f" ({_named([called[k] for k in which])})"
-            parts.append(f"{len(which)} {'lie ' * (word == 'inside')}{text}{some}")
+            lie = ("lies " if len(which) == 1 else "lie ") if word == "inside" else ""
+            parts.append(f"{len(which)} {lie}{text}{some}")
     if len(place) == 1:
         where = dict(zip(PLACES, ("inside", "at the edge of", "outside"), strict=True))
         return f"the only {noun} lies {where[str(place[0])]} what was proven"

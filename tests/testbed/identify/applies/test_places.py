@@ -66,7 +66,7 @@ def test_the_region_of_joints_and_workspace_is_that_of_the_rows():
 def test_words_of_places_count_and_name():
     place = np.array(["inside", "edge", "outside", "outside"])
     assert place_words(place, "pose", "poses", ["a", "b", "c", "d"]) == (
-        "of 4 poses, 1 lie inside what was proven, 1 at its edge (b), 2 outside (c, d)"
+        "of 4 poses, 1 lies inside what was proven, 1 at its edge (b), 2 outside (c, d)"
     )
     assert (
         place_words(place[1:2], "pose", "poses")
