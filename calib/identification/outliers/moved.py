@@ -38,6 +38,9 @@ APART = 4.0
 elsewhere: there, model misfit looks like a step."""
 TOLD = 1e-6
 """Squared part of a change that must remain beside the free numbers to tell it from theirs."""
+ROUNDING = 1e-10
+"""Part of chi-square below which its rest after a step is rounding, which may be below zero: sums
+and projections of squares lose a few of sixteen digits."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -103,11 +106,11 @@ def moved_once(identification: Identification, table: Measurements, order: Index
         gain, k, told, change = fit.step(plain, places)
         if gain <= 0 or not told:
             continue
-        rest, freedom = fit.square - gain, fit.freedom - told
+        rest, freedom = max(fit.square - gain, ROUNDING * fit.square), fit.freedom - told
         excess = fit.square - fit.freedom
         if freedom < 1 or excess <= 0:
             continue
-        scale = max(rest / freedom, 1e-300)
+        scale = rest / freedom
         one = float(fdtrc(told, freedom / alike, gain / told / scale / alike))
         chance = one * len(places) * len(kinds)
         worth = fit.freedom * np.log(fit.square / rest) - told * np.log(fit.freedom)

@@ -14,6 +14,7 @@ from calib.geometry.parameters import parameters_of
 from calib.identification.identify import identify
 from calib.identification.outliers.moved import FEWEST, moved_once
 from calib.measurement.observations import joined
+from calib.measurement.prediction import predicted_positions
 from tests.calib import kinds
 
 POSES, STEP = 70, 41
@@ -221,3 +222,17 @@ def test_targets_that_a_model_misses_alike_tell_as_much_as_one():
         chance.append(np.log(found.p_value))
     # the noise, a fifth of what is missed, is less in the mean of three
     assert chance[1] / chance[0] == pytest.approx(1.0, abs=0.3)
+
+
+def test_a_step_that_explains_all_but_rounding_is_found():
+    """Chi-square less what the step takes is then a little above or below zero."""
+    true, q, _ = robot(9)
+    exact = kinds.points(true, q, np.random.default_rng(0))
+    exact = replace(exact, position=predicted_positions(true, exact))
+    numbers = parameters_of(true).freeing(["tool.x"])
+    for way in np.random.default_rng(1).normal(size=(12, 3)) * 1e-3:
+        moved = shifted(exact, way, LATER)
+        found = moved_once(identify(true, moved, numbers), moved, np.arange(POSES))
+        assert (found.what, found.row) == ("station", STEP)
+        # a tool that is free in one direction takes none of a shift that it cannot be
+        np.testing.assert_allclose(found.change[:3], way, rtol=0, atol=1e-9)
