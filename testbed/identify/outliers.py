@@ -29,6 +29,9 @@ ELSEWHERE = 3.0
 """A row fits another pose if it misses that one by less than so many typical misses."""
 FAR_OFF = 3.0
 """Rows missed by more than so many medians are said to be."""
+AS_STATED = 1.2
+"""Noise in units of the stated one up to which robust residuals are as large as stated: that of a
+few dozen good poses scatters by a tenth."""
 MOST_NAMED = 10
 """Rows that a model misses, named in one sentence."""
 
@@ -185,7 +188,7 @@ def model_words(
         return (
             f"{missed} of {counted(len(np.unique(poses)), 'training pose')} do not fit "
             f"({_named(shots.sound, shots.misses, name)}): too many for gross errors, so none is "
-            "left out; the model or the stated noise is wrong",
+            f"left out; {_others(found)}",
         )
     misses = predict(chosen.identification.model, train).misses
     rows, bad = set(shots.sound.tolist()), set(shots.bad.tolist())
@@ -216,6 +219,16 @@ def model_words(
         beside = _named(alone, misses, name)
         texts[-1] += f"; for {beside}, another reading of the same pose fits: check there first"
     return tuple(texts)
+
+
+def _others(found: LookedAt) -> str:
+    """What is wrong where too many poses do not fit: a poor model misses the others as well."""
+    if found.noise_factor > AS_STATED:
+        return "the model or the stated noise is wrong"
+    return (
+        "but all others are as near as the stated noise: look for bad shots, and for something "
+        "that moved; with --loss cauchy these poses hardly count"
+    )
 
 
 def _missed(

@@ -127,6 +127,10 @@ def test_a_good_shot_that_the_model_misses_is_told_as_the_models_fault():
     many = replace(shots, too_many=True)
     (told,) = model_words(LookedAt(1.0, many, [4]), seen, found.fit, names)
     assert told.startswith(f"1 of {len(train)} training poses do not fit (pose P5): too many")
+    # nine bad shots of eighty: errors of 162 um at other poses, and of 8 um with that loss
+    assert told.endswith("with --loss cauchy these poses hardly count")
+    (told,) = model_words(LookedAt(1.3, many, [4]), seen, found.fit, names)
+    assert told.endswith("none is left out; the model or the stated noise is wrong")
     for words in (
         model_words(LookedAt(1.0), seen, found.fit, names),
         bad_words(LookedAt(1.0), seen, names),
