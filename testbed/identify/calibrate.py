@@ -14,7 +14,7 @@ from testbed.files.session import Session
 from testbed.files.tried.interpretations import Probe
 from testbed.files.visits.probing import probed
 from testbed.identify.applies.mounting import mounting_words
-from testbed.identify.applies.poses import scatter_told, warnings_of
+from testbed.identify.applies.poses import coarse_joints, scatter_told, warnings_of
 from testbed.identify.calibration import Calibration
 from testbed.identify.conditions import held_out_warnings
 from testbed.identify.far_off import far_held_out, held_out_outliers
@@ -274,6 +274,7 @@ def _calibrated(
         warnings=(
             *model_words(shots, looking.train, chosen, called),
             *warnings_of(models[0], chosen, train, scatter_told(robot, session)),
+            *coarse_joints(session, chosen, train),
             *guard_warnings(session, measurements.rows(split.is_test)),
             *standing_warnings(session, chosen.identification),
             *turn_warnings(session, measurements, chosen.identification.model.fixtures.anchors),

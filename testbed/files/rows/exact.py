@@ -45,12 +45,27 @@ def _left_by_digits(model: RobotModel, session: Session, rows: Index) -> float:
     are what they are, however few their digits.
     """
     read = as_read(session, rows)
-    F, variance = flange_poses(model, read.q), 3 * _step(read.position, METERS) ** 2 / 12
-    n = len(model.chain.kinds) if session.joint_source == "read-back" else 0
-    for j in range(n):
-        step = _step(read.q[:, j], METERS if model.chain.prismatic[j] else TURNS)
-        moved = flange_poses(model, read.q + step * np.eye(n)[j])
-        variance += np.square(moved[:, :3, 3] - F[:, :3, 3]).sum(axis=1).mean() / 12
+    variance = 3 * _step(read.position, METERS) ** 2 / 12
+    if session.joint_source == "read-back":
+        variance += moved_by_digits(model, read.q, steps_of(model, read.q)) ** 2
+    return float(np.sqrt(variance))
+
+
+def steps_of(model: RobotModel, q: Array) -> Array:
+    """Steps (n,) of which all values of a joint (m, n) are multiples [rad, m]; 0 without any."""
+    slides = model.chain.prismatic > 0
+    return np.array(
+        [_step(q[:, j], METERS if slides[j] else TURNS) for j in range(q.shape[1])], dtype=float
+    )
+
+
+def moved_by_digits(model: RobotModel, q: Array, steps: Array) -> float:
+    """Root mean square by which joints (m, n) rounded to steps (n,) move the flange [m]."""
+    F, variance = flange_poses(model, q), 0.0
+    for step, turned in zip(steps, np.diag(steps), strict=True):
+        if step > 0:
+            moved = flange_poses(model, q + turned)[:, :3, 3] - F[:, :3, 3]
+            variance += float(np.square(moved).sum(axis=1).mean()) / 12
     return float(np.sqrt(variance))
 
 

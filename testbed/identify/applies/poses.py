@@ -7,10 +7,11 @@ from calib.identification.fit_statistics import RED
 from calib.identification.identify import Status
 from calib.identification.result import ILL_CONDITIONED
 from calib.measurement.observations import Measurements
+from testbed.files.rows.exact import moved_by_digits, steps_of
 from testbed.files.session import Session
 from testbed.identify.records import FittedModel
 from testbed.robots.catalog import Robot
-from testbed.units import significant
+from testbed.units import UM, significant
 
 LEAST_TURN, LEAST_SLIDE = np.radians(10.0), 0.010
 """Range of a joint at the training poses below which it counts as not moved [rad, m]."""
@@ -37,6 +38,31 @@ def scatter_told(robot: Robot, session: Session) -> str:
     if not session.joint_scatter.any():
         return ""
     return "assumed" if robot.scatter_is_assumed else "stated"
+
+
+def coarse_joints(session: Session, chosen: FittedModel, train: Measurements) -> tuple[str, ...]:
+    """That joints are written with so few digits that rounding is more than the stated noise.
+
+    Commanded joints are what they are, however few their digits: these are asked about only where
+    the residuals are larger than their noise explains.
+    """
+    fit, read = chosen.identification, session.joint_source == "read-back"
+    if not read and fit.p_value >= RED:
+        return ()
+    steps = steps_of(fit.model, train.q)
+    stated = session.measurements.covariance[:, :3, :3]
+    noise = float(np.sqrt(np.trace(stated, axis1=1, axis2=2).mean() / 3))
+    moved = moved_by_digits(fit.model, train.q, steps) / np.sqrt(3)
+    if moved <= noise or session.measurements.is_distance.any():
+        return ()
+    turns = steps[~(fit.model.chain.prismatic > 0)]
+    coarse = f"in steps of {significant(np.degrees(turns.max()), 1)} deg" if turns.any() else "so"
+    rounded = "rounding" if read else "if they were rounded when they were written, that"
+    return (
+        f"the joints stand {coarse} in the file: {rounded} alone moves the tool by "
+        f"{significant(moved * UM, 2)} um per axis in each reading (standard deviation), where "
+        f"{significant(noise * UM, 2)} um of noise is stated; write more decimals",
+    )
 
 
 def _quiet(scatter: str) -> str:

@@ -9,6 +9,7 @@ from calib.errors import InputError
 from calib.geometry.parameters import parameters_of
 from calib.identification.fit_statistics import RED
 from calib.identification.identify import identify
+from calib.measurement import tables
 from calib.measurement.prediction import predict
 from calib.measurement.residual import linearize
 from calib.uncertainty.trust import trust
@@ -197,6 +198,27 @@ def test_who_told_the_noise_that_is_too_large_is_said():
         found = calibrate(arm, replace(session, joint_scatter=joints))
         (told,) = (text for text in found.warnings if "residuals are smaller" in text)
         assert said in told
+
+
+@pytest.mark.parametrize("source", ["commanded", "read-back"])
+def test_joints_with_two_decimals_are_said_to_move_the_tool_by_more_than_the_noise(source):
+    """What they left was called a misfit, and no sentence named the digits."""
+    rng, q = np.random.default_rng(5), pool_r(60)
+    shown = np.radians(np.round(np.degrees(q), 2))
+    xyz = true_model().poses(q)[:, :3, 3] + rng.normal(scale=10e-6, size=(60, 3))
+    session = session_of(tables.points(shown, xyz, sd=10e-6), joint_source=source)
+    found = calibrate(robot(), session)
+    (told,) = (text for text in found.warnings if "write more decimals" in text)
+    assert told.startswith("the joints stand in steps of 0.01 deg in the file: ")
+    assert ("if they were rounded" in told) == (source == "commanded")
+    size = float(told.partition("moves the tool by ")[2].split()[0])
+    # readings at joints that were written, less those at joints as they stood: 180 numbers
+    left = true_model().poses(shown)[:, :3, 3] - true_model().poses(q)[:, :3, 3]
+    assert size == pytest.approx(1e6 * np.sqrt((left**2).mean()), rel=0.2)
+    # sent as they are written, they are exact
+    exact = true_model().poses(shown)[:, :3, 3] + rng.normal(scale=10e-6, size=(60, 3))
+    sent = calibrate(robot(), session_of(tables.points(shown, exact, sd=10e-6)))
+    assert not any("decimals" in text for text in sent.warnings)
 
 
 def test_where_only_linearity_fails_the_numbers_are_those_of_the_virtual_calibrations():
