@@ -4,6 +4,7 @@ import os
 import shutil
 import subprocess
 import sys
+from importlib import import_module
 from pathlib import Path
 
 import numpy as np
@@ -11,8 +12,7 @@ import pytest
 
 from calib.geometry.frames import exp_so3
 from calib.geometry.parameters import parameters_of
-from calib.kernels import compiled, loops, plain, replicates
-from calib.kernels.noisy_poses import noisy_poses
+from calib.kernels import compiled, loops, plain
 from calib.measurement.noise import with_joint_noise
 from calib.measurement.observations import Measurements
 from calib.measurement.residual import linearize
@@ -28,8 +28,20 @@ CASES = pytest.mark.parametrize("name", MODELS)
 NUMBA = pytest.mark.skipif(not loops.NUMBA, reason="numba is not installed: nothing is compiled")
 ROOMS = pytest.mark.parametrize(
     "room",
-    [pytest.param(replicates, id="compiled", marks=NUMBA), pytest.param(plain, id="plain")],
+    [pytest.param("replicates", id="compiled", marks=NUMBA), pytest.param("plain", id="plain")],
+    indirect=True,
 )
+
+
+@pytest.fixture
+def room(request):
+    """A module of loops, imported by the tests that call it: importing compiles, for long."""
+    return import_module(f"calib.kernels.{request.param}")
+
+
+def compiled_poses():
+    """The compiled loop of noisy tables, imported as above."""
+    return import_module("calib.kernels.noisy_poses").noisy_poses
 
 
 def mixed_table(model, q, rng):
@@ -92,8 +104,9 @@ def test_the_gradient_is_the_one_of_the_whitened_jacobian(name, room):
         assert square[0, k] == pytest.approx(stack.r @ stack.r, rel=1e-9)
 
 
-@pytest.mark.parametrize("made", [noisy_poses, plain.noisy_poses], ids=["compiled", "plain"])
-def test_noisy_tables_are_true_poses_turned_by_the_exponential(made):
+@pytest.mark.parametrize("which", ["compiled", "plain"])
+def test_noisy_tables_are_true_poses_turned_by_the_exponential(which):
+    made = compiled_poses() if which == "compiled" else plain.noisy_poses
     rng = np.random.default_rng(5)
     T = tx60().poses(pool_r(4))
     normal = rng.standard_normal((2, 4, 6, 32))
@@ -119,6 +132,7 @@ def test_the_source_of_the_loops_runs_as_plain_python_with_the_same_bits():
         rng.normal(size=(2, 6, 6)) * 1e-3,
     )  # fmt: skip
     by_machine, by_python = np.zeros((1, 2, 12, 32)), np.zeros((1, 2, 12, 32))
+    noisy_poses = compiled_poses()
     noisy_poses(*args, by_machine)
     noisy_poses.py_func(*args, by_python)
     assert np.array_equal(by_machine, by_python)
@@ -127,7 +141,7 @@ def test_the_source_of_the_loops_runs_as_plain_python_with_the_same_bits():
 @NUMBA
 def test_arrays_of_another_layout_or_type_are_refused_rather_than_compiled_for():
     with pytest.raises(TypeError, match="No matching definition"):
-        noisy_poses(np.zeros((1, 1, 6, 32), dtype=np.float32), *(np.zeros((1, 3)),) * 4)
+        compiled_poses()(np.zeros((1, 1, 6, 32), dtype=np.float32), *(np.zeros((1, 3)),) * 4)
 
 
 @NUMBA

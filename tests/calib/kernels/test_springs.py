@@ -6,17 +6,22 @@ import pytest
 from calib.identification.many.grounds import RowsLeft
 from calib.identification.many.settle import SprungRows
 from calib.identification.spring_products import ModelSprings, settled
-from calib.kernels import loops, springs
-
-COMPILED = springs.springs_of_rows
-WRITTEN = getattr(COMPILED, "py_func", COMPILED)
+from calib.kernels import loops
 
 
 def model(rng, p, f):
     return ModelSprings(np.arange(p * (1 + f)), rng.uniform(1, 3, p), f, rng.uniform(0.5, 2, p + f))
 
 
-@pytest.mark.parametrize("loop", [WRITTEN, COMPILED], ids=["written", "compiled"])
+@pytest.fixture(params=["written", "compiled"])
+def loop(request):
+    """The loop as it is written and compiled, imported by its tests: importing compiles."""
+    from calib.kernels.springs import springs_of_rows
+
+    written = getattr(springs_of_rows, "py_func", springs_of_rows)
+    return written if request.param == "written" else springs_of_rows
+
+
 @pytest.mark.parametrize(("p", "f"), [(1, 0), (3, 2), (4, 7)])
 def test_by_rows_they_end_where_the_products_end(loop, p, f):
     """Also cut short: there the same steps as numpy's are taken."""
