@@ -54,18 +54,25 @@ def by_order(joints: Joints, readings: Readings, model: RobotModel) -> Match:
     """
     changes = [one != other for one, other in pairwise(readings.place)]
     line = np.cumsum([0, *changes])[: len(readings)]
-    if len(joints) != len(np.unique(line)):
+    if len(joints) != (lines := len(np.unique(line))):
         most = Counter(readings.target).most_common(1)[0][0] if len(readings) else ""
         rows = np.flatnonzero(np.array(readings.target) == most)
         where, parting = parted(model, joints, readings, rows)
         timed = joints.extras.moments is not None and readings.extras.moments is not None
         more = ', or let match = "time" hold their times against each other' if timed else ""
+        times, rest = divmod(lines, max(len(joints), 1))
+        fix = "remove the extra rows, or number both files in a column pose_id"
+        if times > 1 and not rest and not parting:
+            fix = (
+                f"if each joint vector has {times} readings, of several targets or of one again, "
+                "number both files in a column pose_id, and name the targets in a column target"
+            )
         raise refusal(
             where, "match",
             f"there are {len(readings)} readings for {len(joints)} joint vectors in {joints.where}"
             + parting,
             code="M31", allowed='match = "order" needs as many of both',
-            fix=f"remove the extra rows, or number both files in a column pose_id{more}",
+            fix=f"{fix}{more}",
         )  # fmt: skip
     return Match(line, np.arange(len(readings)))
 

@@ -161,3 +161,25 @@ def test_a_second_file_of_joints_is_no_target(tmp_path):
         file.write_text(text(block))
     said, _ = proposed(tmp_path, files, "--robot", UR10.name)
     assert "side by side" not in said
+
+
+def test_three_rows_of_points_for_each_row_of_joints_are_to_be_numbered(tmp_path):
+    points = MM[:, None] + np.einsum("mij,kj->mki", DATA.T[:, :3, :3], PLACES)
+    blocks = {"q.txt": text(DEG), "p.txt": text(points.reshape(-1, 3))}
+    for name, lines in blocks.items():
+        (tmp_path / name).write_text(lines)
+    files = [tmp_path / name for name in blocks]
+    done = call("new", "session", *files, "--robot", UR10.name, "--out", tmp_path / "s.toml")
+    said = " ".join(done.stderr.split())
+    assert "if each joint vector has 3 readings, of several targets or of one again" in said
+    pose = np.repeat(np.arange(M), 3).astype(str)
+    target = np.tile(["A", "B", "C"], M)
+    (tmp_path / "q.csv").write_text(  # as it says
+        "pose_id,J1,J2,J3,J4,J5,J6\n" + text(np.arange(M).astype(str), DEG, mark=",")
+    )
+    (tmp_path / "p.csv").write_text(
+        "pose_id,target,X,Y,Z\n" + text(pose, target, points.reshape(-1, 3), mark=",")
+    )
+    proposed(tmp_path, [tmp_path / "q.csv", tmp_path / "p.csv"], "--robot", UR10.name)
+    session = read_session(tmp_path / "session.toml", UR10)
+    assert session.reflector_names == ("A", "B", "C")
