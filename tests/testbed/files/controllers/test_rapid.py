@@ -131,8 +131,9 @@ def test_what_cannot_be_read_is_one_sentence(tmp_path, lines, told):
 )
 def test_a_long_line_of_anything_takes_no_time(tmp_path, word):
     lines = [word * (60_000 // len(word))] * 10  # where one takes its square, minutes
-    with no_hang(), pytest.raises(InputError):
-        sheet(tmp_path, f"CONST jointtarget p1 := [[1,2],{NONE}];", *lines, "MoveAbsJ p2,v,z,t;")
+    with no_hang(), pytest.raises(InputError):  # a statement of its own, and part of a move
+        sheet(tmp_path, f"CONST jointtarget p1 := [[1,2],{NONE}];", *lines, "a;", *lines,
+              "MoveAbsJ p2,v,z,t;")  # fmt: skip
 
 
 def test_a_session_takes_its_joints_from_a_program(tmp_path):
