@@ -1,5 +1,6 @@
 """Contents of a user's files: tables with and without a header, exports, programs, workbooks."""
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from os.path import commonpath
@@ -26,6 +27,7 @@ from testbed.proposal.transforms import SHORT
 
 Kind = Literal["table", "bare", "points", "frames", "program"]
 Document = dict[str, Any]
+ASSIGNED = re.compile(r"[^\W\d]\w{0,30}\s*=\s*[\[{(]")
 SQUARE = 4
 """Number of rows and columns of a transform."""
 
@@ -142,6 +144,7 @@ def _looked(path: Path, name: str, sheet: str | None, text: FileText) -> Found:
     titled = titles_above(content) and not commented
     if commented or not (titled or headed):
         _require_a_line_each(text, content)
+        _require_no_lists(text, content)
         try:
             return _of_lines(path, name, sheet, text)
         except InputError:
@@ -237,6 +240,17 @@ def _is_frame(fields: Sequence[Sequence[str]], width: int) -> bool:
         return width in (6, 7, 16, 19)
     rows = [[number_of(cell) for cell in line[1 : SHORT.size + 1]] for line in fields]
     return SHORT.fits(np.array([row for row in rows if len(row) == SHORT.size]))
+
+
+def _require_no_lists(text: FileText, content: Sequence[tuple[int, str]]) -> None:
+    """Refuse lists that each line gives to names, as the printout of a program."""
+    number, line = content[0]
+    if (found := ASSIGNED.search(line)) is not None:
+        raise refusal(
+            f"{text.where}:{number}", "file", f'has lists behind names ("{found[0]} ...")',
+            allowed="each line holds numbers, which a line above them names",
+            fix="write the numbers alone, below a line q1_deg, q2_deg ... x_mm, y_mm, z_mm",
+        )  # fmt: skip
 
 
 def _require_a_line_each(text: FileText, content: Sequence[tuple[int, str]]) -> None:

@@ -208,6 +208,15 @@ def test_all_files_are_named_where_none_has_a_reading(tmp_path):
     assert "joints.csv, log.csv: none has a column known as a reading" in said
 
 
+def test_lists_behind_names_are_refused_by_their_line(tmp_path):
+    rows = [f"{k} here={{{', '.join(map(str, DEG[k]))}}} {MM[k, 0]} 1 2" for k in range(M)]
+    (tmp_path / "log.txt").write_text("\n".join(rows))
+    done = call("new", "session", tmp_path / "log.txt", "--robot", UR10.name, "--out",
+                tmp_path / "session.toml")  # fmt: skip
+    assert done.exit_code == 2
+    assert 'log.txt:1: has lists behind names ("here={ ...")' in " ".join(done.stderr.split())
+
+
 def test_a_table_on_its_side_is_named(tmp_path):
     np.savetxt(tmp_path / "m.csv", np.column_stack([DEG, MM]).T, delimiter=",")
     done = call("new", "session", tmp_path / "m.csv", "--robot", UR10.name, "--out",
