@@ -292,7 +292,7 @@ GOOD = {
     "calib/arrays.py": "import math\nfrom calib.errors import InputError\n",
     "calib/errors.py": "",
     "testbed/laboratory/simulator.py": "from calib.geometry.chain import Chain\nimport mujoco\n",
-    "testbed/identify/recording_story.py": "def write():\n    import rerun\n",
+    "testbed/identify/recording/story.py": "def write():\n    import rerun\n",
 }
 
 

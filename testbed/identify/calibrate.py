@@ -7,7 +7,6 @@ import numpy as np
 
 from calib.arrays import frozen
 from calib.errors import InputError, refuse
-from calib.identification.larger_noise import noise_factor
 from calib.identification.robust import LOSSES, Loss
 from testbed.files.rows.terms import row_terms
 from testbed.files.session import Session
@@ -16,24 +15,23 @@ from testbed.files.visits.probing import probed
 from testbed.identify.applies.mounting import mounting_words
 from testbed.identify.applies.poses import coarse_joints, scatter_told, warnings_of
 from testbed.identify.calibration import Calibration
+from testbed.identify.clean_fit import clean_fit
 from testbed.identify.conditions import held_out_warnings
 from testbed.identify.far_off import far_held_out, held_out_outliers
 from testbed.identify.fit import (
     checked_model,
     figures_of,
-    fit,
     fitted_model,
     frames_model,
     plain_fit,
     row_errors,
-    scatter_covariance,
 )
 from testbed.identify.frames import FRAMES_ALONE, frames_of
 from testbed.identify.handback.handed import hand_back
-from testbed.identify.handback.links import link_belief, prior_share
+from testbed.identify.handback.links import prior_share
 from testbed.identify.moved import moved_in
 from testbed.identify.order import order_words, require_order
-from testbed.identify.outliers import Looking, bad_words, first_look, model_words, second_look
+from testbed.identify.outliers import Looking, bad_words, first_look, model_words
 from testbed.identify.proof import (
     guard_warnings,
     of_the_lead,
@@ -159,44 +157,22 @@ def _calibrated(
     plain = plain_fit(frames.start, looking.train, frames.parameters)
     if session.visit is not None:
         require_shared(session, robot.model, looking.train, session.visit[places], plain)
-    shots = first_look(looking, plain)
-    left_out = np.zeros(len(measurements), dtype=bool)
+    suspects = first_look(looking, plain)
     report(STEPS[2], 2, len(STEPS))
-    while True:
-        left_out[places[shots.bad]] = options.loss == AUTO
-        used = split.is_train & ~left_out
-        train = measurements.rows(used)
-        if left_out.any() or loss != "squared":
-            plain = plain_fit(frames.start, train, frames.parameters, loss)
-        factor = noise_factor(plain.model, train)
-        scatter = scatter_covariance(frames.start, plain, train, factor)
-        links = link_belief(robot, session, looking, train, plain, scatter, factor)
-        pairs, choice = fit(
-            frames.start,
-            train,
-            frames.parameters,
-            model=model,
-            loss=loss,
-            seed=options.seed,
-            plain=plain,
-            mounted=looking.mounted,
-            known=looking.known,
-            links=links.prior,
-            held=bool(links.why),
-            ladders=looking.bends,
-        )
-        handed = next(each for each in pairs if each[0] == choice.chosen)
-        seen, shots = shots, second_look(looking, handed, shots)
-        if shots is seen or not len(shots.bad) or options.loss != AUTO:
-            break
-    trained = handed[2]
+    clean = clean_fit(
+        session, looking, suspects, plain, measurements, split.is_train,
+        model=model, loss=loss, leaves_out=options.loss == AUTO,
+    )  # fmt: skip
+    left_out, used, train, links, shots = (
+        clean.left_out, clean.used, clean.train, clean.links, clean.shots
+    )  # fmt: skip
     models = tuple(
         fitted_model(name, identification, began, measurements, used, split.is_test, root)
-        for name, began, identification in pairs
+        for name, began, identification in clean.pairs
     )
     if own is not None:
         models = tuple(with_own_frames(each, own, measurements, used, split) for each in models)
-    chosen = next(each for each in models if each.model == choice.chosen)
+    chosen = next(each for each in models if each.model == clean.choice.chosen)
     report(STEPS[3], 3, len(STEPS))
     comes_back = repeatability(chosen.identification.model, robot, session, measurements, ~left_out)
     result, rows = chosen.identification, used
@@ -226,7 +202,7 @@ def _calibrated(
     without = judged_by(is_test=split.is_test & ~far).point if far.any() else None
     stated = train if proof.frame is not None and proof.frame.found else measurements.rows(shown)
     handback = hand_back(
-        robot, session, links, prior_share(trained, train, len(links.sd)), proof.belief,
+        robot, session, links, prior_share(clean.handed[2], train, len(links.sd)), proof.belief,
         stated.q[np.unique(stated.pose_id, return_index=True)[1]],
         target=target, repeatability=comes_back[0],
     )  # fmt: skip
@@ -264,7 +240,7 @@ def _calibrated(
         if split.is_test.any()
         else None,
         fits=models,
-        choice=choice,
+        choice=clean.choice,
         proof=proof,
         shared=shared,
         visits=session.visits,
@@ -286,7 +262,7 @@ def _calibrated(
             *held_out_warnings(session.conditions, session.set_up, used, split.is_test),
         ),
     )
-    hangs = mounting_words(found, replace(looking, train=train), plain.model)
+    hangs = mounting_words(found, replace(looking, train=train), clean.plain.model)
     return replace(found, warnings=(*found.warnings, *hangs))
 
 

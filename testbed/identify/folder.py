@@ -148,7 +148,7 @@ def rederive_calibration(path: Path, names: Iterable[str] = layout.DERIVED) -> P
 def _derived(name: str, calibration: Calibration, delivered: Delivered, robot: Robot) -> bytes:
     """Content of one derived file."""
     if name == layout.RECORDING:
-        from testbed.identify.recording import calibration_story
+        from testbed.identify.recording.story import calibration_story
         from testbed.recording.write import story_bytes
 
         return story_bytes(calibration_story(calibration, robot))

@@ -27,7 +27,7 @@ from testbed.identify.folder import (
 )
 from testbed.identify.handback.deliver import delivered_robot
 from testbed.identify.handback.states import handed_robot
-from testbed.identify.recording import calibration_story
+from testbed.identify.recording.story import calibration_story
 from testbed.robots.catalog import load_robot
 from testbed.robots.describe.axes import reach
 from testbed.robots.robot import Reflector, reflector_frames

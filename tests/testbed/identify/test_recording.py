@@ -8,8 +8,8 @@ from scipy.spatial.transform import Rotation
 
 from calib.geometry.frames import inverse, rot_y, rot_z, slide
 from testbed.identify.handback.deliver import delivered_robot
-from testbed.identify.recording import calibration_story, show
-from testbed.identify.recording_regions import regions_at
+from testbed.identify.recording.regions import regions_at
+from testbed.identify.recording.story import calibration_story, show
 from testbed.recording.story import stance, timeline_of
 from testbed.recording.write import story_bytes
 from tests.calibrated import real, robot

@@ -9,7 +9,7 @@ from calib.geometry.frames import inverse
 from calib.measurement.prediction import targets, tool_poses
 from testbed.identify.calibration import Calibration
 from testbed.identify.headline import headline_rows, mm
-from testbed.identify.recording_regions import draw_regions, region_words, regions_at
+from testbed.identify.recording.regions import draw_regions, region_words, regions_at
 from testbed.identify.records import RowErrors
 from testbed.identify.words import mark, notice, r95, verdict
 from testbed.recording import style
