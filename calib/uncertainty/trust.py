@@ -2,10 +2,11 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
 
+from calib.arrays import LATER
 from calib.held_out_counts import fewest_poses
 from calib.identification.fit_statistics import RED, chance
 from calib.identification.identify import Identification, Status
@@ -37,7 +38,7 @@ class Trust(Shown):
     """Whether a test contradicts the interval from the parameters alone; where none does, that
     interval is still not proven."""
     sentences: tuple[str, ...]
-    found: tuple[str, ...] = ()
+    found: Annotated[tuple[str, ...], LATER] = ()
     """Those of them that say what speaks against the stated noise alone: a drift, and readings that
     it does not explain."""
 

@@ -213,7 +213,7 @@ def next_step(calibration: Calibration) -> str:
         text += f" and {significant(proof.point.radius_move * UM)} um for a single move"
     text += ", at poses like the held-out ones."
     if first := far_step(calibration):
-        return f"{first}{text}"
+        return f"{first}{text[0].lower()}{text[1:]}"
     if not proof.belief.n_guards:
         done = "guards" if proof.held_out is not None else "has tested"
         return f"{text} State with it that no held-out pose {done} it. {_more_poses(calibration)}"

@@ -91,7 +91,7 @@ def far_step(calibration: Calibration) -> str:
     return (
         f"First look into held-out {listed(shown)}, which {are} out: without {them}, R95 would be "
         f"{significant(less * UM)} um. If the reading is wrong, measure the pose again, or remove "
-        "the row and state that you did; if it is right, the model fails there. Until then: "
+        "the row and state that you did; if it is right, the model fails there. Until then, "
     )
 
 
@@ -120,8 +120,8 @@ def simpler_words(calibration: Calibration) -> tuple[str, ...]:
     )
     if count > 1 and (error := float(more.std(ddof=1)) / np.sqrt(count)) > 0:
         size = float(more.mean()) / error
-        text += f", {significant(size, 2)} standard errors of the difference, pose by pose: "
-        text += "this may be chance" if size < CHANCE else "more than chance makes likely"
+        few = "this may be chance" if size < CHANCE else "more than chance makes likely"
+        text += f", {fixed(size, 1)} standard errors of the difference, pose by pose: {few}"
     return (f"{text}; --model geometric uses geometry alone",)
 
 

@@ -86,7 +86,7 @@ def test_what_to_do_about_such_shots_names_five_at_most_and_comes_only_where_the
     assert far_step(calibration(30e-4, far=far[:1], **asked)) == (
         "First look into held-out pose 0, which stands out: without it, R95 would be 300 um. If "
         "the reading is wrong, measure the pose again, or remove the row and state that you did; "
-        "if it is right, the model fails there. Until then: "
+        "if it is right, the model fails there. Until then, "
     )
     said = far_step(calibration(30e-4, far=far, **asked))
     assert "pose 3, pose 4 and 2 more (see Outliers), which stand out: without them" in said
@@ -159,7 +159,7 @@ def test_that_geometry_alone_is_better_at_held_out_poses_is_said_with_its_chance
     taken = simpler + np.array([-1e-6, 3e-6, -1e-6, 3e-6])
     (text,) = simpler_words(two_models(simpler, taken))
     assert "has smaller errors than the chosen model: 0.0420 against 0.0430" in text
-    assert "0.87 standard errors of the difference, pose by pose: this may be chance" in text
+    assert "0.9 standard errors of the difference, pose by pose: this may be chance" in text
     assert text.endswith("--model geometric uses geometry alone")
     (text,) = simpler_words(two_models(simpler, simpler + np.array([4e-6, 5e-6, 6e-6, 5e-6])))
     assert "more than chance makes likely" in text
