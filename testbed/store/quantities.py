@@ -100,7 +100,8 @@ def stated(name: str, value: float | Sequence[float] | Array, unit: Unit) -> Qua
 
     Examples
     --------
-    >>> 60e-6 * 1e6, stated("tolerance_um", 60e-6, METRE).shown
+    >>> tolerance = 60 * 1e-6
+    >>> tolerance * 1e6, stated("tolerance_um", tolerance, METRE).shown
     (59.99999999999999, 60.0)
     """
     shown = np.asarray(value) * unit.factor(name)

@@ -10,6 +10,7 @@ from scipy import stats
 from testbed.report.page import SIMULATED, Table, rejections, render
 from testbed.run.derive import page_of
 from testbed.studies.trial import report_accuracy, report_design, report_parameters, verdict
+from testbed.studies.trial.advice import next_step
 from testbed.studies.trial.report_accuracy import CLEARLY, too_narrow, truth_table
 from testbed.studies.trial.set_records import RandomSets
 from testbed.studies.wen2022 import report_paper
@@ -206,7 +207,7 @@ def test_seed_and_versions_are_printed_and_where_the_scenario_lies():
 
 
 def test_a_model_that_lacks_something_says_so_and_what_is_believed_is_quoted():
-    wrong = verdict.next_step(paper_campaign())
+    wrong = next_step(paper_campaign())
     assert "the model lacks something that the robot has" in wrong
     assert "µm (3-D radius, 95 %) for the mean of many moves" in wrong
     campaign = rigid_campaign()
@@ -220,7 +221,7 @@ def test_a_model_that_lacks_something_says_so_and_what_is_believed_is_quoted():
     )
     good = replace(campaign, trials=(replace(trial, estimates=(honest,)),))
     radius = 1e6 * honest.statement.point.radius_mean
-    assert verdict.next_step(good).startswith(f"Quote {radius:.3g} µm (3-D radius, 95 %)")
+    assert next_step(good).startswith(f"Quote {radius:.3g} µm (3-D radius, 95 %)")
 
 
 def test_intervals_that_are_too_narrow_are_counted_and_the_worst_named():
