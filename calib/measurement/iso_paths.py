@@ -11,18 +11,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from calib.arrays import Array, Bool, Index, check, frozen, require_count
+from calib.arrays import Array, Index, check, frozen, require_count
 from calib.errors import refuse
 from calib.kinds import checked_kinds
 from calib.measurement.cycles import cycles_of, mean_largest, per_pose, repeatability_dof
 from calib.measurement.iso9283 import IsoFigure, accuracy, repeatability
+from calib.measurement.iso_bends import corners, inside, turns_back, with_corners
 
-BACK = 0.02
-"""Angle from a full turn within which a path turns back [rad]; commands are rounded."""
-CORNER = 0.7
-"""Turn between two parts of a command beyond which it is a corner [rad]."""
-LOST = 10.0
-"""Times the usual distance of readings beyond which some are lost."""
 FLIPS = 400
 """Draws of signs that tell what a path without error would read."""
 
@@ -66,15 +61,7 @@ def tangents(command: ArrayLike) -> Array:
     # where a path turns back on itself the way in counts
     way_in = np.concatenate([unit[:1], unit])
     size = np.linalg.norm(both, axis=1, keepdims=True)
-    return np.where(_turns_back(c)[:, None], way_in, both / np.maximum(size, 1e-12))
-
-
-def _turns_back(command: Array) -> Bool:
-    """At which of its points a commanded path (m, 3) turns back on itself."""
-    steps = np.diff(command, axis=0)
-    unit = steps / np.linalg.norm(steps, axis=1, keepdims=True)
-    back = np.linalg.norm(unit[:-1] + unit[1:], axis=1) < BACK
-    return np.concatenate([[False], back, [False]])
+    return np.where(turns_back(c)[:, None], way_in, both / np.maximum(size, 1e-12))
 
 
 def through_planes(measured: ArrayLike, command: ArrayLike) -> Array:
@@ -84,17 +71,27 @@ def through_planes(measured: ArrayLike, command: ArrayLike) -> Array:
     the passes that follow each other so, those count that are nearest to the commanded points. Of
     those of a tool that stands or creeps, which noise moves through a plane again and again without
     half a step away from it, the middle one counts: the nearest would be nearer than the tool is.
-    Between two readings a path bends as its command does there, so that neither few readings nor
-    some that are lost cut its bends. A path may begin late or end early by one step of the command:
-    it goes on in the direction of that, as far off as it was. By all but a twentieth of one it may
-    turn back early where the command does. Not a number where a plane is not passed in its turn.
+    Between two readings a path bends, and turns, as its command does there, so that neither few
+    readings nor some that are lost cut its bends and corners. A path may begin late or end early by
+    one step of the command: it goes on in the direction of that, as far off as it was. By all but a
+    twentieth of one it may turn back early where the command does. Not a number where a plane is
+    not passed in its turn.
     """
     x, c = check("k 3, m 3", measured=measured, command=command)
     if len(x) < 2:
         return np.full(c.shape, np.nan)
     normal = tangents(c)
     longer = np.concatenate([[x[0] - (c[1] - c[0])], x, [x[-1] + (c[-1] - c[-2])]])
-    steps, back = np.linalg.norm(np.diff(c, axis=0), axis=1), _turns_back(c)
+    found, when = _passed(longer, c, normal)
+    if corners(c).any():
+        longer = with_corners(longer, c, when)
+        found, when = _passed(longer, c, normal)
+    return found - inside(c, normal, longer, np.nan_to_num(when))
+
+
+def _passed(longer: Array, c: Array, normal: Array) -> tuple[Array, Array]:
+    """Where (m, 3) and when (m,) straight lines pass the planes; not a number where they do not."""
+    steps, back = np.linalg.norm(np.diff(c, axis=0), axis=1), turns_back(c)
     shorter = np.minimum(np.append(steps[:1], steps), np.append(steps, steps[-1:]))
     beside = np.convolve(back, [1, 0, 1], "same") > 0
     near = np.where(back, 0.0, shorter / np.where(beside, 20, 2))
@@ -102,51 +99,11 @@ def through_planes(measured: ArrayLike, command: ArrayLike) -> Array:
     for i in np.flatnonzero(back):
         step = float(steps[i - 1])
         passes[i] = passes[i].beside(_short_of(longer, c[i], normal[i], step))
-    found = np.full(c.shape, np.nan)
+    found, when = np.full(c.shape, np.nan), np.full(len(c), np.nan)
     chosen = nearest_in_order([one.when for one in passes], [one.distance for one in passes])
-    when = np.zeros(len(c))
     for i in np.flatnonzero(chosen >= 0):
         found[i], when[i] = passes[i].place[chosen[i]], passes[i].when[chosen[i]]
-    return found - _inside(c, normal, longer, when)
-
-
-def _inside(command: Array, normal: Array, longer: Array, when: Array) -> Array:
-    """How far inside a bend (m, 3) a straight line between two readings lies.
-
-    Before the first and after the last of them it lies as far outside. A measured path bends as its
-    command does: k (1 - k) L^2 / 2 times that, k the part of a line of length L. The bend is that
-    of points as far apart as the readings; a corner has none. Not a number where so many readings
-    are lost that the command turns like a corner meanwhile.
-    """
-    before = np.minimum(when.astype(np.int64), len(longer) - 2)
-    share, line = when - before, np.linalg.norm(np.diff(longer, axis=0), axis=1)[before]
-    outside = (before == 0) | (before == len(longer) - 2)
-    size = np.where(outside, -0.5, 0.5) * share * (1 - share) * line**2
-    bend, corner = _bend(command, normal, line)
-    lost = corner & ~outside & (line > LOST * np.median(line))
-    return np.where(lost[:, None], np.nan, size[:, None] * bend)
-
-
-def _bend(command: Array, normal: Array, size: Array) -> tuple[Array, Bool]:
-    """Curvature (m, 3) of a command in the planes across it, over so much of its length [1/m].
-
-    Zero at corners, which (m,) is returned, too.
-    """
-    if len(command) < 3:
-        return np.zeros(command.shape), np.zeros(len(command), dtype=bool)
-    along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(command, axis=0), axis=1))])
-    middle = np.clip(np.arange(len(command)), 1, len(command) - 2)
-    room = 1e-9 * along[-1]
-    first = np.searchsorted(along, along[middle] - size + room, side="right") - 1
-    last = np.searchsorted(along, along[middle] + size - room)
-    first, last = np.clip(first, 0, middle - 1), np.clip(last, middle + 1, len(command) - 1)
-    ways = command[middle] - command[first], command[last] - command[middle]
-    length = [np.linalg.norm(way, axis=1)[:, None] for way in ways]
-    unit = [way / np.maximum(one, 1e-300) for way, one in zip(ways, length, strict=True)]
-    turn = unit[1] - unit[0]
-    corner = np.linalg.norm(turn, axis=1) >= CORNER
-    bend = np.where(corner[:, None], 0.0, 2 * turn / np.maximum(length[0] + length[1], 1e-300))
-    return np.asarray(bend - (bend * normal).sum(axis=1)[:, None] * normal), corner
+    return found, when
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -1,7 +1,11 @@
-"""What the limits take for granted of the cycles, and where these speak against it."""
+"""What the figures take for granted of cycles and runs, and where these speak against it."""
 
+import numpy as np
+
+from calib.measurement.iso_bends import corners
 from calib.measurement.iso_straying import straying_cycle
-from testbed.iso9283.records import CycleResult
+from testbed.iso9283.records import CycleResult, PathRuns
+from testbed.units import significant
 
 
 def cycle_words(result: CycleResult) -> list[str]:
@@ -18,5 +22,20 @@ def cycle_words(result: CycleResult) -> list[str]:
             f"further than normal scatter does (p = {far.p_value:.2g}): the limits of RP and RD "
             "assume normal scatter and are too narrow if single cycles stray; find out what "
             "happened there, or measure more cycles"
+        )
+    return texts
+
+
+def corner_words(paths: tuple[PathRuns, ...]) -> list[str]:
+    """Which rounding of corners nothing shows, of each path with corners that was read anywhere."""
+    texts = list[str]()
+    for path in paths:
+        if path.matched or not corners(path.command).any():
+            continue
+        steps = np.concatenate([np.linalg.norm(np.diff(run, axis=0), axis=1) for run in path.runs])
+        texts.append(
+            f"the readings of path {path.name} are {significant(1e3 * float(np.median(steps)))} mm "
+            "apart (median): a corner that is rounded within that distance is read as sharp, so "
+            "that AT may be larger"
         )
     return texts

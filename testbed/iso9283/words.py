@@ -3,7 +3,7 @@
 import numpy as np
 
 from calib.measurement.iso_drift import BLOCK
-from testbed.iso9283.cycle_words import cycle_words
+from testbed.iso9283.cycle_words import corner_words, cycle_words
 from testbed.iso9283.decided import SURE, decisions, drifts, overall
 from testbed.iso9283.figure_words import equal, place, show
 from testbed.iso9283.records import (
@@ -82,6 +82,7 @@ def reasons(result: CycleResult) -> tuple[str, ...]:
     texts += _too_few(result)
     texts += _drifting(result)
     texts += cycle_words(result)
+    texts += corner_words(test.paths)
     near = [f for f in result.figures if f.name in SCATTERS and f.size < NEAR * f.floor]
     if near:
         worst = min(near, key=lambda figure: figure.size / figure.floor)

@@ -260,6 +260,31 @@ def test_paths_read_as_they_come_are_cut_where_the_command_says(tmp_path):
         assert one == pytest.approx(two, rel=1e-9)  # lines: every plane shows the same
 
 
+def test_rounding_of_corners_that_no_reading_shows_is_said(tmp_path):
+    """Readings 2 mm apart along an L, none at its corner; a straight path has nothing to say."""
+    s = np.arange(1.0, 200, 2)
+    places = np.stack([np.minimum(s, 100), np.maximum(s - 100, 0), 0 * s], axis=1)
+    rows = [
+        {"path": "L", "cycle": k + 1, "x_mm": x, "y_mm": y, "z_mm": z + 0.01 * k}
+        for k in range(5)
+        for x, y, z in places
+    ]
+    points = [
+        {"path": "L", "path_point": k + 1, "x_mm": min(k * 10, 100), "y_mm": max(k * 10 - 100, 0)}
+        | {"z_mm": 0}
+        for k in range(21)
+    ]
+    (tmp_path / "points.csv").write_text(text_of(points))
+    toml = '[paths]\nfile = "cycles.csv"\ncommanded = "points.csv"\n'
+    result = played(tmp_path, rows, toml)
+    assert result.of("AT")[0].value / UM == pytest.approx(20, abs=1e-3)
+    assert "path L are 2.00 mm apart (median): a corner that is rounded" in " ".join(
+        reasons(result)
+    )
+    straight = played(tmp_path, path_rows(n=5, shifts=np.zeros((5, 3))))
+    assert "rounded" not in " ".join(reasons(straight))
+
+
 def test_a_second_lap_that_is_off_fails_though_the_first_lies_on_every_point(tmp_path):
     """Readings 0.3 mm above their commands in the second lap; numbered, and as they come."""
     rows = []
