@@ -38,7 +38,7 @@ def corners(command: Array) -> Bool:
     return np.concatenate([[False], turn >= CORNER, [False]])
 
 
-def with_corners(path: Array, command: Array, when: Array) -> Array:
+def with_corners(path: Array, command: Array, when: Array, *, sharp: bool = False) -> Array:
     """A measured path (k, 3) and the corners (k + c, 3) that lie between two of its readings.
 
     Parameters
@@ -49,6 +49,8 @@ def with_corners(path: Array, command: Array, when: Array) -> Array:
     when : (m,) array
         Reading, and part of the way to the next one, at which the plane across each commanded point
         is passed; not a number where it is not.
+    sharp : bool
+        Round no corner, whatever the path shows: then it cuts none that a reading does not cut.
 
     Notes
     -----
@@ -63,7 +65,9 @@ def with_corners(path: Array, command: Array, when: Array) -> Array:
         before = int(when[i])
         # where the path is off along its command the corner may lie beyond the plane's line
         near = [k for k in (before - 1, before, before + 1) if 1 <= k < len(path) - 2]
-        found = [(*_between(path, k, command[i], unit[i - 1], unit[i]), k) for k in near]
+        found = [
+            (*_between(path, k, command[i], unit[i - 1], unit[i], sharp=sharp), k) for k in near
+        ]
         size, point, k = max(found, key=lambda one: one[0], default=(0.0, command[i], 0))
         if size:
             added.setdefault(k, point)
@@ -73,7 +77,9 @@ def with_corners(path: Array, command: Array, when: Array) -> Array:
     return np.insert(path, np.array(lines) + 1, np.array([added[k] for k in lines]), axis=0)
 
 
-def _between(path: Array, k: int, corner: Array, come: Array, go: Array) -> tuple[float, Array]:
+def _between(
+    path: Array, k: int, corner: Array, come: Array, go: Array, *, sharp: bool
+) -> tuple[float, Array]:
     """How far outside a path bends between reading k and the next one, and where; zero: not.
 
     The commanded path comes to its corner and goes from there in the directions (3,).
@@ -90,7 +96,7 @@ def _between(path: Array, k: int, corner: Array, come: Array, go: Array) -> tupl
     before, after = _way(path[k::-1], size, -come), _way(path[k + 1 :], size, go)
     inward = (go - come) / np.linalg.norm(go - come)
     turned = (-before - come) @ inward, (go - after) @ inward
-    if max(turned) > ROUND * np.linalg.norm(go - come):
+    if not sharp and max(turned) > ROUND * np.linalg.norm(go - come):
         # an arc of this turn, L/16 of which its middle lies outside of the line
         point = (one + two) / 2 + size / 16 * (-before - after)
     off = point - one

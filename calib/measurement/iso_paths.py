@@ -64,7 +64,7 @@ def tangents(command: ArrayLike) -> Array:
     return np.where(turns_back(c)[:, None], way_in, both / np.maximum(size, 1e-12))
 
 
-def through_planes(measured: ArrayLike, command: ArrayLike) -> Array:
+def through_planes(measured: ArrayLike, command: ArrayLike, *, sharp: bool = False) -> Array:
     """Where one measured path (k, 3) passes the planes across a commanded one (m, 3): (m, 3).
 
     Planes are passed in the order of the command, so that a path may come by one place twice; of
@@ -75,7 +75,8 @@ def through_planes(measured: ArrayLike, command: ArrayLike) -> Array:
     readings nor some that are lost cut its bends and corners. A path may begin late or end early by
     one step of the command: it goes on in the direction of that, as far off as it was. By all but a
     twentieth of one it may turn back early where the command does. Not a number where a plane is
-    not passed in its turn.
+    not passed in its turn. With `sharp` it rounds no corner between two readings, whatever they
+    show.
     """
     x, c = check("k 3, m 3", measured=measured, command=command)
     if len(x) < 2:
@@ -84,7 +85,7 @@ def through_planes(measured: ArrayLike, command: ArrayLike) -> Array:
     longer = np.concatenate([[x[0] - (c[1] - c[0])], x, [x[-1] + (c[-1] - c[-2])]])
     found, when = _passed(longer, c, normal)
     if corners(c).any():
-        longer = with_corners(longer, c, when)
+        longer = with_corners(longer, c, when, sharp=sharp)
         found, when = _passed(longer, c, normal)
     return found - inside(c, normal, longer, np.nan_to_num(when))
 
@@ -252,6 +253,10 @@ def in_planes(covariance: Array, command: Array) -> Array:
 
 
 @checked_kinds
-def resampled(paths: Sequence[ArrayLike], command: ArrayLike) -> Array:
-    """Positions (m, n, 3) [m] of n measured paths (k, 3) in the planes of m commanded points."""
-    return frozen(np.stack([through_planes(path, command) for path in paths], axis=1))
+def resampled(paths: Sequence[ArrayLike], command: ArrayLike, *, sharp: bool = False) -> Array:
+    """Positions (m, n, 3) [m] of n measured paths (k, 3) in the planes of m commanded points.
+
+    With `sharp` no corner is rounded between two readings: the least that a path may be off there.
+    """
+    found = [through_planes(path, command, sharp=sharp) for path in paths]
+    return frozen(np.stack(found, axis=1))

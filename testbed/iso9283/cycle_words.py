@@ -3,13 +3,14 @@
 import numpy as np
 
 from calib.measurement.iso_bends import corners
-from calib.measurement.iso_straying import straying_cycle
+from calib.measurement.iso_straying import long_tails, straying_cycle
+from testbed.iso9283.figure_words import equal
 from testbed.iso9283.records import CycleResult, PathRuns
 from testbed.units import significant
 
 
 def cycle_words(result: CycleResult) -> list[str]:
-    """That cycles follow their neighbors, and that one strays; each where it is so."""
+    """That cycles follow their neighbors, one strays, tails are long; each where it is so."""
     texts, visits = list[str](), result.test.visits
     if result.memory is not None and result.memory.sentence:
         texts.append(result.memory.sentence)
@@ -22,6 +23,14 @@ def cycle_words(result: CycleResult) -> list[str]:
             f"further than normal scatter does (p = {far.p_value:.2g}): the limits of RP and RD "
             "assume normal scatter and are too narrow if single cycles stray; find out what "
             "happened there, or measure more cycles"
+        )
+    tails = long_tails(visits.position)
+    if tails.long:
+        texts.append(
+            f"the cycles scatter with longer tails than normal scatter (kurtosis "
+            f"{tails.kurtosis:.2g} times the normal one, p {equal(tails.p_value)} for all poses "
+            "together): the limits of RP and RD assume normal scatter and do not hold with 95 % "
+            "here; find out what makes some cycles scatter more than others"
         )
     return texts
 

@@ -18,6 +18,7 @@ from calib.measurement.iso9283 import (
     gaps,
     repeatability,
 )
+from calib.measurement.iso_bends import corners
 from calib.measurement.iso_drift import BLOCK, DriftFigures, drift
 from calib.measurement.iso_limits import (
     Limits,
@@ -189,11 +190,13 @@ def _drifts(visits: Visits) -> tuple[list[StatedFigure], tuple[PoseDrift, ...], 
     order = in_time(visits)
     x, time = visits.position[:, order], visits.time[:, order] / 3600
     found = drift(x, visits.command)
+    # within blocks, so that what differs between them, a drift, is not taken for it
+    memory = cycle_memory(x[:, : n // BLOCK * BLOCK].reshape(-1, BLOCK, 3))
     parts = np.split(np.arange(n), [BLOCK * k for k in range(1, n // BLOCK)])
     figures, drifts = list[StatedFigure](), list[PoseDrift]()
     for e, name in enumerate(visits.names):
         hours = frozen(np.array([time[e, part].mean() for part in parts]))
-        figures += _drift_figures(found, e, x[e], visits.command[e], parts, name)
+        figures += _drift_figures(found, e, x[e], visits.command[e], parts, name, memory)
         drifts.append(
             PoseDrift(
                 name, hours, found.accuracy[e], found.repeatability[e], found.chance[e],
@@ -204,9 +207,10 @@ def _drifts(visits: Visits) -> tuple[list[StatedFigure], tuple[PoseDrift, ...], 
 
 
 def _drift_figures(
-    found: DriftFigures, e: int, x: Array, command: Array, parts: list[Index], name: str
-) -> Iterator[StatedFigure]:
-    """The largest change of AP and RP against the first block."""
+    found: DriftFigures, e: int, x: Array, command: Array, parts: list[Index], name: str,
+    memory: CycleMemory,
+) -> Iterator[StatedFigure]:  # fmt: skip
+    """The largest change of AP and RP against the first block; memory is that within a block."""
     made = {"dAP": lambda y: accuracy(y, command), "dRP": repeatability}
     # all blocks but the last are of one length
     stacks = np.stack([x[part] for part in parts[:-1]]), x[parts[-1]][None]
@@ -216,7 +220,9 @@ def _drift_figures(
         u = np.concatenate([made[key](one).uncertainty for one in stacks])
         u, floor = np.hypot(u[0], u[1:]), np.full(len(u) - 1, found.by_chance[e, k])
         change = IsoFigure(np.abs(values[1:] - values[0]), u, floor, u, np.ones(len(u)))
-        limits = largest_limits(change, 2 * (BLOCK - 1))
+        change = (memory.of_scatter if k else memory.of_mean)(change)
+        dof = memory.freedom(BLOCK - 1) if k else memory.freedom_of_mean
+        limits = largest_limits(change, 2 * dof)
         yield from _figures(key, (name,), change.largest, limits, len(x))
 
 
@@ -242,13 +248,20 @@ def _path(path: PathRuns, shared: Shared) -> tuple[list[StatedFigure], PathShown
     own = float(_shared_part(AT, found.accuracy)[a])
     where = f"path {path.name}"
     far, near = largest_limits(AT, n - 1), repeatability_limits(x)
+    lowest = float(far.lower)
+    if corners(path.command).any():
+        # how much of a corner is cut between two readings they tell only roughly
+        sharp = accuracy(
+            resampled(path.runs, path.command, sharp=True), path.command, common=common
+        )
+        lowest = min(lowest, float(largest_limits(sharp, n - 1).lower))
     least = repeatability_limits(x, probability=1 - (1 - PROBABILITY) / len(x))
     level = float("nan")
     if noise is not None:
         level = float(repeatability_level(in_planes(noise, path.command)).max())
     steps = np.linalg.norm(np.diff(path.command, axis=0), axis=1)
     figures = [
-        StatedFigure("AT", where, float(AT.value[a]), float(far.lower),
+        StatedFigure("AT", where, float(AT.value[a]), lowest,
                      float(far.upper), float(AT.uncertainty[a]), found.floor, n, shared=own),
         StatedFigure("RT", where, float(RT.value[r]), float(least.lower.max()),
                      float(near.upper.max()), float(RT.uncertainty[r]), found.spread_floor, n,

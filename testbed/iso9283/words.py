@@ -171,9 +171,16 @@ def _drifting(result: CycleResult) -> list[str]:
     own = next(f for f in result.of(("dAP", "dRP")[k]) if f.where == worst.where)
     change, usual = show(worst.changes[k], own), show(worst.chance[k], own)
     name = ("AP", "RP")[k]
+    changed = any(figure.lower > 0 for figure in result.of("dAP", "dRP"))
+    follow = result.memory is not None and result.memory.kept > 0
+    unsure = (
+        "Cycles that follow each other on a slow way back and forth may change AP and RP as much: "
+        "the limits of dAP and dRP, which allow for that, include zero at every pose"
+    )
     return [
         f"{name} of {place(own)} changes by {change} um; in 95 % of random orders of the "
-        f"same cycles it changes by less than {usual} um. The limits hold for the hours measured"
+        f"same cycles it changes by less than {usual} um. The limits hold for the hours measured",
+        *([unsure] if follow and not changed else []),
     ]
 
 

@@ -6,7 +6,7 @@ import pytest
 from calib.measurement.iso9283 import accuracy, repeatability
 from calib.measurement.iso_limits import mean_limits, repeatability_limits, spread_limits
 from calib.measurement.iso_memory import CycleMemory, cycle_memory
-from calib.measurement.iso_straying import straying_cycle
+from calib.measurement.iso_straying import long_tails, straying_cycle
 
 SD = np.array([8.0, 5.0, 3.0]) * 1e-6
 CYCLES, POSES = 30, 5
@@ -143,3 +143,20 @@ def test_of_normal_cycles_one_set_in_twenty_has_one_that_strays_so_far():
     rng = np.random.default_rng(17)
     far = [straying_cycle(rng.normal(size=(1, 10, 3))).p_value < 0.05 for _ in range(2000)]
     assert np.mean(far) == pytest.approx(0.049, abs=0.015)
+
+
+def test_long_tails_are_found_in_all_poses_together_and_normal_scatter_has_none():
+    """Also where cycles follow each other, and where poses scatter together."""
+    rng, normal, together, few = np.random.default_rng(3), [], [], []
+    for _ in range(100):
+        normal.append(long_tails(rng.standard_normal((6, 30, 3)) * (1.0, 0.2, 0.1)).p_value)
+        own, all_of_them = rng.standard_normal((8, 30, 3)), rng.standard_normal((30, 3))
+        together.append(long_tails(0.3 * own + all_of_them).p_value)
+        few.append(long_tails(rng.standard_normal((5, 8, 3))).p_value)
+    for p in (normal, together, few):
+        # 0.05 of 100: more than 12 come up once in 700
+        assert np.less(p, 0.05).sum() <= 12
+        assert min(p) > 0.001
+    assert np.less(normal, 0.05).sum() >= 2
+    assert sum(long_tails(rng.standard_t(4, (6, 30, 3))).long for _ in range(20)) >= 13
+    assert np.isnan(long_tails(rng.standard_normal((3, 7, 3))).p_value)

@@ -225,6 +225,17 @@ def test_cycles_that_follow_each_other_or_stray_are_said_and_widen_the_limits(tm
     assert "Cycle 109 of pose P1 strays" in " ".join(reasons(played(tmp_path, rows)))
 
 
+def test_limits_that_long_tails_break_are_said_to_be_broken(tmp_path):
+    """Student's t with 4 degrees of freedom: RP lies beyond its limits at a third of poses."""
+    rng, said = np.random.default_rng(4), "the limits of RP and RD assume normal scatter and do not"
+    rows = pose_rows(n=30, sd=4.0)
+    wild = [
+        row | {f"{a}_mm": row[f"{a}_mm"] + 0.02 * rng.standard_t(4) for a in "xyz"} for row in rows
+    ]
+    assert said in " ".join(reasons(played(tmp_path, wild)))
+    assert said not in " ".join(reasons(played(tmp_path, rows)))
+
+
 def test_paths_beside_their_command_give_at_and_rt_by_hand(tmp_path):
     shifts = np.array([[0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1], [0, 0, 0.0]]) * 0.05
     result = played(tmp_path, path_rows(n=5, shifts=shifts))
