@@ -119,7 +119,8 @@ def _moved(move: re.Match[str], declared: dict[str, Target], where: str) -> Targ
 def _statements(text: FileText) -> Iterator[tuple[list[int], str]]:
     """Code of each statement, without texts and comments, and the numbers of its lines."""
     lines, code = list[int](), list[str]()
-    for number, line in text.content("!"):
+    # all lines: one that holds nothing but ";" ends a statement
+    for number, line in enumerate(text.lines, start=1):
         lines.append(number)
         code.append("")
         for token in TOKEN.findall(line):

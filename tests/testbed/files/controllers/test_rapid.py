@@ -72,6 +72,39 @@ def test_every_statement_of_a_line_is_read_and_one_may_go_over_lines(tmp_path):
     assert found.lines == (3, 3, 3, 4)
 
 
+def test_a_semicolon_alone_in_its_line_ends_a_statement(tmp_path):
+    """As a table such a line would be an empty row; dropped, it made one statement of two."""
+    lines = [
+        "CONST jointtarget p1",
+        f"  := [[1,2,3,4,5,6],{NONE}]",
+        ";",
+        f"CONST jointtarget p2 := [[2,2,3,4,5,6],{NONE}]",
+        "  ;  ",
+        "MoveAbsJ p1,v1,fine,t",
+        "",
+        "; ! here",
+        "MoveAbsJ p2,v1,fine,t",
+        ";",
+        "MoveAbsJ [[3",
+        ",",
+        f"2,3,4,5,6],{NONE}],v1,fine,t;",
+    ]
+    found = sheet(tmp_path, *lines)
+    assert [row[0] for row in found.rows] == ["1", "2", "3"]
+    assert found.lines == (6, 9, 11)
+    assert sheet(tmp_path, *lines[:5]).lines == (1, 4)
+    moved = [
+        f"VAR jointtarget p1 := [[1,2],{NONE}]",
+        ";",
+        "MoveAbsJ p1,v1,z,t",
+        ";",
+        "p1 := a",
+        ";",
+    ]
+    with pytest.raises(InputError, match=r"a\.mod:5: p1 is assigned another value here"):
+        sheet(tmp_path, *moved)
+
+
 def test_arrays_are_rows_in_their_order_and_moves_take_what_they_name(tmp_path):
     array = [
         "CONST jointtarget P{3}",
