@@ -38,29 +38,21 @@ from testbed.files.programs.read import (
     read_program,
 )
 from testbed.files.programs.rewrite import rewritten
+from testbed.files.programs.said import LEFT, outcome_words, unused_words
 from testbed.files.refusal import refusal
 from testbed.files.rotations import VECTOR, axes_of, in_form
 from testbed.files.rows.targets import called, of_targets, target_names
 from testbed.files.table import Columns, DataTable
 from testbed.robots.catalog import Robot
 from testbed.robots.controller import BEYOND
-from testbed.units import DEG, significant
+from testbed.units import DEG
 
-WORDS: dict[str, str] = {
-    "singular": "left as written: the posture is nearly singular, and its correction would move a "
-    "joint far; move the target",
-    "limits": "left as written: the posture is outside the joint limits, as it is written or "
-    "corrected",
-    "out of reach": "left as written: the robot does not reach it from a posture near this one",
-}
 LOAD_UNKNOWN = "payload of the measurements not stated"
 LOAD_WORDS = (
     "the model is bent by what the arm carried in the measurements, which do not state it: all "
     "targets are corrected for that load, and nothing can be stated at them; write payload_kg "
     "under [conditions] in session.toml"
 )
-LEAST_MM = 1e-6
-"""Smaller remaining errors are rounding [mm]."""
 SAME = 1e-12
 """Change of a number up to which it is not written again [deg, rad, mm, m]."""
 
@@ -191,22 +183,16 @@ def correct_program(
     added = dict(zip(ADDED, columns, strict=True))
     comma = table.decimal == ","
     atomic_write(out, rewritten(text, table.sheet, numbers, cells, added, comma=comma))
-    count, changed = len(result.status), int(result.corrected.sum())
-    kept = f"; {count - changed} left as written" if changed < count else ""
-    done = (
-        f"{changed} of {count} targets corrected{kept}: by the identified model, the mean error "
-        f"of all {count} is {1e3 * result.before.mean():.3f} mm before and "
-        f"{_millimeters_left(1e3 * result.left.mean())} after"
-    )
     counted = not robot.controller.plain and joint_columns(table, robot) is not None
     names = target_names(table)
-    failed = status_sentences(result.status, "target", WORDS, names=called(names))
+    failed = status_sentences(result.status, "target", LEFT, names=called(names))
     return replace(
         result,
         sentences=(
-            done,
+            outcome_words(result.corrected, result.before, result.left, names),
             *in_other_units(table, robot),
             *renamed_words(table.names, robot),
+            *unused_words(table, robot, targets.columns),
             *([robot.controller.sentence] if counted else []),
             *failed,
             *turned_sentences(
@@ -221,11 +207,6 @@ def correct_program(
         names=names,
         places=table.places,
     )
-
-
-def _millimeters_left(left_mm: float) -> str:
-    """Remaining error in words; less than a nanometer is rounding."""
-    return f"{significant(left_mm)} mm" if left_mm >= LEAST_MM else "less than 0.000001 mm"
 
 
 def _correct_joints(

@@ -71,6 +71,72 @@ def test_joint_targets_bring_the_real_robot_where_the_program_meant(tmp_path, re
     assert found.sentences[0].endswith(" mm before and less than 0.000001 mm after")
 
 
+def test_errors_are_those_of_the_targets_that_were_corrected(tmp_path, real):
+    """One that no posture reaches made the mean 162 mm before and 161 mm after."""
+    T = ROBOT.model.poses(Q)
+    turn = in_form("quaternion", np.zeros((3, 4)), T[:, :3, :3])
+    head = ["name", "x_mm", "y_mm", "z_mm", "qw", "qx", "qy", "qz", *(f"q{k}_deg" for k in (1, 2))]
+    head += [f"q{k}_deg" for k in range(3, 7)]
+    rows = [
+        [f"P{k}", *row] for k, row in enumerate(np.hstack([1e3 * T[:, :3, 3], turn, np.degrees(Q)]))
+    ]
+    alone = correct_program(
+        written(tmp_path / "a.csv", head, rows), ROBOT, real, tmp_path / "b.csv"
+    )
+    rows.insert(1, ["far", 3000.0, *rows[0][2:]])
+    path = written(tmp_path / "p.csv", head, rows)
+    found = correct_program(path, ROBOT, real, tmp_path / "out.csv")
+    assert found.status == ("reached", "out of reach", "reached", "reached")
+    assert found.before[1] > 1.0
+    said = '3 of 4 targets corrected; 1 left as written (target 2 "far"): by the identified model, '
+    assert found.sentences[0].startswith(f"{said}the mean error of the 3 corrected is ")
+    # searches end at rounding: before is what it is without the fourth
+    figures = found.sentences[0].partition(" corrected is ")[2]
+    assert figures == alone.sentences[0].partition(" of all 3 is ")[2]
+    none = written(tmp_path / "n.csv", head, rows[1:2])
+    (first, *_) = correct_program(none, ROBOT, real, tmp_path / "none.csv").sentences
+    assert first == '0 of 1 target corrected; 1 left as written (target 1 "far")'
+    many = written(tmp_path / "m.csv", head, rows[1:2] * 12)
+    (first, *_) = correct_program(many, ROBOT, real, tmp_path / "many.csv").sentences
+    assert first.startswith("0 of 12 targets corrected; 12 left as written (targets 1 ")
+    assert first.endswith('10 "far", 2 more)')
+
+
+def test_columns_that_nothing_is_taken_from_are_named(tmp_path, real):
+    joints = [f"q{k}_deg" for k in range(1, 7)]
+
+    def told(head, *more):
+        rows = [[*q, *more] for q in np.degrees(Q).tolist()]
+        out = tmp_path / "out.csv"
+        out.unlink(missing_ok=True)
+        said = correct_program(written(tmp_path / "p.csv", head, rows), ROBOT, real, out).sentences
+        lines = (tmp_path / "out.csv").read_text().splitlines()
+        assert all(line.split(",")[6 : 6 + len(more)] == [*map(str, more)] for line in lines[1:])
+        return [one for one in said if one.startswith("not used")]
+
+    start = "not used, and left as they are: the program's column"
+    assert told([*joints, "q7_deg"], 5) == [f"{start} q7_deg"]
+    assert told([*joints, "speed", "zone", "approach"], 5, 1, "+") == [
+        f"{start}s speed, zone, approach"
+    ]
+    (hinted,) = told([*joints, "paylod_kg"], 5)
+    assert hinted.endswith(' paylod_kg; did you mean "payload_kg"?')
+    # of two names the first one is read; rotations without positions are no targets
+    assert told([*joints, "name", "pose_id", "rx_deg"], "a", "b", 0) == [f"{start}s name, rx_deg"]
+    read = [
+        "payload_kg",
+        "payload_x_mm",
+        "payload_y_mm",
+        "payload_z_mm",
+        "tool",
+        "temperature_degC",
+    ]
+    assert not told([*joints, *read, "target"], 1, 2, 3, 4, "probe", 20, "T1")
+    many = [f"c{k}" for k in range(13)]
+    assert told([*joints, *many], *range(13))[0].endswith(" c8, c9, 3 more")
+    assert not told([f"A{k}" for k in range(1, 7)])
+
+
 def test_targets_in_another_unit_than_their_columns_say_are_said_to_be(tmp_path, real):
     """Radians called degrees and meters called millimeters: each target alone seems a bad one."""
     joints, place = [f"q{k}_deg" for k in range(1, 7)], ["x_mm", "y_mm", "z_mm", "rvx_deg"]
@@ -231,7 +297,9 @@ def test_columns_of_measurements_say_nothing_in_a_program(tmp_path, real):
     found = correct_program(path, ROBOT, real, tmp_path / "w_out.csv")
     same = correct_program(plain, ROBOT, real, tmp_path / "p_out.csv")
     np.testing.assert_array_equal(found.q, same.q)
-    assert found.sentences == same.sentences
+    *others, unused = found.sentences
+    assert tuple(others) == same.sentences
+    assert unused.endswith(" order, repeat, split, time, time_s, approach")
     out = cells(tmp_path / "w_out.csv")
     assert [[row[name] for row in out] for name in wild] == [
         [str(cell) for cell in column] for column in wild.values()

@@ -1,0 +1,71 @@
+"""What is said of a corrected program: its errors, and columns not used."""
+
+from collections.abc import Mapping, Sequence
+
+from calib.arrays import Array, Bool
+from testbed.files.columns import misspelling
+from testbed.files.conditions import CENTERS, COLUMNS
+from testbed.files.joints import joint_columns
+from testbed.files.rows.targets import NAMES, called
+from testbed.files.table import Columns, DataTable, together
+from testbed.robots.robot import Robot
+from testbed.units import counted, significant
+
+LEFT: Mapping[str, str] = {
+    "singular": "left as written: the posture is nearly singular, and its correction would move a "
+    "joint far; move the target",
+    "limits": "left as written: the posture is outside the joint limits, as it is written or "
+    "corrected",
+    "out of reach": "left as written: the robot does not reach it from a posture near this one",
+}
+"""Why a target is not corrected."""
+LEAST_MM = 1e-6
+"""Smaller remaining errors are rounding [mm]."""
+MOST_NAMED, LONGEST = 10, 40
+"""Targets and columns named in one sentence, and letters of one of them."""
+
+
+def outcome_words(corrected: Bool, before: Array, left: Array, names: Sequence[str]) -> str:
+    """How many targets are corrected and what errors these have [m]; which others there are.
+
+    What a target out of reach misses is no error of the robot: it has no part in the means.
+    """
+    count, changed = len(corrected), int(corrected.sum())
+    kept = [name for name, done in zip(called(names), corrected, strict=True) if not done]
+    more = [f"{len(kept) - MOST_NAMED} more"] * (len(kept) > MOST_NAMED)
+    shown = ", ".join([*kept[:MOST_NAMED], *more])
+    targets = "target" + "s" * (len(kept) > 1)
+    aside = f"; {len(kept)} left as written ({targets} {shown})" if kept else ""
+    text = f"{changed} of {counted(count, 'target')} corrected{aside}"
+    if not changed:
+        return text
+    whose = f"all {count}" if changed == count else f"the {changed} corrected"
+    after = 1e3 * float(left[corrected].mean())
+    return (
+        f"{text}: by the identified model, the mean error of {whose} is "
+        f"{1e3 * before[corrected].mean():.3f} mm before and "
+        + (f"{significant(after)} mm after" if after >= LEAST_MM else "less than 0.000001 mm after")
+    )
+
+
+def unused_words(table: DataTable, robot: Robot, targets: Columns) -> tuple[str, ...]:
+    """A sentence on columns that nothing is taken from; none if there are none.
+
+    `targets` are the columns of the targets themselves.
+    """
+    joints = joint_columns(table, robot)
+    names = next(((name,) for name in NAMES if name in table), ())
+    angles = any(name.startswith(("rx_", "e1_")) for name in targets.names)
+    own = together(targets, joints, table.find("length", *CENTERS)).names
+    read = {*own, *names, *COLUMNS.values(), *(("euler",) if angles else ())}
+    taken = {theirs for name, theirs in table.names.items() if name in read}
+    unused = [name for name in table.sheet.head if name not in taken]
+    if not unused:
+        return ()
+    more = [f"{len(unused) - MOST_NAMED} more"] * (len(unused) > MOST_NAMED)
+    shown = ", ".join([*(name[:LONGEST] for name in unused[:MOST_NAMED]), *more])
+    hint = misspelling(name for name in unused if name in table.names)
+    return (
+        f"not used, and left as they are: the program's column{'s' * (len(unused) > 1)} {shown}"
+        + f"; {hint}" * bool(hint),
+    )
