@@ -2,7 +2,7 @@
 
 Transfer and leverage come from the kinematics: they see neither a load nor the warmth of an arm,
 nor another tool. What the rows say of these decides apart from them: a target under other
-conditions has no region.
+conditions has no region, and none under conditions that are not known to be the same.
 """
 
 from collections.abc import Callable
@@ -140,17 +140,27 @@ class Departure(Shown):
     other: dict[str, Bool]
     """Kind, stated on both sides, to whether each target (N,) lies outside the data's."""
     outside: Bool
-    """(N,) whether any kind does: such a target has no region."""
+    """(N,) whether any kind does, or nobody knows of one: such a target has no region."""
 
     def __repr__(self) -> str:
         return f"Departure({int(self.outside.sum())} of {len(self.outside)} outside)"
 
     @property
+    def unknown(self) -> tuple[str, ...]:
+        """The kinds that the targets state and the data do not: nobody knows whether they agree."""
+        return tuple(kind for kind in self.targets.stated if kind not in self.data.stated)
+
+    @property
     def words(self) -> tuple[str, ...]:
-        """(N,) ``as measured``, ``other payload and tool``, or ``not stated``."""
+        """(N,) ``as measured``, ``other payload and tool``, or what of it was ``not stated``."""
         inside = AS_MEASURED if self.other else NOT_STATED
-        kinds = [[kind for kind in self.other if self.other[kind][k]] for k in self._numbers]
-        return tuple(f"other {' and '.join(some)}" if some else inside for some in kinds)
+        unknown = [f"{' and '.join(self.unknown)} of the measurements {NOT_STATED}"]
+        out = []
+        for k in self._numbers:
+            some = [kind for kind in self.other if self.other[kind][k]]
+            told = [f"other {' and '.join(some)}"] * bool(some) + unknown * bool(self.unknown)
+            out.append("; ".join(told) or inside)
+        return tuple(out)
 
     @property
     def sentences(self) -> tuple[str, ...]:
@@ -172,12 +182,13 @@ class Departure(Shown):
                 f"the targets do not state their {' and '.join(only)}: the statement holds as long "
                 f"as that is the same as in the measurements ({there})"
             )
-        only = [kind for kind in theirs if kind not in mine]
-        if only:
-            there = ", ".join(f"{kind} {self.targets.words(kind)}" for kind in only)
+        if self.unknown:
+            there = ", ".join(f"{kind} {self.targets.words(kind)}" for kind in self.unknown)
+            same, it = ("it is", "it") if len(self.unknown) == 1 else ("they are", "them")
             said.append(
-                f"the measurements do not state their {' and '.join(only)}: whether the statement "
-                f"holds at these targets is unknown ({there})"
+                f"the targets state their {' and '.join(self.unknown)} ({there}), and the "
+                f"measurements do not: whether {same} the same is unknown, so that nothing can be "
+                f"stated at these targets until the measurements state {it}"
             )
         return tuple(said)
 
@@ -210,7 +221,9 @@ def departure(
     A payload or temperature is outside where it lies further than the tolerance outside the range
     of the data, and a payload whose center of mass both sides state where its moment about the
     flange lies further outside than that of the tolerance at `ARM`; a tool where no row of the data
-    has it. A kind that either side does not state refuses nothing.
+    has it. A kind that the targets alone state puts all of them outside: whether they have what was
+    measured is unknown. One that the data alone state refuses nothing: it is a condition of the
+    statement, which whoever uses the targets can keep.
 
     Parameters
     ----------
@@ -241,7 +254,7 @@ def departure(
             if kind == "payload" and data.moments is not None and targets.moments is not None:
                 off |= _beyond(targets.moments, data.moments, room * ARM).any(axis=1)
         other[kind] = frozen(off, np.bool_)
-    outside = np.zeros(count, dtype=np.bool_)
+    outside = np.full(count, not set(targets.stated) <= set(data.stated))
     for off in other.values():
         outside |= off
     return Departure(data, targets, other, frozen(outside, np.bool_))

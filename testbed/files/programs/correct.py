@@ -38,7 +38,7 @@ from testbed.files.programs.read import (
     read_program,
 )
 from testbed.files.programs.rewrite import rewritten
-from testbed.files.programs.said import LEFT, outcome_words, unused_words
+from testbed.files.programs.said import LEFT, outcome_words, unknown_words, unused_words
 from testbed.files.refusal import refusal
 from testbed.files.rotations import VECTOR, axes_of, in_form
 from testbed.files.rows.targets import called, of_targets, target_names
@@ -47,12 +47,6 @@ from testbed.robots.catalog import Robot
 from testbed.robots.controller import BEYOND
 from testbed.units import DEG
 
-LOAD_UNKNOWN = "payload of the measurements not stated"
-LOAD_WORDS = (
-    "the model is bent by what the arm carried in the measurements, which do not state it: all "
-    "targets are corrected for that load, and nothing can be stated at them; write payload_kg "
-    "under [conditions] in session.toml"
-)
 SAME = 1e-12
 """Change of a number up to which it is not written again [deg, rad, mm, m]."""
 
@@ -158,22 +152,17 @@ def correct_program(
     correct = _correct_poses if is_cartesian(table) else _correct_joints
     m, set_up = len(table), set_up or SetUp()
     own = first_stated(target_conditions(table), set_up.use.rows(np.zeros(m, dtype=np.int64)))
-    away = departure(measured or Conditions(), own, m, set_up.tolerance)
+    asked = own if measured is not None else Conditions()
+    away = departure(measured or Conditions(), asked, m, set_up.tolerance)
     # a model of unknown load cannot be put under another one: its moments hold what was carried
-    unknown = measured is not None and measured.payload is None and own.payload is not None
-    if unknown:
-        own = replace(own, payload=None, center=None)
-    result, targets = correct(table, robot, identified, own)
-    words, departed, unsaid = away.words, away.outside, away.unsaid
-    if unknown and identified.joint_errors.springs is not None:
-        words, departed = (LOAD_UNKNOWN,) * m, np.ones(m, dtype=np.bool_)
-        unsaid = (*unsaid, LOAD_WORDS)
+    used = replace(own, payload=None, center=None) if "payload" in away.unknown else own
+    result, targets = correct(table, robot, identified, used)
     columns: tuple[Sequence[str] | Array, ...] = (
         result.status,
         1e3 * result.before,
         1e3 * result.left,
         DEG * result.left_rotation,
-        words,
+        away.words,
     )
     theirs = [table.names[name] for name in targets.columns.names]
     new, old = targets.numbers / targets.columns.factors, table.numbers(targets.columns.names)
@@ -199,11 +188,12 @@ def correct_program(
                 identified, result.status, result.left_rotation, len(robot.controller.held)
             ),
             *away.sentences,
-            *unsaid,
+            *away.unsaid,
+            *unknown_words(away),
             *result.sentences,
         ),
-        conditions=words,
-        departed=departed,
+        conditions=away.words,
+        departed=away.outside,
         names=names,
         places=table.places,
     )

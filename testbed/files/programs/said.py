@@ -1,8 +1,9 @@
-"""What is said of a corrected program: its errors, and columns not used."""
+"""What is said of a corrected program: its errors, columns not used, conditions nobody knows."""
 
 from collections.abc import Mapping, Sequence
 
 from calib.arrays import Array, Bool
+from calib.uncertainty.statement.conditions import Departure
 from testbed.files.columns import misspelling
 from testbed.files.conditions import CENTERS, COLUMNS
 from testbed.files.joints import joint_columns
@@ -68,4 +69,19 @@ def unused_words(table: DataTable, robot: Robot, targets: Columns) -> tuple[str,
     return (
         f"not used, and left as they are: the program's column{'s' * (len(unused) > 1)} {shown}"
         + f"; {hint}" * bool(hint),
+    )
+
+
+def unknown_words(away: Departure) -> tuple[str, ...]:
+    """What to do where targets state what the measurements do not, and what load they are for."""
+    if not away.unknown:
+        return ()
+    keys = " and ".join(COLUMNS[kind] for kind in away.unknown)
+    fix = f"to get a region there, write {keys} under [conditions] in session.toml"
+    if "payload" not in away.unknown:
+        return (fix,)
+    return (
+        "all targets are corrected for what the arm carried in the measurements, whatever it was, "
+        f"and not for the {away.targets.words('payload')} that they state",
+        fix,
     )

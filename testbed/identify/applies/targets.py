@@ -77,6 +77,7 @@ def statement_at(calibration: Calibration, program: ProgramResult) -> TargetStat
         after=_decided(calibration, program.deviation, mean, decidable),
         names=program.names,
         places=program.places,
+        departed=frozen(departed, np.bool_),
     )
 
 
@@ -168,7 +169,9 @@ def named(found: TargetStatement) -> tuple[tuple[str, ...], tuple[str, ...]]:
 def target_words(found: TargetStatement) -> tuple[str, ...]:
     """What is stated at the targets, in sentences."""
     m, n = len(found.place), int(found.stated.sum())
-    outside = int((found.place == "outside").sum())
+    departed = np.zeros(m, np.bool_) if found.departed is None else found.departed
+    outside = int(((found.place == "outside") & ~departed).sum())
+    refused = int((departed & (found.place != NOT_CORRECTED)).sum())
     left = found.place == NOT_CORRECTED
     which, kind = np.flatnonzero(~left), "corrected " * bool(left.any())
     said = []
@@ -178,6 +181,11 @@ def target_words(found: TargetStatement) -> tuple[str, ...]:
         said.append(place_words(found.place[which], one, many, [names[k] for k in which]))
     if left.any():
         said.append(f"no radius is stated at {counted(int(left.sum()), 'target')} left as written")
+    if refused:
+        said.append(
+            f"no region is stated at {counted(refused, 'target')} under conditions that the "
+            "measurements did not have, or do not state"
+        )
     if outside:
         most = f", where {outside} of {m} targets lie: {MEASURE}"
         said.append("no region is stated outside" + ("" if found.reaches else most))

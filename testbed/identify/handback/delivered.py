@@ -44,6 +44,9 @@ class TargetStatement:
     """(m,) what the program calls each target; empty where it has no name."""
     places: Annotated[tuple[str, ...], LATER] = ()
     """(m,) file and line in which each target stands."""
+    departed: Annotated[Bool, "m", LATER] | None = None
+    """(m,) whether conditions refuse the region: others than those of the measurements, or ones
+    that these do not state."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

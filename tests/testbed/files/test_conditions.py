@@ -11,7 +11,7 @@ from calib.identification.ladders import ladders_of
 from calib.identification.levels import with_errors
 from calib.uncertainty.statement.conditions import NOT_STATED, Conditions
 from testbed.files.conditions import SetUp, first_stated, joined
-from testbed.files.programs.correct import LOAD_UNKNOWN, LOAD_WORDS, correct_program
+from testbed.files.programs.correct import correct_program
 from testbed.files.read import ReadOptions, read_session
 from testbed.identify.session import with_test
 from tests.testbed.files.made import ROBOT, N, columns, csv, made, with_spread
@@ -183,10 +183,42 @@ def test_a_load_is_not_put_on_a_model_whose_own_load_nobody_stated(tmp_path):
     np.testing.assert_array_equal(sent["unsaid", 0], sent["unsaid", 1])
     assert np.abs(sent["said", 0] - sent["said", 1]).max() > 1e-5
     assert found["unsaid", 1].departed.all()
-    assert found["unsaid", 1].conditions == (LOAD_UNKNOWN,) * 3
-    assert LOAD_WORDS in found["unsaid", 1].sentences
+    assert found["unsaid", 1].conditions == ("payload of the measurements not stated",) * 3
+    told = " | ".join(found["unsaid", 1].sentences)
+    assert "bent by its own weight and what it carried in the measurements" in told
+    assert "corrected for what the arm carried in the measurements, whatever it was" in told
+    assert "not for the 5 kg that they state" in told
+    assert "write payload_kg under [conditions]" in told
     assert not found["unsaid", 0].departed.any()
     assert not found["said", 1].departed.any()
+
+
+@pytest.mark.parametrize(
+    ("column", "values"),
+    [
+        ("payload_kg", [0, 5, 5]),
+        ("tool", ["probe", "probe", "gripper"]),
+        ("temperature_degC", [20, 20, 21]),
+    ],
+)
+def test_no_target_has_a_region_under_a_condition_that_the_measurements_do_not_state(
+    column, values, tmp_path
+):
+    """The model does not bend: whether it was that load, tool or warmth is unknown all the same."""
+    kind, others = column.partition("_")[0], {"payload_kg": [0.0] * 3, "tool": ["probe"] * 3}
+    measured = Conditions(np.zeros(9), ("probe",) * 9, np.full(9, 20.0))
+    for silent in (Conditions(), replace(measured, **{kind: None})):
+        more = {name: cells for name, cells in others.items() if silent.stated} | {column: values}
+        found = corrected(tmp_path, more, silent)
+        assert found.departed.all()
+        assert found.conditions == (f"{kind} of the measurements not stated",) * 3
+        told = " | ".join(found.sentences)
+        assert f"the targets state their {kind} ({kind} " in told
+        assert ("whatever it was" in told) == (kind == "payload")
+        assert f"to get a region there, write {column} under [conditions]" in told
+    said = corrected(tmp_path, {column: values}, measured)
+    assert not said.departed[0]
+    assert "[conditions]" not in " | ".join(said.sentences)
 
 
 def test_what_the_session_says_of_use_stands_in_for_columns_that_are_missing(tmp_path):

@@ -52,7 +52,7 @@ def alone(data, target, tolerance):
 def test_the_rule_is_that_of_a_loop_over_rows_and_pairs_of_rows():
     rng = np.random.default_rng(1)
     seen = set()
-    for _ in range(200):
+    for _ in range(400):
         data, targets = drawn(rng, rng.integers(1, 5)), drawn(rng, 7)
         tolerance = Tolerance() if rng.random() < 0.5 else Tolerance(0.25, 0.5)
         found = departure(data, targets, 7, tolerance)
@@ -62,13 +62,16 @@ def test_the_rule_is_that_of_a_loop_over_rows_and_pairs_of_rows():
                 for kind in UNITS
             }
             kinds = alone(data, target, tolerance)
-            assert bool(found.outside[k]) == bool(kinds)
+            silent = [kind for kind in targets.stated if kind not in data.stated]
+            assert bool(found.outside[k]) == bool(kinds or silent)
             both = set(data.stated) & set(targets.stated)
             inside = AS_MEASURED if both else NOT_STATED
-            assert found.words[k] == (f"other {' and '.join(kinds)}" if kinds else inside)
+            said = [f"other {' and '.join(kinds)}"] if kinds else []
+            said += [f"{' and '.join(silent)} of the measurements not stated"] if silent else []
+            assert found.words[k] == ("; ".join(said) or inside)
             seen.add(found.words[k])
-    # every combination of three kinds, and both words
-    assert len(seen) == 9
+    # each of three kinds is the same, other or unknown; the same is one of two words
+    assert len(seen) == 3**3 + 1
 
 
 def test_half_a_kilogram_and_two_kelvin_are_no_difference_and_a_hair_more_is():
@@ -84,18 +87,35 @@ def test_half_a_kilogram_and_two_kelvin_are_no_difference_and_a_hair_more_is():
     assert not departure(PAYLOAD, between, 1).outside.any()
 
 
-def test_who_says_nothing_is_refused_nothing():
-    for data, targets in ((Conditions(), PAYLOAD), (PAYLOAD, Conditions())):
-        found = departure(data, targets, 3)
-        assert not found.outside.any()
-        assert found.words == (NOT_STATED,) * 3
-        assert found.sentences == ()
-        assert len(found.unsaid) == 1
+def test_targets_that_say_nothing_are_refused_nothing():
+    """What only the data state is a condition that whoever uses the targets can keep."""
+    found = departure(PAYLOAD, Conditions(), 3)
+    assert not found.outside.any()
+    assert found.words == (NOT_STATED,) * 3
+    assert found.sentences == found.unknown == ()
+    assert len(found.unsaid) == 1
     nobody = departure(Conditions(), Conditions(), 3)
+    assert not nobody.outside.any()
     assert nobody.unsaid == ()
+
+
+@pytest.mark.parametrize("kind", UNITS)
+def test_nothing_is_stated_under_a_condition_of_which_the_data_say_nothing(kind):
+    """Neither of a payload nor of a tool or a temperature is it known that it was the same."""
+    values = {"payload": np.ones(3), "tool": ("probe",) * 3, "temperature": np.full(3, 20.0)}
+    targets = Conditions(**{kind: values[kind]})
     no_rows = Conditions(np.zeros(0), (), np.zeros(0))
     assert no_rows.stated == ()
-    assert not departure(no_rows, PAYLOAD, 3).outside.any()
+    others = Conditions(**{name: values[name] for name in UNITS if name != kind})
+    for data in (Conditions(), no_rows, others):
+        found = departure(data, targets, 3)
+        assert found.outside.all()
+        assert found.unknown == (kind,)
+        assert found.words == (f"{kind} of the measurements not stated",) * 3
+        assert found.sentences == ()
+        assert f"the targets state their {kind} (" in found.unsaid[-1]
+        assert "nothing can be stated at these targets" in found.unsaid[-1]
+    assert not departure(targets, targets, 3).outside.any()
 
 
 def test_every_sentence():
@@ -118,7 +138,7 @@ def test_every_sentence():
         "had a payload of 0 to 2 kg: nothing can be stated there until rows whose payload varies "
         "as much have identified a term for it",
     )
-    assert int(departure(PAYLOAD, many, 31).outside.sum()) == MOST_NAMED + 18
+    assert int(departure(PAYLOAD, many, 31).other["payload"].sum()) == MOST_NAMED + 18
     payload, tool, warm = (
         departure(data, many, 31).clauses(partial(named, "row"), "the others").values()
     )
@@ -136,9 +156,15 @@ def test_what_only_one_side_states_is_said():
     assert departure(data, targets, 2).unsaid == (
         "the targets do not state their temperature: the statement holds as long as that is the "
         "same as in the measurements (temperature 20 to 22 degC)",
-        "the measurements do not state their tool: whether the statement holds at these targets "
-        "is unknown (tool probe and gripper)",
+        "the targets state their tool (tool probe and gripper), and the measurements do not: "
+        "whether it is the same is unknown, so that nothing can be stated at these targets until "
+        "the measurements state it",
     )
+    both = Conditions(np.ones(2), ("probe", "gripper"))
+    assert "their payload and tool (payload 1 kg, tool probe and gripper)" in (
+        said := departure(Conditions(), both, 2).unsaid[0]
+    )
+    assert "whether they are the same is unknown" in said
 
 
 def test_lists_that_are_endless_are_cut_and_results_print_as_one_line():

@@ -249,6 +249,34 @@ def test_what_was_stated_and_decided_stands_in_report_and_result_and_comes_back(
     assert [float(row[2]) for row in shown.rows] == pytest.approx(radii, rel=0.01)  # three digits
 
 
+@pytest.mark.parametrize(
+    ("column", "values"), [("tool", "gripper"), ("temperature_degC", "20"), ("payload_kg", "0")]
+)
+def test_targets_that_state_what_the_measurements_do_not_have_no_radius(tmp_path, column, values):
+    """Whether it is the same is unknown: the terminal, the table and the result say so alike."""
+    found, kind = narrow(), column.partition("_")[0]
+    if kind == "payload":
+        found = replace(found, conditions=Conditions())
+    made, table = delivered(found, many()[:3], tmp_path, **{column: [values] * 3})
+    again, why = unpack(Delivered, pack(made)), f"{kind} of the measurements not stated"
+    result = json.loads(pretty_json(headline(found, again)))
+    assert [row["why"] for row in table] == [f"no region: {why}"] * 3
+    assert not any(row["R95_mean_um"] or row["R95_move_um"] for row in table)
+    assert made.targets.before is made.targets.after is None
+    assert result["delivered"]["program_conditions"] == result["targets"]["why"] == [why] * 3
+    assert result["targets"]["R95_mean_um"] == [None] * 3
+    assert any(f"the targets state their {kind} (" in said for said in again.program)
+    told = target_words(again.targets)
+    assert told[0].endswith("3 outside (1, 2, 3)")
+    assert told[1] == (
+        "no region is stated at 3 targets under conditions that the measurements did not have, or "
+        "do not state"
+    )
+    assert len(told) == 2  # to measure there would not help
+    old = replace(again.targets, departed=None)  # of a record that holds none
+    assert len(target_words(old)) == 2
+
+
 def test_targets_keep_the_names_that_the_program_gives_them(tmp_path):
     """In the table, the result, the report and the sentences; one without a name has its line."""
     q = many()[[0, 1, 20]]
