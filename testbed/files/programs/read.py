@@ -128,8 +128,9 @@ def poses_of(table: DataTable) -> tuple[Columns, Stated, Array, Sequence[str]]:
 def in_other_units(table: DataTable, robot: Robot) -> tuple[str, ...]:
     """A sentence where all targets lie as if their unit were another than their columns say."""
     said = list[str]()
-    few = len(table) < FEW
+    # beside joints a column of z alone is no position, and not used
     place = table.find("length", "x", "y", "z") if is_cartesian(table) else None
+    few = len(table) < FEW
     if place is not None and not few and np.abs(table.values(place)).max() < NEAR:
         said.append(
             "all positions lie within 10 mm of the base: if they are in meters, name the columns "

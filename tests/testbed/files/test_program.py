@@ -132,6 +132,8 @@ def test_columns_that_nothing_is_taken_from_are_named(tmp_path, real):
         "temperature_degC",
     ]
     assert not told([*joints, *read, "target"], 1, 2, 3, 4, "probe", 20, "T1")
+    # no position without x, and no reason to refuse the joints when they are written already
+    assert told([*joints, "z_m"], 1) == [f"{start} z_m"]
     many = [f"c{k}" for k in range(13)]
     assert told([*joints, *many], *range(13))[0].endswith(" c8, c9, 3 more")
     assert not told([f"A{k}" for k in range(1, 7)])
