@@ -87,8 +87,7 @@ PROGRAMS = {
 FIRST = 20
 AS_TABLE = (
     "write its joint targets as a CSV, one per line, below a header q1_deg, q2_deg ...; `truebed "
-    "new session` reads those of RAPID, KRL, TP (.ls), URScript, DRL, AS, INFORM, VAL3 and Python "
-    "directly"
+    "new session` reads those of RAPID, KRL, TP (.ls), URScript, DRL, AS, INFORM and VAL3 directly"
 )
 OF_SESSIONS = {
     "joints", "frames", "points", "ranges", "drift", "dialect", "match", "session", "cycles",

@@ -59,7 +59,6 @@ AS = ".JOINTS\n" + "\n".join(f"#p{k} {row.replace(',', '')}" for k, row in enume
 JBI = "/JOB\n//POS\n///POSTYPE ANGLE\n" + "\n".join(
     f"C{k:05d}={row.replace(' ', '')}" for k, row in enumerate(LISTS)
 )
-PYTHON = "import rtde_control\n" + "\n".join(f"c.moveJ({row.tolist()})" for row in DATA.q)
 VAL3 = "begin\n" + "\n".join(f"movej({{{row}}}, tTool, mNom)" for row in LISTS)
 PROGRAM = (
     'match = "order"\n[joints]\nfile = "cal.txt"\nformat = "rapid"\n'
@@ -115,7 +114,7 @@ FILES = {
         )
         for name, text in (
             ("rapid", RAPID), ("krl", KRL), ("fanuc", TP), ("urscript", UR), ("doosan", DRL),
-            ("kawasaki", AS), ("inform", JBI), ("val3", VAL3), ("python", PYTHON),
+            ("kawasaki", AS), ("inform", JBI), ("val3", VAL3),
         )
     },
 }  # fmt: skip

@@ -8,7 +8,6 @@ from testbed.files.dialects.controllers.fanuc import read_fanuc
 from testbed.files.dialects.controllers.inform import read_inform
 from testbed.files.dialects.controllers.kawasaki import is_kawasaki, read_kawasaki
 from testbed.files.dialects.controllers.krl import read_krl
-from testbed.files.dialects.controllers.python import is_python, read_python
 from testbed.files.dialects.controllers.rapid import is_rapid, read_rapid
 from testbed.files.dialects.controllers.targets import JointList
 from testbed.files.dialects.controllers.urscript import read_urscript
@@ -17,17 +16,15 @@ from testbed.gates.kinds import program_of
 from testbed.gates.text import FileText
 
 Language = Literal[
-    "rapid", "krl", "fanuc", "urscript", "doosan", "kawasaki", "inform", "val3",
-    "python",
+    "rapid", "krl", "fanuc", "urscript", "doosan", "kawasaki", "inform", "val3"
 ]  # fmt: skip
 """Programs that are read as joints."""
 READERS = {
     "rapid": read_rapid, "krl": read_krl, "fanuc": read_fanuc, "urscript": read_urscript,
     "doosan": read_doosan, "kawasaki": read_kawasaki, "inform": read_inform, "val3": read_val3,
-    "python": read_python,
 }  # fmt: skip
 BY_ANY_LINE: dict[Language, Callable[[FileText], bool]] = {
-    "doosan": is_doosan, "python": is_python, "kawasaki": is_kawasaki
+    "doosan": is_doosan, "kawasaki": is_kawasaki
 }  # fmt: skip
 """Languages whose first lines may be those of another one, or may say nothing."""
 

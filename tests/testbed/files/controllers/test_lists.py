@@ -177,7 +177,7 @@ def test_a_long_line_that_says_nothing_is_read_in_time(part, tmp_path):
             (tmp_path / "a.txt").write_text(f" {lead}{part * (60_000 // len(part))}\n")
             text = read_text(tmp_path / "a.txt", "a.txt")
             language_of(text)
-            for language in ("doosan", "kawasaki", "inform", "val3", "python"):
+            for language in ("doosan", "kawasaki", "inform", "val3"):
                 with pytest.raises(InputError):
                     joints_in(text, language)
 
@@ -188,7 +188,7 @@ def test_a_cell_of_many_digits_is_read_in_time(tmp_path):
                  "///POSTYPE ANGLE\nC1={},1,2,3", "PTP {{A1 {}, A2 1, A3 1}}"):  # fmt: skip
         (tmp_path / "a.txt").write_text(line.format(digits))
         text = read_text(tmp_path / "a.txt", "a.txt")
-        for language in ("doosan", "kawasaki", "inform", "val3", "urscript", "krl", "python"):
+        for language in ("doosan", "kawasaki", "inform", "val3", "urscript", "krl"):
             # where digits may be split before a point that is not there, it takes minutes
             with no_hang(), pytest.raises(InputError):
                 joints_in(text, language)

@@ -98,6 +98,15 @@ REFUSED = {
     ),
     "what Denso writes": (["Sub Main", "Move P, @E J(1, 2)"], "is a PacScript program (Denso)"),
     "what Epson writes": (["Function main", "Go JA(1, 2)"], "is a SPEL+ program (Epson)"),
+    "Python of xArm": (
+        ["from xarm.wrapper import XArmAPI", "arm.set_servo_angle(angle=[1, 2, 3, 4, 5, 6])"],
+        "is a Python program, and a table is wanted here; write its joint targets as a CSV",
+    ),
+    "Python of UR": (
+        ["# poses", "import rtde_control", "for q in poses:", "    c.moveJ(q)"],
+        "is a Python program",
+    ),
+    "Python that moves": (["c.moveJ([1, 2, 3, 4, 5, 6])"], "is a Python program"),
     "points of Epson": (["Point1 {", "rX=1"], "is a file of SPEL+ points (Epson)"),
     "poses of UR": (["def a():", "  movej(p[1,2,3,0,0,0])"], "1 Cartesian position and no joint"),
     "an inverse": (["def a():", "  movej(get_inverse_kin(w, qnear=q))"], "1 Cartesian position"),

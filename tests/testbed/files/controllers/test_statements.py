@@ -45,8 +45,7 @@ def test_every_statement_of_a_line_is_read(language, line, tmp_path):
 @pytest.mark.parametrize("language", LANGUAGES)
 @pytest.mark.parametrize("content", ["! # // ; '\n", "; \n,\n", "x\n"])
 def test_a_program_without_a_statement_has_no_joint_target(language, content, tmp_path):
-    # marks of other languages are nothing that Python can have
-    with pytest.raises(InputError, match=r"has no joint target|is no Python 3"):
+    with pytest.raises(InputError, match="has no joint target"):
         joints_in(text_of(tmp_path, content), language)
 
 
