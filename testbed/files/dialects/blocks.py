@@ -16,11 +16,13 @@ from testbed.files.refusal import refusal
 from testbed.gates.text import FileText
 from testbed.units import counted
 
-OF_AXIS = re.compile(r"\s*([XYZ])\s*[:=]?[\s;]+([-+\u2212\d][-+\u2212\d.,eE\s;]*)$")
-AXES = re.compile(r"\s*X[\s;,]+Y[\s;,]+Z[\s;,]*$")
-OF_KIND = re.compile(r"\s*([^\W\d][\w.]*)\s*[:=]?[\s;]+([-+\u2212\d][-+\u2212\d.,eE\s;]*)$")
-CALLED = re.compile(r"\s*(?:point|feature|name|label|id)\b\s*[:=]?\s*(?=\S)", re.IGNORECASE)
-UNIT = re.compile(r"\bunits?\s*[:=]?\s*\(?\s*([a-zµ]+)", re.IGNORECASE)
+BEHIND = r"(?:\s*+[:=](?=[\s;])|(?=[\s;]))[\s;]*+([-+\u2212\d][-+\u2212\d.,eE\s;]*)$"
+"""Numbers behind a name; no blank is tried twice, so that long lines of them take no time."""
+OF_AXIS = re.compile(r"\s*+([XYZ])" + BEHIND)
+AXES = re.compile(r"\s*+X[\s;,]+Y[\s;,]+Z[\s;,]*$")
+OF_KIND = re.compile(r"\s*+([^\W\d][\w.]*+)" + BEHIND)
+CALLED = re.compile(r"\s*+(?:point|feature|name|label|id)\b\s*+[:=]?+\s*+(?=\S)", re.IGNORECASE)
+UNIT = re.compile(r"\bunits?\s*+[:=]?+\s*+\(?+\s*+([a-zµ]+)", re.IGNORECASE)
 BETWEEN = re.compile(r"[\s;]+")
 FIRST = 200
 """Lines among which the first block is."""

@@ -1,5 +1,7 @@
 """Reports with a block of lines for each point are read as tables, and uneven ones are refused."""
 
+from contextlib import suppress
+
 import numpy as np
 import pytest
 
@@ -7,6 +9,7 @@ from calib.errors import InputError
 from testbed.files.dialects.blocks import with_block_rows
 from testbed.files.read import read_session
 from testbed.gates.text import read_text
+from tests.hangs import no_hang
 from tests.testbed.files.made import csv, made
 from tests.testbed.proposal.test_odd_files import UR10, joints
 from tests.testbed.proposal.test_session import proposed
@@ -89,3 +92,11 @@ def test_what_does_not_fit_is_named_by_its_line(odd, why, tmp_path):
 def test_other_files_come_back_as_they_are(lines, tmp_path):
     text, same = told(tmp_path, lines)
     assert same is text
+
+
+@pytest.mark.parametrize("begin", ["X", "Actual", "Units"])
+def test_long_blanks_take_no_time(begin, tmp_path):
+    lines = report(axis_alone)
+    long = 4 * [begin + 65_000 * " " + "!"]  # half a minute each by squares, by cubes for ever
+    with no_hang(), suppress(InputError):
+        told(tmp_path, [*long, *lines])
