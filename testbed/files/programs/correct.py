@@ -171,11 +171,11 @@ def correct_program(
     cells = dict(zip(theirs, moved.T, strict=True))
     added = dict(zip(ADDED, columns, strict=True))
     comma = table.decimal == ","
-    atomic_write(out, rewritten(text, table.sheet, numbers, cells, added, comma=comma))
+    written = rewritten(text, table.sheet, numbers, cells, added, comma=comma)
     counted = not robot.controller.plain and joint_columns(table, robot) is not None
     names = target_names(table)
     failed = status_sentences(result.status, "target", LEFT, names=called(names))
-    return replace(
+    found = replace(
         result,
         sentences=(
             outcome_words(result.corrected, result.before, result.left, names),
@@ -197,6 +197,8 @@ def correct_program(
         names=names,
         places=table.places,
     )
+    atomic_write(out, written)
+    return found
 
 
 def _correct_joints(

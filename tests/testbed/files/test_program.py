@@ -446,6 +446,20 @@ def test_a_program_that_is_not_understood_is_refused_and_nothing_written(
     assert not (tmp_path / "out.csv").exists()
 
 
+@pytest.mark.parametrize("sentence", ["in_other_units", "renamed_words", "target_names"])
+def test_what_is_said_of_a_program_is_made_before_it_is_written(
+    sentence, monkeypatch, tmp_path, real
+):
+    def fails(*_):
+        raise InputError("no number", code="M35")
+
+    monkeypatch.setattr(f"testbed.files.programs.correct.{sentence}", fails)
+    path = written(tmp_path / "p.csv", [f"q{k}_deg" for k in range(1, 7)], np.degrees(Q))
+    with pytest.raises(InputError, match="no number"):
+        correct_program(path, ROBOT, real, tmp_path / "out.csv")
+    assert not (tmp_path / "out.csv").exists()
+
+
 @pytest.mark.parametrize(
     ("head", "unit", "mark"),
     [
