@@ -15,7 +15,13 @@ from calib.measurement.observations import Measurements
 from calib.uncertainty.circumstances import Circumstances, MeasuredNoise
 from calib.uncertainty.drift.drifting import Drifting, drifting
 from calib.uncertainty.outlying.angles import loud_turns
-from calib.uncertainty.outlying.poses import Strays, far_off, strays_beside, strays_of
+from calib.uncertainty.outlying.poses import (
+    Strays,
+    far_off,
+    strays_beside,
+    strays_of,
+    without_motion,
+)
 from calib.uncertainty.statement.belief import Belief, adding, believe
 from calib.uncertainty.statement.counted import counted
 from calib.uncertainty.statement.other_frame import (
@@ -80,8 +86,11 @@ def proven_belief(
         frame = after_the_motion(frame, ruler, points, fit, train)
         if frame.in_part and strays is None:
             frame, strays = _without_few(frame, sure, ruler, points, fit, train)
-        if frame.found and strays is not None:
-            strays = replace(strays, moved=True)
+        elif frame.found and strays is not None:
+            strays = without_motion(
+                strays, alone.model, test.rows(~test.is_distance), seen_by=frame.station,
+                station=frame.both or not frame.at_tool, target=frame.both or frame.at_tool,
+            )  # fmt: skip
         use, belief = (None, alone) if frame.found else (use, belief)
     slow = None
     shared: Array | float = 0.0 if known.shared is None else known.shared

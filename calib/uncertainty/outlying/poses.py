@@ -12,6 +12,7 @@ import numpy as np
 from scipy.special import chdtrc, chdtri
 
 from calib.arrays import Array, Bool, Index, frozen
+from calib.geometry.model import RobotModel
 from calib.identification.fit_statistics import MOST_OUTLIERS
 from calib.identification.identify import Identification
 from calib.information.propagation import propagated
@@ -184,6 +185,21 @@ def strays_beside(
     misses = np.linalg.norm(seen.rest, axis=1)
     poses = np.unique(points.pose_id)
     return _named(points, misses, poses[~kept], p, moved=True), rows
+
+
+def without_motion(
+    strays: Strays, model: RobotModel, points: Measurements, *, seen_by: int, station: bool,
+    target: bool,
+) -> Strays:  # fmt: skip
+    """The same by errors without a motion, which the other poses that a station saw tell."""
+    misses, own = np.array(predict(model, points).misses), points.station == seen_by
+    some = points.rows(own)
+    p = predicted_positions(model, some)
+    tool = motions_of(model, some, p.mean(axis=0))[:, :3, 6:]
+    used = ~np.isin(some.pose_id, strays.poses)
+    rest = rest_of(some.position, p, tool, station=station, target=target, used=used)
+    misses[own] = np.linalg.norm(rest, axis=1)
+    return _named(points, misses, strays.poses, strays.p_others, moved=True)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
