@@ -47,11 +47,11 @@ def _left_by_digits(model: RobotModel, session: Session, rows: Index) -> float:
     read = as_read(session, rows)
     variance = 3 * _step(read.position, METERS) ** 2 / 12
     if session.joint_source == "read-back":
-        variance += moved_by_digits(model, read.q, steps_of(model, read.q)) ** 2
+        variance += moved_by_digits(model, read.q, digit_steps(model, read.q)) ** 2
     return float(np.sqrt(variance))
 
 
-def steps_of(model: RobotModel, q: Array) -> Array:
+def digit_steps(model: RobotModel, q: Array) -> Array:
     """Steps (n,) of which all values of a joint (m, n) are multiples [rad, m]; 0 without any."""
     slides = model.chain.prismatic > 0
     return np.array(

@@ -7,7 +7,7 @@ from calib.identification.fit_statistics import RED
 from calib.identification.identify import Status
 from calib.identification.result import ILL_CONDITIONED
 from calib.measurement.observations import Measurements
-from testbed.files.rows.exact import moved_by_digits, steps_of
+from testbed.files.rows.exact import digit_steps, moved_by_digits
 from testbed.files.session import Session
 from testbed.identify.records import FittedModel
 from testbed.robots.catalog import Robot
@@ -49,7 +49,7 @@ def coarse_joints(session: Session, chosen: FittedModel, train: Measurements) ->
     fit, read = chosen.identification, session.joint_source == "read-back"
     if not read and fit.p_value >= RED:
         return ()
-    steps = steps_of(fit.model, train.q)
+    steps = digit_steps(fit.model, train.q)
     stated = session.measurements.covariance[:, :3, :3]
     noise = float(np.sqrt(np.trace(stated, axis1=1, axis2=2).mean() / 3))
     moved = moved_by_digits(fit.model, train.q, steps) / np.sqrt(3)
