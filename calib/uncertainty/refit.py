@@ -11,6 +11,7 @@ from calib.arrays import Array, Bool, check, frozen, require_numbers, wrong_shap
 from calib.errors import refuse
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import Parameters
+from calib.information.rank import RANK_TOLERANCE
 from calib.kernels.loops import loops_for
 from calib.kinds import checked_kinds
 from calib.measurement.observations import GIVEN, Measurements
@@ -18,7 +19,7 @@ from calib.measurement.prediction import perfect, targets
 from calib.measurement.residual import linearize, padded_covariance, table_whiteners
 from calib.shown import Shown
 from calib.uncertainty.batch import WIDTH, Batch
-from calib.uncertainty.covariance import RANK_TOLERANCE, covariance_factor
+from calib.uncertainty.covariance import covariance_factor
 from calib.uncertainty.parallel import mapped
 
 BLOCKS = 16

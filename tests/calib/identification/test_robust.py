@@ -16,8 +16,8 @@ from calib.identification.prior import prior_rows, weak_prior
 from calib.identification.robust import flattened, loss_weights, mean_loss, sandwich_factor, sizes
 from calib.measurement.observations import POINT, POSE, Measurements
 from calib.measurement.residual import linearize
-from calib.uncertainty.covariance import sandwich
 from tests.reference import DEG, WEN24, pool_r, rigid_truth, tx60
+from tests.sandwich import sandwich
 from tests.truth.measuring import measured
 
 POOL = pool_r()

@@ -13,7 +13,6 @@ from calib.kernels import loops
 from calib.kernels.loops import NUMBA
 from calib.uncertainty import monte_carlo, point_loops
 from calib.uncertainty import tool_point as tool_points
-from calib.uncertainty.covariance import sandwich
 from calib.uncertainty.monte_carlo import (
     correlated_draws,
     distance_spread,
@@ -24,6 +23,7 @@ from calib.uncertainty.monte_carlo import (
 )
 from calib.uncertainty.regions import inside
 from tests.reference import DEG, SIGMA_POSITION, SIGMA_ROTATION, WEN24, pool_r, tx60
+from tests.sandwich import sandwich
 
 FREE = [tx60().names.index(name) for name in WEN24]
 

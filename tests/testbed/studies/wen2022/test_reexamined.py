@@ -10,7 +10,7 @@ from scipy import optimize, stats
 
 from calib.errors import InputError
 from calib.identification.identify import identify
-from calib.uncertainty.covariance import matrix_row_weights, sandwich
+from calib.uncertainty.covariance import matrix_row_weights
 from testbed.laboratory.truth.laboratory import open_laboratory
 from testbed.report.page import Section, render
 from testbed.robots.catalog import load_robot
@@ -46,6 +46,7 @@ from testbed.studies.wen2022.tables import predicted_table
 from tests import campaign as campaigns
 from tests.campaign import record_hash, with_records, without
 from tests.reported import VERSIONS, assert_same, read
+from tests.sandwich import sandwich
 from tests.testbed.scenario.test_messages import on_a_wall
 
 SMALL = {
