@@ -123,13 +123,18 @@ def words(html):
     return sum(len(text.split()) for text in read(html).said)
 
 
+def pages(pdf):
+    """How many pages a browser printed."""
+    return len(re.findall(rb"/Type\s*/Page\b", pdf))
+
+
 def printed_pages(html, folder):
     """How many sheets of A4 a browser makes of a page; 0 where none is there to print."""
     by, file = handout.browser(), folder / "report.html"
     if by is None:
         return 0
     file.write_text(html, encoding="utf-8")
-    return handout.pages(handout.print_pdf(file, by).read_bytes())
+    return pages(handout.print_pdf(file, by).read_bytes())
 
 
 def said_twice(html):

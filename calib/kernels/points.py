@@ -10,9 +10,6 @@ import numpy as np
 
 from calib.kernels.compiled import array_in, array_out, compiled, part
 
-LARGEST = 0.05
-"""Largest rotation of a step for which the series is accurate to 1e-16 [rad]."""
-
 
 @part
 def _stepped(C: float, S: float, steps: Any, cosine: Any, sine: Any) -> None:

@@ -26,7 +26,6 @@ from calib.shown import ResultTable, Shown
 
 POSE, POINT, DISTANCE = "pose", "point", "distance"
 KINDS = (POSE, POINT, DISTANCE)
-MEASURED = "calib.Measurements, as calib.poses, calib.points and calib.distances make them"
 GIVEN = -1
 """`reflector` of a row whose reflector is given by `offset`; `anchor` of a row without one."""
 

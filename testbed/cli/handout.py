@@ -1,7 +1,6 @@
 """A report to hand out: printed to PDF by an installed browser, or with its recording in it."""
 
 import os
-import re
 import shutil
 import subprocess
 import tempfile
@@ -81,11 +80,6 @@ def print_pdf(page: Path, by: str) -> Path:
     pdf = page.with_suffix(".pdf")
     atomic_write(pdf, printed)
     return pdf
-
-
-def pages(pdf: bytes) -> int:
-    """How many pages a browser printed."""
-    return len(re.findall(rb"/Type\s*/Page\b", pdf))
 
 
 def with_recording(page: Path, recording: Path) -> Path:

@@ -88,13 +88,6 @@ def spread(count: int, length: int, stops: Array | None = None) -> Motion:
     return Motion(steps, at, None if stops is None else glide(stops, steps))
 
 
-def leaf(pool_q: Array, count: int, length: int) -> Motion:
-    """Items spread evenly, while the robot leafs through evenly spread pool poses (N, n)."""
-    steps = count * max(1, length // count)
-    shown = max(1, min(len(pool_q), steps // FRAMES_PER_POSE))
-    return spread(count, length, pool_q[np.arange(shown) * len(pool_q) // shown])
-
-
 def glide(stops: Array, steps: int) -> Array:
     """Joint values (steps, n) that go from stop to stop and rest at each [rad, m]."""
     phase = np.arange(steps) * len(stops) / steps

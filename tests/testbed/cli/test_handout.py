@@ -8,6 +8,7 @@ import pytest
 
 from calib.errors import MachineError
 from testbed.cli import handout, viewer
+from tests.reported import pages
 
 PAGE = '<main><p>one &amp; only</p><a href="campaign.rrd">recording</a><footer>x</footer></main>'
 
@@ -55,7 +56,7 @@ def test_a_browser_that_is_there_prints_pages(page):
         pytest.skip("no browser on PATH prints pages")
     printed = handout.print_pdf(page, handout.require_browser()).read_bytes()
     assert printed.startswith(b"%PDF")
-    assert handout.pages(printed) == 1
+    assert pages(printed) == 1
 
 
 def test_the_recording_is_inside_the_page_and_its_link_leads_there(page, tmp_path, monkeypatch):

@@ -16,7 +16,6 @@ from testbed.recording.timeline import (
     Phase,
     evenly,
     glide,
-    leaf,
     resting,
     spread,
     visit,
@@ -129,7 +128,6 @@ def test_items_are_spread_over_a_phase_and_a_phase_has_room_for_each():
         assert len(np.unique(motion.at)) == count
         assert motion.at[0] == 0
         assert motion.at[-1] == (motion.steps - 1 if count > 1 else 0)
-        assert len(leaf(STOPS, count, length).q) == motion.steps
 
 
 def test_a_robot_rests_at_a_stop_when_its_item_is_known():
