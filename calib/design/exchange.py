@@ -84,11 +84,10 @@ def best_exchange(
     rng: np.random.Generator,
     *,
     restarts: int = RESTARTS,
-    first: Sequence[int] | None = None,
     pairs: bool = False,
 ) -> Best:
-    """The search of `exchange` for a checked problem, from `first` instead of the greedy set."""
-    criterion = problem.criterion
+    """The search of `exchange` for a checked problem."""
+    criterion, first = problem.criterion, None
     if isinstance(criterion, G):
         # the worst goal pose changes from set to set: begin with the best mean
         mean = best_exchange(replace(problem, criterion=criterion.mean()), rng, restarts=restarts)

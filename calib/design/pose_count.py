@@ -107,13 +107,11 @@ def pose_count(
     )
 
 
-def stable_count(
-    counts: ArrayLike, mean: ArrayLike, *, window: int = WINDOW, tolerance: float = SETTLED
-) -> int | None:
+def stable_count(counts: ArrayLike, mean: ArrayLike, *, window: int = WINDOW) -> int | None:
     """First number of poses at which the index is stable; None if there is none.
 
     The mean of the `window` values from it on differs from that of the `window` values before it by
-    less than the part `tolerance`.
+    less than the part `SETTLED`.
 
     References
     ----------
@@ -128,7 +126,7 @@ def stable_count(
     total = np.concatenate([[0.0], np.cumsum(values)])
     average = (total[window:] - total[:-window]) / window
     before, after = average[: -window or None], average[window:]
-    stable = np.abs(after - before) < tolerance * np.abs(before)
+    stable = np.abs(after - before) < SETTLED * np.abs(before)
     return int(sizes[window + np.argmax(stable)]) if stable.any() else None
 
 

@@ -212,10 +212,8 @@ def after_links(
         yield x, y, z, p
 
 
-def forward(chain: Chain, q: ArrayLike, growth: Array | None = None) -> Array:
+def forward(chain: Chain, q: ArrayLike) -> Array:
     """Tool poses T_world_tool (m, 4, 4) at joint vectors q (m, n) [rad, m].
-
-    `growth` (m,) is the relative thermal expansion of the lengths d and a at each pose.
 
     References
     ----------
@@ -227,11 +225,14 @@ def forward(chain: Chain, q: ArrayLike, growth: Array | None = None) -> Array:
     >>> forward(chain, [[0.0]])[0, :3, 3]
     array([0.1, 0. , 0.3])
     """
-    return forward_of(chain, joint_vectors(chain, q), growth)
+    return forward_of(chain, joint_vectors(chain, q))
 
 
 def forward_of(chain: Chain, q: Array, growth: Array | None = None) -> Array:
-    """Tool poses as `forward` gives them, at joint values that are checked already."""
+    """Tool poses as `forward` gives them, at joint values that are checked already.
+
+    `growth` (m,) is the relative thermal expansion of the lengths d and a at each pose.
+    """
     T = np.empty((len(q), 4, 4))
     for start in range(0, len(q), BATCH):
         some = slice(start, start + BATCH)

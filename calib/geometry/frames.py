@@ -160,12 +160,12 @@ def nearest_rigid(T: Array) -> Array:
     return transform(U @ Vt, T[..., :3, 3])
 
 
-def is_rigid(T: Array, tolerance: float = 1e-9) -> bool:
-    """Whether T (4, 4) is a rigid transform: R'R = I within `tolerance`, det R > 0, last row."""
+def is_rigid(T: Array) -> bool:
+    """Whether T (4, 4) is a rigid transform: R'R = I within 1e-9, det R > 0, last row."""
     R = T[:3, :3]
     with np.errstate(over="ignore", invalid="ignore"):  # numbers beyond sense are no rotation
         off = float(np.abs(R.T @ R - np.eye(3)).max())
-    return off <= tolerance and float(np.linalg.det(R)) > 0 and bool((T[3] == [0, 0, 0, 1]).all())
+    return off <= 1e-9 and float(np.linalg.det(R)) > 0 and bool((T[3] == [0, 0, 0, 1]).all())
 
 
 def require_rigid(T: Array, field: str, name: str = "", value: object = None) -> None:

@@ -32,9 +32,9 @@ def triangle(A: Array) -> Array:
     return np.asarray(np.linalg.qr(A, mode="r")) if len(A) > A.shape[1] else A
 
 
-def rank(A: ArrayLike, *, tolerance: float = RANK_TOLERANCE) -> int:
-    """Numerical rank of A (N, f): singular values above `tolerance` times the largest."""
-    return count(singular_values(A), tolerance)
+def rank(A: ArrayLike) -> int:
+    """Numerical rank of A (N, f): singular values above `RANK_TOLERANCE` times the largest."""
+    return count(singular_values(A), RANK_TOLERANCE)
 
 
 def practical_rank(A: ArrayLike, prior_sd: ArrayLike, *, ratio: float = PRACTICAL_RATIO) -> int:

@@ -44,7 +44,7 @@ def is_workbook(path: Path) -> bool:
     return any(name.lower().endswith(("workbook.xml", "workbook.bin")) for name in names)
 
 
-def sheet_names(path: Path, where: str, *, max_mb: float = MAX_MB) -> tuple[str, ...]:
+def sheet_names(path: Path, where: str) -> tuple[str, ...]:
     """Names of the sheets of a workbook.
 
     Raises
@@ -52,7 +52,7 @@ def sheet_names(path: Path, where: str, *, max_mb: float = MAX_MB) -> tuple[str,
     InputError
         As `read_workbook`.
     """
-    book = _opened(_packed(path, where, max_mb), where)
+    book = _opened(_packed(path, where, MAX_MB), where)
     return tuple(sheet.title for sheet in book.worksheets)
 
 

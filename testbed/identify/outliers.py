@@ -139,7 +139,7 @@ def second_look(looking: Looking, chosen: Fitted, before: LookedAt) -> LookedAt:
     name, start, fit = chosen
     if before.asked is not None or name == "geometric" or fit.loss != "squared":
         return before
-    suspects = np.flatnonzero(excess_of(start, fit, looking.train)[0] > 1)
+    suspects = np.flatnonzero(excess_of(start, fit, looking.train) > 1)
     if not len(suspects):
         return before
     frames = looking.frames

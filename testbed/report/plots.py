@@ -76,7 +76,6 @@ def labels_apart(
     room: tuple[float, float],
     *,
     besides: Array,
-    size: float = 7.0,
 ) -> None:
     """Words beside points (m, 2) of a panel with equal axes, so far as no two meet.
 
@@ -95,13 +94,11 @@ def labels_apart(
         Width and height of the panel [pt].
     besides : (n, 2) array
         Further points that no text may cover, in data units.
-    size : float
-        Of the letters [pt].
     """
     unit = float(max(np.ptp(at, axis=0) / room)) or 1.0  # one point of the page in data units
     points, taken = at / unit, list[tuple[float, float, float, float]]()
     for k, (text, (x, y)) in enumerate(zip(texts, points, strict=True)):
-        wide, high = LETTER[0] * size * len(text), LETTER[1] * size
+        wide, high = LETTER[0] * 7.0 * len(text), LETTER[1] * 7.0
         others = np.vstack([np.delete(points, k, axis=0), besides / unit])
         for dx, dy in ((3, 2), (-3 - wide, 2), (3, -2 - high), (-3 - wide, -2 - high),
                        (-wide / 2, 4), (-wide / 2, -4 - high)):  # fmt: skip
@@ -109,7 +106,7 @@ def labels_apart(
             hits = (others > np.array(box[:2]) - 2) & (others < np.array(box[2:]) + 2)
             if not hits.all(axis=1).any() and not any(_meet(box, one) for one in taken):
                 taken.append(box)
-                label(ax, text, (float(at[k, 0]), float(at[k, 1])), (dx, dy), size=size)
+                label(ax, text, (float(at[k, 0]), float(at[k, 1])), (dx, dy), size=7.0)
                 break
 
 

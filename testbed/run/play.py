@@ -167,7 +167,7 @@ def robot_of(scenario: Scenario, where: str) -> "Robot":
     return robot
 
 
-def record_trial(path: str | Path, trial: str, *, studies: Sequence[Study] | None = None) -> Path:
+def record_trial(path: str | Path, trial: str) -> Path:
     """Write the recording of one trial of a run from its records; the file's path.
 
     Raises
@@ -175,9 +175,9 @@ def record_trial(path: str | Path, trial: str, *, studies: Sequence[Study] | Non
     InputError
         C41: there is no such trial, or it failed; else as `load_run`.
     """
-    led_by(load_run(path, studies=studies), trial)  # refused before anything is written
+    led_by(load_run(path), trial)  # refused before anything is written
     name = recording_name(trial)
-    return rederive(path, (name,), studies=studies) / name
+    return rederive(path, (name,)) / name
 
 
 def load_run(path: str | Path, *, studies: Sequence[Study] | None = None) -> "Campaign":

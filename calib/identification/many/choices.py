@@ -9,7 +9,7 @@ from calib.identification.many.climb import climb_many
 from calib.identification.many.extended import extended_many
 from calib.identification.many.single import identify_many
 from calib.identification.model_choice import ModelChoice, choice_of, levels_shown
-from calib.identification.prior import Prior, weak_prior
+from calib.identification.prior import weak_prior
 from calib.measurement.observations import Measurements
 
 
@@ -19,21 +19,20 @@ def choose_many(
     parameters: Parameters,
     *,
     ladders: Sequence[Ladder],
-    prior: Prior | None = None,
     robots: int = 0,
 ) -> list[ModelChoice]:
     """Choose a model for each robot as `choose` does, from tables of the same poses.
 
     Parameters
     ----------
-    nominal, parameters, ladders, prior
+    nominal, parameters, ladders
         As in `choose`, the same for all robots.
     tables : sequence of Measurements
         One table per robot.
     robots : int
         As in `climb_many`.
     """
-    prior = weak_prior(parameters, nominal) if prior is None else prior
+    prior = weak_prior(parameters, nominal)
     geometric = identify_many(nominal, tables, parameters, prior=prior)
 
     found = climb_many(

@@ -88,7 +88,6 @@ def fit_many(
     *,
     mode: Mode = "whitened",
     prior: Prior | None = None,
-    weight: Array | None = None,
     start: RobotModel | ManyModels | None = None,
     shared: bool | None = None,
 ) -> ManyFits:
@@ -112,13 +111,11 @@ def fit_many(
         Estimator, as in `identify`.
     prior : Prior, optional
         Prior of all free numbers.
-    weight : (R,) array, optional
-        Factor of each robot on the precision of the prior.
     start : RobotModel or ManyModels, optional
         Start of the search as in `identify`, one for all robots or one for each.
     shared : bool, optional
         Whether fits share the curvature at the start, which needs tables at the same poses. The
-        default is true for several such tables with one start and one weight of the prior. It
+        default is true for several such tables with one start. It
         affects the last bits of a result; the number of fits done together does not.
 
     Raises
@@ -145,12 +142,11 @@ def fit_many(
         message = f"{n} rows for {f} unknowns"
         raise refuse("tables", n, "more rows than unknowns", code="M27", message=message)
     if shared is None:
-        alike = weight is None and not isinstance(start, ManyModels)
-        shared = alike and len(tables.q) == 1 < len(tables)
+        shared = not isinstance(start, ManyModels) and len(tables.q) == 1 < len(tables)
     if not isinstance(start, ManyModels):
         start = ManyModels.of(nominal if start is None else start, len(tables), nominal)
     rows = ManyRows.of(nominal, tables, parameters.free_index, mode)
-    belief = None if prior is None else ManyBeliefs.of(prior, parameters, weight)
+    belief = None if prior is None else ManyBeliefs.of(prior, parameters)
     return fit_rows(rows, parameters, start, belief, shared)
 
 

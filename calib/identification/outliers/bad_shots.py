@@ -81,8 +81,6 @@ def bad_shots(
     *,
     prior: Prior | None = None,
     ladders: Sequence[Ladder] | None = None,
-    chance: float = CHANCE,
-    most: float = MOST,
     rng: np.random.Generator | None = None,
 ) -> BadShots:
     """Find gross errors with the model that the evidence chooses, and with the richest one.
@@ -99,11 +97,6 @@ def bad_shots(
         Free numbers of the fits.
     prior, ladders, rng
         As in `model_choice.choose`.
-    chance : float
-        Probability that a table of sound observations has any that is called bad.
-    most : float
-        Fraction of the poses above which suspects are too many to be gross errors; a row counts as
-        its share of the rows of its pose.
     """
     prior = weak_prior(parameters, nominal) if prior is None else prior
     ladders = ladders_of(nominal) if ladders is None else ladders
@@ -117,7 +110,7 @@ def bad_shots(
         nominal, table, parameters, found.taken, prior=prior, loss="cauchy", start=found.near
     )
     richest = tuple(ladder.levels[-1] for ladder in ladders)
-    seen = inspect(wide, judge, table, chance=chance)
+    seen = inspect(wide, judge, table, chance=CHANCE)
     usual, scatter = scatter_of(seen.score, table, found.noise_factor)
     far, used = seen.score > scatter * seen.limit, np.ones(len(table), dtype=np.bool_)
     if scatter > usual and found.taken != richest:
@@ -125,13 +118,13 @@ def bad_shots(
         wide, judge = extended_by(
             nominal, table, parameters, richest, prior=prior, loss="cauchy", start=found.richest()
         )
-        seen = inspect(wide, judge, table, chance=chance)
+        seen = inspect(wide, judge, table, chance=CHANCE)
         usual, scatter = scatter_of(seen.score, table, found.noise_factor)
         far |= seen.score > scatter * seen.limit
     suspects, part = np.flatnonzero(far), _part_of_pose(measurements.together)
-    count = most * part.sum() + ROUNDING
+    count = MOST * part.sum() + ROUNDING
     too_many = bool(part[suspects].sum() > count)
-    sooner = chdtri(table.equations, SOONER * chance / len(table))
+    sooner = chdtri(table.equations, SOONER * CHANCE / len(table))
     asked_of = _worst(seen.score / (usual * sooner), part, count)
     bad = suspects[:0]
     if len(asked_of) and not too_many:
@@ -139,7 +132,7 @@ def bad_shots(
         wide, judge = extended_by(
             nominal, table.rows(used), parameters, richest, prior=prior, start=found.richest()
         )
-        limit = chdtri(table.equations[asked_of], chance / len(table))
+        limit = chdtri(table.equations[asked_of], CHANCE / len(table))
         square = foretold(judge, table.rows(~used))
         bad = asked_of[square > scatter * limit]
         bad = bad[np.argsort(-seen.score[bad], kind="stable")]
@@ -150,28 +143,14 @@ def bad_shots(
     )  # fmt: skip
 
 
-def excess_of(
-    nominal: RobotModel,
-    result: Identification,
-    measurements: Measurements,
-    factor: float = 1.0,
-    *,
-    chance: float = CHANCE,
-) -> tuple[Array, float]:
-    """Score (m,) of each observation over its limit, and the factor by which scatter raised these.
+def excess_of(nominal: RobotModel, result: Identification, measurements: Measurements) -> Array:
+    """Score (m,) of each observation over its limit, which their common scatter raised.
 
-    Parameters
-    ----------
-    nominal, result, measurements
-        As in `inspect`.
-    factor : float
-        Factor on the stated noise that the covariances of `measurements` include already.
-    chance : float
-        Probability that any of the observations is beyond its limit if all are sound.
+    `nominal`, `result` and `measurements` are as in `inspect`.
     """
-    seen = inspect(nominal, result, measurements, chance=chance)
-    _, scatter = scatter_of(seen.score, measurements, factor)
-    return np.asarray(seen.score / (scatter * seen.limit)), scatter
+    seen = inspect(nominal, result, measurements, chance=CHANCE)
+    _, scatter = scatter_of(seen.score, measurements, 1.0)
+    return np.asarray(seen.score / (scatter * seen.limit))
 
 
 def scatter_of(score: Array, measurements: Measurements, factor: float) -> tuple[float, float]:

@@ -54,7 +54,6 @@ def search_outliers(
     parameters: Parameters | None = None,
     *,
     chance: float = 0.05,
-    most: float = MOST_OUTLIERS,
     noise_is_known: bool = True,
 ) -> OutlierSearch:
     """Find the observations that do not fit the others.
@@ -74,8 +73,6 @@ def search_outliers(
         Free numbers of the robust fit; those of `first` by default.
     chance : float
         Probability that a table of sound observations with noise as stated has any suspect.
-    most : float
-        Fraction of the observations above which suspects are too many to be gross errors.
     noise_is_known : bool
         Whether the stated noise is right. If not, and if the residuals are much larger, the scatter
         of the residuals takes its place, and limits are `FAR` times as large.
@@ -99,7 +96,7 @@ def search_outliers(
     excess = outliers.score / (outliers.limit * (1.0 if factor <= HONEST else FAR))
     suspects = np.flatnonzero(excess > 1)
     suspects = suspects[np.argsort(-excess[suspects], kind="stable")]
-    too_many = len(suspects) > most * len(measurements)
+    too_many = len(suspects) > MOST_OUTLIERS * len(measurements)
     return OutlierSearch(factor, judge, outliers, suspects, too_many)
 
 

@@ -149,7 +149,6 @@ def proven_at(
     q: ArrayLike,
     *,
     target: ArrayLike | ToolTarget = (0.0, 0.0, 0.0),
-    up: ArrayLike = (0.0, 0.0, 1.0),
 ) -> Proven:
     """What a calibration was proven at, to ask where else it applies.
 
@@ -159,7 +158,7 @@ def proven_at(
         From `train`.
     train : Measurements
         What was identified from.
-    q, target, up
+    q, target
         As in `proven_by`.
     """
     proven = proven_by(
@@ -170,7 +169,6 @@ def proven_at(
         train,
         q,
         target=target,
-        up=up,
     )
     open_root = untold(identification, train, proven.own_rows(np.asarray(q, dtype=np.float64)))
     whole = frozen(proven.covariance + open_root @ open_root.T)

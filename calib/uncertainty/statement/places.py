@@ -131,10 +131,10 @@ def step_words(step: float, slide: bool) -> str:
     return f"{1e3 * step:.3g} mm" if slide else f"{np.degrees(step):.3g} deg"
 
 
-def _named(names: Sequence[str], most: int = 10) -> str:
-    """The first of some names, and how many more."""
-    more = [f"{len(names) - most} more"] if len(names) > most else []
-    return ", ".join([*names[:most], *more])
+def _named(names: Sequence[str]) -> str:
+    """The first ten of some names, and how many more."""
+    more = [f"{len(names) - 10} more"] if len(names) > 10 else []
+    return ", ".join([*names[:10], *more])
 
 
 def _beyond(proven: Proven, joint: int, q: Array, slides: Bool) -> str:

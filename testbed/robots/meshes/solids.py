@@ -158,8 +158,8 @@ def is_closed(faces: Index) -> bool:
     return bool(np.array_equal(np.sort(there), np.sort(back)))
 
 
-def corner_normals(vertices: Array, faces: Index, crease: float = CREASE) -> Array:
-    """Normals (f, 3, 3) at each corner: mean over faces that meet within `crease`, by their angle.
+def corner_normals(vertices: Array, faces: Index) -> Array:
+    """Normals (f, 3, 3) at each corner: mean over faces that meet within `CREASE`, by their angle.
 
     Weights are corner angles, so that a surface looks the same however it is cut into triangles;
     slivers thinner than the grid do not count.
@@ -179,7 +179,7 @@ def corner_normals(vertices: Array, faces: Index, crease: float = CREASE) -> Arr
     for start, stop in pairwise(starts):  # one vertex at a time: few faces each
         own = order[start:stop]
         around = unit[own // 3]
-        alike = around @ around.T > np.cos(crease)
+        alike = around @ around.T > np.cos(CREASE)
         np.fill_diagonal(alike, True)
         out[own] = (alike * angle.ravel()[own]) @ around
     length = np.linalg.norm(out, axis=1, keepdims=True)

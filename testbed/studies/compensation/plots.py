@@ -53,10 +53,10 @@ def accuracy_by_pose(studies: tuple[CompensationStudy, ...]) -> str:
         return svg_of(figure)
 
 
-def readings_of_one(study: CompensationStudy, pose: int = 1) -> str:
-    """Read positions of one robot at one pose about the commanded one, before and after."""
+def readings_of_one(study: CompensationStudy) -> str:
+    """Read positions of one robot at its second pose about the command, before and after."""
     with drawing(1, 2, height=2.9) as (figure, axes):
-        seen = study.readings[:, pose] * UM
+        seen = study.readings[:, 1] * UM
         for v, variant in enumerate(VARIANTS):
             for ax in axes:
                 ax.plot(
@@ -65,7 +65,7 @@ def readings_of_one(study: CompensationStudy, pose: int = 1) -> str:
                 )  # fmt: skip
         for ax, span in zip(axes, (seen, seen[2]), strict=True):
             _around(ax, float(np.abs(span[..., [0, 2]]).max()) * 1.15)
-        axes[0].set_title(f"first {study.truth} robot, pose P{study.pose_id[pose]}")
+        axes[0].set_title(f"first {study.truth} robot, pose P{study.pose_id[1]}")
         axes[1].set_title("the same, closer")
         legend_above(figure, axes[0])
         return svg_of(figure)

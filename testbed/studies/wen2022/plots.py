@@ -132,17 +132,17 @@ def dot(ax: "Axes", middle: float, ends: tuple[float, float], row: int, estimato
     ax.plot(middle, y, linestyle="none", **look)
 
 
-def what_u_best_holds(found: tuple[Held, ...], level: float = 0.95) -> str:
+def what_u_best_holds(found: tuple[Held, ...]) -> str:
     """Share of true points inside each 95 % statement."""
     truths = list(dict.fromkeys(one.truth for one in found))
     rows = [(one.truth, one.trial) for one in found]
     with drawing(1, len(STATEMENTS), height=0.8 + 0.34 * len(rows), sharey=True) as (figure, axes):
         for s, (ax, statement) in enumerate(zip(axes, STATEMENTS, strict=True)):
-            ax.axvline(100 * level, color=SOFT, linewidth=0.9)
+            ax.axvline(95.0, color=SOFT, linewidth=0.9)
             for y, one in enumerate(found):
                 mean, color = one.shares[s], (DARK, MIDDLE)[truths.index(one.truth) % 2]
                 ax.plot(share_ends(mean), [y, y], color=color, linewidth=2.0)
-                face = color if mean.high >= level else "white"
+                face = color if mean.high >= 0.95 else "white"
                 ax.plot(100 * mean.value, y, "o", color=color, markerfacecolor=face)
             ax.set_xlim(-4, 104)
             ax.set_title(TITLES[statement], fontsize=7.8)

@@ -146,8 +146,9 @@ def elbow() -> dict[str, Solid]:
     }
 
 
-def rounded_box(height: float, half_x: float, half_y: float, radius: float = 0.022) -> list[Solid]:
+def rounded_box(height: float, half_x: float, half_y: float) -> list[Solid]:
     """Four corner pucks of a rounded box around the forearm axis, to be hulled."""
+    radius = 0.022
     places = [(x, SIDE + y) for x, y in corners(half_x - radius, half_y - radius)]
     return posts(radius, height - 0.008, height + 0.008, 0.006, places, 28)
 
