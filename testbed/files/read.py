@@ -82,23 +82,47 @@ def read_session(
         Names the file, the line, the thing, what was allowed and the likely fix.
     """
     options = ReadOptions() if options is None else options
+    source = given(data, config, options.max_mb, field="measurements")
+    settings = source.settings.of_one_table if alone else source.settings
+    where, drop = str(source.toml), options.drop_invalid
+    session = whole_session(settings, source.sources, robot, drop=drop, where=where)
+    source.sources.require_data_read(where)
+    files = (*source.read, *session.files)
+    return replace(session, name=session.name or source.file.stem, files=files)
+
+
+@dataclass(frozen=True, slots=True)
+class Given:
+    """What a user gave to be read: a session.toml, or a table and how it is to be read."""
+
+    file: Path
+    toml: Path | None
+    """The session.toml, which may be `file` itself."""
+    settings: CampaignFile
+    sources: Sources
+    read: tuple[SourceFile, ...]
+    """The session.toml, where there is one."""
+
+
+def given(data: str | Path, config: str | Path | None, max_mb: float, *, field: str) -> Given:
+    """Find what was given and read its session.toml, but no table; `field` is for messages.
+
+    Raises
+    ------
+    InputError
+        As `read_session`.
+    """
     file = session_file(Path(data))
-    real(file, field="measurements", code="S37")
+    real(file, field=field, code="S37")
     toml = how_to_read(file, config)
-    settings, first = CampaignFile(), list[SourceFile]()
-    if toml is not None:
-        content = read_toml_bytes(Path(toml), str(toml))
-        first.append(SourceFile(Path(toml), sha256(content).hexdigest()))
-        document = toml_document(content, str(toml))
-        require_kind(document, "session", str(toml))
-        settings = validated(document, CampaignFile, str(toml))
-    if alone:
-        settings = settings.of_one_table
-    root = file.parent if toml is None else Path(toml).parent
-    sources = Sources(root, None if toml == file else file, options.max_mb, {})
-    session = whole_session(settings, sources, robot, drop=options.drop_invalid, where=str(toml))
-    sources.require_data_read(str(toml))
-    return replace(session, name=session.name or file.stem, files=(*first, *session.files))
+    if toml is None:
+        return Given(file, None, CampaignFile(), Sources(file.parent, file, max_mb, {}), ())
+    content, where = read_toml_bytes(toml, str(toml)), str(toml)
+    document = toml_document(content, where)
+    require_kind(document, "session", where)
+    settings = validated(document, CampaignFile, where)
+    sources = Sources(toml.parent, None if toml == file else file, max_mb, {})
+    return Given(file, toml, settings, sources, (SourceFile(toml, sha256(content).hexdigest()),))
 
 
 def whole_session(

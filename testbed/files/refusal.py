@@ -49,7 +49,7 @@ def require_names(column: str, names: Sequence[str], place: Sequence[str]) -> No
         raise refusal(where, column, f"{column} is empty", code="M25", fix=fix)
 
 
-def how_to_read(file: Path, config: str | Path | None) -> str | Path | None:
+def how_to_read(file: Path, config: str | Path | None) -> Path | None:
     """The session.toml on how to read a file: `config`, or the file itself; None if neither is one.
 
     Raises
@@ -58,7 +58,7 @@ def how_to_read(file: Path, config: str | Path | None) -> str | Path | None:
         C41: both are.
     """
     if file.suffix.lower() != ".toml":
-        return config
+        return None if config is None else Path(config)
     if config is not None and Path(config) != file:
         message = "says itself how its files are read, and --config is given"
         raise refusal(str(file), "--config", message, code="C41", fix="leave one of them out")

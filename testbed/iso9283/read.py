@@ -1,23 +1,16 @@
 """A test after ISO 9283 from its files: tables of measured cycles, and a session.toml."""
 
 from collections.abc import Iterator, Sequence
-from hashlib import sha256
 from pathlib import Path
 
 import numpy as np
 
 from calib.errors import refuse
 from testbed.files.dialects.tables import CyclesTable
-from testbed.files.read import ReadOptions, session_file
-from testbed.files.refusal import how_to_read
+from testbed.files.read import Given, ReadOptions, given
 from testbed.files.session import Sources
 from testbed.files.session_toml import SESSION_FILE, SessionFile
-from testbed.files.visits.tables import CampaignFile
-from testbed.gates.kinds import require_kind
-from testbed.gates.mistakes import validated
-from testbed.gates.paths import real
 from testbed.gates.text import SourceFile
-from testbed.gates.toml import read_toml_bytes, toml_document
 from testbed.iso9283.grouped import Commands, paths_in, visits_in
 from testbed.iso9283.records import CycleTest, PathRuns, Visits
 from testbed.iso9283.rows import Rows, are_counts, read_rows
@@ -48,40 +41,22 @@ def read_test(
         Names the file, the line, the thing, what was allowed and the likely fix.
     """
     options = ReadOptions() if options is None else options
-    path = Path(data)
-    file = session_file(path)
-    real(file, field="DATA", code="S37")
-    toml = how_to_read(file, config)
-    settings: SessionFile = SessionFile()
-    first = list[SourceFile]()
-    if toml is not None:
-        content = read_toml_bytes(Path(toml), str(toml))
-        first.append(SourceFile(Path(toml), sha256(content).hexdigest()))
-        document = toml_document(content, str(toml))
-        require_kind(document, "session", str(toml))
-        settings = validated(document, CampaignFile, str(toml))
-    if toml == file and settings.cycles is None and settings.paths is None:
+    source = given(data, config, options.max_mb, field="DATA")
+    if (
+        source.toml == source.file
+        and source.settings.cycles is None
+        and source.settings.paths is None
+    ):
         message, fix = "has no [cycles] and no [paths]", 'write [cycles] and file = "cycles.csv"'
-        raise refuse("cycles", code="S37", message=message, fix=fix, where=str(file))
-    root = file.parent if toml is None else Path(toml).parent
-    sources = Sources(root, None if toml == file else file, options.max_mb, {})
-    test = test_of(
-        settings, sources, first, file, Path(toml or file).name, drop=options.drop_invalid
-    )
-    sources.require_data_read(str(toml))
+        raise refuse("cycles", code="S37", message=message, fix=fix, where=str(source.file))
+    test = test_of(source, drop=options.drop_invalid)
+    source.sources.require_data_read(str(source.toml))
     return test
 
 
-def test_of(
-    settings: SessionFile,
-    sources: Sources,
-    first: list[SourceFile],
-    file: Path,
-    where: str,
-    *,
-    drop: bool,
-) -> CycleTest:
-    """The test that a session.toml describes, `where` in messages."""
+def test_of(source: Given, *, drop: bool) -> CycleTest:
+    """The test that was given."""
+    settings, sources, where = source.settings, source.sources, (source.toml or source.file).name
     visits: Visits | None = None
     paths, parts, notes = list[PathRuns](), list[Rows](), list[str]()
     for key, section, rows in _tables(settings, sources, drop=drop):
@@ -106,10 +81,10 @@ def test_of(
     warnings += _of_odd_size(visits, paths)
     limits: dict[str, float] = {}
     limits |= {name: limit * 1e-6 for name, limit in settings.iso9283.limits_um.items()}
-    sha = tuple(dict.fromkeys([*first, *sources.files]))
+    sha = tuple(dict.fromkeys([*source.read, *sources.files]))
     frame = settings.iso9283.frame
     return CycleTest(
-        name=settings.name or name_of(file),
+        name=settings.name or name_of(source.file),
         files=sha,
         visits=visits,
         paths=tuple(paths),

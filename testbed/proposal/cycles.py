@@ -8,6 +8,7 @@ import numpy as np
 
 from calib.errors import InputError
 from testbed.files.dialects.numbers import number_of
+from testbed.files.read import Given
 from testbed.files.session import Sources
 from testbed.files.session_toml import SESSION_FILE
 from testbed.files.visits.tables import CampaignFile
@@ -93,7 +94,7 @@ def _proposed(look: Found, rows: list[tuple[str, ...]], sentence: str, root: Pat
     sources = Sources(root, None, MAX_MB, {(root / look.name, look.sheet): look.text})
     said = f"{sentence}: read as a test after ISO 9283"
     try:
-        test = test_of(settings, sources, [], root / SESSION_FILE, SESSION_FILE, drop=False)
+        test = test_of(Given(root / SESSION_FILE, None, settings, sources, ()), drop=False)
     except InputError as error:
         return Cycles(document, said, tuple(assumed), (str(error),))
     if not test.uncertainty:
