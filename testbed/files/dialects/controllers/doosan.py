@@ -3,7 +3,7 @@
 import re
 from dataclasses import replace
 
-from testbed.files.dialects.controllers.targets import JointList, Program, Target, axes_of
+from testbed.files.dialects.controllers.targets import JointList, Program, axes_of
 from testbed.files.refusal import refusal
 from testbed.gates.text import FileText
 
@@ -40,13 +40,10 @@ def read_doosan(text: FileText) -> JointList:
             _move(program, number, move[1], move[2])
         elif (own := GIVEN.match(line)) is not None:
             name, part, value = own.groups()
-            axes = _axes(value) if part is None else ()
-            if axes:
-                program.declare(Target(number, name, axes))
-            elif part is None and POSES.match(value):
+            if part is None and POSES.match(value):
                 program.tool.setdefault(name.lower(), number)
             else:
-                program.again.setdefault(name.lower(), number)
+                program.assign(number, name, _axes(value) if part is None else ())
     return program.joints()
 
 
@@ -74,12 +71,8 @@ def _move(program: Program, number: int, verb: str, to: str) -> None:
         program.aside.append(number)
     elif BY_DIFFERENCE.search(to) or [one.strip() for one in beside[MODE : MODE + 1]] == ["1"]:
         raise program.relative(number, verb)
-    elif name is not None:
-        program.move_to(number, name[1])
-    elif axes := _axes(to):
-        program.moves.append(Target(number, "", axes))
     else:
-        raise program.computed(number, verb)
+        program.move(number, verb, name[1] if name else "", _axes(to))
 
 
 def _axes(value: str) -> tuple[str, ...]:

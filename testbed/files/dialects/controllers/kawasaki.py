@@ -7,6 +7,7 @@ from testbed.files.refusal import refusal
 from testbed.gates.text import FileText
 
 NAME = r"[A-Za-z]\w*(?:\[[^\]]{0,20}\])?"
+NAMED = re.compile(rf"#({NAME})\s*(?:,.*)?")
 LISTED = re.compile(rf"\s*#({NAME})((?:\s+{NUMBER}){{4,20}})\s*$")
 PLACE = re.compile(rf"\s*({NAME})(?:\s+{NUMBER}){{6,20}}\s*$")
 SECTION = re.compile(r"\s*\.([A-Z]+)\b", re.IGNORECASE)
@@ -43,7 +44,7 @@ def read_kawasaki(text: FileText) -> JointList:
         elif (begun := SECTION.match(line)) is not None:
             section = begun[1].upper()
         elif (own := POINT.match(line)) is not None:
-            _point(program, number, own[1], own[2] or "")
+            program.assign(number, own[1], _axes(own[2] or ""))
         elif (move := MOVED.match(line)) is not None:
             if move[1].upper() in TO_JOINTS and move[2].lstrip().startswith("#"):
                 moves.append((number, move[1].upper(), move[2].strip()))
@@ -58,27 +59,9 @@ def read_kawasaki(text: FileText) -> JointList:
         elif section == "TRANS" and (place := PLACE.match(line)) is not None:
             program.tool.setdefault(place[1].lower(), number)
     for number, verb, to in moves:  # joints are listed behind the program
-        _move(program, number, verb, to)
+        name = NAMED.fullmatch(to)
+        program.move(number, verb, name[1] if name else "", _axes(to))
     return program.joints()
-
-
-def _point(program: Program, number: int, name: str, value: str) -> None:
-    """A name that gets joints, in numbers or otherwise."""
-    if axes := _axes(value):
-        program.declare(Target(number, name, axes))
-    else:
-        program.again.setdefault(name.lower(), number)
-
-
-def _move(program: Program, number: int, verb: str, to: str) -> None:
-    """A move to joints that have a name, or stand there."""
-    name = re.fullmatch(rf"#({NAME})\s*(?:,.*)?", to)
-    if axes := _axes(to):
-        program.moves.append(Target(number, "", axes))
-    elif name is not None:
-        program.move_to(number, name[1])
-    else:
-        raise program.computed(number, verb)
 
 
 def _axes(value: str) -> tuple[str, ...]:

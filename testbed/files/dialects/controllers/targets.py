@@ -90,6 +90,24 @@ class Program:
             self.again.setdefault(name, target.line)
         self.declared[name] = target
 
+    def assign(self, line: int, name: str, axes: tuple[str, ...], unit: str = "deg") -> None:
+        """Give a name these joints; without any, it gets what is known only while running."""
+        if axes:
+            self.declare(Target(line, name, axes, (unit,) * len(axes)))
+        else:
+            self.again.setdefault(name.lower(), line)
+
+    def move(
+        self, line: int, verb: str, name: str, axes: tuple[str, ...], unit: str = "deg"
+    ) -> None:
+        """Add a move to what has a name, or to joints that the move writes as numbers."""
+        if name:
+            self.move_to(line, name)
+        elif axes:
+            self.moves.append(Target(line, "", axes, (unit,) * len(axes)))
+        else:
+            raise self.computed(line, verb)
+
     def move_to(self, line: int, name: str) -> None:
         """Add a move to a declared target, joints or a Cartesian position."""
         key = name.lower()

@@ -3,7 +3,7 @@
 import re
 from math import radians
 
-from testbed.files.dialects.controllers.targets import FEWEST, NUMBER, JointList, Program, Target
+from testbed.files.dialects.controllers.targets import FEWEST, NUMBER, JointList, Program
 from testbed.gates.text import FileText
 
 CELL = re.compile(rf"\s*(?:({NUMBER})|d2r\s*\(\s*({NUMBER})\s*\))\s*")
@@ -28,7 +28,7 @@ def read_urscript(text: FileText) -> JointList:
         elif (own := GIVEN.match(line)) is not None:
             name, part, value = own.groups()
             if part is None and value.startswith("["):
-                _list(program, number, name, value)
+                program.assign(number, name, _axes(value), "rad")
             elif part is None and POSES.match(value):
                 program.tool.setdefault(name.lower(), number)
             else:
@@ -36,26 +36,13 @@ def read_urscript(text: FileText) -> JointList:
     return program.joints()
 
 
-def _list(program: Program, number: int, name: str, value: str) -> None:
-    """A list that gets a name: one of joints is all numbers."""
-    axes = _axes(value)
-    if axes:
-        program.declare(Target(number, name, axes, ("rad",) * len(axes)))
-    else:
-        program.again.setdefault(name.lower(), number)
-
-
 def _move(program: Program, number: int, verb: str, to: str) -> None:
     """A call of movej; the other ones go to a position of the tool."""
-    name = re.match(r"(\w+)\s*[,)]", to)
     if verb != "movej" or POSES.match(to):
         program.aside.append(number)
-    elif name is not None:
-        program.move_to(number, name[1])
-    elif axes := _axes(to):
-        program.moves.append(Target(number, "", axes, ("rad",) * len(axes)))
     else:
-        raise program.computed(number, verb)
+        name = re.match(r"(\w+)\s*[,)]", to)
+        program.move(number, verb, name[1] if name else "", _axes(to), "rad")
 
 
 def _axes(value: str) -> tuple[str, ...]:

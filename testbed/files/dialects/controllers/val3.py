@@ -43,25 +43,17 @@ def read_val3(text: FileText) -> JointList:
         if (move := MOVED.search(line)) is not None:
             _move(program, number, move[1], move[2])
         elif (own := GIVEN.match(line)) is not None:
-            axes = _axes(own[3]) if own[2] is None else ()
-            if axes:
-                program.declare(Target(number, own[1], axes))
-            else:
-                program.again.setdefault(own[1].lower(), number)
+            program.assign(number, own[1], _axes(own[3]) if own[2] is None else ())
     return program.joints()
 
 
 def _move(program: Program, number: int, verb: str, to: str) -> None:
     """A call of movej; the other ones go to a position of the tool."""
-    name = re.match(rf"({NAME})\s*,", to)
     if verb != "movej":
         program.aside.append(number)
-    elif name is not None:
-        program.move_to(number, name[1])
-    elif axes := _axes(to):
-        program.moves.append(Target(number, "", axes))
     else:
-        raise program.computed(number, verb)
+        name = re.match(rf"({NAME})\s*,", to)
+        program.move(number, verb, name[1] if name else "", _axes(to))
 
 
 def _axes(value: str) -> tuple[str, ...]:
