@@ -211,6 +211,19 @@ def _in_a_row(words: Sequence[str], last: str) -> str:
     return last.join([", ".join(words[:-1]), words[-1]] if words[1:] else words)
 
 
+def named(noun: str, names: Sequence[str], count: int = 0) -> str:
+    """A noun and its names, of which there are `count` if these are only the first.
+
+    Examples
+    --------
+    >>> named("line", ["7"]), named("line", ["7", "9"], 3)
+    ('line 7', 'lines 7, 9 and 1 more')
+    """
+    more = max(count - len(names), 0)
+    plural = "s" * (len(names) + more > 1)
+    return f"{noun}{plural} {', '.join(names)}" + f" and {more} more" * (more > 0)
+
+
 def counted(number: int, noun: str) -> str:
     """A count and its noun.
 

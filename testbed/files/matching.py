@@ -15,6 +15,7 @@ from testbed.files.joints import Extras, Joints
 from testbed.files.readings import Readings
 from testbed.files.refusal import refusal, require_names
 from testbed.files.slips import parted
+from testbed.units import named
 
 LARGEST_ID = 100_000
 """Whole numbers up to this are kept as pose numbers."""
@@ -276,9 +277,8 @@ def stay_apart(names: Iterable[str]) -> bool:
 
 def _listed(keys: Sequence[tuple[str, int]]) -> str:
     """Poses in words."""
-    shown = ", ".join(f"{name[:20]}{f' visit {k}' if k else ''}" for name, k in keys[:SHOWN])
-    more = f" and {len(keys) - SHOWN} more" if len(keys) > SHOWN else ""
-    return f"pose{'s' if len(keys) > 1 else ''} {shown}{more}"
+    shown = [f"{name[:20]}{f' visit {k}' if k else ''}" for name, k in keys[:SHOWN]]
+    return named("pose", shown, len(keys))
 
 
 def _mismatch(where: str, what: str, keys: Sequence[tuple[str, int]], more: str = "") -> InputError:

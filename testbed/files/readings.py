@@ -11,6 +11,7 @@ from testbed.files.joints import Extras
 from testbed.files.session import Stated, rows_of
 from testbed.files.table import Columns, DataTable, Unread
 from testbed.files.uncertainty import Spread
+from testbed.units import counted, named
 
 SHOWN = 10
 """Lines named in one sentence."""
@@ -131,7 +132,5 @@ def rows_said(place: Sequence[str], rows: Bool, what: str, *, left: str = "left 
     if not count:
         return []
     split = [place[row].rpartition(":") for row in np.flatnonzero(rows)[:SHOWN]]
-    lines = ", ".join(line for _, _, line in split)
-    more = f" and {count - SHOWN} more" if count > SHOWN else ""
-    plural = "s" if count > 1 else ""
-    return [f"{split[0][0]}: {count} row{plural} {left}(line{plural} {lines}{more}): {what}"]
+    lines = named("line", [line for _, _, line in split], count)
+    return [f"{split[0][0]}: {counted(count, 'row')} {left}({lines}): {what}"]

@@ -10,6 +10,7 @@ from testbed.proposal.fits.tried import unnamed
 from testbed.proposal.names import is_wished
 from testbed.proposal.wished import is_angle, is_computed
 from testbed.robots.robot import Robot
+from testbed.strict import some
 from testbed.units import counted
 
 MOST_JOINTS = 20
@@ -73,8 +74,7 @@ def not_known(looks: tuple[Found, ...]) -> str:
         for name in one.head
         if name not in {each.theirs for each in one.meanings}
     ]
-    more = f" and {len(names) - SHOWN} more" if len(names) > SHOWN else ""
-    return f"; not known are {', '.join(names[:SHOWN])}{more}" if names else ""
+    return f"; not known are {some(names, SHOWN)}" if names else ""
 
 
 def joints_in(look: Found) -> set[int]:

@@ -9,6 +9,7 @@ from calib.geometry.chain import Chain
 from testbed.robots.links import PrismaticLink, RevoluteLink
 from testbed.robots.placements import link_poses, placements
 from testbed.robots.robot import NO_MASS
+from testbed.units import named
 
 TURN_SPEED, SLIDE_SPEED = np.pi, 1.0
 """Speeds of joints without a stated one [rad/s, m/s]."""
@@ -77,6 +78,5 @@ def assumed(joints: Sequence[Joint]) -> tuple[str, ...]:
         (exact, "a repeatability", f"{TURN_SCATTER * 1e6:g} urad, or {SLIDE_SCATTER * 1e6:g} um,"),
     ):
         if which:
-            plural = "s" if len(which) > 1 else ""
-            notes.append(f"joint{plural} {', '.join(which)} without {what}: {taken} is assumed")
+            notes.append(f"{named('joint', which)} without {what}: {taken} is assumed")
     return tuple(notes)

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 from testbed.scenario.laboratory import TruthSettings
 from testbed.strict import Fault, one_error
-from testbed.units import counted
+from testbed.units import counted, named
 
 if TYPE_CHECKING:
     from testbed.robots.catalog import Robot
@@ -78,7 +78,7 @@ def _outside_posture(width: float | tuple[float, ...]) -> str:
     if isinstance(width, float):
         return "every joint" if width else ""
     joints = [str(i + 1) for i, one in enumerate(width) if one and i not in (2, 4)]
-    return f"joint{'s' if len(joints) > 1 else ''} {', '.join(joints)}" if joints else ""
+    return named("joint", joints) if joints else ""
 
 
 CLOSED_FORM = (

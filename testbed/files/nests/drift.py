@@ -15,6 +15,7 @@ from testbed.files.readings import SHOWN, Readings
 from testbed.files.refusal import refusal
 from testbed.files.session import Drift
 from testbed.files.session_toml import DriftTable
+from testbed.units import named
 
 TIMES = 2.0
 """A drift counts if it is larger than so many of its standard uncertainties."""
@@ -192,11 +193,9 @@ def _whole_rounds(readings: Readings, rows: Index, rounds: Array) -> tuple[Index
     if not len(lost):
         return np.arange(len(rounds)), []
     begins = [readings.place[rows[r][rows[r] >= 0][0]].rpartition(":")[2] for r in lost[:SHOWN]]
-    more = f" and {len(lost) - SHOWN} more" if len(lost) > SHOWN else ""
-    plural = "s" if len(lost) > 1 else ""
     which = (
-        f"round{plural} {', '.join(str(r + 1) for r in lost[:SHOWN])}{more} over the nests (from "
-        f"line{plural} {', '.join(begins)}{more})"
+        f"{named('round', [str(r + 1) for r in lost[:SHOWN]], len(lost))} over the nests (from "
+        f"{named('line', begins, len(lost))})"
     )
     line = " out of one line" if both[lost].sum(axis=1).max() >= 3 else ""
     few = f"fewer than three good shots{line}"

@@ -4,6 +4,7 @@ import re
 from collections.abc import Sequence
 
 from testbed.files.dialects.numbers import NUMBER
+from testbed.strict import some
 from testbed.units import counted
 
 MOST = 50
@@ -52,11 +53,10 @@ def said_below(where: str, below: Sequence[tuple[int, str]]) -> list[str]:
     if not below:
         return []
     texts = [(number, re.sub(r"[\s,;]+", " ", line).strip()[:40]) for number, line in below]
-    shown = ", ".join(f'line {number} "{text}"' for number, text in texts[:SHOWN])
-    more = f" and {len(below) - SHOWN} more" if len(below) > SHOWN else ""
+    shown = some([f'line {number} "{text}"' for number, text in texts], SHOWN)
     verb = "is" if len(below) == 1 else "are"
     lines = counted(len(below), "line")
-    return [f"{where}: {lines} below the table {verb} not read: {shown}{more}"]
+    return [f"{where}: {lines} below the table {verb} not read: {shown}"]
 
 
 def _may_stand_below(row: Sequence[str], width: int) -> bool:

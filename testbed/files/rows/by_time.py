@@ -9,6 +9,7 @@ from testbed.files.matching import Match
 from testbed.files.readings import Readings
 from testbed.files.refusal import refusal
 from testbed.files.rows.times import Moments
+from testbed.units import counted, named
 
 EQUAL = 1e-6
 """Times are equal to a microsecond, which dates are written to; float64 of seconds since 1970 has
@@ -134,6 +135,4 @@ def _moving(
 def _lines(readings: Readings, rows: Index) -> str:
     """Some readings in words."""
     lines = [readings.place[row].rpartition(":")[2] for row in rows[:SHOWN]]
-    more = f" and {len(rows) - SHOWN} more" if len(rows) > SHOWN else ""
-    count = f"{len(rows)} reading{'s' if len(rows) > 1 else ''}"
-    return f"{count} (line{'s' if len(rows) > 1 else ''} {', '.join(lines)}{more})"
+    return f"{counted(len(rows), 'reading')} ({named('line', lines, len(rows))})"

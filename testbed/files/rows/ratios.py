@@ -11,6 +11,7 @@ from testbed.files.frames_fit import Misfit
 from testbed.files.rows.counts import COUPLED, Count, added
 from testbed.files.rows.shifts import misfit_of
 from testbed.robots.robot import Robot
+from testbed.units import listed
 
 SUSPECT = 2e-3
 """What base and tool of the right reading of a file rarely leave [m]."""
@@ -124,7 +125,7 @@ def _count(robot: Robot, J: Array, ratios: Ratios) -> Count:
         own = "".join(term.format("J") for term in terms)
         texts.append(f"q{joint + 1} = J{joint + 1}{own}")
     return Count(
-        f"if {_and(said)}",
+        f"if {listed(said)}",
         f"{added(robot.controller, *texts)}, with the ratio{'s' * (len(ratios) > 1)} that its "
         "maker states",
         max(b for _, b in ratios), robot.controller.to_arm(_driven(J, ratios)),
@@ -135,8 +136,3 @@ def _number(robot: Robot, a: int, b: int, ratio: float) -> str:
     """A ratio as a robot's file has it."""
     kinds = robot.model.chain.kinds
     return f"{ratio:.4f}" if kinds[a] == kinds[b] else f"{ratio * MM_PER_DEG:.4f} mm/deg"
-
-
-def _and(words: Sequence[str]) -> str:
-    """Some words in a row."""
-    return " and ".join(filter(None, (", ".join(words[:-1]), words[-1])))

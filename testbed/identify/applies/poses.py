@@ -11,7 +11,7 @@ from testbed.files.rows.exact import digit_steps, moved_by_digits
 from testbed.files.session import Session
 from testbed.identify.records import FittedModel
 from testbed.robots.catalog import Robot
-from testbed.units import UM, significant
+from testbed.units import UM, named, significant
 
 LEAST_TURN, LEAST_SLIDE = np.radians(10.0), 0.010
 """Range of a joint at the training poses below which it counts as not moved [rad, m]."""
@@ -91,7 +91,7 @@ def _still(fit: FittedModel, train: Measurements) -> tuple[str, ...]:
         return ()
     many = len(still) > 1
     return (
-        f"joint{'s' * many} {', '.join(map(str, still))} moved by less than "
+        f"{named('joint', [*map(str, still)])} moved by less than "
         f"{np.degrees(LEAST_TURN):.0f} deg or {1e3 * LEAST_SLIDE:.0f} mm: nothing here shows how "
         f"well the result holds where {'they have' if many else 'it has'} other values",
     )

@@ -30,6 +30,7 @@ from testbed.robots.describe.parts import parts_of
 from testbed.robots.describe.xml_gate import FileOptions, read_xml
 from testbed.robots.placements import LIMIT, difference, link_poses
 from testbed.robots.robot import Robot, body_name
+from testbed.units import named
 
 FULL_TURN, FULL_SLIDE = 2 * np.pi, 1.0
 """Limits of joints without any, to both sides of zero [rad, m]."""
@@ -195,7 +196,7 @@ def _listed(names: Sequence[str], which: Bool) -> str:
     picked = [name for name, one in zip(names, which, strict=True) if one]
     if len(picked) == len(names) > 1:
         return "all joints"
-    return f"joint{'s' * (len(picked) > 1)} {', '.join(picked)}"
+    return named("joint", picked)
 
 
 def _masses(
