@@ -111,6 +111,21 @@ def transform_step(T: Array) -> Array:
     return np.concatenate([T[:3, 3], log_so3(T[:3, :3])])
 
 
+def target_points(T: Array, target: Array) -> Array:
+    """World positions (..., 3) of tool point `target` (3,) at tool poses T (..., 4, 4) [m]."""
+    return np.asarray(T[..., :3, 3] + T[..., :3, :3] @ target)
+
+
+def points_of_frames(T: Array, points: Array) -> Array:
+    """World positions (m, 3) of points (m, 3), each in its own frame T (m, 4, 4) [m]."""
+    return np.asarray(T[:, :3, 3] + (T[:, :3, :3] @ points[:, :, None])[:, :, 0])
+
+
+def transform_points(T: Array, points: Array) -> Array:
+    """World positions (..., 3) of points (..., 3) in one frame T (4, 4) [m]."""
+    return np.asarray(points @ T[:3, :3].T + T[:3, 3])
+
+
 def rot_x(angle: float) -> Array:
     """Transform (4, 4) of a rotation about x by `angle` [rad]."""
     c, s = np.cos(angle), np.sin(angle)

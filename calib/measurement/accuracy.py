@@ -61,11 +61,6 @@ def error_statistics(errors: ArrayLike) -> Accuracy:
     )
 
 
-def target_points(T: Array, target: Array) -> Array:
-    """World positions (m, 3) of tool point `target` (3,) at tool poses T (m, 4, 4) [m]."""
-    return np.asarray(T[:, :3, 3] + T[:, :3, :3] @ target)
-
-
 def point_distances(a: Array, b: Array) -> Array:
     """Distances (m,) [m] between points (m, 3)."""
     return np.asarray(np.linalg.norm(a - b, axis=1))

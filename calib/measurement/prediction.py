@@ -7,7 +7,7 @@ import numpy as np
 from calib.arrays import Array, Bool, Index
 from calib.errors import refuse
 from calib.geometry.fixtures import Fixtures
-from calib.geometry.frames import inverse, log_so3, right_jacobian_inverse, skew
+from calib.geometry.frames import inverse, log_so3, points_of_frames, right_jacobian_inverse, skew
 from calib.geometry.model import RobotModel
 from calib.measurement.observations import GIVEN, Measurements
 from calib.measurement.remembered import remembered
@@ -155,7 +155,7 @@ def missed(
 
 def _positions(T: Array, model: RobotModel, measurements: Measurements) -> Array:
     """Positions (m, 3) of what each row measures, in its station's frame, for tools at T [m]."""
-    p = T[:, :3, 3] + (T[:, :3, :3] @ targets(model.fixtures, measurements)[:, :, None])[:, :, 0]
+    p = points_of_frames(T, targets(model.fixtures, measurements))
     if not measurements.station.any():
         return p
     S = model.fixtures.station_frames[measurements.station]

@@ -7,6 +7,7 @@ from numpy.typing import ArrayLike
 
 from calib.arrays import Array, check
 from calib.errors import refuse
+from calib.geometry.frames import target_points
 from calib.geometry.jacobian import reflector_rows
 from calib.geometry.model import RobotModel
 from calib.measurement.observations import GIVEN, Measurements
@@ -54,7 +55,7 @@ class ToolTarget:
 
     def positions(self, model: RobotModel, T: Array) -> Array:
         """World positions (N, 3) at tool poses T (N, 4, 4) of a model [m]."""
-        return np.asarray(T[:, :3, 3] + T[:, :3, :3] @ self.place(model))
+        return target_points(T, self.place(model))
 
     def positions_and_rows(self, model: RobotModel, T: Array, J: Array) -> tuple[Array, Array]:
         """World positions (N, 3) [m], and their derivative (N, 3, P) by the model's numbers.

@@ -9,6 +9,7 @@ from scipy.linalg import solve_triangular
 
 from calib.arrays import Array, Bool, check, frozen, require_numbers, wrong_shape
 from calib.errors import refuse
+from calib.geometry.frames import points_of_frames
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import Parameters
 from calib.information.rank import RANK_TOLERANCE
@@ -118,8 +119,8 @@ def freeze(
         own = targets(model.fixtures, measurements)
         measurements = replace(measurements, offset=own, reflector=np.full(len(own), GIVEN))
         T = model.poses(measurements.q, measurements.conditions)
-        arm = (T[:, :3, :3] @ measurements.offset[:, :, None])[..., 0]
-        plan = replace(measurements, position=T[:, :3, 3] + arm, rotation=T[:, :3, :3])
+        position = points_of_frames(T, measurements.offset)
+        plan = replace(measurements, position=position, rotation=T[:, :3, :3])
     else:
         plan = perfect(model, measurements)
     N = table_whiteners(measurements)

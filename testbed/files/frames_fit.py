@@ -7,7 +7,7 @@ import numpy as np
 
 from calib.arrays import Array, Index
 from calib.geometry.chain import Chain
-from calib.geometry.frames import exp_so3, log_so3, skew
+from calib.geometry.frames import exp_so3, log_so3, skew, target_points
 from calib.geometry.model import RobotModel
 from calib.identification.start.closed_forms import (
     PointColumns,
@@ -87,7 +87,7 @@ class Frames:
 
     def position_errors(self, F: Array, position: Array) -> Array:
         """(m,) distance between measured and predicted positions [m]."""
-        predicted = (F[:, :3, 3] + F[:, :3, :3] @ self.arm) @ self.R.T + self.t
+        predicted = target_points(F, self.arm) @ self.R.T + self.t
         return np.asarray(np.linalg.norm(position - predicted, axis=1))
 
     def misfit(self, F: Array, position: Array, rotation: Array | None) -> Misfit:
@@ -140,7 +140,7 @@ def fit_frames(
 
 def _with_arm(arm: Array, F: Array, position: Array) -> Frames:
     """The base that suits a place of the reflector in the flange."""
-    T = fitted_frame(position, F[:, :3, 3] + F[:, :3, :3] @ arm, np.eye(3))
+    T = fitted_frame(position, target_points(F, arm), np.eye(3))
     return Frames(T[:3, :3], T[:3, 3], arm, None)
 
 
@@ -152,7 +152,7 @@ def _closed_fit(F: Array, position: Array, rotation: Array | None) -> Frames:
     columns = PointColumns.of(F, one, free)
     t, arm = columns.shift_and_arms(X, position, about)
     for _ in range(ROUNDS):
-        known = F[:, :3, 3] + F[:, :3, :3] @ arm[0]
+        known = target_points(F, arm[0])
         X = fitted_frame(position, known, X)[:3, :3]
         t, arm = columns.shift_and_arms(X, position, about)
     if rotation is None:
@@ -204,7 +204,7 @@ def _least_misfit(
 
 def _residuals(frames: Frames, F: Array, position: Array, rotation: Array | None) -> Array:
     """What frames leave of positions, and of rotations in meters: their squares are the score's."""
-    left = position - (F[:, :3, 3] + F[:, :3, :3] @ frames.arm) @ frames.R.T - frames.t
+    left = position - target_points(F, frames.arm) @ frames.R.T - frames.t
     if frames.Y is None or rotation is None:
         return left.ravel()
     turns = log_so3(rotation @ np.swapaxes(frames.R @ F[:, :3, :3] @ frames.Y, 1, 2))
@@ -229,7 +229,7 @@ def _derivatives(frames: Frames, F: Array, turned: bool) -> Array:
 def _moved(frames: Frames, step: Array, F: Array, position: Array) -> Frames:
     """Frames after a step, and the shift that suits them."""
     R, arm = exp_so3(step[:3]) @ frames.R, frames.arm + step[3:6]
-    t = centroid(position - (F[:, :3, 3] + F[:, :3, :3] @ arm) @ R.T)
+    t = centroid(position - target_points(F, arm) @ R.T)
     return Frames(R, t, arm, None if frames.Y is None else frames.Y @ exp_so3(step[6:]))
 
 

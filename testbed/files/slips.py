@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from calib.arrays import Array, Index
-from calib.geometry.frames import log_so3
+from calib.geometry.frames import log_so3, target_points
 from calib.geometry.model import RobotModel
 from calib.measurement.observations import Measurements
 from testbed.files.frames_fit import (
@@ -179,7 +179,7 @@ def _errors(
 
     A turn counts as in `Misfit.score`.
     """
-    known = (F[:, :3, 3] + F[:, :3, :3] @ frames.arm) @ frames.R.T + frames.t
+    known = target_points(F, frames.arm) @ frames.R.T + frames.t
     joints = np.arange(len(position))[:, None] + shifts
     inside = (joints >= 0) & (joints < len(F))
     at = np.clip(joints, 0, len(F) - 1)

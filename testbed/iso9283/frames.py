@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from calib.arrays import Array, frozen
-from calib.geometry.frames import log_so3, transform
+from calib.geometry.frames import log_so3, transform, transform_points
 from testbed.files.nests.drift import best_fit
 from testbed.files.refusal import refusal
 from testbed.iso9283.records import CycleTest, PathRuns, Visits
@@ -164,7 +164,7 @@ def _moved_visits(visits: Visits, T: Array) -> Visits:
 
 def _moved_path(path: PathRuns, T: Array) -> PathRuns:
     """A path moved by T."""
-    runs = tuple(frozen(run @ T[:3, :3].T + T[:3, 3]) for run in path.runs)
+    runs = tuple(frozen(transform_points(T, run)) for run in path.runs)
     return replace(path, runs=runs, noise=_turned(path.noise, T[:3, :3]))
 
 

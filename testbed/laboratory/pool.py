@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike
 
 from calib.arrays import Array, Bool, Index, frozen
 from calib.errors import refuse
-from calib.geometry.frames import inverse
+from calib.geometry.frames import inverse, target_points
 from calib.shown import Shown
 from testbed.laboratory.simulator import Simulator
 from testbed.robots.catalog import Robot
@@ -224,7 +224,7 @@ class Candidates:
         """Whether (m,) a place is in the cone of its target on tools T (m, 4, 4)."""
         if self.acceptance >= np.pi:
             return np.ones(len(T), dtype=bool)
-        beam = np.asarray(station) - (T[:, :3, 3] + T[:, :3, :3] @ np.asarray(aim))
+        beam = np.asarray(station) - target_points(T, np.asarray(aim))
         along = np.einsum("mi,mi->m", T[:, :3, 2], beam)
         return np.asarray(along >= np.cos(self.acceptance) * np.linalg.norm(beam, axis=1))
 

@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from calib.arrays import Array
+from calib.geometry.frames import transform_points
 from testbed.laboratory.cell import Obstacle
 from testbed.plan.records import Plan
 from testbed.robots.robot import UPRIGHT
@@ -163,6 +164,6 @@ def _is_below(obstacle: Obstacle, place: Array) -> bool:
     corners = np.array(list(product((-0.5, 0.5), repeat=3))) * obstacle.size
     points = corners if obstacle.mesh is None else obstacle.mesh.vertices
     T = obstacle.T_world_obstacle
-    low, high = (ends(points @ T[:3, :3].T + T[:3, 3], axis=0) for ends in (np.min, np.max))
+    low, high = (ends(transform_points(T, points), axis=0) for ends in (np.min, np.max))
     beside = (low[:2] > place[:2]) | (high[:2] < place[:2])
     return not beside.any() and bool(high[2] <= place[2])

@@ -3,6 +3,7 @@
 import numpy as np
 
 from calib.arrays import Array
+from calib.geometry.frames import target_points
 from testbed.plan.records import Plan
 from testbed.recording import style
 from testbed.recording.cell import draw_beam, draw_box, draw_station
@@ -59,8 +60,7 @@ def _target(plan: Plan, q: Array) -> Array:
     first = plan.nominal.poses(plan.tour.q[:1])[0]
     seen = plan.T_world_tracker[:3, :3] @ plan.readings[-1].position[0]
     offset = first[:3, :3].T @ (seen + plan.T_world_tracker[:3, 3] - first[:3, 3])
-    T = plan.nominal.poses(q)
-    return np.asarray(T[:, :3, 3] + T[:, :3, :3] @ offset)
+    return target_points(plan.nominal.poses(q), offset)
 
 
 def draw_candidates(plan: Plan, pen: Pen, phase: Phase) -> None:
@@ -122,7 +122,7 @@ def draw_goal(plan: Plan, pen: Pen, phase: Phase) -> None:
     import rerun as rr
 
     T = plan.nominal.poses(plan.goal.q)
-    points = T[:, :3, 3] + T[:, :3, :3] @ plan.goal.point
+    points = target_points(T, plan.goal.point)
     low = DARKEST * float(plan.u.min())
     colors = style.viridis(plan.u - low, float(plan.u.max()) - low)
     pen.at(phase.start, "world/goal", rr.Points3D(points, radii=0.009, colors=colors))

@@ -6,6 +6,7 @@ import numpy as np
 
 from calib.arrays import Array, Index, frozen
 from calib.errors import InputError, refuse
+from calib.geometry.frames import target_points
 from testbed.laboratory.bench import Bench
 from testbed.laboratory.goal import Goal, box_of, of_the_goal
 from testbed.laboratory.joint_lists import check_joints, from_deg
@@ -214,7 +215,7 @@ def readings_of(bench: Bench, q: Array) -> tuple[Reading, ...]:
     else:
         targets = (("tool", tracker.reflector), ("probe", tracker.aim(chain)))
     return tuple(
-        _reading(name, T[:, :3, 3] + T[:, :3, :3] @ offset, tracker.T_world_tracker)
+        _reading(name, target_points(T, offset), tracker.T_world_tracker)
         for name, offset in targets
     )
 

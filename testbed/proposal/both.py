@@ -7,6 +7,7 @@ import numpy as np
 
 from calib.arrays import Array, Index
 from calib.errors import InputError
+from calib.geometry.frames import target_points
 from testbed.files.frames_fit import FAR, Frames, fit_frames, flange_poses, target_groups
 from testbed.files.rows.shifts import FEWEST
 from testbed.files.session import Session
@@ -159,18 +160,18 @@ def _of_anchor(robot: Robot, session: Session, frames: Frames, rows: Index) -> A
     """
     table = session.measurements
     F, d = flange_poses(robot.model, table.q[rows]), table.distance[rows]
-    tip = F[:, :3, 3] + F[:, :3, :3] @ frames.arm
+    tip = target_points(F, frames.arm)
     A = np.column_stack([2 * tip, np.ones(len(tip))])
     place = np.linalg.lstsq(A, (tip**2).sum(1) - d**2, rcond=None)[0][:3]
     x = np.concatenate([place, frames.arm])
     free = 6 if len(rows) > 9 else 3
     for _ in range(STEPS):
-        away = F[:, :3, 3] + F[:, :3, :3] @ x[3:] - x[:3]
+        away = target_points(F, x[3:]) - x[:3]
         length = np.maximum(np.linalg.norm(away, axis=1), 1e-9)
         unit = away / length[:, None]
         J = np.hstack([-unit, np.einsum("mi,mij->mj", unit, F[:, :3, :3])])[:, :free]
         x[:free] += np.linalg.lstsq(J, d - length, rcond=None)[0]
-    away = F[:, :3, 3] + F[:, :3, :3] @ x[3:] - x[:3]
+    away = target_points(F, x[3:]) - x[:3]
     return np.asarray(d - np.linalg.norm(away, axis=1))
 
 

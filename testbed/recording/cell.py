@@ -8,7 +8,7 @@ import numpy as np
 
 from calib.arrays import Array, Index
 from calib.geometry.chain import Chain
-from calib.geometry.frames import exp_so3, inverse, rot_y, rot_z
+from calib.geometry.frames import exp_so3, inverse, rot_y, rot_z, transform_points
 from testbed.recording.pen import Pen
 from testbed.recording.style import BEAM_COLOR, Color
 from testbed.recording.timeline import Phase
@@ -148,7 +148,7 @@ def draw_box(
     import rerun as rr
 
     base = chain.T_world_base
-    edges = box_edges(center, size) @ base[:3, :3].T + base[:3, 3]
+    edges = transform_points(base, box_edges(center, size))
     pen.static(path, rr.LineStrips3D(edges, radii=0.0015, colors=color))
 
 

@@ -14,7 +14,7 @@ import numpy as np
 from scipy.special import fdtrc
 
 from calib.arrays import Array, Index, frozen
-from calib.geometry.frames import inverse, skew
+from calib.geometry.frames import inverse, points_of_frames, skew
 from calib.identification.fit_statistics import RED
 from calib.identification.result import Identification
 from calib.information.rank import RANK_TOLERANCE
@@ -162,7 +162,7 @@ def _changes(
         C = piece(np.broadcast_to(np.eye(3), R.shape), p - p[here].mean(axis=0))
         yield "station", int(station), np.where(here[:, None, None], C, 0.0)
     if len(stations) > 1:
-        world = (frames[:, :3, :3] @ p[:, :, None])[..., 0] + frames[:, :3, 3]
+        world = points_of_frames(frames, p)
         axes = np.swapaxes(frames[:, :3, :3], 1, 2)
         yield "base", 0, piece(axes, world - world.mean(axis=0))
     targets, which = targets_of(rows)

@@ -7,7 +7,7 @@ import numpy as np
 
 from calib.arrays import Array, Bool, Index
 from calib.geometry.fixtures import Fixtures
-from calib.geometry.frames import nearest_rigid, skew, step_transform
+from calib.geometry.frames import nearest_rigid, skew, step_transform, transform_points
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import CHARACTERISTIC_LENGTH
 from calib.identification.least_squares import solve
@@ -60,7 +60,7 @@ class StartProblem:
 
     def offsets_through(self, tool: Array) -> Array:
         """Targets (k, 3) in the flange frame for a tool frame T_flange_tool (4, 4) [m]."""
-        return self.offsets @ tool[:3, :3].T + tool[:3, 3]
+        return transform_points(tool, self.offsets)
 
 
 def start_problem(

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from calib.arrays import Array, Bool, Index
-from calib.geometry.frames import transform
+from calib.geometry.frames import points_of_frames, transform
 
 FAINT = 1e-3
 """Fraction of an ordinary column below which a direction counts as undetermined: the error of a
@@ -19,11 +19,6 @@ APART = 1e-5
 milliradians give such a gap."""
 NUDGE = 1e-9
 """Weight of the rotation `about`, which decides where points leave a rotation about a line open."""
-
-
-def flange_points(F: Array, arms: Array) -> Array:
-    """Points (m, 3) in the base frame from `arms` (m, 3) in the flange at poses F (m, 4, 4) [m]."""
-    return np.asarray((F[:, :3, :3] @ arms[:, :, None])[:, :, 0] + F[:, :3, 3])
 
 
 def nearest_rotation(M: Array) -> Array:
@@ -145,7 +140,7 @@ def lifted_rotation(F: Array, measured: Array, target: Index, about: Array, fixe
     """
     m, free = len(F), np.flatnonzero(~fixed)
     R = F[:, :3, :3]
-    right = flange_points(F, about[target])
+    right = points_of_frames(F, about[target])
     apart = measured - centroid(measured)
     spread = max(float(np.sqrt(np.square(apart).sum(1).mean())), 1e-12)
     A: Array = np.zeros((m, 3, 9 + 3 * len(free)))

@@ -7,12 +7,11 @@ from itertools import permutations, product
 import numpy as np
 
 from calib.arrays import Array, Index
-from calib.geometry.frames import inverse, transform
+from calib.geometry.frames import inverse, points_of_frames, transform, transform_points
 from calib.identification.start.alignment import Alignment, StartProblem
 from calib.identification.start.closed_forms import (
     PointColumns,
     fitted_frame,
-    flange_points,
     hand_eye_rotations,
     lifted_arm,
     lifted_rotation,
@@ -103,7 +102,7 @@ def _station_rotations(problem: StartProblem, rows: Index) -> Iterator[Array]:
     for guess in ARM_GUESSES[: 1 if sure else None]:
         arms, X = np.where(fixed[:, None], about, about + guess), np.eye(3)
         for _ in range(5):
-            X = fitted_frame(position, flange_points(F, arms[target]), np.eye(3))[:3, :3]
+            X = fitted_frame(position, points_of_frames(F, arms[target]), np.eye(3))[:3, :3]
             arms = columns.shift_and_arms(X, position, arms)[1]
         yield X
 
@@ -135,7 +134,7 @@ def _from_held(problem: StartProblem, rows: Index) -> PartialAlignment:
     table, F, target = problem.measurements, problem.F[rows], problem.target[rows]
     partial = _without_stations(problem, np.full(problem.offsets.shape, np.nan))
     X = partial.stations[table.station[rows]]
-    in_flange, arms = flange_points(inverse(X @ F), table.position[rows]), partial.arms.copy()
+    in_flange, arms = points_of_frames(inverse(X @ F), table.position[rows]), partial.arms.copy()
     for k in np.unique(target):
         arms[k] = in_flange[target == k].mean(0)
     pose = table.is_pose[rows]
@@ -162,7 +161,7 @@ def _fitted_station(problem: StartProblem, rows: Index, tool: Array, arms: Array
     table = problem.measurements
     rows = rows[np.isfinite(arms[problem.target[rows], 0])]
     F, position = problem.F[rows], table.position[rows]
-    points = flange_points(F, arms[problem.target[rows]])
+    points = points_of_frames(F, arms[problem.target[rows]])
     # a rotation as three points on its axes
     pose = table.is_pose[rows]
     turned, R = (F[pose] @ tool)[:, :3, :3], table.rotation[rows[pose]]
@@ -187,7 +186,7 @@ def _with_stations(problem: StartProblem, partial: PartialAlignment) -> PartialA
                 arms = _lifted_arms(problem, rows, arms)
             stations[s] = _fitted_station(problem, rows, partial.tool, arms)
         # this station places reflectors that no earlier one has placed
-        in_flange = flange_points(inverse(stations[s] @ problem.F[rows]), table.position[rows])
+        in_flange = points_of_frames(inverse(stations[s] @ problem.F[rows]), table.position[rows])
         for k in np.unique(target):
             if not np.isfinite(arms[k]).all():
                 arms[k] = in_flange[target == k].mean(0)
@@ -235,7 +234,7 @@ def _arm_guesses(problem: StartProblem) -> Iterator[Array]:
 def _turned_base_guesses(problem: StartProblem) -> Iterator[Alignment]:
     """Alignments with the base turned by right angles, for anchors with too few distances."""
     table = problem.measurements
-    points = flange_points(problem.F, problem.nominal_arms[problem.target])
+    points = points_of_frames(problem.F, problem.nominal_arms[problem.target])
     centers = problem.model.fixtures.anchors[table.anchor]
     for order, signs in product(permutations(range(3)), product((1.0, -1.0), repeat=3)):
         R = np.eye(3)[list(order)] * signs
@@ -267,7 +266,7 @@ def _complete(problem: StartProblem, partial: PartialAlignment) -> Alignment:
     reflectors = fixtures.reflectors.copy()
     for k in np.flatnonzero(~problem.given & np.isfinite(arms[:, 0])):
         reflectors[problem.reflector[k]] = (arms[k] - tool[:3, 3]) @ tool[:3, :3]
-    world = anchors @ base[:3, :3].T + base[:3, 3]
+    world = transform_points(base, anchors)
     placed = ~problem.known_anchor & np.isfinite(anchors[:, 0])
     anchors = np.where(placed[:, None], world, fixtures.anchors)
     found = replace(fixtures, reflectors=reflectors, anchors=anchors, stations=stations)

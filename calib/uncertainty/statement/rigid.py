@@ -3,7 +3,7 @@
 import numpy as np
 
 from calib.arrays import Array, Bool
-from calib.geometry.frames import log_so3
+from calib.geometry.frames import log_so3, transform_points
 from calib.geometry.model import RobotModel
 from calib.identification.start.closed_forms import fitted_frame
 from calib.measurement.observations import Measurements
@@ -22,7 +22,7 @@ def whole_motion(
     """
     p = predicted_positions(model, table)
     T = fitted_frame(table.position, p, np.eye(3))
-    moved = p @ T[:3, :3].T + T[:3, 3] - p
+    moved = transform_points(T, p) - p
     shift = T[:3, :3] @ about + T[:3, 3] - about
     turn = log_so3(T[None, :3, :3])[0]
     return np.concatenate([shift, turn]), rms_length(moved), rms_length(table.position - p - moved)

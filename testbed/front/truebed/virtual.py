@@ -9,10 +9,11 @@ from numpy.typing import ArrayLike
 
 from calib.arrays import Array, Index, check
 from calib.errors import InputError, refuse
+from calib.geometry.frames import target_points
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import Parameters
 from calib.identification.result import Identification
-from calib.measurement.accuracy import point_distances, target_points
+from calib.measurement.accuracy import point_distances
 from calib.measurement.observations import Measurements
 from testbed.laboratory.pool import REASONS
 from testbed.laboratory.truth.laboratory import Laboratory, open_laboratory

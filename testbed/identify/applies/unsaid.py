@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from calib.arrays import Array, frozen
+from calib.geometry.frames import target_points
 from calib.geometry.model import RobotModel
 from calib.geometry.operating import AS_USUAL, OperatingConditions
 from calib.uncertainty.statement.stated_point import common_radius
@@ -71,8 +72,7 @@ def unsaid_spread(
     """
 
     def reached(there: OperatingConditions) -> Array:
-        T = model.poses(q, there)
-        return np.asarray(T[:, :3, :3] @ point + T[:, :3, 3])
+        return target_points(model.poses(q, there), point)
 
     asked, own = followed(model), reached(at)
     silent = [name for name in asked if name in seen.stated and name not in at.stated]

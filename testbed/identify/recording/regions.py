@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 from calib.arrays import Array, Index
+from calib.geometry.frames import transform_points
 from testbed.identify.calibration import Calibration
 from testbed.recording import style
 from testbed.recording.pen import Pen
@@ -48,7 +49,7 @@ def regions_at(calibration: Calibration, rows: Index, station: Array) -> ShownRe
     stated = belief.regions(table.q, target=belief.proven.target, at=table.conditions)
     half, turn = stated.region
     return ShownRegions(
-        stated.position @ station[:3, :3].T + station[:3, 3],
+        transform_points(station, stated.position),
         half,
         station[:3, :3] @ turn,
         style.nice_factor(LARGEST, float(half.max())),

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from calib.arrays import Array, Index
-from calib.geometry.frames import inverse
+from calib.geometry.frames import inverse, points_of_frames
 from calib.measurement.prediction import targets, tool_poses
 from testbed.identify.calibration import Calibration
 from testbed.identify.headline import headline_rows, mm
@@ -68,7 +68,7 @@ def show(calibration: Calibration) -> ShownCalibration:
     model, table = calibration.fit.identification.model, calibration.measurements
     station = stance(calibration.nominal.chain.T_world_base) @ inverse(model.chain.T_world_base)
     T, offset = station @ tool_poses(model, table), targets(model.fixtures, table)
-    predicted = T[:, :3, 3] + (T[:, :3, :3] @ offset[:, :, None])[:, :, 0]
+    predicted = points_of_frames(T, offset)
     before = np.linalg.norm(calibration.before_misses.vector, axis=1)
     return ShownCalibration(
         calibration,

@@ -8,6 +8,7 @@ import numpy as np
 
 from calib.arrays import Array, Bool, Index, frozen
 from calib.errors import CalibError, InputError, refuse
+from calib.geometry.frames import target_points
 from calib.geometry.parameters import Parameters
 from calib.information.goals import Goals
 from calib.measurement.observations import DISTANCE
@@ -126,7 +127,7 @@ def require_ranges(bench: Bench, q: Array, whose: str) -> None:
     chain, T = bench.robot.model.chain, bench.robot.model.poses(q)
     optical = [one for one in bench.rounds if one.kind != DISTANCE]
     for tracker in [one.tracker for one in optical] or [bench.tracker]:
-        targets = T[:, :3, 3] + T[:, :3, :3] @ tracker.aim(chain)
+        targets = target_points(T, tracker.aim(chain))
         nearest = float(np.linalg.norm(targets - tracker.station, axis=1).min())
         if nearest < NEAREST:
             raise refuse(

@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 
 from calib.arrays import Array, Index
 from calib.geometry.chain import Chain
-from calib.geometry.frames import exp_so3, inverse
+from calib.geometry.frames import exp_so3, inverse, target_points
 from calib.geometry.model import RobotModel
 from calib.measurement.noise import spherical_covariance, with_joint_noise
 from calib.measurement.observations import POINT, POSE, Measurements
@@ -82,7 +82,7 @@ class Tracker:
 
     def targets(self, T: Array) -> Array:
         """Positions (m, 3) of the tracked point at tool poses T (m, 4, 4) [m]."""
-        return np.asarray(T[:, :3, 3] + T[:, :3, :3] @ self.reflector)
+        return target_points(T, self.reflector)
 
     def covariance(self, model: RobotModel, q: ArrayLike, sigma_q: ArrayLike) -> Array:
         """Stated covariance (m, 6, 6) of a measurement at joints q, world axes [m^2, m rad, rad^2].

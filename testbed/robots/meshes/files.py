@@ -11,6 +11,7 @@ import numpy as np
 
 from calib.arrays import Array, Index, frozen
 from calib.errors import refuse
+from calib.geometry.frames import transform_points
 from testbed.bounds import SCALE
 from testbed.gates.paths import real
 from testbed.robots.describe.xml_gate import parse_xml
@@ -67,7 +68,7 @@ def part_mesh(part: Visual | Primitive) -> Mesh:
     mirrors = np.linalg.det(affine[:3, :3]) < 0
     normals = np.linalg.solve(affine[:3, :3].T, found.normals.T).T  # they stay normal to a scale
     return Mesh(
-        frozen(found.vertices @ affine[:3, :3].T + affine[:3, 3]),
+        frozen(transform_points(affine, found.vertices)),
         frozen(found.faces[:, ::-1] if mirrors else found.faces, np.int64),
         frozen(normals / np.linalg.norm(normals, axis=1, keepdims=True)),
     )

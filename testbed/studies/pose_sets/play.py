@@ -14,10 +14,11 @@ import numpy as np
 from calib.arrays import Array, Index
 from calib.design import random_selection
 from calib.design.blocks import information
+from calib.geometry.frames import target_points
 from calib.information.criteria.base import Criterion
 from calib.information.criteria.linear import v_of
 from calib.information.propagation import point_uncertainty
-from calib.measurement.accuracy import point_distances, target_points
+from calib.measurement.accuracy import point_distances
 from calib.uncertainty.regions import inside
 from testbed.laboratory.goal import goals_of
 from testbed.laboratory.truth.laboratory import Laboratory, open_laboratory

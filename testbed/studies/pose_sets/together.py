@@ -10,6 +10,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from calib.arrays import Array, Index
+from calib.geometry.frames import target_points
 from calib.geometry.parameters import Parameters
 from calib.identification.many.fit import fit_many
 from calib.identification.many.points import stated_points
@@ -45,8 +46,7 @@ def numbers_of(own: Laboratory) -> dict[Mode, Parameters]:
 
 def true_points(arms: ManyTrueRobots, q: Array, target: Array) -> Array:
     """True points (R, t, 3) at q (t, n), visited in turn, without scatter [m]."""
-    T = arms.poses(q[None])
-    return np.asarray(T[..., :3, 3] + T[..., :3, :3] @ target)
+    return target_points(arms.poses(q[None]), target)
 
 
 def judged(

@@ -10,14 +10,14 @@ import numpy as np
 
 from calib.arrays import Array, Bool
 from calib.geometry.bodies import Z
-from calib.geometry.frames import transform
+from calib.geometry.frames import target_points, transform
 from calib.geometry.jacobian import reflector_rows
 from calib.geometry.joint_errors import JointTerm
 from calib.geometry.model import RobotModel
 from calib.geometry.operating import OperatingConditions
 from calib.identification.identify import Identification, identify
 from calib.measurement import accuracy
-from calib.measurement.accuracy import point_distances, target_points
+from calib.measurement.accuracy import point_distances
 from calib.measurement.observations import Measurements
 from calib.measurement.prediction import perfect, predict, predicted_positions
 from calib.uncertainty.regions import (
@@ -81,7 +81,7 @@ def noise_free(model: RobotModel, like: Measurements, q: Array) -> Measurements:
     return replace(
         table,
         q=q,
-        position=T[:, :3, 3] + (T[:, :3, :3] @ table.offset[0]),
+        position=target_points(T, table.offset[0]),
         rotation=T[:, :3, :3] if table.is_pose[0] else table.rotation,
         pose_id=np.arange(m),
         repeat=np.zeros(m, dtype=np.int64),

@@ -7,7 +7,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from calib.measurement.accuracy import point_distances, target_points
+from calib.geometry.frames import target_points
+from calib.measurement.accuracy import point_distances
 from calib.uncertainty.statement.conformity import Conformity, conformity
 from calib.uncertainty.statement.stated_point import widened
 from testbed.laboratory.truth.setting import held_out_conditions

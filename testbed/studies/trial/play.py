@@ -15,6 +15,7 @@ from calib.design import (
     best_of_random,
     detmax,
 )
+from calib.geometry.frames import target_points
 from calib.identification.identify import Identification, Mode
 from calib.identification.many.tables import ManyTables
 from calib.information.criteria import NEEDS_GOALS
@@ -22,7 +23,6 @@ from calib.information.criteria.base import Criterion
 from calib.information.criteria.named import criterion_named
 from calib.information.observability import Observability, indices
 from calib.information.rank import singular_values
-from calib.measurement.accuracy import target_points
 from calib.measurement.observations import Measurements
 from calib.uncertainty.type_a import type_a
 from testbed.laboratory.goal import goals_of, wants_goals

@@ -8,9 +8,10 @@ import numpy as np
 
 from calib.arrays import Array, Index
 from calib.geometry.fixtures import Fixtures
+from calib.geometry.frames import points_of_frames, target_points
 from calib.geometry.model import RobotModel
 from calib.geometry.operating import OperatingConditions
-from calib.measurement.accuracy import point_distances, target_points
+from calib.measurement.accuracy import point_distances
 from calib.measurement.observations import Measurements
 from calib.measurement.prediction import targets
 from calib.uncertainty.regions import coverage_factor
@@ -175,7 +176,7 @@ def beam(
     starts = np.vstack([station, fixtures.stations[:, :3, 3]])[table.station]
     far = table.is_distance
     starts[far] = fixtures.anchors[table.anchor[far]]
-    return starts[row], _placed(model.poses(q), targets(model.fixtures, table)[row])
+    return starts[row], points_of_frames(model.poses(q), targets(model.fixtures, table)[row])
 
 
 def draw_instruments(shown: ShownTrial, floor: float, pen: Pen) -> None:
@@ -195,7 +196,7 @@ def draw_instruments(shown: ShownTrial, floor: float, pen: Pen) -> None:
 def predicted_places(model: RobotModel, table: Measurements) -> Array:
     """Where (m, 3) the model has the target of each row, in the world [m]."""
     T = model.poses(table.q)
-    return _placed(T, targets(model.fixtures, table))
+    return points_of_frames(T, targets(model.fixtures, table))
 
 
 def seen_places(model: RobotModel, table: Measurements) -> Array:
@@ -205,18 +206,13 @@ def seen_places(model: RobotModel, table: Measurements) -> Array:
     anchors stand, of which a first guess may be millimeters off, and in which direction from its
     anchor a distance was measured.
     """
-    seen = _placed(model.fixtures.station_frames[table.station], table.position)
+    seen = points_of_frames(model.fixtures.station_frames[table.station], table.position)
     far = np.flatnonzero(table.is_distance)
     anchor = model.fixtures.anchors[table.anchor[far]]
     line = predicted_places(model, table)[far] - anchor
     away = np.linalg.norm(line, axis=1)
     seen[far] = anchor + (table.distance[far] / away)[:, None] * line
     return seen
-
-
-def _placed(T: Array, points: Array) -> Array:
-    """Points (m, 3), each in its own frame (m, 4, 4), in the world [m]."""
-    return np.asarray((T[:, :3, :3] @ points[:, :, None])[:, :, 0] + T[:, :3, 3])
 
 
 def draw_held_out(shown: ShownTrial, pen: Pen, phase: Phase) -> None:

@@ -11,9 +11,9 @@ import numpy as np
 from scipy.special import bdtr, chdtri
 
 from calib.arrays import Array, Bool
+from calib.geometry.frames import target_points
 from calib.identification.identify import Identification
 from calib.identification.many.points import stated_points
-from calib.measurement.accuracy import target_points
 from calib.measurement.observations import Measurements
 from calib.uncertainty.regions import inside, mahalanobis_squared
 from testbed.laboratory.truth.laboratory import Laboratory

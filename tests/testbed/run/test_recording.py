@@ -9,7 +9,8 @@ import pytest
 
 from calib.geometry.bodies import bent_forward
 from calib.geometry.chain import forward
-from calib.measurement.accuracy import position_errors, target_points
+from calib.geometry.frames import target_points
+from calib.measurement.accuracy import position_errors
 from calib.uncertainty.regions import coverage_factor
 from testbed.laboratory.truth.robot import TrueRobot, unmodelled_terms
 from testbed.laboratory.truth.setting import in_turn

@@ -5,8 +5,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from calib.arrays import Array
+from calib.geometry.frames import target_points
 from calib.geometry.joint_errors import JointErrors
-from calib.measurement.accuracy import target_points
 from testbed.laboratory.truth.laboratory import resting_arm
 from testbed.studies.trial.records import Campaign, Estimate
 

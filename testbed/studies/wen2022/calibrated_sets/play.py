@@ -11,11 +11,12 @@ import numpy as np
 from calib.arrays import Array, Index
 from calib.design import random_selection
 from calib.errors import CalibError
+from calib.geometry.frames import target_points
 from calib.identification.fit_each import Fits, fit_each
 from calib.identification.many.tables import ManyTables
 from calib.information.observability import index_of_singular
 from calib.information.rank import singular_values
-from calib.measurement.accuracy import point_distances, target_points
+from calib.measurement.accuracy import point_distances
 from calib.measurement.observations import Measurements
 from testbed.laboratory.truth.laboratory import Laboratory, open_laboratory
 from testbed.laboratory.truth.setting import Setting
