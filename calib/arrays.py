@@ -173,6 +173,11 @@ def require_count(name: str, value: Any, least: int = 1, *, code: str = "A3") ->
     return int(value)
 
 
+def evenly(places: Index, most: int) -> Index:
+    """At most `most` of these places, evenly spread, the first and the last among them."""
+    return places[np.linspace(0, len(places) - 1, min(len(places), most)).round().astype(np.int64)]
+
+
 def is_whole(value: Any) -> bool:
     """Whether a value is a whole number: 3 and 3.0 are; true, "3" and [3] are not."""
     return isinstance(value, Real) and not isinstance(value, bool) and bool(value % 1 == 0)

@@ -75,7 +75,7 @@ def probe(robot: Robot, session: Session) -> Probe:
         plain = replace(plain, spread=_extent(seen) / extent, far=far_for(seen))
     if poses < FEWEST:
         return plain
-    some = rows[spread_out(len(rows))]
+    some = spread_out(rows)
     read = replace(as_read(session, some), numbers=session.stated.rows(some).numbers)
     stated = misfit_of(robot.model, read)
     numbers = alternatives_of(read, session.stated, robot.model.chain, robot.controller)
@@ -162,7 +162,7 @@ def _others(
     for rows in groups:
         if rows is judged or len(np.unique(table.q[rows], axis=0)) < FEWEST:
             continue
-        some = rows[spread_out(len(rows))]
+        some = spread_out(rows)
         left = misfit_of(robot.model, as_read(session, some))
         if exact := exactness(robot.model, session, some, left):
             yield f"{named_target(session, int(rows[0]))}{exact}"
@@ -184,7 +184,7 @@ def _doubtful(model: RobotModel, session: Session, groups: Sequence[Index]) -> I
     for rows in groups:
         if len(np.unique(session.measurements.q[rows], axis=0)) < FEWEST:
             continue
-        if misfit_of(model, as_read(session, rows[spread_out(len(rows))])).score > FAR:
+        if misfit_of(model, as_read(session, spread_out(rows))).score > FAR:
             return rows
     return groups[0]
 
@@ -214,7 +214,7 @@ def _probe_distances(plain: Probe, robot: Robot, session: Session) -> Probe:
 
     Other readings are tried only if the stated one fails, and no longer than until one fits.
     """
-    rows = spread_out(len(session.measurements))
+    rows = spread_out(np.arange(len(session.measurements)))
     table = session.measurements.rows(rows)
     if len(np.unique(session.measurements.q, axis=0)) < FEWEST:
         return plain
@@ -253,5 +253,5 @@ def _other_distances(table: Measurements) -> Iterator[tuple[Alternative, Measure
     for shift in (1, -1, 2, -2):  # fewer: each takes a slow start
         low, high = max(0, -shift), len(table) - max(0, shift)
         if high - low >= FEWEST:
-            some = spread_out(high - low) + low
+            some = spread_out(np.arange(low, high))
             yield shifted(shift), replace(table.rows(some), distance=table.distance[some + shift])

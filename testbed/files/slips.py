@@ -16,7 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calib.arrays import Array, Index
+from calib.arrays import Array, Index, evenly
 from calib.geometry.frames import log_so3, target_points
 from calib.geometry.model import RobotModel
 from calib.measurement.observations import Measurements
@@ -166,8 +166,7 @@ def _fitted(
     rows = rows[(joints[rows] >= 0) & (joints[rows] < len(F))]
     if len(rows) < ENOUGH:
         return None
-    spread = np.linspace(0, len(rows) - 1, min(len(rows), MOST_FITTED)).round().astype(np.int64)
-    some = rows[spread]
+    some = evenly(rows, MOST_FITTED)
     turned = None if rotation is None else rotation[some]
     return fit_frames(F[joints[some]], position[some], turned, one_valley=True)
 

@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from calib.arrays import Array
+from calib.arrays import Array, evenly
 from testbed.iso9283.records import CycleResult, PathShown, PoseDrift
 from testbed.report.plots import dots, label, legend_above, legend_entries
 from testbed.report.svg import DARK, FAINT, INK, LIGHT, MIDDLE, SOFT, drawing, svg_of
@@ -96,7 +96,7 @@ def _cluster(ax: "Axes", x: Array, radius: float, toward: Array, reach: float) -
     half = len(x) // 2
     for part, color, marker in ((x[:half], LIGHT, "^"), (x[half:], DARK, "o")):
         if len(part) > FEW:
-            dots(ax, part[np.linspace(0, len(part) - 1, FEW).round().astype(np.int64)], color)
+            dots(ax, part[evenly(np.arange(len(part)), FEW)], color)
         else:
             ax.plot(part[:, 0], part[:, 1], marker, color=color, markersize=2.6)
     ax.plot(0, 0, "+", color=INK, markersize=7)

@@ -5,7 +5,7 @@ from functools import partial
 
 import numpy as np
 
-from calib.arrays import Array, Index
+from calib.arrays import Array, Index, evenly
 from calib.measurement.iso_drift import BLOCK
 from testbed.iso9283.recording_path import DARK, FRAMES, PALE, path_chapter
 from testbed.iso9283.shown import ShownTest
@@ -14,7 +14,7 @@ from testbed.recording.cell import box_edges
 from testbed.recording.chart import Chart, Series
 from testbed.recording.pen import Pen
 from testbed.recording.story import Chapter, Story
-from testbed.recording.timeline import Phase, evenly, spread, visit
+from testbed.recording.timeline import Phase, spread, visit
 from testbed.units import UM, counted
 
 MOST_VISITS = 600

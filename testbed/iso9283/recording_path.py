@@ -4,12 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 
+from calib.arrays import evenly
 from testbed.iso9283.shown import ShownPath
 from testbed.recording import style
 from testbed.recording.chart import Chart, Series
 from testbed.recording.pen import Pen
 from testbed.recording.story import Chapter
-from testbed.recording.timeline import Phase, evenly, glide, spread
+from testbed.recording.timeline import Phase, glide, spread
 from testbed.units import UM
 
 TUBE = 0.12

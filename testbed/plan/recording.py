@@ -5,7 +5,7 @@ from functools import partial
 
 import numpy as np
 
-from calib.arrays import Array
+from calib.arrays import Array, evenly
 from testbed.plan.promises import (
     OVER,
     factor_words,
@@ -28,7 +28,7 @@ from testbed.recording import style
 from testbed.recording.chart import Chart, Series, level
 from testbed.recording.story import Chapter, Story, numbered
 from testbed.recording.style import Color
-from testbed.recording.timeline import along, evenly, spread, visit
+from testbed.recording.timeline import along, spread, visit
 from testbed.report.page import SIMULATED
 from testbed.robots.robot import Robot
 from testbed.units import counted

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calib.arrays import Array, Index
+from calib.arrays import Array, Index, evenly
 from calib.errors import InputError
 from calib.geometry.frames import target_points
 from testbed.files.frames_fit import FAR, Frames, fit_frames, flange_poses, target_groups
@@ -132,7 +132,7 @@ def _left(robot: Robot, session: Session) -> float:
     far = np.flatnonzero(table.is_distance)
     if not groups or not len(far):
         return np.inf
-    rows = _some(groups[0])
+    rows = evenly(groups[0], FITTED)
     F = flange_poses(robot.model, table.q[rows])
     frames = fit_frames(
         F, table.position[rows], table.rotation[rows] if table.is_pose[rows[0]] else None
@@ -142,14 +142,9 @@ def _left(robot: Robot, session: Session) -> float:
         for target in np.unique(table.reflector[far]):
             these = far[(table.anchor[far] == anchor) & (table.reflector[far] == target)]
             if len(these):
-                left = _of_anchor(robot, session, frames, _some(these))
+                left = _of_anchor(robot, session, frames, evenly(these, FITTED))
                 squares, count = squares + float(left @ left), count + len(left)
     return float(np.sqrt(squares / count))
-
-
-def _some(rows: Index) -> Index:
-    """At most `FITTED` rows, evenly spread."""
-    return rows[np.linspace(0, len(rows) - 1, min(len(rows), FITTED)).round().astype(np.int64)]
 
 
 def _of_anchor(robot: Robot, session: Session, frames: Frames, rows: Index) -> Array:

@@ -136,12 +136,6 @@ def eased(part: Array) -> Array:
     return np.asarray(part * part * (3 - 2 * part))
 
 
-def evenly(places: Index, most: int) -> Index:
-    """Evenly spread ones of these places, at most so many."""
-    chosen = np.linspace(0, len(places) - 1, min(len(places), most)).round().astype(np.int64)
-    return places[np.unique(chosen)]
-
-
 def growing(count: int, most: int = 300) -> Index:
     """Lengths (r,) of a cloud that grows to `count` points in at most `most` rows."""
     return np.unique(np.ceil(np.linspace(1, count, min(count, most))).astype(np.int64))

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from calib.arrays import Index
+from calib.arrays import Index, evenly
 from calib.geometry.model import RobotModel
 from testbed.files.alternatives import Alternative, Interpretation, shifted
 from testbed.files.frames_fit import FAR, Misfit, fit_frames, flange_poses
@@ -41,9 +41,9 @@ def misfit_of(model: RobotModel, read: Interpretation, *, one_valley: bool = Fal
     return frames.misfit(F, read.position, read.rotation)
 
 
-def spread_out(count: int) -> Index:
-    """Places of at most `ROWS` rows, evenly spread."""
-    return np.unique(np.linspace(0, count - 1, min(count, ROWS)).round().astype(np.int64))
+def spread_out(rows: Index) -> Index:
+    """At most `ROWS` of some rows, evenly spread."""
+    return evenly(rows, ROWS)
 
 
 def other_rows(session: Session, rows: Index) -> Iterator[Shifted]:
@@ -52,7 +52,7 @@ def other_rows(session: Session, rows: Index) -> Iterator[Shifted]:
         if len(rows) < FEWEST + abs(shift):
             continue
         low, high = max(0, -shift), len(rows) - max(0, shift)
-        some = spread_out(high - low) + low
+        some = spread_out(np.arange(low, high))
         moved = as_read(session, rows[some + shift])
         which = "" if len(rows) == len(session.measurements) else " of one target"
         read = replace(moved, q=session.measurements.q[rows[some]])
@@ -75,7 +75,7 @@ def other_lines(
         for group in (rows, *groups):
             at = np.searchsorted(optical, group)
             at = at[(at + shift >= 0) & (at + shift < len(optical))]
-            some = at[spread_out(len(at))] if len(at) else at
+            some = spread_out(at)
             moved = optical[some + shift]
             each.append((optical[some], replace(as_read(session, moved), q=table.q[optical[some]])))
         enough = [(own, read) for own, read in each if len(own) >= FEWEST]

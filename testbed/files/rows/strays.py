@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calib.arrays import Array, Bool, Index
+from calib.arrays import Array, Bool, Index, evenly
 from calib.geometry.model import RobotModel
 from calib.measurement.observations import Measurements
 from testbed.files.frames_fit import (
@@ -103,7 +103,7 @@ def _line(place: Sequence[str], row: int, other: int) -> str:
 
 def _trimmed_frames(F: Array, position: Array, rotation: Array | None) -> tuple[Frames, Index]:
     """Frames from the rows that fit, and the rows that do not: gross errors do not count."""
-    some = np.unique(np.linspace(0, len(F) - 1, min(len(F), MOST_FITTED)).round().astype(np.int64))
+    some = evenly(np.arange(len(F)), MOST_FITTED)
     keep, half = _sound_stretch(F, position, rotation, some), max(6, len(some) // 2)
     for _ in range(10):
         frames = _fitted(F, position, rotation, keep)

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from calib.arrays import Array, frozen
+from calib.arrays import Array, evenly, frozen
 from calib.geometry.frames import target_points
 from calib.geometry.model import RobotModel
 from calib.geometry.operating import AS_USUAL, OperatingConditions
@@ -85,7 +85,7 @@ def unsaid_spread(
         if not rows:
             continue
         m = len(next(iter(rows.values())))
-        some = np.unique(np.linspace(0, m - 1, min(m, MOST_ROWS)).round().astype(int))
+        some = evenly(np.arange(m), MOST_ROWS)
         squares = np.empty((len(some), len(q), 3, 3))
         for square, k in zip(squares, some, strict=True):
             like = {name: np.repeat(values[k : k + 1], len(q), 0) for name, values in rows.items()}

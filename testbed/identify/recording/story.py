@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from calib.arrays import Array, Index
+from calib.arrays import Array, Index, evenly
 from calib.geometry.frames import inverse, points_of_frames
 from calib.measurement.prediction import targets, tool_poses
 from testbed.identify.calibration import Calibration
@@ -17,7 +17,7 @@ from testbed.recording.cell import draw_beam, draw_station
 from testbed.recording.chart import Chart, Series, before_after, fit_chart
 from testbed.recording.pen import Pen
 from testbed.recording.story import Chapter, Story, floor_height, numbered, row_word, stance
-from testbed.recording.timeline import Phase, evenly, spread, visit
+from testbed.recording.timeline import Phase, spread, visit
 from testbed.robots.robot import Robot
 from testbed.units import counted
 

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from calib.arrays import Array
+from calib.arrays import Array, evenly
 from calib.geometry.frames import inverse
 from calib.measurement.prediction import tool_poses
 from testbed.identify.calibration import Calibration
@@ -236,7 +236,7 @@ def _cloud(ax: "Axes", x: Array, y: Array, color: str, marker: str, label: str) 
 def _points(ax: "Axes", x: Array, y: Array, color: str, marker: str) -> None:
     """Markers if they are few, else round dots as one path."""
     if len(x) > MOST_DOTS:
-        drawn = np.linspace(0, len(x) - 1, MOST_DOTS).round().astype(np.int64)
+        drawn = evenly(np.arange(len(x)), MOST_DOTS)
         x, y = x[drawn], y[drawn]
     if len(x) < FEW:
         ax.plot(x, y, linestyle="none", marker=marker, color=color, markersize=3.2)

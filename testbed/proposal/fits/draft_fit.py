@@ -74,7 +74,7 @@ def fit_of(robot: Robot, session: Session | None, parts: int) -> DraftFit:
         return NONE
     left = []
     for stretch in np.array_split(groups[0], parts):
-        rows = stretch[spread_out(len(stretch))]
+        rows = spread_out(stretch)
         F = flange_poses(robot.model, table.q[rows])
         turned = table.rotation[rows] if table.is_pose[rows[0]] else None
         seen = table.position[rows]

@@ -20,7 +20,7 @@ def is_of_a_controller(robot: Robot, session: Session | None) -> bool:
     groups = [] if session is None else target_groups(session.measurements)
     if session is None or not groups:
         return False
-    rows = groups[0][spread_out(len(groups[0]))]
+    rows = spread_out(groups[0])
     left = misfit_of(robot.model, as_read(session, rows))
     return bool(exactness(robot.model, session, rows, left))
 
@@ -47,7 +47,7 @@ def without_sent(robot: Robot, draft: Draft, session: Session | None) -> tuple[D
         rows = np.flatnonzero(table.station == k)
         if len(rows) < FEWEST or table.is_distance[rows[0]]:
             continue
-        some = rows[spread_out(len(rows))]
+        some = spread_out(rows)
         if exactness(robot.model, session, some, misfit_of(robot.model, as_read(session, some))):
             made.append(file)
     left = [file for file in files if file not in made]

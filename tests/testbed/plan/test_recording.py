@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
+from calib.arrays import evenly
 from calib.errors import MachineError
 from calib.geometry.chain import forward
 from testbed.laboratory.tracker.of_scenario import tracker_from
 from testbed.plan.recording import plan_story, summary
 from testbed.recording.story import timeline_of
-from testbed.recording.timeline import evenly
 from testbed.recording.write import story_bytes
 from tests import viewed
 from tests.planes import unfitting

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from calib.arrays import evenly
 from testbed.recording import layout
 from testbed.recording.chart import Chart, Series
 from testbed.recording.layout import blueprint, camera
 from testbed.recording.story import Panel, row_word, timeline_of
 from testbed.recording.timeline import (
     Phase,
-    evenly,
     glide,
     resting,
     spread,
