@@ -8,8 +8,8 @@ import numpy as np
 from calib.arrays import Array, frozen
 from calib.errors import refuse
 from calib.geometry.chain import Chain
-from calib.geometry.frames import step_transform
 from testbed.robots.meshes.files import Mesh, load_mesh
+from testbed.robots.units import frame_of
 from testbed.scenario.laboratory import BoxObstacle, CellSettings, MeshObstacle
 
 UNITS = {"mm": 1e-3, "m": 1.0}
@@ -47,9 +47,7 @@ def cell_from(settings: CellSettings, chain: Chain) -> tuple[Obstacle, ...]:
 
 def _obstacle(name: str, entry: BoxObstacle | MeshObstacle, T_world_base: Array) -> Obstacle:
     """One obstacle, in the world."""
-    T = T_world_base @ step_transform(
-        np.concatenate([np.array(entry.position_mm) / 1e3, np.radians(entry.rotation_vector_deg)])
-    )
+    T = T_world_base @ frame_of(entry.position_mm, entry.rotation_vector_deg)
     if isinstance(entry, BoxObstacle):
         return Obstacle(name, T, np.array(entry.size_mm) / 1e3)
     mesh = _mesh(Path(entry.file), UNITS[entry.unit])

@@ -9,7 +9,6 @@ import numpy as np
 from calib.arrays import Array, frozen
 from calib.errors import refuse
 from calib.geometry.chain import Chain
-from calib.geometry.frames import step_transform
 from calib.geometry.joint_errors import JointErrors, JointTerm
 from calib.geometry.model import RobotModel
 from testbed import assets
@@ -44,7 +43,9 @@ from testbed.robots.robot import Workspace as Workspace
 from testbed.robots.robot import body_name as body_name
 from testbed.robots.room import beyond_rail
 from testbed.robots.shapes import primitive
+from testbed.robots.springs import link_row
 from testbed.robots.tolerances import tolerances_of, usual_tolerances
+from testbed.robots.units import frame_of
 from testbed.strict import choice_of, name_meant
 
 ROBOT_FILE, TRACKER_FILE = "robot.toml", "tracker.toml"
@@ -135,13 +136,8 @@ def load_robot(
 
 def robot_chain(data: RobotFile) -> Chain:
     """Nominal chain of a robot file [m, rad]."""
-    links = [
-        [np.radians(j.theta_deg), j.d_mm / 1e3, j.a_mm / 1e3,
-         np.radians(j.alpha_deg), np.radians(j.beta_deg)]
-        for j in data.joints
-    ]  # fmt: skip
     return Chain(
-        links=frozen(links),
+        links=frozen([link_row(joint) for joint in data.joints]),
         kinds=tuple(j.kind for j in data.joints),
         T_world_base=_transform(data.base),
         T_flange_tool=_transform(data.tool),
@@ -260,9 +256,7 @@ def _reflector(entry: ReflectorEntry) -> Reflector:
 
 def _transform(frame: Frame) -> Array:
     """The frame as (4, 4) [m]."""
-    return step_transform(
-        np.concatenate([np.array(frame.position_mm) / 1e3, np.radians(frame.rotation_vector_deg)])
-    )
+    return frame_of(frame.position_mm, frame.rotation_vector_deg)
 
 
 def _in_si(joint: RevoluteLink | PrismaticLink) -> tuple[float, float, float, float]:

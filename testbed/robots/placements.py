@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from calib.arrays import Array, frozen
 from calib.geometry.chain import Chain, joint_vectors
 from calib.geometry.frames import rot_x, rot_y, rot_z, slide
+from calib.geometry.inverse import spread
 
 ROUNDING = 1e-12
 """Differences of poses below which only this bound is stated [m, rad]."""
@@ -141,6 +142,19 @@ def difference(T: Array, other: Array) -> tuple[float, float]:
     # |R - S| = 2 sqrt(2) sin(angle / 2) in the Frobenius norm: exact for small angles too
     apart = np.linalg.norm(T[:, :3, :3] - other[:, :3, :3], axis=(1, 2)) / np.sqrt(8)
     return float(position.max()), float(2 * np.arcsin(np.clip(apart, 0, 1)).max())
+
+
+def require_agreement(name: str, position: float, rotation: float) -> None:
+    """Raise a RuntimeError if a file that we wrote has other poses [m, rad]."""
+    if not max(position, rotation) <= LIMIT:
+        raise RuntimeError(
+            f"{name} differs from the robot by {position:.3g} m and {rotation:.3g} rad"
+        )
+
+
+def proof_joints(limits: Array, count: int) -> Array:
+    """Joint values (count, n) at which files are compared: zero, and spread over the limits."""
+    return np.vstack([np.zeros(len(limits)), spread(limits, count)[1:]])
 
 
 def agreement(name: str, position: float, rotation: float) -> str:

@@ -6,11 +6,11 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Field
 
-from calib.geometry.frames import step_transform, transform_step
+from calib.geometry.frames import transform_step
 from testbed.bounds import SHAPE
 from testbed.robots.links import Angle, AttachedPart, Vector
 from testbed.robots.parts import Form, Primitive
-from testbed.robots.units import degrees, millimeters
+from testbed.robots.units import degrees, frame_of, millimeters
 from testbed.strict import PlainText
 
 Size = Annotated[float, SHAPE.size("mm")]
@@ -76,8 +76,7 @@ def primitive(entry: BoxShape | SphereShape | RodShape, colors: Mapping[str, Rgb
         size = (entry.radius_mm,)
     else:
         size = (entry.radius_mm, entry.length_mm)
-    place, turn = np.array(entry.position_mm) / 1e3, np.radians(entry.rotation_vector_deg)
-    T = step_transform(np.concatenate([place, turn]))
+    T = frame_of(entry.position_mm, entry.rotation_vector_deg)
     return Primitive(
         colors[entry.color] if entry.color else GRAY,
         entry.collides,

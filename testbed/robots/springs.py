@@ -11,6 +11,7 @@ from calib.geometry.gravity import AXES, MOMENTS, Weight
 from calib.geometry.joint_errors import JointErrors
 from calib.geometry.springs import UNSAID, SprungJoints
 from testbed.bounds import ANGLE, GRAVITY, LINK, LOAD, MASS, MOMENT
+from testbed.robots.links import Link
 from testbed.robots.units import degrees, millimeters
 from testbed.strict import Strict
 
@@ -94,6 +95,12 @@ class BodyEntry(Strict):
         return self
 
 
+def link_row(link: Link | BodyEntry) -> list[float]:
+    """One row of a chain: theta, d, a, alpha, beta [rad, m]."""
+    theta, alpha, beta = map(np.radians, (link.theta_deg, link.alpha_deg, link.beta_deg))
+    return [theta, link.d_mm / 1e3, link.a_mm / 1e3, alpha, beta]
+
+
 class SpringsTable(Strict):
     """[springs]: loads of the joints, and how far they bend."""
 
@@ -135,13 +142,8 @@ class SpringsTable(Strict):
 
     def joint_errors(self, chain: Chain) -> JointErrors:
         """The springs with their numbers [rad, m; kg, kg m]."""
-        links = [
-            [np.radians(b.theta_deg), b.d_mm / 1e3, b.a_mm / 1e3,
-             np.radians(b.alpha_deg), np.radians(b.beta_deg)]
-            for b in self.bodies
-        ]  # fmt: skip
         weight = Weight(
-            Chain(np.array(links), chain.kinds),
+            Chain(np.array([link_row(body) for body in self.bodies]), chain.kinds),
             np.array([(body.mass_kg, *body.moment_kg_m) for body in self.bodies]),
             np.array((self.payload_kg, *self.payload_moment_kg_m)),
             np.array(self.gravity_m_s2),

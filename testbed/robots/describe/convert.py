@@ -28,7 +28,7 @@ from testbed.robots.describe.description import Body, Description, plain_name
 from testbed.robots.describe.floor import floor_of
 from testbed.robots.describe.parts import parts_of
 from testbed.robots.describe.xml_gate import FileOptions, read_xml
-from testbed.robots.placements import LIMIT, difference, link_poses
+from testbed.robots.placements import LIMIT, difference, link_poses, proof_joints
 from testbed.robots.robot import Robot, body_name
 from testbed.units import named
 
@@ -148,7 +148,7 @@ def _check(
 
 def _prove(description: Description, chain: Chain, limits: Array) -> float:
     """Largest distance of the chain's tool from the description's over many poses [m]."""
-    q = np.vstack([np.zeros(chain.n_joints), spread(limits, PROOFS)[1:]])
+    q = proof_joints(limits, PROOFS)
     position, rotation = difference(forward(chain, q), description.poses(q))
     if not max(position, rotation) <= LIMIT:
         message = (

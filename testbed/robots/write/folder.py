@@ -17,7 +17,7 @@ from testbed.robots.catalog import ROBOT_FILE, load_robot
 from testbed.robots.describe.urdf import load_urdf, urdf_poses, way_to
 from testbed.robots.meshes.files import Mesh, part_mesh
 from testbed.robots.parts import IN_PLACE, Visual
-from testbed.robots.placements import LIMIT, agreement, difference
+from testbed.robots.placements import agreement, difference, proof_joints, require_agreement
 from testbed.robots.robot import Robot, reflector_frames
 from testbed.robots.write.identified import require_name
 from testbed.robots.write.mjcf import frames_of, load_mjcf, mjcf_poses, mjcf_text
@@ -189,7 +189,7 @@ def _proven(robot: Robot, folder: Path, names: list[str]) -> dict[str, tuple[flo
     """Distance [m] and angle [rad] between the robot and each file as each reader reads it."""
     toml, urdf, xml = (folder / name for name in names[:3])
     read = load_robot(toml)
-    q = np.vstack([np.zeros(len(robot.limits)), spread(robot.limits, PROOFS)[1:]])
+    q = proof_joints(robot.limits, PROOFS)
     geometry = _with_targets(robot, forward(robot.model.chain, q))
     targets = reflector_frames(robot)
     above = {joint.child: joint for joint in load_urdf(urdf.read_bytes()).robot.joints}
@@ -210,8 +210,5 @@ def _proven(robot: Robot, folder: Path, names: list[str]) -> dict[str, tuple[flo
         found[f"{file.name} (MuJoCo)"] = poses, geometry
     out = {name: difference(T, other) for name, (T, other) in found.items()}
     for name, (position, rotation) in out.items():
-        if not max(position, rotation) <= LIMIT:
-            raise RuntimeError(
-                f"{name} differs from the robot by {position:.3g} m and {rotation:.3g} rad"
-            )
+        require_agreement(name, position, rotation)
     return out

@@ -17,13 +17,13 @@ from calib.arrays import Array
 from calib.errors import one_line
 from calib.geometry.chain import Chain, forward
 from calib.geometry.frames import inverse, rot_x, rot_y, rot_z, slide, transform
-from calib.geometry.inverse import spread
 from testbed.robots.placements import (
-    LIMIT,
     agreement,
     difference,
     joint_motion,
     link_poses,
+    proof_joints,
+    require_agreement,
     rpy,
 )
 from testbed.robots.robot import Robot
@@ -164,17 +164,14 @@ def _numbers(T: Array) -> str:
 def _proven(robot: Robot, name: str, text: str, ends: tuple[Array, Array]) -> str:
     """How well a file, read again, has the robot's poses between its base and its tool."""
     read = read_origins(text)
-    q = np.vstack([np.zeros(len(robot.limits)), spread(robot.limits, PROOFS)[1:]])
+    q = proof_joints(robot.limits, PROOFS)
     T = np.tile(ends[0], (len(q), 1, 1))
     for k, step in enumerate(read):
         T = T @ step
         if k < robot.model.chain.n_joints:
             T = T @ joint_motion(robot.model.chain, k, q[:, k])
     position, rotation = difference(T @ ends[1], forward(robot.model.chain, q))
-    if not max(position, rotation) <= LIMIT:
-        raise RuntimeError(
-            f"{name} differs from the robot by {position:.3g} m and {rotation:.3g} rad"
-        )
+    require_agreement(name, position, rotation)
     return agreement(name, position, rotation) + (
         " in the convention of UR's drivers; the hash of a controller cannot be made here"
         if name == KINEMATICS
