@@ -25,8 +25,9 @@ from testbed.files.rows.copies import is_fine
 from testbed.files.rows.kinds import own_rows, some_rows
 from testbed.files.rows.wide import one_target_a_row
 from testbed.files.rows.widened import sheet_in
-from testbed.files.session import Drift, Sources
+from testbed.files.session import Drift
 from testbed.files.session_toml import SessionFile
+from testbed.files.sources import Sources
 from testbed.files.table import DataTable, table_of
 from testbed.files.text import Sheet
 from testbed.gates.kinds import require_no_program

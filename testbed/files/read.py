@@ -1,7 +1,6 @@
 """A measuring session from its files: read, cleaned, matched, with every assumption stated."""
 
 from dataclasses import dataclass, replace
-from hashlib import sha256
 from pathlib import Path
 
 import numpy as np
@@ -10,23 +9,20 @@ from calib.arrays import Array, Bool, frozen
 from calib.errors import InputError, refuse
 from testbed.files.assembly import assemble
 from testbed.files.cleaned import readings_of
-from testbed.files.refusal import how_to_read, no_session, refusal
+from testbed.files.refusal import refusal
 from testbed.files.rows.strays import mismatched_rows
 from testbed.files.rows.with_joints import with_joints
-from testbed.files.session import Session, Sources
+from testbed.files.session import Session
 from testbed.files.session_toml import (
-    SESSION_FILE,
     SessionFile,
 )
 from testbed.files.slips import raise_if_slipped
+from testbed.files.sources import Sources, given, session_file
 from testbed.files.uncertainty import require_shown
 from testbed.files.visits.read import read_visits
 from testbed.files.visits.tables import CampaignFile
-from testbed.gates.kinds import require_kind
-from testbed.gates.mistakes import validated
-from testbed.gates.paths import is_there, real
-from testbed.gates.text import MAX_MB, SourceFile
-from testbed.gates.toml import read_toml_bytes, toml_document
+from testbed.gates.paths import is_there
+from testbed.gates.text import MAX_MB
 from testbed.robots.robot import Robot
 from testbed.robots.tolerances import tolerances_of, usual_tolerances
 
@@ -89,40 +85,6 @@ def read_session(
     source.sources.require_data_read(where)
     files = (*source.read, *session.files)
     return replace(session, name=session.name or source.file.stem, files=files)
-
-
-@dataclass(frozen=True, slots=True)
-class Given:
-    """What a user gave to be read: a session.toml, or a table and how it is to be read."""
-
-    file: Path
-    toml: Path | None
-    """The session.toml, which may be `file` itself."""
-    settings: CampaignFile
-    sources: Sources
-    read: tuple[SourceFile, ...]
-    """The session.toml, where there is one."""
-
-
-def given(data: str | Path, config: str | Path | None, max_mb: float, *, field: str) -> Given:
-    """Find what was given and read its session.toml, but no table; `field` is for messages.
-
-    Raises
-    ------
-    InputError
-        As `read_session`.
-    """
-    file = session_file(Path(data))
-    real(file, field=field, code="S37")
-    toml = how_to_read(file, config)
-    if toml is None:
-        return Given(file, None, CampaignFile(), Sources(file.parent, file, max_mb, {}), ())
-    content, where = read_toml_bytes(toml, str(toml)), str(toml)
-    document = toml_document(content, where)
-    require_kind(document, "session", where)
-    settings = validated(document, CampaignFile, where)
-    sources = Sources(toml.parent, None if toml == file else file, max_mb, {})
-    return Given(file, toml, settings, sources, (SourceFile(toml, sha256(content).hexdigest()),))
 
 
 def whole_session(
@@ -253,15 +215,6 @@ def read_held_out(
         return read_session(file, robot, config=main, options=options, alone=True)
     except InputError as error:
         raise error.located(str(file)) from error
-
-
-def session_file(path: Path) -> Path:
-    """The session.toml of a folder, or the file itself."""
-    if not is_there(path, Path.is_dir):
-        return path
-    if not is_there(path / SESSION_FILE):
-        raise no_session(path)
-    return path / SESSION_FILE
 
 
 def _names(stated: str, robot: Robot) -> bool:

@@ -1,7 +1,6 @@
-"""Measurement files, where they lie and what they become: one frozen `Session` in SI units."""
+"""What measurement files become: one frozen `Session` in SI units."""
 
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Any, Literal, TypeVar
 
 import numpy as np
@@ -13,28 +12,16 @@ from calib.measurement.observations import Measurements
 from calib.shown import Shown, in_a_line
 from calib.uncertainty.statement.conditions import Conditions
 from testbed.files.conditions import SetUp
-from testbed.files.dialects.blocks import with_block_rows
-from testbed.files.dialects.controllers.read import READERS
-from testbed.files.dialects.marker_names import with_marker_columns
-from testbed.files.dialects.numbers import with_bare_numbers
-from testbed.files.dialects.records import is_records, read_records
-from testbed.files.refusal import refusal
 from testbed.files.rows.say import NOTHING_SAID, RowsSay
-from testbed.files.session_toml import SESSION_FILE, IdentificationTable
+from testbed.files.session_toml import IdentificationTable
 from testbed.files.table import Unread
 from testbed.files.visits.visit import RobotVisit
-from testbed.gates.kinds import require_no_program, require_table
-from testbed.gates.paths import real
-from testbed.gates.text import FileText, SourceFile, read_text
-from testbed.gates.workbook import is_workbook, read_workbook
+from testbed.gates.text import SourceFile
 from testbed.robots.robot import Reflector
 from testbed.scenario.systematic import SystematicTable
 from testbed.scenario.tolerance import Decision
 from testbed.scenario.tool_in_use import ToolInUse
-from testbed.units import listed
 
-APPLICATIONS = (".dtx", ".pgx")
-"""Endings of the Data and programs of VAL3, which are XML."""
 Record = TypeVar("Record", bound=Any)
 
 
@@ -229,70 +216,3 @@ class Session(Shown):
         """Anchors of the fixtures, from 0, whose place in the world is to be found."""
         count = len(self.anchor_names)
         return tuple(k for k in range(count) if f"anchor{k + 1}.x" not in self.fixed)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Sources:
-    """The folder of a session, and the files read so far."""
-
-    root: Path
-    data: Path | None
-    max_mb: float
-    texts: dict[tuple[Path, str | None], FileText]
-    """By file, and sheet of a workbook."""
-
-    def text(self, name: str | None, key: str, sheet: str | None = None) -> FileText:
-        """Content of a file named in session.toml, or of DATA; each file is read once."""
-        toml = str(self.root / SESSION_FILE)
-        if name is None and self.data is None:
-            message, fix = f"[{key}] names no file", f'write file = "{key}.csv" under [{key}]'
-            raise refusal(toml, f"{key}.file", message, code="S37", fix=fix)
-        path = self.data if name is None else self.root / name
-        assert path is not None  # one of the two is there
-        found = real(path, field=f"[{key}] file", code="R6", where=toml)
-        if name is not None and not found.is_relative_to(self.root.resolve()):
-            raise refusal(
-                toml, f"{key}.file", f'[{key}] file = "{name[:80]}" leads out of the folder',
-                code="R6", value=name, allowed="a file beside session.toml or in a folder below it",
-                fix="copy it there",
-            )  # fmt: skip
-        if (path, sheet) not in self.texts:
-            where = str(path) if name is None else name
-            self.texts[path, sheet] = text_of(path, where, sheet=sheet, max_mb=self.max_mb)
-        return self.texts[path, sheet]
-
-    def require_data_read(self, toml: str) -> None:
-        """Refuse a table that `toml` was to say how to read, while all that was read is its own.
-
-        Raises
-        ------
-        InputError
-            C41: the result would be that of other files.
-        """
-        if self.data is None or self.data.resolve() in {one.resolve() for one, _ in self.texts}:
-            return
-        own = sorted({one.name for one, _ in self.texts})
-        raise refusal(
-            str(self.data), "--config", f"would not be read: {toml} names {listed(own)} itself",
-            code="C41", fix=f"take file = out of {toml}, or give {toml} in place of {self.data}",
-        )  # fmt: skip
-
-    @property
-    def files(self) -> tuple[SourceFile, ...]:
-        """What was read so far."""
-        return tuple(dict.fromkeys(text.source for text in self.texts.values()))
-
-
-def text_of(path: Path, where: str, *, sheet: str | None, max_mb: float) -> FileText:
-    """Lines of a text file, or of a sheet of a workbook."""
-    require_table(path, where)
-    if is_workbook(path):
-        return read_workbook(path, where, sheet=sheet, max_mb=max_mb)
-    if is_records(path) and path.is_file():
-        return read_records(path, where, max_mb=max_mb)
-    if sheet is not None:
-        message, fix = f'has no sheet "{sheet[:40]}": it is not a workbook', "remove the key sheet"
-        raise refusal(where, "sheet", message, code="S37", fix=fix)
-    text = read_text(path, where, max_mb=max_mb, markup=path.suffix.lower() in APPLICATIONS)
-    require_no_program(text.lines, where, read=tuple(READERS))
-    return with_bare_numbers(with_block_rows(with_marker_columns(text)))

@@ -7,9 +7,9 @@ import numpy as np
 
 from calib.errors import refuse
 from testbed.files.dialects.tables import CyclesTable
-from testbed.files.read import Given, ReadOptions, given
-from testbed.files.session import Sources
+from testbed.files.read import ReadOptions
 from testbed.files.session_toml import SESSION_FILE, SessionFile
+from testbed.files.sources import Given, Sources, given
 from testbed.gates.text import SourceFile
 from testbed.iso9283.grouped import Commands, paths_in, visits_in
 from testbed.iso9283.records import CycleTest, PathRuns, Visits

@@ -8,9 +8,8 @@ import numpy as np
 
 from calib.errors import InputError
 from testbed.files.dialects.numbers import number_of
-from testbed.files.read import Given
-from testbed.files.session import Sources
 from testbed.files.session_toml import SESSION_FILE
+from testbed.files.sources import Given, Sources
 from testbed.files.visits.tables import CampaignFile
 from testbed.gates.mistakes import validated
 from testbed.gates.text import MAX_MB

@@ -17,7 +17,7 @@ from testbed.files.dialects.spatial_lines import name_fields, sa_lines
 from testbed.files.refusal import refusal
 from testbed.files.rows.planned import foretold
 from testbed.files.rows.widened import sheet_in
-from testbed.files.session import text_of
+from testbed.files.sources import text_of
 from testbed.files.text import Sheet, are_counted, read_sheet, titles_above
 from testbed.gates.paths import is_there, real
 from testbed.gates.text import MAX_MB, FileText

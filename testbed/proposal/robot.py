@@ -8,7 +8,7 @@ import numpy as np
 
 from testbed.files.dialects.numbers import number_of
 from testbed.files.refusal import refusal
-from testbed.files.session import text_of
+from testbed.files.sources import text_of
 from testbed.files.text import Sheet, read_sheet
 from testbed.gates.kinds import require_no_program
 from testbed.gates.text import MAX_MB

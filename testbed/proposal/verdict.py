@@ -12,8 +12,9 @@ from calib.identification.sufficiency import independent_equations, require_equa
 from testbed.files.cleaned import readings_of, sheet_of, table_in
 from testbed.files.columns import is_known
 from testbed.files.read import whole_session
-from testbed.files.session import Session, Sources
+from testbed.files.session import Session
 from testbed.files.session_toml import SESSION_FILE, SessionFile
+from testbed.files.sources import Sources
 from testbed.files.table import Columns
 from testbed.files.valid import valid_rows
 from testbed.files.visits.probing import probed

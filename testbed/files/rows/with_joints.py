@@ -12,8 +12,8 @@ from testbed.files.observed import has_readings, unused_columns
 from testbed.files.refusal import refusal, require_names
 from testbed.files.rows.by_time import by_time
 from testbed.files.rows.copies import without_averages, without_copies
-from testbed.files.session import Sources
 from testbed.files.session_toml import SessionFile
+from testbed.files.sources import Sources
 from testbed.files.table import DataTable
 from testbed.files.targets import TargetPart
 from testbed.gates.text import FileText

@@ -14,8 +14,9 @@ from testbed.files.conditions import SetUp
 from testbed.files.conditions import joined as joined_conditions
 from testbed.files.refusal import refusal
 from testbed.files.rows.say import RowsSay
-from testbed.files.session import Session, Sources, Stated
+from testbed.files.session import Session, Stated
 from testbed.files.session_toml import SessionFile
+from testbed.files.sources import Sources
 from testbed.files.visits.numbers import Numbered, numbers, renumbered
 from testbed.files.visits.shared import Sharing, sharing_of
 from testbed.files.visits.tables import CampaignFile, VisitTable

@@ -11,8 +11,9 @@ from testbed.files.probe import probe
 from testbed.files.read import session_of
 from testbed.files.refusal import refusal
 from testbed.files.rows.shifts import FEWEST
-from testbed.files.session import Session, Sources
+from testbed.files.session import Session
 from testbed.files.session_toml import SESSION_FILE, SessionFile
+from testbed.files.sources import Sources
 from testbed.gates.mistakes import validated
 from testbed.gates.text import MAX_MB
 from testbed.proposal.both import Joined, is_ranged, joined_with, names_of

@@ -5,7 +5,7 @@ import pytest
 from typer.testing import CliRunner
 
 from testbed.cli import app
-from testbed.files.read import session_file
+from testbed.files.sources import session_file
 from testbed.iso9283.read import read_test
 
 PLACES = {f"P{k}": 500.0 + 100 * np.array([k, (-1) ** k, k % 3]) for k in range(1, 6)}
