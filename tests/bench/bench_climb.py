@@ -19,7 +19,6 @@ from calib.identification.prior import weak_prior
 from testbed.laboratory.truth.laboratory import open_laboratory
 from testbed.laboratory.truth.setting import make_setting
 from testbed.studies import load_scenario
-from testbed.studies.coverage.play import offered
 from testbed.studies.coverage.visits import measure_robots, poses_of
 from testbed.studies.trial.play import criterion_of, select
 from tests.calib.identification.test_climb import mapped
@@ -76,7 +75,7 @@ def robots(request):
     nominal, free = bench.setting.nominal, bench.free("whitened")
     prior = weak_prior(free, nominal)
     near = [one.model for one in identify_many(nominal, seen, free, prior=prior)]
-    return nominal, near, seen, free, offered(bench), prior
+    return nominal, near, seen, free, bench.ladders, prior
 
 
 @pytest.mark.benchmark(group="climbs of robots at 29 poses")

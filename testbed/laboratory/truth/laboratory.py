@@ -6,6 +6,8 @@ from typing import Self
 import numpy as np
 
 from calib.arrays import Array, Bool, Index
+from calib.identification.ladders import ladders_of
+from calib.identification.levels import Ladder
 from calib.identification.many.tables import ManyTables, known_to_many
 from calib.measurement.observations import DISTANCE, Measurements, joined
 from testbed.laboratory.bench import Bench, open_bench
@@ -25,6 +27,12 @@ class Laboratory(Bench):
 
     setting: Setting
     truth: TrueRobot
+
+    @property
+    def ladders(self) -> tuple[Ladder, ...]:
+        """Joint errors on offer for every robot, by the robot file and not by any reading."""
+        robot = self.robot
+        return ladders_of(self.setting.nominal, moments=robot.moments, limits=robot.limits)
 
     def measure(
         self,

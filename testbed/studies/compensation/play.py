@@ -14,8 +14,6 @@ import numpy as np
 from calib.arrays import Array, frozen
 from calib.compensation import compensate
 from calib.geometry.model import RobotModel
-from calib.identification.ladders import ladders_of
-from calib.identification.levels import Ladder
 from calib.identification.many.choices import choose_many
 from calib.identification.model_choice import ModelChoice
 from calib.measurement.accuracy import error_statistics, position_errors
@@ -73,7 +71,7 @@ def play_robots(
     """Play some robots of each kind; the readings are those of the first of them."""
     laboratory = open_laboratory(scenario, setting)
     T = cube_poses(scenario.table(CompensationSettings), laboratory.robot.model.chain.T_world_base)
-    q, ladders = cube_joints(laboratory.robot, laboratory.simulator, T), offered(laboratory)
+    q, ladders = cube_joints(laboratory.robot, laboratory.simulator, T), laboratory.ladders
     found = {}
     for kind in kinds:
         measured = [measure_robot(laboratory, kind, trial, k) for k in robots]
@@ -84,12 +82,6 @@ def play_robots(
             [play_robot(*one, choice, kind, trial, T, q, k) for one, choice, k in each]
         )
     return found
-
-
-def offered(laboratory: Laboratory) -> tuple[Ladder, ...]:
-    """Joint errors on offer for every robot, by the robot file and not by any reading."""
-    robot = laboratory.robot
-    return ladders_of(laboratory.setting.nominal, moments=robot.moments, limits=robot.limits)
 
 
 def measure_robot(
@@ -123,7 +115,7 @@ def play_robot(
     own, seen
         Results of `measure_robot`.
     choice : ModelChoice
-        Its models, chosen from those that are `offered`.
+        Its models, chosen from `Laboratory.ladders`.
     truth : str
         Kind of robot.
     trial : Trial

@@ -13,7 +13,6 @@ import numpy as np
 
 from calib.arrays import Index
 from calib.identification.identify import Identification, identify
-from calib.identification.ladders import ladders_of
 from calib.identification.levels import Ladder
 from calib.identification.many.choices import choose_many
 from calib.identification.many.single import identify_many
@@ -44,7 +43,7 @@ def play_robots(
 ) -> dict[str, CoverageStudy]:
     """Play a trial's pose set on some robots of each kind."""
     laboratory = open_laboratory(scenario, setting)
-    ladders, chosen = offered(laboratory), trial.selection.indices
+    ladders, chosen = laboratory.ladders, trial.selection.indices
     found: dict[str, list[CoverageStudy]] = {kind: [] for kind in kinds}
     for k in range(0, len(robots), AT_ONCE):
         some = robots[k : k + AT_ONCE]
@@ -82,7 +81,7 @@ def gather(parts: Sequence[CoverageStudy]) -> CoverageStudy:
 def play_robot(laboratory: Laboratory, truth: str, chosen: Index, robot: int) -> CoverageStudy:
     """Calibrate, validate and judge one robot."""
     measured = measure_robot(laboratory, truth, chosen, robot)
-    found = models(measured, offered(laboratory))
+    found = models(measured, laboratory.ladders)
     level = laboratory.scenario.table(CoverageSettings).level
     errors = parameter_errors(found[0][0], measured)
     judged = [judge_model(fit, measured, level) for fit in found[0]]
@@ -125,12 +124,6 @@ def _played(
             **{name: [one[name] for one in judged] for name in OF_A_MODEL},
         ),
     )
-
-
-def offered(laboratory: Laboratory) -> tuple[Ladder, ...]:
-    """Joint errors on offer for every robot, by the robot file and not by any reading."""
-    robot = laboratory.robot
-    return ladders_of(laboratory.setting.nominal, moments=robot.moments, limits=robot.limits)
 
 
 def many_models(

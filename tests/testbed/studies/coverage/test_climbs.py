@@ -13,7 +13,6 @@ from testbed.laboratory.truth.laboratory import open_laboratory
 from testbed.laboratory.truth.setting import make_setting
 from testbed.streams import stream
 from testbed.studies import load_scenario
-from testbed.studies.coverage.play import offered
 from testbed.studies.coverage.visits import measure_robots, poses_of
 from testbed.studies.trial.play import criterion_of, select
 from tests.calib.identification.test_many_climb import held_to
@@ -34,7 +33,7 @@ def test_robots_of_a_kind_climb_as_each_does_alone(kind, robots):
     chosen = select(bench.design_blocks(trial.rows), trial, random, criterion).indices
     poses = [poses_of(bench, k) for k in ROBOTS]
     seen = [one.seen for one in measure_robots(bench, kind, chosen, ROBOTS, poses)]
-    nominal, free, ladders = bench.setting.nominal, bench.free("whitened"), offered(bench)
+    nominal, free, ladders = bench.setting.nominal, bench.free("whitened"), bench.ladders
     prior = weak_prior(free, nominal)
     near = [one.model for one in identify_many(nominal, seen, free, prior=prior)]
     found = climb_many(nominal, near, seen, free, ladders, prior=prior, robots=robots)

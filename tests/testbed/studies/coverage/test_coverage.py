@@ -21,7 +21,7 @@ from testbed.store.quantities import as_json
 from testbed.studies import load_scenario
 from testbed.studies.coverage import play
 from testbed.studies.coverage.judge import judge_model
-from testbed.studies.coverage.play import gather, measure_robot, models, offered, play_robots
+from testbed.studies.coverage.play import gather, measure_robot, models, play_robots
 from testbed.studies.coverage.report import answer, believable_sentence, section, unnoticed
 from testbed.studies.coverage.study import STUDY, CoverageStudy
 from testbed.studies.coverage.summary import (
@@ -72,13 +72,13 @@ def fitted(visit, model):
     bench, seen = visit.laboratory, visit.seen
     if model == "geometric":
         start = bench.setting.nominal
-        names = models(visit, offered(visit.laboratory))[0][
+        names = models(visit, visit.laboratory.ladders)[0][
             0
         ].names  # which 30 of 42, a choice of gauge
         places = np.array([start.names.index(name) for name in names])
         sd = None
     else:
-        found = models(visit, offered(visit.laboratory))[0][1]
+        found = models(visit, visit.laboratory.ladders)[0][1]
         start = with_errors(bench.setting.nominal, JointErrors(found.model.joint_errors.terms))
         places, sd = np.arange(start.n_numbers), found.prior.sd
     # sizes of the steps, so that the solver sees numbers near one
@@ -173,7 +173,7 @@ def test_identification_validation_and_judging_poses_share_none(visit, campaign)
 
 def test_the_judge_never_lets_the_truth_into_a_statement(visit):
     """Another truth moves the shares, never the radii or the advice."""
-    fit = models(visit, offered(visit.laboratory))[0][0]
+    fit = models(visit, visit.laboratory.ladders)[0][0]
     far = replace(visit, true=visit.true + 1.0)
     one, other = judge_model(fit, visit, 0.95), judge_model(fit, far, 0.95)
     assert all(

@@ -11,7 +11,7 @@ from testbed.streams import stream
 from testbed.studies import load_scenario
 from testbed.studies.coverage.errors import many_parameter_errors, parameter_errors
 from testbed.studies.coverage.judge import regions_hold
-from testbed.studies.coverage.play import gather, many_models, offered, play_robot, play_robots
+from testbed.studies.coverage.play import gather, many_models, play_robot, play_robots
 from testbed.studies.coverage.visits import measure_robots, poses_of
 from testbed.studies.trial.play import criterion_of, select
 
@@ -81,7 +81,7 @@ def test_errors_of_numbers_are_those_against_each_true_step():
     poses = [poses_of(laboratory, k) for k in robots]
     for kind in ("rigid", "wen2022"):
         measured = measure_robots(laboratory, kind, chosen.indices, robots, poses)
-        fits = [one[0][0] for one in many_models(measured, offered(laboratory))]
+        fits = [one[0][0] for one in many_models(measured, laboratory.ladders)]
         for k, found in enumerate(many_parameter_errors(fits, measured)):
             alone = parameter_errors(fits[k], measured[k])
             assert (found is None) == (alone is None) == (kind == "wen2022")
