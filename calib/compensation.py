@@ -51,7 +51,7 @@ class _Corrected(Shown):
     @property
     def sentences(self) -> tuple[str, ...]:
         """One sentence per kind of trouble, with the targets that need a look."""
-        return status_sentences(self.status, "target")
+        return status_sentences(self.status)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -261,7 +261,6 @@ WORDS: Mapping[str, str] = {
 
 def status_sentences(
     status: Sequence[str],
-    noun: str,
     words: Mapping[str, str] = WORDS,
     *,
     names: Sequence[str] = (),
@@ -275,8 +274,8 @@ def status_sentences(
             listed = ", ".join(rows[:10]) + (" ..." if len(rows) > 10 else "")
             many = len(rows) > 1
             said.append(
-                f"{len(rows)} of {len(status)} {noun}s {'are' if many else 'is'} {meaning} "
-                f"({noun}{'s' if many else ''} {listed})"
+                f"{len(rows)} of {len(status)} targets {'are' if many else 'is'} {meaning} "
+                f"(target{'s' if many else ''} {listed})"
             )
     return tuple(said)
 

@@ -162,7 +162,7 @@ def choice_of(
         starts=(nominal, extended[0]),
         climb=found,
         log_evidence=found.gain if found.taken else found.best[1] if found.best else float("nan"),
-        sentence=sentence_of(found, nominal),
+        sentence=reason_of(found, nominal).sentence,
     )
 
 
@@ -204,13 +204,8 @@ def extended_by(
     return wide, found
 
 
-def sentence_of(found: Climb, nominal: RobotModel) -> str:
-    """What was chosen and why; `nominal` may have joint errors of its own."""
-    return reason_of(found, nominal).sentence
-
-
 def reason_of(found: Climb, nominal: RobotModel) -> Reason:
-    """The parts of `sentence_of`."""
+    """What was chosen and why; `nominal` may have joint errors of its own."""
     known = bool(nominal.joint_errors.terms) or nominal.joint_errors.springs is not None
     if found.taken:
         names = " and ".join(level.name for level in found.taken)

@@ -257,10 +257,11 @@ def normal_equations(
     q, at = measurements.q, measurements.conditions
     T, J, bends = fitted.poses_and_bends(q, at)
     products, loads = products_of(springs, q, parameters.n_free + len(terms), at.moments)
+    bent = bends[:, :, list(products.places), None] * loads[:, None]
     wide = [
         J,
         fitted.term_columns(JointErrors(terms), J, bends[:, :, Z::3], q, at),
-        _flat_last(bends[:, :, list(products.places), None] * loads[:, None]),
+        bent.reshape(*bent.shape[:2], -1),
     ]
     whole = np.concatenate(wide, axis=2)
     mount(T, whole, fitted, measurements)
@@ -291,7 +292,3 @@ def _places(names: tuple[str, ...]) -> dict[str, int]:
 
 def _flat(A: Array) -> Array:
     return A.reshape(-1, A.shape[-1])
-
-
-def _flat_last(A: Array) -> Array:
-    return A.reshape(*A.shape[:2], -1)

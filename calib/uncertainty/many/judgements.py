@@ -19,7 +19,6 @@ from calib.measurement.observations import Measurements, joined
 from calib.uncertainty.conformal import conformal
 from calib.uncertainty.drift.drifting import (
     ORDERED,
-    SEED,
     beside_misfit,
     where_poses_stand,
 )
@@ -40,7 +39,6 @@ from calib.uncertainty.statement.applicability import (
 )
 from calib.uncertainty.statement.counted import counted_rank, enclosing_sizes
 from calib.uncertainty.statement.distance import SPARE, distance_radius
-from calib.uncertainty.statement.misfit import DROP
 from calib.uncertainty.statement.shape import MisfitShape, angles_apart, are_loud
 
 Drifts = dict[int, Array]
@@ -100,7 +98,7 @@ def judge_many(
         require_disjoint(test.q, train.q)
     seen = sights(fits, trains, tests, targets)
     gains = gains_of(seen)
-    size = misfits(seen, gains, DROP)
+    size = misfits(seen, gains)
     alone = ~np.isfinite(size.upper)
     upper = np.where(alone, 1.0, size.upper)
     alone |= _turned_apart(seen, gains) | _stood_or_stepped(seen)
@@ -239,7 +237,7 @@ def _drifts(
     q = np.concatenate([seen.train.q, seen.test.q], axis=1)
     stands = where_poses_stand(q, np.concatenate([seen.train.p, seen.test.p], axis=1))
     left = beside_misfit(residual, stands, alike)
-    near, plain, beside = memory_chances((stands, residual, left), order, SEED, alike)
+    near, plain, beside = memory_chances((stands, residual, left), order, alike)
     ordered = near < ORDERED
     p, follows = np.where(ordered, np.nan, beside), np.where(ordered, plain, beside)
     found = Drifts()

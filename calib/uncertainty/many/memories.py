@@ -6,13 +6,14 @@ from functools import lru_cache
 import numpy as np
 
 from calib.arrays import Array, Index
+from calib.uncertainty.drift.drifting import SEED
 from calib.uncertainty.drift.memory import KERNEL_ROWS, PERMUTATIONS, permuted
 
 AT_ONCE = 2_000_000
 """Entries of permuted kernels computed at a time (16 MB); kernels that need no more are cached."""
 
 
-def memory_chances(rows: Sequence[Array], order: Index, seed: int, alike: Sequence[Index]) -> Array:
+def memory_chances(rows: Sequence[Array], order: Index, alike: Sequence[Index]) -> Array:
     """P-values (k, R) of rows that resemble their neighbors in time, if the noise has no memory.
 
     Parameters
@@ -21,8 +22,6 @@ def memory_chances(rows: Sequence[Array], order: Index, seed: int, alike: Sequen
         Quantities to test for R robots, for example whitened position residuals.
     order : (m,) array
         Place of each row in time.
-    seed : int
-        Seed of the permutations, which all robots share.
     alike : sequence of (k, c) arrays of int
         Rows that may change places, from `memory.interchangeable`.
 
@@ -44,7 +43,7 @@ def memory_chances(rows: Sequence[Array], order: Index, seed: int, alike: Sequen
     larger = np.zeros(len(products))
     kinds = tuple((some.tobytes(), some.shape) for some in alike)
     few = (1 + PERMUTATIONS) * len(j) <= AT_ONCE
-    kernels = iter((_kept if few else _kernels)(m, order.tobytes(), seed, kinds))
+    kernels = iter((_kept if few else _kernels)(m, order.tobytes(), kinds))
     seen = products @ next(kernels)[0]
     for other in kernels:
         larger += (products @ other.T >= seen[:, None]).sum(axis=1)
@@ -52,7 +51,7 @@ def memory_chances(rows: Sequence[Array], order: Index, seed: int, alike: Sequen
 
 
 def _kernels(
-    m: int, order: bytes, seed: int, alike: tuple[tuple[bytes, tuple[int, ...]], ...]
+    m: int, order: bytes, alike: tuple[tuple[bytes, tuple[int, ...]], ...]
 ) -> Iterator[Array]:
     """Kernels (c, pairs) of m rows in the order of time, then of permutations, block by block."""
     j, k = np.triu_indices(m, 1)
@@ -67,7 +66,7 @@ def _kernels(
     yield of(in_time[None])
     kinds = [np.frombuffer(rows, dtype=np.int64).reshape(shape) for rows, shape in alike]
     block = max(1, AT_ONCE // max(len(j), 1))
-    for which in permuted(m, kinds, np.random.default_rng(seed)):
+    for which in permuted(m, kinds, np.random.default_rng(SEED)):
         moved = which[:, in_time]
         for first in range(0, len(moved), block):
             yield of(moved[first : first + block])
@@ -75,7 +74,7 @@ def _kernels(
 
 @lru_cache(maxsize=2)
 def _kept(
-    m: int, order: bytes, seed: int, alike: tuple[tuple[bytes, tuple[int, ...]], ...]
+    m: int, order: bytes, alike: tuple[tuple[bytes, tuple[int, ...]], ...]
 ) -> tuple[Array, ...]:
     """All blocks of `_kernels`, cached."""
-    return tuple(_kernels(m, order, seed, alike))
+    return tuple(_kernels(m, order, alike))

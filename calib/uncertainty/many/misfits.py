@@ -9,6 +9,7 @@ from calib.uncertainty.many.gains import ManyGains, many_whiteners
 from calib.uncertainty.many.likelihoods import likelihood_between
 from calib.uncertainty.many.sights import ManySights
 from calib.uncertainty.statement.evidence import PositionRows, believed_before
+from calib.uncertainty.statement.misfit import DROP
 
 
 class ManyMisfits(NamedTuple):
@@ -20,11 +21,8 @@ class ManyMisfits(NamedTuple):
     """(R,) upper limit; infinite if there are too few rows."""
 
 
-def misfits(seen: ManySights, gains: ManyGains, drop: float) -> ManyMisfits:
-    """Sizes of misfit from the position rows of each robot, training and held-out together.
-
-    `drop` is the fall of the log-likelihood from its peak to the upper limit.
-    """
+def misfits(seen: ManySights, gains: ManyGains) -> ManyMisfits:
+    """Sizes of misfit from the position rows of each robot, training and held-out together."""
     parts = []
     for table in (seen.train, seen.test):
         N = table.covariance[:, :, :3, :3]
@@ -46,5 +44,5 @@ def misfits(seen: ManySights, gains: ManyGains, drop: float) -> ManyMisfits:
         values = likelihood_between(rows, unit, believed_before(fit, seen.precision[k]))
         if values is not None:
             best = values.size[np.argmax(values.value)]
-            found[:, k] = unit * best, unit * values.limit(drop)
+            found[:, k] = unit * best, unit * values.limit(DROP)
     return ManyMisfits(*found)

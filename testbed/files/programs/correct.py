@@ -174,7 +174,7 @@ def correct_program(
     written = rewritten(text, table.sheet, numbers, cells, added, comma=comma)
     counted = not robot.controller.plain and joint_columns(table, robot) is not None
     names = target_names(table)
-    failed = status_sentences(result.status, "target", LEFT, names=called(names))
+    failed = status_sentences(result.status, LEFT, names=called(names))
     found = replace(
         result,
         sentences=(

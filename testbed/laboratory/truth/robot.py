@@ -1,7 +1,7 @@
 """The true robot: drawn in secret around the nominal one, and played by MuJoCo."""
 
 from dataclasses import dataclass, field
-from functools import partial
+from functools import partial, reduce
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,6 +11,7 @@ from calib.arrays import Array
 from calib.errors import refuse
 from calib.geometry.bodies import Z, bent_forward
 from calib.geometry.chain import Chain, chain_names, joint_vectors
+from calib.geometry.joint_errors import JointErrors
 from calib.geometry.model import RobotModel
 from calib.geometry.operating import OperatingConditions
 from testbed.laboratory.bench import joint_repeatability
@@ -23,7 +24,6 @@ from testbed.laboratory.truth.waves import (
     gravity,
     harmonics,
     high_harmonics,
-    joined,
     mdeg,
     per_joint,
     transmission,
@@ -182,7 +182,7 @@ def draw_truth(robot: Robot, truth: TruthSettings, seed: int) -> TrueRobot:
         if np.any(amplitude):
             size = per_joint(nominal, amplitude)
             errors.append(drawn(nominal, size, stream(seed, "truth", name)))
-    model = RobotModel(chain, joined(errors))
+    model = RobotModel(chain, reduce(JointErrors.joined, errors))
     return TrueRobot(model, joint_repeatability(robot, truth), unmodelled_terms(robot, truth))
 
 

@@ -1,7 +1,5 @@
 """What true joints add to what is commanded: sag, gear and encoder errors, as sums of waves."""
 
-from collections.abc import Sequence
-from functools import reduce
 from typing import Literal
 
 import numpy as np
@@ -129,8 +127,3 @@ def turning(chain: Chain, terms: tuple[JointTerm, ...], coefficients: Array) -> 
     turns = np.array([chain.kinds[term.joint] == "revolute" for term in terms])
     kept = tuple(term for term, one in zip(terms, turns, strict=True) if one)
     return JointErrors(kept, coefficients[turns])
-
-
-def joined(sums: Sequence[JointErrors]) -> JointErrors:
-    """Several joint errors as one."""
-    return reduce(JointErrors.joined, sums)

@@ -13,7 +13,7 @@ from calib.identification.identify import Status, identify
 from calib.identification.joint_models import extended_model, shared_waves
 from calib.identification.ladders import ladders_of
 from calib.identification.levels import with_errors
-from calib.identification.model_choice import choose, extended_by, sentence_of
+from calib.identification.model_choice import choose, extended_by, reason_of
 from calib.identification.prior import Prior, weak_prior
 from calib.measurement.observations import joined
 from calib.measurement.residual import linearize
@@ -73,7 +73,7 @@ def test_a_robot_with_joint_errors_of_its_own_is_called_so():
     truth = rigid_truth(np.random.default_rng(4))
     choice = choose(tx60(), seen(truth, 29, 4), parameters_of(tx60(), WEN24))
     assert "do not support joint errors (log" in choice.sentence
-    own = sentence_of(choice.climb, bent(4))
+    own = reason_of(choice.climb, bent(4)).sentence
     assert own == choice.sentence.replace("joint errors", "joint errors beyond the robot's own")
 
 
