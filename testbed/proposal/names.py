@@ -6,9 +6,8 @@ from dataclasses import dataclass, replace
 
 from testbed.bounds import FACTORS
 from testbed.files.columns import WRITTEN, is_known
-from testbed.proposal.axis_letters import stems_of_letters
 from testbed.proposal.naming.plain import without_unit
-from testbed.proposal.naming.shifts import shift_names
+from testbed.proposal.naming.positions import shift_names, stems_of_letters
 from testbed.proposal.naming.targets import measured_of, without_label
 from testbed.proposal.polar.names import polar_names
 from testbed.proposal.transforms import axis_names, entry_of

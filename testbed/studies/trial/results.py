@@ -8,7 +8,7 @@ from calib.uncertainty.statement.stated_point import widened
 from testbed.laboratory.truth.setting import held_out_conditions
 from testbed.store.quantities import METRE, RADIAN, Quantity, below, fields_of, in_si
 from testbed.studies.trial import decisions
-from testbed.studies.trial.bending.results import motion_headline
+from testbed.studies.trial.bending.records import Ways
 from testbed.studies.trial.records import Campaign, Estimate, Trial
 from testbed.studies.trial.statement.records import (
     BELIEVED,
@@ -244,6 +244,18 @@ def _tests(statement: Statement) -> dict[str, float]:
 def _mean(name: str, values: Array | None) -> list[Quantity]:
     """A mean, where there are values."""
     return [] if values is None else [Quantity(name, values.mean())]
+
+
+def motion_headline(ways: Ways) -> list[Quantity]:
+    """Widths of the loops, what still swings when the tracker looks, and both sides' ends apart."""
+    return [
+        Quantity("loop_width_mdeg", ways.loop_width, RADIAN),
+        Quantity("tool_loop_width_um", ways.tool_width, METRE),
+        Quantity("from_rest_mean_um", ways.seen.mean(), METRE),
+        Quantity("from_rest_max_um", ways.seen.max(), METRE),
+        Quantity("both_sides_mean_um", ways.apart.mean(), METRE),
+        Quantity("both_sides_max_um", ways.apart.max(), METRE),
+    ]
 
 
 def truth_headline(validation: Validation) -> list[Quantity]:

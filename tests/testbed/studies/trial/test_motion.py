@@ -24,7 +24,7 @@ from testbed.studies.trial.bending.play import EVERY, SLOW, STEP, filmed, loops,
 from testbed.studies.trial.bending.recording import move_chapter
 from testbed.studies.trial.bending.records import Ways
 from testbed.studies.trial.bending.report import motion_figures
-from testbed.studies.trial.bending.results import motion_headline
+from testbed.studies.trial.results import motion_headline
 from testbed.studies.trial.study import STUDY
 from tests.testbed.laboratory.test_moving import CHAIN, FRICTION, SPRINGS, UP, Q, motion, um
 from tests.toy_story import chapter

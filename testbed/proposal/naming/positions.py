@@ -1,10 +1,16 @@
-"""Letters after axis names in rows with two positions, such as Xm beside Xn, or beside X."""
+"""Names of positions that are clear only by other columns: a second position, or a rotation."""
 
+import re
 from collections.abc import Collection
 
 AXES = ("x", "y", "z")
 MEASURED, NOMINAL, DEVIATION = ("m", "a"), "n", "d"
 """Letters for measured or actual values, nominal ones, and the deviation between both."""
+SHIFTS = (("tx", "ty", "tz"), ("t1", "t2", "t3"))
+"""Without a rotation these may be targets."""
+TURNED = ({"rx", "ry", "rz"}, {"qw", "qx", "qy", "qz"}, {"q0", "qx", "qy", "qz"})
+ENTRY = re.compile(r"r ?[0-3] ?[0-3]")
+"""An entry of a rotation matrix."""
 
 
 def stems_of_letters(texts: Collection[str]) -> dict[str, str]:
@@ -28,3 +34,13 @@ def stems_of_letters(texts: Collection[str]) -> dict[str, str]:
     if DEVIATION in there:
         kinds[DEVIATION] = "difference_"
     return {f"{axis}{letter}": f"{kind}{axis}" for letter, kind in kinds.items() for axis in AXES}
+
+
+def shift_names(texts: Collection[str]) -> dict[str, str]:
+    """Stems of small words that are a position beside a rotation, if no other is there."""
+    there = set(texts)
+    entries = {text for text in there if ENTRY.fullmatch(text)}
+    if not (len(entries) == 9 or any(there >= own for own in TURNED)) or there & set(AXES):
+        return {}
+    found = (dict(zip(own, AXES, strict=True)) for own in SHIFTS if there.issuperset(own))
+    return next(found, {})
