@@ -30,3 +30,12 @@ def first_met(rows: Array | Index) -> Index:
     """Number (m,) of each distinct row, counted in order of appearance."""
     _, first, group = np.unique(rows, axis=0, return_index=True, return_inverse=True)
     return np.asarray(np.argsort(np.argsort(first))[group.ravel()], dtype=np.int64)
+
+
+def spans(values: Array, group: Index) -> Array:
+    """Largest minus smallest (g, n) of the values (m, n) in each group (m,)."""
+    low = np.full((int(group.max()) + 1, values.shape[1]), np.inf)
+    high = -low
+    np.minimum.at(low, group, values)
+    np.maximum.at(high, group, values)
+    return np.asarray(high - low)

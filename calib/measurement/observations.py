@@ -21,7 +21,7 @@ from calib.arrays import (
 from calib.errors import refuse
 from calib.geometry.operating import AS_USUAL, OperatingConditions, joined_conditions
 from calib.kinds import checked_kinds
-from calib.measurement.grouping import first_met, united
+from calib.measurement.grouping import first_met, spans, united
 from calib.shown import ResultTable, Shown
 
 POSE, POINT, DISTANCE = "pose", "point", "distance"
@@ -287,13 +287,5 @@ def _called_alike(q: Array, pose_id: Index, table: Index) -> bool:
         return False
     _, pose = np.unique(pose_id, return_inverse=True)
     alone = np.unique(np.column_stack([table, pose.ravel()]), axis=0, return_inverse=True)[1]
-    return _spread(q, pose.ravel()) > ONE_POSE >= _spread(q, alone.ravel())
-
-
-def _spread(q: Array, group: Index) -> float:
-    """Largest difference of joint values (m, n) within any group (m,) [rad, m]."""
-    size = int(group.max()) + 1
-    low, high = np.full((size, q.shape[1]), np.inf), np.full((size, q.shape[1]), -np.inf)
-    np.minimum.at(low, group, q)
-    np.maximum.at(high, group, q)
-    return float((high - low).max(initial=0.0))
+    within, visits = (spans(q, each.ravel()).max(initial=0.0) for each in (pose, alone))
+    return bool(within > ONE_POSE >= visits)

@@ -8,7 +8,7 @@ from calib.arrays import Array, frozen
 from calib.identification.identify import Identification
 from calib.measurement.observations import Measurements
 from calib.measurement.prediction import predict
-from calib.uncertainty.statement.gain import estimator_gain, of_all_numbers
+from calib.uncertainty.statement.gain import estimator_gain, of_all_numbers, root_of_groups
 from calib.uncertainty.statement.misfit import DROP
 from calib.uncertainty.statement.shape import (
     angles_apart,
@@ -70,8 +70,5 @@ def loud_turns(
     last = int(np.flatnonzero(value >= value.max() - DROP)[-1])
     size = float(tried[min(last + 1, len(tried) - 1)])
     pull = estimator_gain(identification, train)[:, :, 3:]
-    _, pose = np.unique(train.pose_id, return_inverse=True)
-    moved = np.zeros((int(pose.max()) + 1, *pull.shape[1:]))
-    np.add.at(moved, pose.ravel(), pull)
-    root = size * np.moveaxis(moved, 0, 1).reshape(pull.shape[1], -1)
+    root = size * root_of_groups(pull, train.pose_id)
     return LoudTurns(size, frozen(of_all_numbers(identification, root @ root.T)))

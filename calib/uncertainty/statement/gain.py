@@ -116,8 +116,13 @@ def untold(identification: Identification, table: Measurements, there: Array) ->
 
 def covariance_of_groups(each: Array, group: Index) -> Array:
     """Covariance (f, f) of the sums of columns (m, f, k) whose rows of a group share their draw."""
+    root = root_of_groups(each, group)
+    return np.asarray(root @ root.T)
+
+
+def root_of_groups(each: Array, group: Index) -> Array:
+    """Root (f, g k) of that covariance."""
     _, number = np.unique(group, axis=0, return_inverse=True)
     moved = np.zeros((int(number.max()) + 1, *each.shape[1:]))
     np.add.at(moved, number.ravel(), each)
-    root = np.moveaxis(moved, 0, 1).reshape(each.shape[1], -1)
-    return np.asarray(root @ root.T)
+    return np.moveaxis(moved, 0, 1).reshape(each.shape[1], -1)

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from calib.arrays import Array, Bool, Index
-from calib.measurement.grouping import first_met, united
+from calib.measurement.grouping import first_met, spans, united
 from calib.measurement.observations import Measurements
 from calib.uncertainty.statement.conditions import Conditions
 from testbed.files.matching import visits_of
@@ -73,12 +73,8 @@ def near_joints(q: Array, near: Array) -> Index:
     A chain of rows, each near the next one, is a path and no stop: of it the same joints alone are.
     """
     group, there = at_joints(q, near), at_joints(q)
-    count = int(group.max()) + 1
-    low, high = np.full((count, q.shape[1]), np.inf), np.full((count, q.shape[1]), -np.inf)
-    np.minimum.at(low, group, q)
-    np.maximum.at(high, group, q)
-    path = ((high - low) > near).any(axis=1)
-    return np.where(path[group], count + there, group)
+    path: Bool = np.any(spans(q, group) > near, axis=1)
+    return np.where(path[group], len(path) + there, group)
 
 
 def at_joints(q: Array, gap: Array | float = SAME_JOINTS) -> Index:
