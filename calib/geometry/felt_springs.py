@@ -9,12 +9,7 @@ from numpy.typing import ArrayLike
 from calib.arrays import Array, check
 from calib.errors import refuse
 from calib.geometry.chain import Chain, joint_vectors
-from calib.geometry.gravity import (
-    AXES,
-    Axis,
-    Weight,
-    axis_places,
-)
+from calib.geometry.gravity import AXES, Axis, Weight, axis_places
 from calib.geometry.springs import SprungJoints, across
 
 POSTURES = 500

@@ -9,13 +9,7 @@ from calib.arrays import LATER, Array, Bool, Index, check, frozen, whole_numbers
 from calib.errors import refuse
 from calib.geometry.chain import BATCH
 from calib.geometry.frames import exp_so3
-from calib.geometry.gravity import (
-    AXES,
-    MOMENTS,
-    Weight,
-    gravity_regressor,
-    torque_slopes,
-)
+from calib.geometry.gravity import AXES, MOMENTS, Weight, gravity_regressor, torque_slopes
 from calib.shown import Shown
 
 UNSAID = 2.0

@@ -12,11 +12,7 @@ from testbed.files.conditions import SetUp, first_stated, of_session
 from testbed.files.matching import pose_numbers, poses_of_joints, visits_of
 from testbed.files.refusal import refusal
 from testbed.files.rows.beside import BesideJoints
-from testbed.files.rows.operating import (
-    RowsOfFile,
-    operating_conditions,
-    stated_order,
-)
+from testbed.files.rows.operating import RowsOfFile, operating_conditions, stated_order
 from testbed.files.rows.stops import NEAR, NEAR_SLIDE, one_stop
 from testbed.files.session import Session, Stated
 from testbed.files.session_toml import SessionFile

@@ -14,11 +14,7 @@ from testbed.files.dialects.tables import (
     PointsTable,
 )
 from testbed.files.nests.drift import without_drift
-from testbed.files.observed import (
-    misspelt_columns,
-    read_observed,
-    section_of,
-)
+from testbed.files.observed import misspelt_columns, read_observed, section_of
 from testbed.files.readings import Readings, lost_readings
 from testbed.files.refusal import no_rows
 from testbed.files.rows.copies import is_fine

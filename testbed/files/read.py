@@ -13,9 +13,7 @@ from testbed.files.refusal import refusal
 from testbed.files.rows.strays import mismatched_rows
 from testbed.files.rows.with_joints import with_joints
 from testbed.files.session import Session
-from testbed.files.session_toml import (
-    SessionFile,
-)
+from testbed.files.session_toml import SessionFile
 from testbed.files.slips import raise_if_slipped
 from testbed.files.sources import Sources, given, session_file
 from testbed.files.uncertainty import require_shown

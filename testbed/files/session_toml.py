@@ -5,16 +5,7 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import Field, model_validator
 
 from calib.errors import refuse
-from testbed.bounds import (
-    ANGLE_SD,
-    CELL,
-    FACTORS,
-    LENGTH_SD,
-    RANGE_SCALE,
-    TRACKER_SD,
-    Bound,
-    shown,
-)
+from testbed.bounds import ANGLE_SD, CELL, FACTORS, LENGTH_SD, RANGE_SCALE, TRACKER_SD, Bound, shown
 from testbed.files.conditions import ConditionsTable, SessionUse
 from testbed.files.dialects.tables import (
     CyclesTable,

@@ -7,15 +7,7 @@ from typing import Any, TypeVar, get_args
 
 from pydantic import ValidationError
 
-from testbed.strict import (
-    MOST,
-    Fault,
-    Strict,
-    choice_of,
-    did_you_mean,
-    models_in,
-    one_error,
-)
+from testbed.strict import MOST, Fault, Strict, choice_of, did_you_mean, models_in, one_error
 from testbed.units import counted
 
 WANTED = {

@@ -14,15 +14,7 @@ from testbed.iso9283.report_figures import (
     plain_section,
     pose_section,
 )
-from testbed.iso9283.words import (
-    EDITION,
-    enough,
-    mark,
-    next_step,
-    notice,
-    reasons,
-    verdict,
-)
+from testbed.iso9283.words import EDITION, enough, mark, next_step, notice, reasons, verdict
 from testbed.jobsheet.report import Row, job_rows, job_section
 from testbed.report.page import Block, Page, Points, Section, Table, Text, record_section
 from testbed.store.layout import PLAYED_TEST

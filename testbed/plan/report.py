@@ -7,13 +7,7 @@ import numpy as np
 from calib.geometry.parameters import shown_in
 from testbed.plan import plots
 from testbed.plan.cautions import mark
-from testbed.plan.promises import (
-    expanded,
-    factor_words,
-    has_shared,
-    or_dash,
-    promise,
-)
+from testbed.plan.promises import expanded, factor_words, has_shared, or_dash, promise
 from testbed.plan.records import Plan
 from testbed.plan.report_goal import joint_cells, joint_head, number_section, prediction_section
 from testbed.plan.results import pose_ids

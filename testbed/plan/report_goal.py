@@ -6,13 +6,7 @@ from calib.arrays import Array
 from calib.uncertainty.statement.applicability import REFUSED, WARNED
 from calib.uncertainty.statement.shared import HIDDEN, NOTHING
 from testbed.plan import plots
-from testbed.plan.promises import (
-    OVER,
-    efficiency_word,
-    expanded,
-    factor_words,
-    has_shared,
-)
+from testbed.plan.promises import OVER, efficiency_word, expanded, factor_words, has_shared
 from testbed.plan.records import Plan
 from testbed.plan.results import joint_columns, joint_values
 from testbed.report.page import Block, Figure, Section, Table, Text

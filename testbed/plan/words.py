@@ -24,17 +24,7 @@ from testbed.plan.promises import (
 )
 from testbed.plan.records import FAR, Plan
 from testbed.report.page import SIMULATED
-from testbed.units import (
-    MM,
-    UM,
-    counted,
-    fixed,
-    micrometres,
-    millimetres,
-    percent,
-    plain,
-    sentence,
-)
+from testbed.units import MM, UM, counted, fixed, micrometres, millimetres, percent, plain, sentence
 
 CLOSE = 0.01
 """Stations whose uncertainty differs by less than this part are called equally good."""

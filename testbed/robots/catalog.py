@@ -26,14 +26,7 @@ from testbed.robots.assumed import (
     bodies,
 )
 from testbed.robots.controller import AS_THE_ARM
-from testbed.robots.file import (
-    Drawn,
-    Frame,
-    ReflectorEntry,
-    RobotFile,
-    TrackerFile,
-    WorkspaceBox,
-)
+from testbed.robots.file import Drawn, Frame, ReflectorEntry, RobotFile, TrackerFile, WorkspaceBox
 from testbed.robots.links import PrismaticLink, RevoluteLink
 from testbed.robots.meshes.files import check_files
 from testbed.robots.robot import Reflector

@@ -7,13 +7,7 @@ from calib.information.criteria import NEEDS_GOALS
 from testbed.bounds import LENGTH_SD, shown
 from testbed.scenario.fixtures import fixture_contradictions
 from testbed.scenario.laboratory import SYSTEMATIC, At960Tracker
-from testbed.scenario.planning import (
-    MAX_STATIONS,
-    BoxGoal,
-    ListGoal,
-    PathGoal,
-    PlanSettings,
-)
+from testbed.scenario.planning import MAX_STATIONS, BoxGoal, ListGoal, PathGoal, PlanSettings
 from testbed.scenario.scenario import RESERVED, Scenario
 from testbed.scenario.tables import BudgetSettings, IdentificationSettings, TrialSettings
 from testbed.scenario.truth import truth_contradictions

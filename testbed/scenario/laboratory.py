@@ -5,14 +5,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from testbed.bounds import LENGTH_SD, shown
-from testbed.scenario.tables import (
-    MAX_JOINTS,
-    Point,
-    RotationVector,
-    Settings,
-    Side,
-    Text,
-)
+from testbed.scenario.tables import MAX_JOINTS, Point, RotationVector, Settings, Side, Text
 
 AngleSd = Annotated[float, Field(ge=0.0, le=5.0)]
 LengthSd = Annotated[float, Field(ge=0.0, le=50.0)]

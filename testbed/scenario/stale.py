@@ -8,13 +8,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from testbed.scenario.laboratory import At960Tracker, PaperTracker
-from testbed.scenario.origin import (
-    DECIDERS,
-    ROBOT,
-    TRACKER,
-    TRUTH,
-    same,
-)
+from testbed.scenario.origin import DECIDERS, ROBOT, TRACKER, TRUTH, same
 from testbed.scenario.presets import TRUTH_PRESETS, resolved, written
 from testbed.scenario.scenario import Scenario, StudyTable
 from testbed.scenario.tables import Settings

@@ -8,14 +8,7 @@ from itertools import takewhile
 from pathlib import Path
 
 from calib.errors import InputError, refuse
-from testbed.disk import (
-    FULL,
-    acquire,
-    flush_file,
-    flush_folder,
-    passing_folder,
-    write_error,
-)
+from testbed.disk import FULL, acquire, flush_file, flush_folder, passing_folder, write_error
 from testbed.machine import SCARCE, ran_out
 from testbed.store import layout
 

@@ -27,14 +27,7 @@ from testbed.laboratory.truth.terms import Springs
 from testbed.robots.catalog import load_robot
 from testbed.store.codec import pack, unpack
 from tests.reference import DEG, SIGMA_POSITION, SIGMA_ROTATION, tx60
-from tests.testbed.laboratory.outcomes import (
-    HELD_OUT,
-    POOL,
-    best_set,
-    robots,
-    seen_of,
-    settings,
-)
+from tests.testbed.laboratory.outcomes import HELD_OUT, POOL, best_set, robots, seen_of, settings
 
 pytestmark = pytest.mark.truth
 DRIVE = np.array([9e4, 9e4, 4e4, 1.2e4, 1e4, 6e3])

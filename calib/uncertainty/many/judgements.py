@@ -17,11 +17,7 @@ from calib.identification.fit_statistics import RED
 from calib.identification.identify import Identification
 from calib.measurement.observations import Measurements, joined
 from calib.uncertainty.conformal import conformal
-from calib.uncertainty.drift.drifting import (
-    ORDERED,
-    beside_misfit,
-    where_poses_stand,
-)
+from calib.uncertainty.drift.drifting import ORDERED, beside_misfit, where_poses_stand
 from calib.uncertainty.drift.memory import REMEMBERS, drift, interchangeable, seen_by_rows
 from calib.uncertainty.held_out import require_disjoint
 from calib.uncertainty.many.frames import motion_chances

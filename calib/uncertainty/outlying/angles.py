@@ -10,12 +10,7 @@ from calib.measurement.observations import Measurements
 from calib.measurement.prediction import predict
 from calib.uncertainty.statement.gain import estimator_gain, of_all_numbers, root_of_groups
 from calib.uncertainty.statement.misfit import DROP
-from calib.uncertainty.statement.shape import (
-    angles_apart,
-    are_loud,
-    misfit_shape,
-    wrong_shots,
-)
+from calib.uncertainty.statement.shape import angles_apart, are_loud, misfit_shape, wrong_shots
 
 TURNS = np.concatenate([[0.0], np.geomspace(0.01, 1000.0, 200)])
 """Errors of angles that are tried, in their stated standard deviations."""

@@ -30,10 +30,7 @@ from calib.uncertainty.statement.evidence import (
 )
 from calib.uncertainty.statement.gain import covariance_of_groups, estimator_gain, of_all_numbers
 from calib.uncertainty.statement.likelihood import DOUBT, likelihood
-from calib.uncertainty.statement.shape import (
-    MisfitShape,
-    misfit_shape,
-)
+from calib.uncertainty.statement.shape import MisfitShape, misfit_shape
 
 DROP = 0.821
 """Fall of the log-likelihood at the one-sided upper 90 % limit: half the 80 % point of chi2_1."""

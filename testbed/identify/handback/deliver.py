@@ -9,12 +9,7 @@ from calib.geometry.model import RobotModel
 from testbed.files.programs.correct import correct_program
 from testbed.gates.paths import short_stem
 from testbed.identify.applies.beyond import map_words
-from testbed.identify.applies.targets import (
-    statement_at,
-    statement_csv,
-    target_words,
-    tool_words,
-)
+from testbed.identify.applies.targets import statement_at, statement_csv, target_words, tool_words
 from testbed.identify.calibration import Calibration
 from testbed.identify.conditions import measured
 from testbed.identify.handback.delivered import GEOMETRIC, Delivered

@@ -12,12 +12,7 @@ from calib.geometry.frames import exp_so3, inverse, target_points
 from calib.geometry.model import RobotModel
 from calib.measurement.noise import spherical_covariance, with_joint_noise
 from calib.measurement.observations import POINT, POSE, Measurements
-from testbed.laboratory.tracker.errors import (
-    GrossErrors,
-    StationBias,
-    StationDrift,
-    some_rows,
-)
+from testbed.laboratory.tracker.errors import GrossErrors, StationBias, StationDrift, some_rows
 
 
 def streams_below(rng: np.random.Generator) -> list[np.random.Generator]:

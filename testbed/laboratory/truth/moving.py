@@ -18,14 +18,7 @@ from calib.geometry.chain import Chain, joint_vectors
 from calib.geometry.frames import transform
 from testbed.laboratory.simulator import grown, log_warning
 from testbed.laboratory.truth.moving_spec import hinge_names, moving_spec
-from testbed.laboratory.truth.springs import (
-    BENT,
-    gives_way,
-    hang,
-    places,
-    sag,
-    stiffnesses,
-)
+from testbed.laboratory.truth.springs import BENT, gives_way, hang, places, sag, stiffnesses
 from testbed.laboratory.truth.terms import Approach, Springs
 from testbed.robots.write.mjcf import compile_spec, set_geometry
 from testbed.scenario.truth import PEAK

@@ -4,14 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from testbed.files.frames_fit import (
-    FAR,
-    Misfit,
-    far_for,
-    fit_frames,
-    flange_poses,
-    target_groups,
-)
+from testbed.files.frames_fit import FAR, Misfit, far_for, fit_frames, flange_poses, target_groups
 from testbed.files.probe import probe
 from testbed.files.rows.shifts import FEWEST, ROWS, spread_out
 from testbed.files.session import Session

@@ -5,16 +5,7 @@ from collections.abc import Collection
 from pathlib import Path
 from typing import Any
 
-from testbed.bounds import (
-    DIRECTION,
-    INERTIA,
-    LIMIT,
-    LINK,
-    MASS,
-    SCALE,
-    SLIDE_SPEED,
-    TURN_SPEED,
-)
+from testbed.bounds import DIRECTION, INERTIA, LIMIT, LINK, MASS, SCALE, SLIDE_SPEED, TURN_SPEED
 from testbed.robots.describe.urdf_shapes import check_shapes, name_shapes
 from testbed.robots.describe.xml_gate import (
     FileOptions,

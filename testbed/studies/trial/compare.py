@@ -20,12 +20,7 @@ from calib.measurement import accuracy
 from calib.measurement.accuracy import point_distances
 from calib.measurement.observations import Measurements
 from calib.measurement.prediction import perfect, predict, predicted_positions
-from calib.uncertainty.regions import (
-    coverage_factor,
-    inside,
-    mahalanobis_squared,
-    student_factor,
-)
+from calib.uncertainty.regions import coverage_factor, inside, mahalanobis_squared, student_factor
 from calib.uncertainty.tool_point import ToolStatement
 from testbed.laboratory.truth.setting import Setting, in_turn
 from testbed.laboratory.truth.terms import UnmodelledTerms

@@ -8,13 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from calib.arrays import Array, Index
-from calib.design import (
-    METHODS,
-    Problem,
-    Selection,
-    best_of_random,
-    detmax,
-)
+from calib.design import METHODS, Problem, Selection, best_of_random, detmax
 from calib.geometry.frames import target_points
 from calib.identification.identify import Identification, Mode
 from calib.identification.many.tables import ManyTables

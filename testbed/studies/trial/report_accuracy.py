@@ -12,16 +12,7 @@ from testbed.studies.trial import plots
 from testbed.studies.trial.records import Campaign, Estimate, Replications, Trial
 from testbed.studies.trial.statement.report import statement_blocks
 from testbed.studies.trial.verdict import judge, tested
-from testbed.units import (
-    DEG,
-    MM,
-    counted,
-    decimals,
-    fixed,
-    listed,
-    percent,
-    significant,
-)
+from testbed.units import DEG, MM, counted, decimals, fixed, listed, percent, significant
 
 NONE = "–"
 SHORT = {"whitened": "default", "paper": "paper"}

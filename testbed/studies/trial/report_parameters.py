@@ -10,11 +10,7 @@ from testbed.scenario.scenario import Scenario
 from testbed.studies.trial import plots, plots_uncertainty
 from testbed.studies.trial.compare import held_by_repeats
 from testbed.studies.trial.records import Campaign, Estimate, Trial
-from testbed.units import (
-    counted,
-    fixed,
-    with_uncertainty,
-)
+from testbed.units import counted, fixed, with_uncertainty
 
 NONE = "–"
 TOP = 6

@@ -10,13 +10,7 @@ from testbed.store.quantities import METRE, RADIAN, Quantity, below, fields_of, 
 from testbed.studies.trial import decisions
 from testbed.studies.trial.bending.records import Ways
 from testbed.studies.trial.records import Campaign, Estimate, Trial
-from testbed.studies.trial.statement.records import (
-    BELIEVED,
-    LEVEL,
-    Statement,
-    Validation,
-    sums_of,
-)
+from testbed.studies.trial.statement.records import BELIEVED, LEVEL, Statement, Validation, sums_of
 from testbed.studies.trial.verdict import judge
 
 

@@ -6,14 +6,7 @@ from calib.uncertainty.outlying.poses import Strays
 from testbed.report.page import Verdict
 from testbed.studies.trial.records import Campaign, Estimate, Replications, Trial
 from testbed.studies.trial.statement.records import Statement
-from testbed.units import (
-    MM,
-    NARROW,
-    counted,
-    percent,
-    probability,
-    significant,
-)
+from testbed.units import MM, NARROW, counted, percent, probability, significant
 
 ALARM = RED
 """Chi-square p-value below which the residuals contradict the stated noise."""

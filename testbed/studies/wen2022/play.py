@@ -24,13 +24,7 @@ from testbed.streams import stream
 from testbed.studies.many_robots import alone, together, truth_of_kind
 from testbed.studies.trial.compare import true_step
 from testbed.studies.wen2022.budget import fitted, location_sets, steps_of
-from testbed.studies.wen2022.records import (
-    ESTIMATORS,
-    PoolSets,
-    Reexamined,
-    TrialSets,
-    environment,
-)
+from testbed.studies.wen2022.records import ESTIMATORS, PoolSets, Reexamined, TrialSets, environment
 from testbed.studies.wen2022.stated import held_by_covariance, held_by_type_a
 
 

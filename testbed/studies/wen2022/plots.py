@@ -19,11 +19,7 @@ from testbed.studies.over_robots import percent_of
 from testbed.studies.trial.plots import LOOKS
 from testbed.studies.wen2022 import paper
 from testbed.studies.wen2022.ratio import PRINTED, Split
-from testbed.studies.wen2022.records import (
-    ESTIMATORS,
-    STATEMENTS,
-    PaperBudget,
-)
+from testbed.studies.wen2022.records import ESTIMATORS, STATEMENTS, PaperBudget
 from testbed.studies.wen2022.summary import Errors, Held, Predicted
 from testbed.units import in_units
 

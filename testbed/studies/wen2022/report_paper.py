@@ -14,10 +14,7 @@ from testbed.studies.wen2022.claims_one_robot import held_out_before
 from testbed.studies.wen2022.finding import Finding
 from testbed.studies.wen2022.paper_set import stand_in
 from testbed.studies.wen2022.ratio import printed_split
-from testbed.studies.wen2022.records import (
-    PaperBudget,
-    paper_budget_of,
-)
+from testbed.studies.wen2022.records import PaperBudget, paper_budget_of
 from testbed.studies.wen2022.stated import Judged, judged_statements
 from testbed.studies.wen2022.tables import of_columns
 from testbed.units import MM, counted, fixed, listed, percent

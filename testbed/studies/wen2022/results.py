@@ -4,16 +4,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from testbed.store.quantities import (
-    METRE,
-    ONE,
-    Quantity,
-    Unit,
-    as_json,
-    below,
-    fields_of,
-    in_si,
-)
+from testbed.store.quantities import METRE, ONE, Quantity, Unit, as_json, below, fields_of, in_si
 from testbed.studies.trial.records import Campaign
 from testbed.studies.wen2022.calibrated_sets.records import random_calibrations_of
 from testbed.studies.wen2022.calibrated_sets.summary import OverSets, Rank, ranks

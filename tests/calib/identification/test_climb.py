@@ -12,10 +12,7 @@ from calib.geometry.parameters import parameters_of
 from calib.identification.climb import climb
 from calib.identification.climbing import ASKED
 from calib.identification.identify import Status, identify
-from calib.identification.ladders import (
-    MAP_ORDERS,
-    ladders_of,
-)
+from calib.identification.ladders import MAP_ORDERS, ladders_of
 from calib.identification.levels import prior_of, with_errors
 from calib.identification.model_choice import choose, extended_by
 from calib.identification.normal_equations import NormalEquations, normal_equations

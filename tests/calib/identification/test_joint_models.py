@@ -8,11 +8,7 @@ from calib.geometry.frames import rot_x, rot_y
 from calib.geometry.joint_errors import JointErrors, gravity_terms, harmonic_terms
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import parameters_of
-from calib.identification.joint_models import (
-    extended_model,
-    extended_parameters,
-    gravity_is_closed,
-)
+from calib.identification.joint_models import extended_model, extended_parameters, gravity_is_closed
 from calib.measurement.observations import Measurements
 from tests.reference import DEG, TX60_LINKS, WEN24, pool_r, rigid_truth, tx60
 from tests.truth.measuring import measured

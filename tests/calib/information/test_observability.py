@@ -12,13 +12,7 @@ from calib.design.blocks import information, paper_blocks
 from calib.errors import InputError
 from calib.geometry.jacobian import matrix_rows
 from calib.geometry.parameters import parameters_of
-from calib.information.observability import (
-    CRITERIA,
-    Form,
-    IndexName,
-    index_of,
-    indices,
-)
+from calib.information.observability import CRITERIA, Form, IndexName, index_of, indices
 from calib.information.rank import singular_values
 from tests.reference import SIGMA_POSITION, SIGMA_ROTATION, WEN24, pool_r, tx60
 

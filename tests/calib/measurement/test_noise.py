@@ -10,11 +10,7 @@ from calib.errors import InputError
 from calib.geometry.chain import Chain
 from calib.geometry.frames import exp_so3, inverse, transform
 from calib.geometry.model import RobotModel
-from calib.measurement.noise import (
-    spherical_covariance,
-    whiteners,
-    with_joint_noise,
-)
+from calib.measurement.noise import spherical_covariance, whiteners, with_joint_noise
 from calib.measurement.tables import covariances_of_sd
 from tests.reference import DEG, UM, pool_r, tx60
 

@@ -10,12 +10,7 @@ from calib.geometry.parameters import parameters_of
 from calib.measurement import tables
 from calib.measurement.noise import with_joint_noise
 from calib.measurement.tables import covariances_of_sd
-from calib.uncertainty.budget import (
-    Contribution,
-    RowNoise,
-    budget,
-    effective_dof,
-)
+from calib.uncertainty.budget import Contribution, RowNoise, budget, effective_dof
 from calib.uncertainty.refit import freeze, refit
 from calib.uncertainty.type_b import CommonInput, common_inputs, estimator_maps, type_b_covariance
 from tests.reference import READABLE30, SIGMA_POSITION, SIGMA_ROTATION, TOOL6, WEN24, pool_r, tx60

@@ -20,11 +20,7 @@ from calib.geometry.model import RobotModel
 from testbed.cli import app
 from testbed.files.read import read_session
 from testbed.identify.calibrate import Options
-from testbed.identify.folder import (
-    load_calibration,
-    play_calibration,
-    rederive_calibration,
-)
+from testbed.identify.folder import load_calibration, play_calibration, rederive_calibration
 from testbed.identify.handback.deliver import delivered_robot
 from testbed.identify.handback.states import handed_robot
 from testbed.identify.recording.story import calibration_story

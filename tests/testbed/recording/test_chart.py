@@ -7,15 +7,7 @@ import numpy as np
 import pytest
 
 from testbed.recording import style
-from testbed.recording.chart import (
-    BOTTOM,
-    SIZE,
-    Chart,
-    Series,
-    frames_of,
-    level,
-    title_lines,
-)
+from testbed.recording.chart import BOTTOM, SIZE, Chart, Series, frames_of, level, title_lines
 from testbed.recording.parameters import (
     EDGE,
     MOST_ROWS,

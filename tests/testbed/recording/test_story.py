@@ -13,13 +13,7 @@ from testbed.recording import layout
 from testbed.recording.chart import Chart, Series
 from testbed.recording.layout import blueprint, camera
 from testbed.recording.story import Panel, row_word, timeline_of
-from testbed.recording.timeline import (
-    Phase,
-    glide,
-    resting,
-    spread,
-    visit,
-)
+from testbed.recording.timeline import Phase, glide, resting, spread, visit
 from testbed.recording.write import story_bytes
 from testbed.robots.catalog import load_robot, robot_names
 from testbed.robots.placements import link_poses

@@ -8,13 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from testbed.cli.output import say_found
-from testbed.report.text import (
-    facts,
-    folded,
-    folded_columns,
-    table,
-    verdict_lines,
-)
+from testbed.report.text import facts, folded, folded_columns, table, verdict_lines
 from testbed.screen_reader import is_plain, plain_if
 
 HEAD = ["trial", "estimator", "poses", "before mm", "after mm", "believable"]

@@ -13,15 +13,7 @@ from testbed.studies.trial import plots, plots_uncertainty
 from testbed.studies.trial.estimator import AS_ASKED
 from testbed.studies.trial.records import Campaign, Trial
 from testbed.studies.trial.statement.records import SUMS, Statement, sums_of
-from testbed.units import (
-    counted,
-    micrometres,
-    percent,
-    probability,
-    sentence,
-    significant,
-    typeset,
-)
+from testbed.units import counted, micrometres, percent, probability, sentence, significant, typeset
 
 NONE = "–"
 COLUMNS = {

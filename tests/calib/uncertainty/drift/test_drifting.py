@@ -18,12 +18,7 @@ from calib.uncertainty.drift.drifting import (
     drifting,
     where_poses_stand,
 )
-from calib.uncertainty.drift.memory import (
-    REMEMBERS,
-    interchangeable,
-    memory_p,
-    visits_of_poses,
-)
+from calib.uncertainty.drift.memory import REMEMBERS, interchangeable, memory_p, visits_of_poses
 from calib.uncertainty.statement.belief import adding, believe
 from tests.calib import kinds
 

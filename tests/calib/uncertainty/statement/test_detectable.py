@@ -10,13 +10,7 @@ from scipy.stats import norm
 from calib.calibration import calibrate
 from calib.geometry.model import RobotModel
 from calib.measurement.observations import joined
-from calib.uncertainty.statement.evidence import (
-    POWER,
-    SEEN,
-    NoiseRepeats,
-    PositionRows,
-    detectable,
-)
+from calib.uncertainty.statement.evidence import POWER, SEEN, NoiseRepeats, PositionRows, detectable
 from calib.uncertainty.statement.likelihood import DOUBT, likelihood
 from calib.uncertainty.statement.misfit import misfit
 from tests.calib import kinds

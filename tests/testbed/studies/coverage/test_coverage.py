@@ -24,13 +24,7 @@ from testbed.studies.coverage.judge import judge_model
 from testbed.studies.coverage.play import gather, measure_robot, models, play_robots
 from testbed.studies.coverage.report import answer, believable_sentence, section, unnoticed
 from testbed.studies.coverage.study import STUDY, CoverageStudy
-from testbed.studies.coverage.summary import (
-    cells,
-    followed,
-    numbers_check,
-    published,
-    uniform_p,
-)
+from testbed.studies.coverage.summary import cells, followed, numbers_check, published, uniform_p
 from testbed.studies.coverage.tables import attained_share
 from testbed.studies.over_robots import mean_over_robots, share_over_robots
 from testbed.units import NARROW, Mean

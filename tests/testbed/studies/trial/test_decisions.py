@@ -13,12 +13,7 @@ from testbed.scenario.hashes import scenario_hash
 from testbed.scenario.read import changed
 from testbed.store.quantities import as_json
 from testbed.studies.trial.advice import next_step
-from testbed.studies.trial.decisions import (
-    decide,
-    decided_in_words,
-    decision_section,
-    published,
-)
+from testbed.studies.trial.decisions import decide, decided_in_words, decision_section, published
 from testbed.studies.trial.records import Campaign
 from tests.campaign import record_hash
 from tests.reported import VERSIONS, bare_campaign

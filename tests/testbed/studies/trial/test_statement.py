@@ -33,12 +33,7 @@ from testbed.studies.trial.report_secret import secret_section
 from testbed.studies.trial.results import statement_headline, truth_headline
 from testbed.studies.trial.statement.linear_check import linear_check, moved_targets, moving_axes
 from testbed.studies.trial.statement.regions import honest_share
-from testbed.studies.trial.statement.report import (
-    answer,
-    question_table,
-    reasons,
-    statement_blocks,
-)
+from testbed.studies.trial.statement.report import answer, question_table, reasons, statement_blocks
 from testbed.studies.trial.statement.sources import drift_left
 from testbed.studies.trial.statement.state import sound_held_out, state
 from testbed.studies.trial.verdict import BAD, GOOD, judge, trial_verdict

@@ -8,11 +8,7 @@ from calib.errors import InputError
 from testbed.laboratory.truth.laboratory import open_laboratory
 from testbed.scenario.read import changed
 from testbed.studies.trial.play import criterion_of, select
-from testbed.studies.wen2022.budget import (
-    fewer_than_usual,
-    location_sets,
-    paper_budget_study,
-)
+from testbed.studies.wen2022.budget import fewer_than_usual, location_sets, paper_budget_study
 from testbed.studies.wen2022.claims import examine
 from testbed.studies.wen2022.records import paper_budget_of
 from testbed.studies.wen2022.report_paper import paper_section

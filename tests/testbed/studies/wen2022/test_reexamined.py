@@ -20,12 +20,7 @@ from testbed.scenario.read import changed
 from testbed.scenario.tables import BudgetSettings
 from testbed.store.codec import pack, unpack
 from testbed.studies import load_scenario
-from testbed.studies.trial import (
-    report_accuracy,
-    report_design,
-    report_parameters,
-    report_secret,
-)
+from testbed.studies.trial import report_accuracy, report_design, report_parameters, report_secret
 from testbed.studies.trial.verdict import trial_verdict
 from testbed.studies.wen2022 import claims_many_robots as claims_robots
 from testbed.studies.wen2022 import paper, report_tool_point
