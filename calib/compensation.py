@@ -260,10 +260,7 @@ WORDS: Mapping[str, str] = {
 
 
 def status_sentences(
-    status: Sequence[str],
-    words: Mapping[str, str] = WORDS,
-    *,
-    names: Sequence[str] = (),
+    status: Sequence[str], words: Mapping[str, str] = WORDS, *, names: Sequence[str] = ()
 ) -> tuple[str, ...]:
     """One sentence for each kind of trouble, with the rows concerned by `names`, else from 1."""
     names = names or [str(k + 1) for k in range(len(status))]

@@ -35,9 +35,7 @@ def true_model(seed=3, *, harmonics=0.0, own_frames=False):
     chain = replace(chain, links=chain.links + sd * rng.standard_normal(chain.links.shape))
     if not own_frames:
         chain = replace(
-            chain,
-            T_world_base=step_transform(BASE),
-            T_flange_tool=step_transform(TOOL),
+            chain, T_world_base=step_transform(BASE), T_flange_tool=step_transform(TOOL)
         )
     terms = harmonic_terms(6) if harmonics else ()
     size = harmonics * DEG * rng.standard_normal(len(terms))

@@ -24,11 +24,7 @@ SMALL: dict[str, Any] = {
     "plan.stations.list_mm": [[2600.0, 0.0, 300.0], [1800.0, 1500.0, 300.0], [-2500.0, 0.0, 300.0]],
     # a post in the middle of the work: some straight moves are blocked
     "cell.obstacle": [
-        {
-            "kind": "box",
-            "size_mm": [60.0, 60.0, 1000.0],
-            "position_mm": [350.0, -150.0, 0.0],
-        }
+        {"kind": "box", "size_mm": [60.0, 60.0, 1000.0], "position_mm": [350.0, -150.0, 0.0]}
     ],
 }
 QUICK: dict[str, Any] = {

@@ -80,11 +80,7 @@ def exchange(problem: Problem, rng: np.random.Generator, *, restarts: int = REST
 
 
 def best_exchange(
-    problem: Problem,
-    rng: np.random.Generator,
-    *,
-    restarts: int = RESTARTS,
-    pairs: bool = False,
+    problem: Problem, rng: np.random.Generator, *, restarts: int = RESTARTS, pairs: bool = False
 ) -> Best:
     """The search of `exchange` for a checked problem."""
     criterion, first = problem.criterion, None

@@ -70,9 +70,7 @@ def best_pairs(problem: Problem, chosen: Index) -> LocalOptimum:
 
 
 def _climb(
-    problem: Problem,
-    chosen: Index,
-    move: Callable[[Array, Index, Bool], tuple[Index | None, int]],
+    problem: Problem, chosen: Index, move: Callable[[Array, Index, Bool], tuple[Index | None, int]]
 ) -> LocalOptimum:
     """Change a set (m,) by a move until it offers none or the value stops rising."""
     criterion, evaluated, way = problem.criterion, 0, [chosen]

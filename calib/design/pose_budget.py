@@ -210,12 +210,7 @@ def _grid(least: int, top: int) -> list[int]:
 
 
 def _sentence(
-    target: float,
-    smallest: int | None,
-    proven: int | None,
-    high: int,
-    curve: _Curve,
-    known: float,
+    target: float, smallest: int | None, proven: int | None, high: int, curve: _Curve, known: float
 ) -> str:
     """The budget in words; `known` is the figure before any pose of it."""
     asked = f"u = {target * 1e6:.4g} um"

@@ -80,9 +80,7 @@ def right_jacobian_inverse(e: Array) -> Array:
     small = t < 1e-3  # series: 1/12 + t^2/720 + t^4/30240
     safe = np.where(small, 1.0, t)
     factor = np.where(
-        small,
-        1 / 12 + t**2 / 720,
-        1 / safe**2 - (1 + np.cos(safe)) / (2 * safe * np.sin(safe)),
+        small, 1 / 12 + t**2 / 720, 1 / safe**2 - (1 + np.cos(safe)) / (2 * safe * np.sin(safe))
     )
     return np.asarray(np.eye(3) + 0.5 * K + factor * (K @ K), dtype=np.float64)
 

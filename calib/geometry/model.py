@@ -60,11 +60,7 @@ class RobotModel(Shown):
     @property
     def names(self) -> tuple[str, ...]:
         """(P,) names of all numbers: base, links, tool, joint terms, fixtures."""
-        return (
-            *chain_names(self.chain.n_joints),
-            *self.joint_errors.names,
-            *self.fixtures.names,
-        )
+        return (*chain_names(self.chain.n_joints), *self.joint_errors.names, *self.fixtures.names)
 
     @property
     def is_length(self) -> tuple[bool, ...]:
@@ -104,9 +100,7 @@ class RobotModel(Shown):
         """Step (P,) [m, rad] to a model of the same terms and fixtures; the inverse of `moved`."""
         require_kind("other", other, RobotModel, "a calib.RobotModel")
         (here, there) = check(
-            "k, k",
-            own=self.joint_errors.coefficients,
-            other=other.joint_errors.coefficients,
+            "k, k", own=self.joint_errors.coefficients, other=other.joint_errors.coefficients
         )
         return np.concatenate(
             [self.chain.step_to(other.chain), there - here, self.fixtures.step_to(other.fixtures)]

@@ -131,9 +131,6 @@ def parameters_of(
         raise refuse("names", twice, code="A3", message=message, fix=fix)
     is_length = np.array(model.is_length)
     table = Parameters(
-        names,
-        is_length,
-        np.ones(len(names), dtype=bool),
-        np.where(is_length, 1.0, 1.0 / length),
+        names, is_length, np.ones(len(names), dtype=bool), np.where(is_length, 1.0, 1.0 / length)
     )
     return table if free is None else table.freeing(free)

@@ -52,9 +52,7 @@ UNUSUAL = Level("none", usual=True)
 
 
 def row_ladders(
-    nominal: RobotModel,
-    measurements: Measurements,
-    known: RowTerms = NOTHING_KNOWN,
+    nominal: RobotModel, measurements: Measurements, known: RowTerms = NOTHING_KNOWN
 ) -> tuple[Ladder, ...]:
     """Ladders of approach, torque, gear and lengths.
 
@@ -76,11 +74,7 @@ def row_ladders(
 
 
 def _ladder(
-    name: str,
-    nominal: RobotModel,
-    terms: list[JointTerm],
-    why: list[str],
-    mean: float = 0.0,
+    name: str, nominal: RobotModel, terms: list[JointTerm], why: list[str], mean: float = 0.0
 ) -> Ladder:
     """A ladder of one level, with the terms that the model does not have yet."""
     has = set(nominal.joint_errors.names)

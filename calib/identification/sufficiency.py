@@ -15,9 +15,7 @@ from calib.measurement.residual import linearize
 
 
 def require_equations(
-    nominal: RobotModel,
-    measurements: Measurements,
-    parameters: Parameters,
+    nominal: RobotModel, measurements: Measurements, parameters: Parameters
 ) -> None:
     """Raise `TooFewPosesError` unless there are more independent equations than unknowns.
 

@@ -239,12 +239,7 @@ def _reflector_columns(J: Array, R: Array, first: int, measurements: Measurement
 
 
 def _distance_rows(
-    J: Array,
-    p: Array,
-    far: Index,
-    fixtures: Fixtures,
-    first: int,
-    measurements: Measurements,
+    J: Array, p: Array, far: Index, fixtures: Fixtures, first: int, measurements: Measurements
 ) -> Array:
     """Turn rows of points into rows of distances, in place; return the predicted distances [m]."""
     from_anchor = p[far] - fixtures.anchors[measurements.anchor[far]]

@@ -173,10 +173,7 @@ class Budget(Shown):
 
 @checked_kinds
 def budget(
-    start: Frozen,
-    noise: Sequence[RowNoise],
-    *,
-    common: Sequence[CommonInput] = (),
+    start: Frozen, noise: Sequence[RowNoise], *, common: Sequence[CommonInput] = ()
 ) -> Budget:
     """Take the covariance of an estimate apart by source.
 

@@ -61,10 +61,7 @@ class HeldOut(Shown):
 
 @checked_kinds
 def held_out(
-    model: RobotModel,
-    covariance: ArrayLike,
-    validation: Measurements,
-    used_q: ArrayLike,
+    model: RobotModel, covariance: ArrayLike, validation: Measurements, used_q: ArrayLike
 ) -> HeldOut:
     """Predict held-out poses and compare.
 

@@ -291,8 +291,4 @@ def descend(
     chi_square = square - np.einsum("bfl,bfl->bl", step, 2 * own - data @ step)
     length = np.sqrt(np.einsum("bfl,bfl->bl", step, start.precision @ step))
     length[(batch.turned > LARGEST_TERM) | lost] = np.inf
-    return Refits(
-        np.moveaxis(batch.x, 1, -1).reshape(-1, f),
-        chi_square.ravel(),
-        length.ravel(),
-    )
+    return Refits(np.moveaxis(batch.x, 1, -1).reshape(-1, f), chi_square.ravel(), length.ravel())

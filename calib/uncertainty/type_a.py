@@ -53,9 +53,7 @@ def type_a(estimates: ArrayLike) -> TypeA:
             fix="repeat the calibration; the paper takes ten",
         )  # fmt: skip
     return TypeA(
-        frozen(estimates.mean(axis=0)),
-        frozen(estimates.std(axis=0, ddof=1)),
-        len(estimates) - 1,
+        frozen(estimates.mean(axis=0)), frozen(estimates.std(axis=0, ddof=1)), len(estimates) - 1
     )
 
 
@@ -126,10 +124,7 @@ def best_budget(repeats: ArrayLike, environment: ArrayLike = 0.0) -> ParameterBu
 
 
 def random_budget(
-    repeats: ArrayLike,
-    pose_numbers: ArrayLike,
-    locations: ArrayLike,
-    environment: ArrayLike = 0.0,
+    repeats: ArrayLike, pose_numbers: ArrayLike, locations: ArrayLike, environment: ArrayLike = 0.0
 ) -> ParameterBudget:
     """What the paper counts for random pose sets: two contributors more than for the optimal set.
 

@@ -107,11 +107,7 @@ def first_order(
 
 @checked_kinds
 def validate(
-    value: ArrayLike,
-    covariance: ArrayLike,
-    monte_carlo: Adaptive,
-    *,
-    digits: int = 2,
+    value: ArrayLike, covariance: ArrayLike, monte_carlo: Adaptive, *, digits: int = 2
 ) -> LinearCheck:
     """Compare means, u, largest eigenvalue of the correlation and k_p with Monte Carlo.
 

@@ -81,8 +81,7 @@ def robots(
 @app.command()
 def compare(
     runs: Annotated[
-        list[Path],
-        typer.Argument(metavar="RUN RUN...", help="Folders, or one that contains them."),
+        list[Path], typer.Argument(metavar="RUN RUN...", help="Folders, or one that contains them.")
     ],
     as_json: Json = False,
     plain: Plain = False,

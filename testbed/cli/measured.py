@@ -29,8 +29,7 @@ def identify(
     ],
     data: Data,
     config: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE", help="File with names and units of the columns."),
+        Path | None, typer.Option(metavar="FILE", help="File with names and units of the columns.")
     ] = None,
     out: Annotated[Path | None, typer.Option(help="Output folder [runs/DATA-identified].")] = None,
     train: Annotated[
@@ -149,8 +148,7 @@ def iso9283(
     drop_invalid: Annotated[
         bool,
         typer.Option(
-            "--drop-invalid",
-            help="Leave out rows that are not numbers, and incomplete cycles.",
+            "--drop-invalid", help="Leave out rows that are not numbers, and incomplete cycles."
         ),
     ] = False,
     max_mb: MaxMb = 100.0,

@@ -143,8 +143,7 @@ def tell_schema(out: Path, line: str) -> None:
 @app.command()
 def check(
     file: Annotated[
-        Path,
-        typer.Argument(metavar="FILE", help="Session, scenario, robot, or a table of data."),
+        Path, typer.Argument(metavar="FILE", help="Session, scenario, robot, or a table of data.")
     ],
     robot: Annotated[
         str | None,

@@ -140,10 +140,5 @@ def _animate(pictures: Iterator[bytes], rate: float, file: Path) -> None:
     frames = ahead(reduced, pictures)
     first = next(frames)
     first.save(
-        file,
-        format="GIF",
-        save_all=True,
-        append_images=frames,
-        duration=round(1000 / rate),
-        loop=0,
+        file, format="GIF", save_all=True, append_images=frames, duration=round(1000 / rate), loop=0
     )

@@ -119,7 +119,4 @@ def _region(point: StatedPoint, belief: Belief) -> list[Quantity]:
         "noise_scale": belief.misfit.noise_scale,
         "noise_told_by_repeats": belief.misfit.repeated,
     }
-    return [
-        *(Quantity(name, x, METRE) for name, x in sizes.items()),
-        *unitless(others),
-    ]
+    return [*(Quantity(name, x, METRE) for name, x in sizes.items()), *unitless(others)]

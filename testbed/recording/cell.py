@@ -72,10 +72,7 @@ def draw_arm(
 
 
 def _draw_parts(
-    pen: Pen,
-    paths: Sequence[str],
-    parts: Sequence[Visual | Primitive],
-    color: Color | None = None,
+    pen: Pen, paths: Sequence[str], parts: Sequence[Visual | Primitive], color: Color | None = None
 ) -> None:
     """What is seen, below the entities of the links, in its own color or, as a ghost, in one.
 

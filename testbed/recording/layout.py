@@ -115,10 +115,7 @@ def cell(story: Story, timeline: Timeline, window: Window) -> Any:
             color=[120, 130, 140, 70],
         ),
         eye_controls=rrb.EyeControls3D(
-            kind=rrb.Eye3DKind.Orbital,
-            position=position,
-            look_target=target,
-            eye_up=(0, 0, 1),
+            kind=rrb.Eye3DKind.Orbital, position=position, look_target=target, eye_up=(0, 0, 1)
         ),
     )
 

@@ -70,12 +70,7 @@ def label(
 
 
 def labels_apart(
-    ax: "Axes",
-    texts: Sequence[str],
-    at: Array,
-    room: tuple[float, float],
-    *,
-    besides: Array,
+    ax: "Axes", texts: Sequence[str], at: Array, room: tuple[float, float], *, besides: Array
 ) -> None:
     """Words beside points (m, 2) of a panel with equal axes, so far as no two meet.
 

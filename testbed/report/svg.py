@@ -22,13 +22,7 @@ HALO = "halo"
 """Name that gives words a thin white edge: they can be read over lines, and hide none of them."""
 EDGE = 'paint-order="stroke" stroke="#ffffff" stroke-opacity="0.9" stroke-width="2"'
 
-TICKS = {
-    "color": SOFT,
-    "labelcolor": INK,
-    "labelsize": 7.5,
-    "major.width": 0.6,
-    "minor.width": 0.4,
-}
+TICKS = {"color": SOFT, "labelcolor": INK, "labelsize": 7.5, "major.width": 0.6, "minor.width": 0.4}
 STYLE: Any = {
     "svg.hashsalt": "truebed",
     "svg.fonttype": "none",

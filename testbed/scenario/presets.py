@@ -37,10 +37,7 @@ TRUTH_PRESETS: dict[str, dict[str, object]] = {
     },
     "elastic": ELASTIC,
     "drives": SOFT
-    | {
-        "gravity_mdeg": [0.0, 0.0, 0.0],
-        "transmission_mdeg": [8.0, 8.0, 8.0, 5.0, 5.0, 5.0],
-    },
+    | {"gravity_mdeg": [0.0, 0.0, 0.0], "transmission_mdeg": [8.0, 8.0, 8.0, 5.0, 5.0, 5.0]},
     "payloads": ELASTIC | {"payload_kg": 2.5, "payloads_kg": [0.0, 5.0]},
     "gears": SOFT
     | {

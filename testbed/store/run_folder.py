@@ -43,12 +43,7 @@ class RunFolder:
     """One run folder, locked until it is closed; `create`, `resume` or `reopen` one."""
 
     def __init__(
-        self,
-        path: Path,
-        lock: IO[str] | None = None,
-        *,
-        fresh: bool = False,
-        begun: bool = False,
+        self, path: Path, lock: IO[str] | None = None, *, fresh: bool = False, begun: bool = False
     ) -> None:
         self.path = path
         self.begun = begun

@@ -19,11 +19,7 @@ from tests.reference import SIGMA_POSITION, SIGMA_ROTATION, WEN24, pool_r, tx60
 from tests.truth.measuring import measured
 
 C, Q, MODEL = calibration_covariance(), pool_r(50), tx60()
-PLAN = tables.poses(
-    pool_r()[:29],
-    MODEL.poses(pool_r()[:29]),
-    sd=(SIGMA_POSITION, SIGMA_ROTATION),
-)
+PLAN = tables.poses(pool_r()[:29], MODEL.poses(pool_r()[:29]), sd=(SIGMA_POSITION, SIGMA_ROTATION))
 PARAMETERS = parameters_of(MODEL, WEN24)
 
 

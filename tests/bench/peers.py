@@ -183,10 +183,7 @@ def of_pybotics() -> Iterator[Way]:
     turn = np.eye(4)
     turn[0, 3], turn[1:3, 1:3] = (
         a[-1],
-        [
-            [np.cos(alpha[-1]), -np.sin(alpha[-1])],
-            [np.sin(alpha[-1]), np.cos(alpha[-1])],
-        ],
+        [[np.cos(alpha[-1]), -np.sin(alpha[-1])], [np.sin(alpha[-1]), np.cos(alpha[-1])]],
     )
     robot.tool.matrix = turn @ chain.T_flange_tool
     expected = ROBOT.model.poses(Q)[:, :3, 3]

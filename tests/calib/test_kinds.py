@@ -177,9 +177,7 @@ def fitted(kind: str, seed: int, m: int, noise: float) -> tuple[RobotModel, Iden
             table,
             position=table.position - np.where(table.is_distance[:, None], 0, seen[:, :3]),
             rotation=np.where(
-                table.is_pose[:, None, None],
-                _turned(-seen[:, 3:]) @ table.rotation,
-                table.rotation,
+                table.is_pose[:, None, None], _turned(-seen[:, 3:]) @ table.rotation, table.rotation
             ),
             distance=table.distance - np.where(table.is_distance, seen[:, 0], 0),
         )

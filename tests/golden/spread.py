@@ -177,10 +177,7 @@ FIGURES: dict[str, tuple[Figure, ...]] = {
         *believed("designed-29", "random-29", mode="paper"),
     ),
     "iiwa": (*errors("designed-29", "random-29"), *believed("designed-29", "random-29")),
-    "position_only": (
-        *errors("designed-40", "random-40"),
-        *believed("designed-40", "random-40"),
-    ),
+    "position_only": (*errors("designed-40", "random-40"), *believed("designed-40", "random-40")),
     "stations": (*errors("designed-16", "random-16"), *believed("designed-16", "random-16")),
     "wen2022": tuple(campaign_of_the_paper()),
     "wen2022_moving": (

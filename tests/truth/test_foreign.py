@@ -156,11 +156,7 @@ def test_what_constants_leave_is_what_finite_differences_of_the_tracker_say():
 
 @pytest.mark.parametrize(
     "cell",
-    [
-        Cell("mixture", 4.0),
-        Cell("sag", 2.0, 60, 40, "low"),
-        Cell("mixture", 0.5, off_axis=0.04),
-    ],
+    [Cell("mixture", 4.0), Cell("sag", 2.0, 60, 40, "low"), Cell("mixture", 0.5, off_axis=0.04)],
     ids=["large", "used above where it was measured", "one reflector of a UR5"],
 )
 def test_the_believed_region_holds_elsewhere_too(cell):

@@ -49,9 +49,7 @@ def droops(arm: str, poses: int, share: float) -> tuple[Array, Array]:
     )
     true = ElasticArm(robot.model.chain, sprung).poses(q)[:, :3, 3]
     weight = Weight(
-        robot.model.chain,
-        moments_of(robot.masses, robot.centers),
-        moments_of([2.0], [place])[0],
+        robot.model.chain, moments_of(robot.masses, robot.centers), moments_of([2.0], [place])[0]
     )
     # all of them, also those that feel gravity only once others have bent
     joint, axis, every = np.repeat(range(n), 3), np.tile(range(3), n), np.ones(3 * n)

@@ -119,10 +119,7 @@ def test_claim_3_ten_thousand_draws_reach_3_85_standard_deviations_each_way():
 
 @pytest.mark.parametrize(
     ("column", "mean_mm", "printed_mm"),
-    [
-        ("u_best", 0.0069, paper.U_MEAN_BEST_MM),
-        ("u_random", 0.0647, paper.U_MEAN_RANDOM_MM),
-    ],
+    [("u_best", 0.0069, paper.U_MEAN_BEST_MM), ("u_random", 0.0647, paper.U_MEAN_RANDOM_MM)],
 )
 def test_claim_4_mean_over_fifty_poses(column, mean_mm, printed_mm):
     u = standard(column)

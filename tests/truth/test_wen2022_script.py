@@ -26,11 +26,7 @@ from tests.reference import SIGMA_POSITION, SIGMA_ROTATION, TX60_LINKS, WEN24, p
 from tests.truth import wen2022_arm as arm
 from tests.truth import wen2022_script as script
 
-QUICK = {
-    "uncertainty.replications": 0,
-    "studies.pose_count": False,
-    "studies.random_sets": 0,
-}
+QUICK = {"uncertainty.replications": 0, "studies.pose_count": False, "studies.random_sets": 0}
 """What these tests do not read; the other numbers do not change by that."""
 SMALL = {
     **QUICK,

@@ -114,11 +114,7 @@ def outliers(
 
 
 def inspect(
-    nominal: RobotModel,
-    result: Identification,
-    measurements: Measurements,
-    *,
-    chance: float = 0.05,
+    nominal: RobotModel, result: Identification, measurements: Measurements, *, chance: float = 0.05
 ) -> Outliers:
     """Judge every observation of the table that a model was identified from.
 

@@ -19,10 +19,7 @@ controllers leave a hundredth of a degree, and no misfit changes within that [ra
 
 
 def one_stop(
-    table: Measurements,
-    conditions: Conditions,
-    names: tuple[str, ...],
-    slides: Bool,
+    table: Measurements, conditions: Conditions, names: tuple[str, ...], slides: Bool
 ) -> tuple[Measurements, tuple[str, ...], tuple[str, ...]]:
     """The table with one pose for all rows at the same joints, names of poses, and what is odd.
 

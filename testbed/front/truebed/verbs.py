@@ -39,11 +39,7 @@ def cycled(data: str | Path, out: Path | None) -> CycleResult:
 
 
 def written(
-    robot: str | Path | Robot,
-    found: RobotModel | CalibratedRobot,
-    folder: Path,
-    *,
-    overwrite: bool,
+    robot: str | Path | Robot, found: RobotModel | CalibratedRobot, folder: Path, *, overwrite: bool
 ) -> tuple[str, ...]:
     """Implementation of `truebed.write_robot`."""
     arm = robot if isinstance(robot, Robot) else load_robot(robot)

@@ -44,6 +44,6 @@ def hand_back_section(calibration: Calibration) -> Section:
                 strong=(1,),
                 note=f"Over the {len(found.at_poses)} poses of the statement. R95: 3-D radius of "
                 "the mean of many moves, 95 %. tool_in_use.csv has it for every pose.",
-            ),
+            )
         ]
     return Section("handback", "What is handed back", tuple(blocks))

@@ -38,7 +38,7 @@ def joint_section(calibration: Calibration) -> Section | None:
         Text(
             "Joint errors are errors that no length or angle of the links can describe: sag, and "
             "waves of gears and encoders. A joint map contains all waves up to 32 per turn."
-        ),
+        )
     ]
     blocks += choice_tables(choice.offered, choice.steps)
     if found is not None and choice.chosen == "extended":

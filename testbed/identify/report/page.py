@@ -141,7 +141,7 @@ def data_section(calibration: Calibration) -> Section:
         *(("file", f"{name}, sha256 {digest[:16]}") for name, digest in source.files),
     )
     blocks: list[Block] = [
-        Table(caption="What was read", head=("what", "value"), rows=rows, align="ll"),
+        Table(caption="What was read", head=("what", "value"), rows=rows, align="ll")
     ]
     for title, texts in (
         ("How they were read:", source.probe),

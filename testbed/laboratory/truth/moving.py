@@ -141,11 +141,7 @@ class MovingArm:
         return transform(rotation.reshape(-1, 3, 3), position)
 
     def deflections(
-        self,
-        q: ArrayLike,
-        travel: Array,
-        dwells: tuple[float, ...],
-        payload: Array | None = None,
+        self, q: ArrayLike, travel: Array, dwells: tuple[float, ...], payload: Array | None = None
     ) -> Array:
         """Angles (d, m, k) of the springs after rising dwells (d,) [s], as `ElasticArm` has them.
 

@@ -19,10 +19,7 @@ from testbed.studies.trial.records import Campaign, Estimate
 from testbed.studies.trial.statement.records import LEVEL
 from testbed.units import UM, counted, micrometres, percent, sentence, typeset
 
-PROGRAMS = {
-    "before": "as it was",
-    "after": "corrected",
-}
+PROGRAMS = {"before": "as it was", "after": "corrected"}
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -127,10 +127,7 @@ MISPRINTS = (
         "only so can every pose of the pool enter",
     ),
     Misprint(
-        "smallest number of poses",
-        "mu >= 2",
-        "mu >= 4",
-        "twelve rows of a pose hold six freedoms",
+        "smallest number of poses", "mu >= 2", "mu >= 4", "twelve rows of a pose hold six freedoms"
     ),
     Misprint(
         "distance of the tool point",

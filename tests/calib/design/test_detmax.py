@@ -215,9 +215,7 @@ def test_a_start_that_is_no_set_is_refused(start: list[int]):
 def test_constants_that_never_stop_are_refused(constant: str):
     with pytest.raises(InputError, match=f"{constant} is 0"):
         detmax(
-            Problem.of_blocks(whitened_pool(80), 5, "O1"),
-            np.random.default_rng(0),
-            **{constant: 0},
+            Problem.of_blocks(whitened_pool(80), 5, "O1"), np.random.default_rng(0), **{constant: 0}
         )
 
 

@@ -37,10 +37,7 @@ def v():
 @pytest.mark.parametrize("counts", [[18, 26], pytest.param([*CURVE], marks=pytest.mark.study)])
 def test_the_curve_of_the_tx60_and_the_number_for_fifteen_micrometers(v, counts):
     found = pose_budget(
-        Problem.of_blocks(whitened_pool(), 200, v),
-        15e-6,
-        np.random.default_rng(0),
-        counts=counts,
+        Problem.of_blocks(whitened_pool(), 200, v), 15e-6, np.random.default_rng(0), counts=counts
     )
     reached = dict(zip(found.counts.tolist(), found.reached * 1e6, strict=True))
     for m, u in ((m, u) for m, u in CURVE.items() if m in counts):

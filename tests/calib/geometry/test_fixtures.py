@@ -264,10 +264,7 @@ def test_virtual_calibrations_take_known_reflectors_and_refuse_the_rest_in_words
     q = pool_r(20)
     free = parameters_of(true, ("theta2", "a2"))
     named = freeze(true, points(true, q, rng, reflector=0), free)
-    given = replace(
-        points(true, q, rng),
-        offset=np.tile(true.fixtures.reflectors[0], (20, 1)),
-    )
+    given = replace(points(true, q, rng), offset=np.tile(true.fixtures.reflectors[0], (20, 1)))
     np.testing.assert_allclose(named.covariance, freeze(true, given, free).covariance, rtol=1e-9)
     for table, names, said in (
         (distances(true, q, rng), ("theta2",), "distances"),

@@ -289,9 +289,7 @@ def test_estimates_do_not_depend_on_the_unit_of_length():
     )
     unit = np.repeat([1e3, 1.0], 3)
     other = replace(
-        table,
-        position=1e3 * table.position,
-        covariance=table.covariance * unit[:, None] * unit,
+        table, position=1e3 * table.position, covariance=table.covariance * unit[:, None] * unit
     )
     one = identify(tx60(), table, parameters_of(tx60()))
     two = identify(in_millimeters(tx60()), other, parameters_of(in_millimeters(tx60()), length=300))

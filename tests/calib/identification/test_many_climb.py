@@ -263,9 +263,7 @@ def tight(table):
     )
     plan = plan_of(TX60, [table], FREE, ladders, prior)
     rows = many_climb.ClimbRows.of(
-        many_climb.ManyModels.of(TX60, 1),
-        many_climb.ManyTables.of([table]),
-        FREE.free_index,
+        many_climb.ManyModels.of(TX60, 1), many_climb.ManyTables.of([table]), FREE.free_index
     )
     (robot,) = many_climb.robots_of(plan, rows, np.zeros((1, 42)))
     return robot, prior, {level.name: level for one in ladders for level in one.levels}

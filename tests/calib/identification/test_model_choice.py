@@ -30,11 +30,7 @@ def test_a_bent_robot_asks_for_the_extended_model_and_a_rigid_one_does_not(free,
     seed = m % 3
     rigid = rigid_truth(np.random.default_rng(seed))
     for truth, expected in ((bent(seed), "extended"), (rigid, "geometric")):
-        choice = choose(
-            tx60(),
-            seen(truth, m, seed),
-            parameters_of(tx60(), free),
-        )
+        choice = choose(tx60(), seen(truth, m, seed), parameters_of(tx60(), free))
         assert choice.chosen == expected
         assert choice.identification is choice.identifications[expected == "extended"]
         assert all(found.status is Status.CONVERGED for found in choice.identifications)

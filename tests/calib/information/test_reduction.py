@@ -290,11 +290,7 @@ def test_singular_values_are_those_of_the_definition():
 
 @pytest.mark.parametrize(
     ("A", "code"),
-    [
-        (np.full((12, 24), np.nan), "A2"),
-        (np.ones((12, 23)), "A1"),
-        (np.ones((0, 24)), "M27"),
-    ],
+    [(np.full((12, 24), np.nan), "A2"), (np.ones((12, 23)), "A1"), (np.ones((0, 24)), "M27")],
     ids=["not finite", "a column short", "no rows"],
 )
 def test_a_matrix_that_does_not_fit_is_refused(A: Array, code: str):

@@ -103,10 +103,7 @@ def test_the_known_correlations_appear_and_dropping_them_inflates_the_tool_point
     J, sigma = problem(m, seed)
     goals = pool_r(200, 99)
     # rho(theta3, a3), rho(alpha3, d3), and how much independence overstates u_3D
-    cases = (
-        (inverse_of(sigma), -0.87, 0.89, 2.0),
-        (matrix_row_weights(m), -0.97, 0.96, 3.0),
-    )
+    cases = ((inverse_of(sigma), -0.87, 0.89, 2.0), (matrix_row_weights(m), -0.97, 0.96, 3.0))
     for weight, theta_a, alpha_d, inflation in cases:
         C = sandwich(J, weight, sigma)
         rho = correlation(C)

@@ -60,10 +60,7 @@ MODELS = {
     "six axes, everything crooked": lambda rng: random_model(rng, 6),
     "seven axes": lambda rng: random_model(rng, 7),
     "sliding second and fifth joint": lambda rng: random_model(
-        rng,
-        5,
-        ("revolute", "prismatic", "revolute", "revolute", "prismatic"),
-        harmonic_terms(5),
+        rng, 5, ("revolute", "prismatic", "revolute", "revolute", "prismatic"), harmonic_terms(5)
     ),
     "gravity and harmonics": lambda rng: random_model(
         rng, 6, (), gravity_terms(6) + harmonic_terms(6)

@@ -13,11 +13,7 @@ def estimates(rows, seed, scale=1.0):
 
 def both():
     repeats, sets, regions = estimates(10, 0), estimates(7, 1, 2.0), estimates(4, 2, 3.0)
-    return (
-        best_budget(repeats),
-        random_budget(repeats, sets, regions),
-        (repeats, sets, regions),
-    )
+    return (best_budget(repeats), random_budget(repeats, sets, regions), (repeats, sets, regions))
 
 
 def test_the_best_figure_counts_repeats_only_as_the_environment_is_taken_as_constant():

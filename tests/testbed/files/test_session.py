@@ -383,8 +383,7 @@ def test_expanded_uncertainties_are_halved_and_kept_above_a_stated_least(tmp_pat
     table |= {f"U95r{a}_deg": np.full(29, 0.02) for a in "xyz"}
     saved(tmp_path / "a.csv", csv(table))
     toml = saved(
-        tmp_path / "s.toml",
-        '[frames]\neuler = "XYZ"\n[uncertainty]\nat_least_position_um = 8\n',
+        tmp_path / "s.toml", '[frames]\neuler = "XYZ"\n[uncertainty]\nat_least_position_um = 8\n'
     )
     session = read_session(tmp_path / "a.csv", ROBOT, config=toml)
     u = np.sqrt(np.diagonal(session.measurements.covariance, axis1=1, axis2=2))[0]

@@ -32,9 +32,7 @@ def found(m, at, kind, *, poses, seed=0):
     position, rotation = data.T[:, :3, 3], data.T[:, :3, :3]
     position = position if poses else position + rotation @ ARM
     return find_slip(
-        flange_poses(ROBOT.model, data.q),
-        position[rows],
-        rotation[rows] if poses else None,
+        flange_poses(ROBOT.model, data.q), position[rows], rotation[rows] if poses else None
     )
 
 

@@ -73,10 +73,7 @@ def test_whoever_reads_a_deep_file_refuses_it_by_its_line(told, verb, case):
 @pytest.mark.parametrize("case", DEEP)
 def test_a_deep_file_is_refused_before_anything_walks_it(case):
     content, line, levels = DEEP[case]
-    with (
-        no_hang(),
-        pytest.raises(InputError, match=rf"^x\.toml:{line}: is nested {levels} deep; "),
-    ):
+    with no_hang(), pytest.raises(InputError, match=rf"^x\.toml:{line}: is nested {levels} deep; "):
         toml_document(content, "x.toml")
 
 

@@ -65,10 +65,7 @@ def test_held_out_rows_take_no_part_in_anything_but_the_proof():
     )
     pairs = (
         (one.before, other.before),
-        (
-            one.fit.identification.model,
-            other.fit.identification.model,
-        ),
+        (one.fit.identification.model, other.fit.identification.model),
     )
     for mine, theirs in pairs:
         assert np.array_equal(mine.chain.links, theirs.chain.links)
@@ -143,9 +140,7 @@ def test_frames_of_the_robot_file_stand_where_they_fit():
     assert not sound().own_frames
     # then the fit is the one of a campaign: from the nominal robot, on the same rows
     direct = identify(
-        robot().model,
-        session.measurements.rows(found.is_used),
-        parameters_of(robot().model),
+        robot().model, session.measurements.rows(found.is_used), parameters_of(robot().model)
     )
     assert np.array_equal(found.fit.identification.step, direct.step)
 

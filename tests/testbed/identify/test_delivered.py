@@ -282,10 +282,7 @@ def test_the_drawn_robot_is_the_identified_one_whatever_numbers_it_was_given():
     long = replace(model.chain, links=links)
     other = identified_robot(robot(), RobotModel(long), name="other")
     assert np.abs(other.model.chain.links[:, 1:3]).max() <= reach(long) * 1.01  # chosen anew
-    for arm, chain in (
-        (delivered_robot(found, robot(), found.fit), model.chain),
-        (other, long),
-    ):
+    for arm, chain in ((delivered_robot(found, robot(), found.fit), model.chain), (other, long)):
         drawn = forward(calibration_story(found, arm).chain, q)
         expected = inverse(model.chain.T_world_base) @ forward(chain, q)
         assert np.abs(drawn - expected).max() < 1e-12

@@ -45,9 +45,7 @@ def distances(model, q, rng):
 def test_three_reflectors_of_unknown_place_are_enough():
     table = points(true_model(), pool_r(60), np.random.default_rng(1))
     session = session_of(
-        table,
-        fixtures=Fixtures(reflectors=np.zeros((3, 3))),
-        reflector_names=("A", "B", "C"),
+        table, fixtures=Fixtures(reflectors=np.zeros((3, 3))), reflector_names=("A", "B", "C")
     )
     found = calibrate(robot(), session, Options(seed=2))
     assert found.fit.identification.rank == 33  # MATH 3: base, links and three reflectors

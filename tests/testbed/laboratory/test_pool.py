@@ -188,10 +188,7 @@ def test_arrays_are_read_only(pool):
             {"box_center_mm": (450.0, 0.0, -420.0), "box_size_mm": (300.0, 300.0, 80.0)},
             '"floor" rejects .* raise the box',
         ),
-        (
-            {"station": (0.0, 0.0, -0.3)},
-            r'"line of sight" rejects .* move \[tracker\] station_mm',
-        ),
+        ({"station": (0.0, 0.0, -0.3)}, r'"line of sight" rejects .* move \[tracker\] station_mm'),
     ],
 )
 def test_a_hopeless_pool_says_which_test_to_change(robot, simulator, changes, message):

@@ -58,11 +58,7 @@ def test_a_scenario_without_fixtures_has_no_rounds():
 
 def test_the_rounds_are_every_pair_of_a_place_and_a_target_in_order():
     names = [one.name for one in laboratory("small").rounds]
-    assert names == [
-        *(f"station {k}, {name}" for k in "12" for name in "ABC"),
-        "P1, A",
-        "P2, A",
-    ]
+    assert names == [*(f"station {k}, {name}" for k in "12" for name in "ABC"), "P1, A", "P2, A"]
     poses = [one.name for one in laboratory("small", "poses").rounds]
     assert poses == ["station 1", "station 2", "P1, tool"]
 

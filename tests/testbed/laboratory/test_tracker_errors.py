@@ -19,12 +19,7 @@ from tests.testbed.laboratory.test_tracker import NO_SCATTER, REFLECTOR, deviati
 
 MODEL, Q = tx60(), pool_r()
 SIZE = bias_size(At960Tracker(level_mdeg=0.6))
-EVERY = {
-    "systematic": True,
-    "drift_um_per_sqrt_h": 20.0,
-    "outliers": 3,
-    "missed": 2,
-}
+EVERY = {"systematic": True, "drift_um_per_sqrt_h": 20.0, "outliers": 3, "missed": 2}
 """All switches of what is off by default."""
 
 

@@ -72,10 +72,7 @@ def test_targets_with_differences_are_read_as_their_sum(form, tmp_path):
     [
         (AWAY, f"they are measured - target in all {M} rows"),
         (-AWAY, f"they are target - measured in all {M} rows"),
-        (
-            AWAY + np.array([0.0, 0.0, 0.05]),
-            "they are neither measured - target nor the reverse",
-        ),
+        (AWAY + np.array([0.0, 0.0, 0.05]), "they are neither measured - target nor the reverse"),
     ],
     ids=["difference", "reverse", "neither"],
 )

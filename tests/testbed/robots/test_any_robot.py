@@ -238,11 +238,7 @@ def test_sag_lowers_the_arm_whatever_its_zero_pose():
             chain = replace(robot.model.chain, T_world_base=base)
             turned = replace(robot, model=RobotModel(chain))
             truth = scenario(robot.name, truth={"preset": "rigid"}).truth.model_copy(
-                update={
-                    "angle_sd_deg": 0.0,
-                    "length_sd_mm": 0.0,
-                    "gravity_mdeg": (10.0, 0.0, 0.0),
-                }
+                update={"angle_sd_deg": 0.0, "length_sd_mm": 0.0, "gravity_mdeg": (10.0, 0.0, 0.0)}
             )
             true = draw_truth(turned, truth, 0)
             q = np.random.default_rng(4).uniform(-np.pi, np.pi, (30, 6))

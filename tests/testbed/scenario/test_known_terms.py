@@ -81,8 +81,7 @@ def test_a_campaign_on_its_folder_identifies_what_is_left(tmp_path):
     """Terms are free beside the links under their prior; the true step predicts the true robot."""
     write_robot_folder(KNOWN, tmp_path / "mine")
     scenario = changed(
-        load_scenario("quick"),
-        {"robot": str(tmp_path / "mine"), "pool.size": 60, "test.poses": 15},
+        load_scenario("quick"), {"robot": str(tmp_path / "mine"), "pool.size": 60, "test.poses": 15}
     )
     bench = open_laboratory(scenario, campaign.compute(scenario, "setting", None))
     table = bench.free("whitened")

@@ -107,10 +107,7 @@ def test_no_flipped_byte_and_no_cut_passes(folder, step):
     good = path.read_bytes()
     whole = folder.read_record("a", Found, SPEC)
     for place in range(step, len(good), 5 * step):
-        for data in (
-            good[:place],
-            good[:place] + bytes([good[place] ^ 0x10]) + good[place + 1 :],
-        ):
+        for data in (good[:place], good[:place] + bytes([good[place] ^ 0x10]) + good[place + 1 :]):
             path.write_bytes(data)
             one = folder.read_record("a", Found, SPEC, kept=True)
             for field in fields(Found) if one is not None else ():

@@ -65,10 +65,7 @@ def stand(beam_height: float) -> dict[str, Solid]:
 
 def yoke() -> dict[str, Solid]:
     """Round body with two cheeks that hold the head."""
-    body = hull(
-        puck(0.092, -0.196, -0.130, 0.006, "z"),
-        puck(0.080, -0.135, -0.100, 0.010, "z"),
-    )
+    body = hull(puck(0.092, -0.196, -0.130, 0.006, "z"), puck(0.080, -0.135, -0.100, 0.010, "z"))
     body = cut(body, groove(0.092, -0.180), groove(0.092, -0.172, 0.0015, 0.001))
     cheeks = [
         hull(

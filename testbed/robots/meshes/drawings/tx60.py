@@ -131,14 +131,10 @@ def elbow() -> dict[str, Solid]:
         puck(0.050, -0.022, 0.072, 0.016, at=(-0.010, 0, ELBOW - 0.070)),
     )
     body = union(
-        puck(0.0700, 0.03, 0.1335, 0.004, at=at),
-        body,
-        puck(0.056, -0.060, 0.0, 0.020, at=at),
+        puck(0.0700, 0.03, 0.1335, 0.004, at=at), body, puck(0.056, -0.060, 0.0, 0.020, at=at)
     )
     body = cut(
-        body,
-        groove(0.056, ELBOW + 0.098, at=(0, SIDE, 0)),
-        groove(0.070, 0.112, axis="y", at=at),
+        body, groove(0.056, ELBOW + 0.098, at=(0, SIDE, 0)), groove(0.070, 0.112, axis="y", at=at)
     )
     return {
         "elbow": union(body, puck(0.040, -0.0635, -0.055, 0.003, at=at)),

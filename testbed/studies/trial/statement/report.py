@@ -45,10 +45,7 @@ def statement_blocks(campaign: Campaign) -> list[Block]:
         return []
     shown = statements[: plots.MOST_PANELS]
     first, stated = shown[0]
-    blocks: list[Block] = [
-        statement_table(campaign, statements),
-        Points(weighed(shown)),
-    ]
+    blocks: list[Block] = [statement_table(campaign, statements), Points(weighed(shown))]
     blocks += choice_tables(stated.offered, stated.steps)
     blocks += [question_table(shown), budget_table(shown)]
     if max(len(statement.sources) for _, statement in shown) >= LEAST_SOURCES:
@@ -197,8 +194,7 @@ def reasons(statement: Statement, *, brief: bool = False) -> tuple[str, ...]:
         return tuple(map(written, (*texts, *statement.outliers, *statement.warnings)))
     if point is not None and np.isnan(point.u_move):
         texts.insert(
-            0,
-            "nothing is stated about single moves: the joints have no repeatability error here",
+            0, "nothing is stated about single moves: the joints have no repeatability error here"
         )
     lack = statement.lack_of_fit
     if lack is not None and not statement.trust.refuted:

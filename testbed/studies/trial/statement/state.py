@@ -176,11 +176,7 @@ def state(
             float("nan")
             if belief is None
             else honest_share(
-                belief,
-                judge_q,
-                target,
-                judges_met,
-                stream(seed, "statement", "honest", name),
+                belief, judge_q, target, judges_met, stream(seed, "statement", "honest", name)
             )
         ),
         inside=held_by(at_held_out.get("region"), setting),

@@ -143,13 +143,7 @@ def _draw(clouds: Mapping[str, tuple[Cloud, Cloud]], pen: Pen, phase: Phase) -> 
 
 
 def _draw_cloud(
-    pen: Pen,
-    path: str,
-    phase: Phase,
-    local: Index,
-    cloud: Cloud,
-    times: int,
-    look: Look,
+    pen: Pen, path: str, phase: Phase, local: Index, cloud: Cloud, times: int, look: Look
 ) -> None:
     """A cloud that fills up, and the box of the draws so far."""
     import rerun as rr
@@ -180,7 +174,5 @@ def _draw_label(pen: Pen, path: str, step: int, place: Array, text: str, color: 
 
     # a label has the color of its point, and stands on gray
     pen.at(
-        step,
-        path,
-        rr.Points3D([place], labels=[text], radii=1e-4, colors=color, show_labels=True),
+        step, path, rr.Points3D([place], labels=[text], radii=1e-4, colors=color, show_labels=True)
     )

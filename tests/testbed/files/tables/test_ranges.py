@@ -11,10 +11,7 @@ from tests.testbed.files.made import ROBOT, csv, made
 M = 30
 DATA = made(4, M)
 MIDDLE = DATA.T[:, :3, 3].mean(axis=0)
-ANCHORS = {
-    "near": MIDDLE + np.array([1.5, 0.5, 0.2]),
-    "far": MIDDLE + np.array([-3.0, 5.0, 1.5]),
-}
+ANCHORS = {"near": MIDDLE + np.array([1.5, 0.5, 0.2]), "far": MIDDLE + np.array([-3.0, 5.0, 1.5])}
 
 
 @pytest.mark.parametrize("factor", [1.0, 1e-3], ids=["as they are", "in another unit"])

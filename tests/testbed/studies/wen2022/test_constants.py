@@ -55,8 +55,7 @@ def test_sizes_of_random_sets_move_the_number_of_poses_alone():
 def test_regions_meet_at_the_border_and_have_the_poses_that_are_asked_for():
     campaign = paper_campaign()
     scenario = changed(
-        campaign.scenario,
-        {"budget.location_border_mm": [300.0, 50.0], "budget.location_poses": 8},
+        campaign.scenario, {"budget.location_border_mm": [300.0, 50.0], "budget.location_poses": 8}
     )
     sets = location_sets(campaign.setting, scenario.budget, np.random.default_rng(1))
     x, y = campaign.setting.pool_nominal[:, :2, 3].T
