@@ -22,11 +22,6 @@ def record_keys(scenario):
     return tuple(planned(scenario))
 
 
-def record_type(scenario, key):
-    """Class of one record."""
-    return planned(scenario)[key][1].kind
-
-
 def compute(scenario, key, get):
     """Make one record in all its pieces; `get` hands over another one by key."""
     study, record = planned(scenario)[key]

@@ -13,7 +13,6 @@ from calib.geometry.parameters import parameters_of
 from calib.identification.prior import Prior, weak_prior
 from tests.calib import kinds
 
-LINKS = kinds.ARMS["tx60"].links
 NOISE = (20e-6, 1e-4)
 
 

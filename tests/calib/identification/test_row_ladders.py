@@ -25,7 +25,6 @@ from tests.reference import SIGMA_POSITION, SIGMA_ROTATION, rigid_truth, tx60
 from tests.truth.measuring import measured
 
 KAPPA = 17e-6
-LADDERS = ("approach", "torque", "gear", "lengths")
 
 
 def drawn(seed, m=40):

@@ -20,7 +20,6 @@ M = 29
 PAYLOAD = np.linspace(0, 7, M)
 WARMTH = np.linspace(20.0, 23.5, M)
 TOOLS = ["probe"] * 20 + ["gripper"] * 9
-SIGMAS = "[uncertainty]\nposition_um = 20\nrotation_mdeg = 10\n"
 
 
 def rows(**more):

@@ -228,7 +228,6 @@ QUATERNION = with_spread(columns(made(), form="quaternion"))
 RADIANS = {f"q{j + 1}_rad": np.degrees(made().q[:, j]) for j in range(N)}
 NO_JOINTS = {k: v for k, v in table().items() if k[0] != "q"}
 READ = {f"q{j + 1}_read_deg": np.degrees(made().q[:, j]) for j in range(N)}
-COVARIANCE = "cov_x_x_m2"
 TEXT = csv(table())
 
 

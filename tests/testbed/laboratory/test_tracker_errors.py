@@ -34,13 +34,6 @@ def at960(*, seed: int | None = 3, **changes) -> Tracker:
     return tracker_from(At960Tracker(**changes), MODEL.chain, seed=seed)
 
 
-def wrong_by(seen: Measurements) -> Array:
-    """Errors (m, 6) of readings of the nominal robot, world axes."""
-    T = MODEL.poses(seen.q)
-    turn = log_so3(seen.rotation @ np.swapaxes(T[:, :3, :3], 1, 2))
-    return np.concatenate([seen.position - T[:, :3, 3], turn], axis=1)
-
-
 def test_by_default_there_is_none_of_it():
     plain, seeded = at960(seed=None), at960(seed=3)
     assert plain.bias is None

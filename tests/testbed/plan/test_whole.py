@@ -31,7 +31,6 @@ from tests.planned import QUICK, ROBOT, legs, quick_plan, scenario
 from tests.reported import VERSIONS, read
 from tests.testbed.robots.described_cases import ARMS
 
-CHAIN = ROBOT.model.chain
 WHOLE = {"tracker.systematic": True, "plan.method": "exchange", "plan.held_out": 20}
 
 

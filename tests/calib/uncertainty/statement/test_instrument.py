@@ -194,7 +194,6 @@ def test_the_believed_region_holds_the_truth_only_with_what_is_shared(robots, m,
 
 
 ARM_POSES, HELD_OUT, DRAWS = 12, 10, 50
-REFLECTOR = (0.05, 0.03, 0.08)
 
 
 @cache

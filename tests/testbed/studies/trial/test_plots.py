@@ -25,14 +25,6 @@ SVG = "{http://www.w3.org/2000/svg}"
 ROOT = Path(__file__).parents[4]
 
 
-def markers(svg, style):
-    """Positions (k, 2) of the markers of one fill or outline, in drawing order."""
-    pattern = r'<use xlink:href="#[^"]+" x="([-\d.]+)" y="([-\d.]+)" style="([^"]*)"'
-    return np.array(
-        [(float(x), float(y)) for x, y, look in re.findall(pattern, svg) if style in look]
-    )
-
-
 def all_figures(campaign):
     """Every figure a campaign can have, by name."""
     out = {
