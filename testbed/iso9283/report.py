@@ -8,10 +8,10 @@ from testbed.iso9283.records import STANDARD, CycleResult
 from testbed.iso9283.report_figures import (
     angle_section,
     cells,
+    direction_section,
     distance_section,
     drift_section,
     path_sections,
-    plain_section,
     pose_section,
 )
 from testbed.iso9283.words import EDITION, enough, mark, next_step, notice, reasons, verdict
@@ -42,9 +42,7 @@ def page_of(result: CycleResult, versions: Mapping[str, str]) -> Page:
     sections = (
         pose_section(result),
         angle_section(result),
-        plain_section(result, "vAP", "directions", "Directions of approach",
-               "Largest distance between the barycenters of one pose reached from several "
-               "directions."),
+        direction_section(result),
         distance_section(result),
         drift_section(result),
         *path_sections(result),

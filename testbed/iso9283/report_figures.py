@@ -96,17 +96,16 @@ def angle_section(result: CycleResult) -> Section | None:
     return Section("angles", "Orientation", (table,))
 
 
-def plain_section(
-    result: CycleResult, name: str, anchor: str, title: str, note: str, caption: str = ""
-) -> Section | None:
-    """All figures of one name."""
-    figures = result.of(name)
+def direction_section(result: CycleResult) -> Section | None:
+    """VAP of every pose that was reached from several directions."""
+    figures = result.of("vAP")
     if not figures:
         return None
     rows = tuple((figure.where, *cells(figure)) for figure in figures[:MOST_ROWS])
-    head = ("where", f"{name} µm", "95 % from", "to", "floor", "cycles")
-    table = Table(caption or name, head, rows, size="small", note=note + _more(len(figures)))
-    return Section(anchor, title, (table,))
+    head = ("where", "vAP µm", "95 % from", "to", "floor", "cycles")
+    note = "Largest distance between the barycenters of one pose reached from several directions."
+    table = Table("vAP", head, rows, size="small", note=note + _more(len(figures)))
+    return Section("directions", "Directions of approach", (table,))
 
 
 def distance_section(result: CycleResult) -> Section | None:
