@@ -9,7 +9,7 @@ from calib.arrays import Array, Index
 from calib.geometry.model import RobotModel
 from testbed.files.alternatives import Alternative, Interpretation
 from testbed.files.frames_fit import fit_frames, flange_poses
-from testbed.files.rows.one_tool import target_name
+from testbed.files.rows.one_tool import read_together, target_name
 from testbed.files.rows.shifts import FEWEST, as_read
 from testbed.files.session import Session
 
@@ -54,9 +54,7 @@ def exchanged_names(
         and all(own[group[0]] == own[rows[0]] for own in (table.station, table.tool))
     ]
     for group in others[:MOST]:
-        at = {(table.pose_id[k], table.repeat[k]): k for k in group}
-        keys = [(table.pose_id[k], table.repeat[k]) for k in rows]
-        both = np.array([(k, at[key]) for k, key in zip(rows, keys, strict=True) if key in at])
+        both = read_together(table, rows, group)
         if len(both) < PARTS * FEWEST:
             continue
         own, beside = both.T

@@ -7,6 +7,7 @@ import numpy as np
 
 from calib.arrays import Array, Index
 from calib.errors import InputError
+from calib.measurement.observations import Measurements
 from testbed.files.frames_fit import FAR
 from testbed.files.refusal import refusal
 from testbed.files.rows.shifts import FEWEST
@@ -51,11 +52,10 @@ def not_on_one_tool(session: Session, groups: Sequence[Index]) -> InputError | N
     for one, other in combinations(groups[:MOST], 2):
         if any(own[one[0]] != own[other[0]] for own in (table.station, table.tool)):
             continue
-        at = {(table.pose_id[k], table.repeat[k]): k for k in other}
-        both = [(k, at[key]) for k in one if (key := (table.pose_id[k], table.repeat[k])) in at]
+        both = read_together(table, one, other)
         if len(both) < FEWEST:
             continue
-        rows, beside = np.array(both).T
+        rows, beside = both.T
         why = apart_or_alike(table.position[rows], table.position[beside])
         if why:
             first, second = (target_name(session, int(k)) for k in (rows[0], beside[0]))
@@ -65,6 +65,13 @@ def not_on_one_tool(session: Session, groups: Sequence[Index]) -> InputError | N
                 fix="keep what was measured: one of them may be where the robot was sent",
             )  # fmt: skip
     return None
+
+
+def read_together(table: Measurements, one: Index, other: Index) -> Index:
+    """Rows (k, 2) of two targets, each pair of one visit of a pose."""
+    at = {(table.pose_id[k], table.repeat[k]): k for k in other}
+    visits = ((k, (table.pose_id[k], table.repeat[k])) for k in one)
+    return np.array([(k, at[visit]) for k, visit in visits if visit in at]).reshape(-1, 2)
 
 
 def named_target(session: Session, row: int) -> str:
