@@ -6,7 +6,8 @@ from functools import partial
 import numpy as np
 
 from calib.arrays import Bool
-from calib.uncertainty.statement.conditions import UNITS, Conditions, counted, departure
+from calib.uncertainty.statement.conditions import UNITS, Conditions
+from calib.uncertainty.statement.departure import counted, departure
 from testbed.files.conditions import SetUp
 from testbed.identify.calibration import Calibration
 from testbed.store.quantities import AS_NAMED, Quantity

@@ -5,7 +5,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from calib.arrays import Array
-from calib.uncertainty.statement.conditions import departure
+from calib.uncertainty.statement.departure import departure
 from testbed.laboratory.tracker.stations import place_word
 from testbed.plan.cautions import has_program, tests_contact, uncounted, untested
 from testbed.plan.promises import (

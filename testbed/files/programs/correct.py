@@ -17,13 +17,15 @@ from calib.geometry.frames import inverse as inverse_transform
 from calib.geometry.model import RobotModel
 from calib.geometry.operating import AS_USUAL, OperatingConditions
 from calib.measurement.accuracy import rotation_errors
-from calib.uncertainty.statement.conditions import Conditions, departure
+from calib.uncertainty.statement.conditions import Conditions
+from calib.uncertainty.statement.departure import departure
 from testbed.disk import atomic_write
 from testbed.files.conditions import SetUp, first_stated, target_conditions
 from testbed.files.joints import joint_columns, read_joints
 from testbed.files.programs.columns import renamed_words
 from testbed.files.programs.contradicted import TargetStatus, contradicted
 from testbed.files.programs.motors import by_motors
+from testbed.files.programs.mounted import carried_load, has_tip, known_tips, tool_words
 from testbed.files.programs.read import (
     ADDED,
     configurations,
@@ -40,6 +42,7 @@ from testbed.files.rows.targets import called, of_targets, target_names
 from testbed.files.table import Columns, DataTable
 from testbed.robots.catalog import Robot
 from testbed.robots.controller import BEYOND
+from testbed.scenario.tool_in_use import ToolInUse
 from testbed.units import DEG
 
 SAME = 1e-12
@@ -70,6 +73,8 @@ class ProgramResult:
     """Conditions of the targets for the model."""
     departed: Bool | None = None
     """(m,) whether the target has other conditions."""
+    has_tip: Bool | None = None
+    """(m,) whether what is stated there is of the tip of the tool in use."""
     names: tuple[str, ...] = ()
     """(m,) names of the targets in the program; empty if it has none."""
     places: tuple[str, ...] = ()
@@ -107,6 +112,7 @@ def correct_program(
     *,
     measured: Conditions | None = None,
     set_up: SetUp | None = None,
+    in_use: ToolInUse | None = None,
 ) -> ProgramResult:
     """Correct the targets of a program file.
 
@@ -132,6 +138,8 @@ def correct_program(
         Conditions of the rows that the statement is based on.
     set_up : SetUp, optional
         Conditions of targets that do not state theirs, and tolerances for differences.
+    in_use : ToolInUse, optional
+        A tool that was not measured, whose tip is known.
 
     Raises
     ------
@@ -148,9 +156,10 @@ def correct_program(
     m, set_up = len(table), set_up or SetUp()
     own = first_stated(target_conditions(table), set_up.use.rows(np.zeros(m, dtype=np.int64)))
     asked = own if measured is not None else Conditions()
-    away = departure(measured or Conditions(), asked, m, set_up.tolerance)
-    # a model of unknown load cannot be put under another one: its moments hold what was carried
-    used = replace(own, payload=None, center=None) if "payload" in away.unknown else own
+    rows = measured or Conditions()
+    tips = known_tips(in_use, robot, cartesian=is_cartesian(table))
+    away = departure(rows, asked, m, set_up.tolerance, placed=tips)
+    used = carried_load(own, rows, away)
     result, targets = correct(table, robot, identified, used)
     columns: tuple[Sequence[str] | Array, ...] = (
         result.status,
@@ -185,10 +194,12 @@ def correct_program(
             *away.sentences,
             *away.unsaid,
             *unknown_words(away),
+            *tool_words(away, in_use, tips),
             *result.sentences,
         ),
         conditions=away.words,
         departed=away.outside,
+        has_tip=has_tip(own, rows, in_use, m),
         names=names,
         places=table.places,
     )

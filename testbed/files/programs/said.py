@@ -3,7 +3,8 @@
 from collections.abc import Mapping, Sequence
 
 from calib.arrays import Array, Bool
-from calib.uncertainty.statement.conditions import Departure
+from calib.uncertainty.statement.conditions import CENTER
+from calib.uncertainty.statement.departure import Departure
 from testbed.files.columns import misspelling
 from testbed.files.conditions import CENTERS, COLUMNS
 from testbed.files.joints import joint_columns
@@ -76,8 +77,14 @@ def unknown_words(away: Departure) -> tuple[str, ...]:
     """What to do where targets state what the measurements do not, and what load they are for."""
     if not away.unknown:
         return ()
-    keys = " and ".join(COLUMNS[kind] for kind in away.unknown)
+    keys = " and ".join(COLUMNS.get(kind, "payload_center_mm") for kind in away.unknown)
     fix = f"to get a region there, write {keys} under [conditions] in session.toml"
+    if CENTER in away.unknown:
+        return (
+            "these targets are corrected for a payload that hangs where it did in the "
+            "measurements, wherever that was, and not where they say",
+            fix,
+        )
     if "payload" not in away.unknown:
         return (fix,)
     return (

@@ -65,7 +65,7 @@ def of_targets(
             weight > 0
         )
         if stated.payload is not None:
-            load = f"a payload of {stated.words('payload')}"
+            load = f"a payload of {stated.words('payload')} {stated.center_words}".rstrip()
         said.append(f"the arm is bent by its own weight and {load}")
     if "lengths" in terms:
         mean = terms["lengths"].reference

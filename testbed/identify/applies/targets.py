@@ -8,10 +8,10 @@ from calib.measurement.tool_target import places_are_found
 from calib.uncertainty.statement.applicability import Applicability
 from calib.uncertainty.statement.belief import Belief
 from calib.uncertainty.statement.conformity import Conformity, conformity
+from calib.uncertainty.statement.departure import named as named_targets
 from calib.uncertainty.statement.distance import distance_radius
 from calib.uncertainty.statement.places import MEASURE, place_words, reasons
 from calib.uncertainty.statement.stated_point import widened
-from calib.uncertainty.tool_point import ToolStatement
 from testbed.files.programs.correct import ProgramResult
 from testbed.files.rows.targets import called
 from testbed.identify.applies.unsaid import seen_by, unsaid_spread, widened_by
@@ -42,27 +42,17 @@ def statement_at(calibration: Calibration, program: ProgramResult) -> TargetStat
     belief = calibration.proof.belief
     if belief is None or calibration.elsewhere:
         return None
-    reach, point = belief.proven.applies(program.q, program.at), tool_point(calibration)
-    if (in_use := calibration.handback.in_use) is not None:
-        links = calibration.handback.tolerance
-        belief = carried(belief, in_use.tool, np.array(in_use.worst), links)
-        point = np.zeros(3)
-    elif point.any() or places_are_found(calibration.measurements):
-        belief, point = of_file_tool(belief, calibration), np.zeros(3)
+    reach, points = belief.proven.applies(program.q, program.at), points_of(calibration, program)
     departed = np.zeros(len(program.q), np.bool_) if program.departed is None else program.departed
     decidable = (reach.place != "outside") & ~departed
     stated = decidable & program.corrected
     place = np.where(program.corrected, np.where(departed, "outside", reach.place), NOT_CORRECTED)
-    unsaid = unsaid_spread(belief.model, program.q, program.at, seen_by(calibration), point)
-    mean = widened_by(belief.regions(program.q, target=point, at=program.at), unsaid)
+    mean = _covariance(calibration, points, program, program.q)
+    before = _covariance(calibration, points, program, program.q_before)
     radius_move = frozen(())
     if calibration.repeatability.any():
-        move = belief.regions(
-            program.q, target=point, repeatability=calibration.repeatability, at=program.at
-        )
-        radius_move = _radii(widened_by(move, unsaid), stated)
-    before = belief.regions(program.q_before, target=point, at=program.at)
-    before = widened_by(before, unsaid)
+        move = _covariance(calibration, points, program, program.q, calibration.repeatability)
+        radius_move = _radii(move, stated)
     return TargetStatement(
         radius_mean=_radii(mean, stated),
         radius_move=radius_move,
@@ -103,11 +93,11 @@ def of_file_tool(belief: Belief, calibration: Calibration) -> Belief:
     return carried(belief, ToolInUse(FILE_TOOL, (x, y, z), (0.0, 0.0, 0.0), 0.0), point, links)
 
 
-def tool_words(calibration: Calibration) -> tuple[str, ...]:
+def tool_words(calibration: Calibration, program: ProgramResult | None = None) -> tuple[str, ...]:
     """Of which point R95 at targets is, where no reading is of it."""
-    point = tool_point(calibration)
-    if calibration.handback.in_use is not None:
-        return ()
+    point, in_use = tool_point(calibration), calibration.handback.in_use
+    if in_use is not None:
+        return () if program is None else _tip_words(in_use.tool.name, program)
     if places_are_found(calibration.measurements):
         return (
             f"R95 at targets is for the {FILE_TOOL}: no reading shows how the flange stands to the "
@@ -125,9 +115,58 @@ def tool_words(calibration: Calibration) -> tuple[str, ...]:
     )
 
 
-def _radii(region: ToolStatement, stated: Bool) -> Array:
+def _tip_words(name: str, program: ProgramResult) -> tuple[str, ...]:
+    """At which targets R95 is that of the tip of the tool in use."""
+    told = f"R95 at targets is for the tip of {name}, as [tool_in_use] states it"
+    if program.has_tip is not None and not program.has_tip.all():
+        rows = np.flatnonzero(~program.has_tip)
+        told += (
+            f"; at {named_targets('target', rows)}, where the tool measured is named, for the {FILE_TOOL}"
+        )
+    return (told,)
+
+
+def points_of(
+    calibration: Calibration, program: ProgramResult
+) -> tuple[tuple[Bool, Belief, Array], ...]:
+    """What is believed of which point (3,) in the tool frame [m], at which targets (m,)."""
+    belief, point, m = calibration.proof.belief, tool_point(calibration), len(program.q)
+    assert belief is not None  # else nothing is stated
+    in_use, has_tip = calibration.handback.in_use, program.has_tip
+    has_tip = np.full(m, in_use is not None) if has_tip is None else has_tip
+    found = []
+    if in_use is not None and has_tip.any():
+        links = calibration.handback.tolerance
+        tip = carried(belief, in_use.tool, np.array(in_use.worst), links)
+        found.append((has_tip, tip, np.zeros(3)))
+    if not has_tip.all():
+        if point.any() or places_are_found(calibration.measurements):
+            belief, point = of_file_tool(belief, calibration), np.zeros(3)
+        found.append((~has_tip, belief, point))
+    return tuple(found)
+
+
+def _covariance(
+    calibration: Calibration,
+    points: tuple[tuple[Bool, Belief, Array], ...],
+    program: ProgramResult,
+    q: Array,
+    repeatability: Array | None = None,
+) -> Array:
+    """Covariances (m, 3, 3) whose chi-square regions are those of the targets [m^2]."""
+    out, seen = np.zeros((len(q), 3, 3)), seen_by(calibration)
+    for which, belief, point in points:
+        at = program.at.rows(which)
+        # what is unsaid of a pose is that of the pose as corrected
+        unsaid = unsaid_spread(belief.model, program.q[which], at, seen, point)
+        region = belief.regions(q[which], target=point, repeatability=repeatability, at=at)
+        out[which] = widened(widened_by(region, unsaid))
+    return out
+
+
+def _radii(covariance: Array, stated: Bool) -> Array:
     """R95 (m,) of each region; zero where none is stated [m]."""
-    return frozen(np.where(stated, distance_radius(widened(region)), 0.0))
+    return frozen(np.where(stated, distance_radius(covariance), 0.0))
 
 
 def _why(calibration: Calibration, reach: Applicability, program: ProgramResult) -> tuple[str, ...]:
@@ -147,7 +186,7 @@ def _why(calibration: Calibration, reach: Applicability, program: ProgramResult)
 
 
 def _decided(
-    calibration: Calibration, deviation: Array, region: ToolStatement, decidable: Bool
+    calibration: Calibration, deviation: Array, covariance: Array, decidable: Bool
 ) -> Conformity | None:
     """Decisions on the targets with a region, if a tolerance was stated."""
     asked = calibration.decision
@@ -156,7 +195,7 @@ def _decided(
     found = calibration.fit.identification.model.chain.T_world_base
     own = found if calibration.own_frames else calibration.nominal.chain.T_world_base
     R = own[:3, :3] @ found[:3, :3].T  # deviations are in the axes of the robot's file
-    S = R @ widened(region) @ R.T
+    S = R @ covariance @ R.T
     return conformity(deviation[decidable], S[decidable], asked.tolerance, rule=asked.rule)
 
 

@@ -65,12 +65,13 @@ def deliver(
         folder / corrected_name(program),
         measured=measured(calibration),
         set_up=calibration.set_up,
+        in_use=None if calibration.handback.in_use is None else calibration.handback.in_use.tool,
     )
     failed = int((~result.corrected).sum())
     targets, told = statement_at(calibration, result), result.sentences
     told += map_words(model, calibration.measurements.q[calibration.is_used], result.q)
     if targets is not None:
-        told += target_words(targets) + tool_words(calibration)
+        told += target_words(targets) + tool_words(calibration, result)
         (folder / statement_name(program)).write_bytes(statement_csv(targets).encode())
     return Delivered(sentences, told, failed, result.conditions, targets)
 

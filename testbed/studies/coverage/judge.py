@@ -24,7 +24,8 @@ from calib.uncertainty.many.sights import alike
 from calib.uncertainty.regions import FLAT, coverage_factor, inside
 from calib.uncertainty.statement.applicability import Applicability
 from calib.uncertainty.statement.belief import Belief
-from calib.uncertainty.statement.conditions import Conditions, departure
+from calib.uncertainty.statement.conditions import Conditions
+from calib.uncertainty.statement.departure import departure
 from calib.uncertainty.tool_point import tool_statement
 from testbed.laboratory.truth.laboratory import Laboratory
 from testbed.studies.coverage.kinds import Use

@@ -164,20 +164,24 @@ def test_targets_of_a_program_under_other_conditions_are_named_and_corrected_sti
     assert "the targets do not state their temperature" in found.sentences[3]
 
 
-def test_a_load_is_not_put_on_a_model_whose_own_load_nobody_stated(tmp_path):
-    """Its moments hold what was carried: stated of targets alone, it was on them twice."""
+def bent():
+    """The robot as its maker describes it, on springs."""
     gravity, _ = ladders_of(ROBOT.model, limits=ROBOT.limits)
     springs = next(level.errors for level in gravity.levels if level.errors.springs is not None)
-    bent = with_errors(ROBOT.model, springs)
-    numbers = np.full(len(bent.joint_errors.coefficients), 1e-3)
-    bent = RobotModel(bent.chain, replace(bent.joint_errors, coefficients=numbers))
+    model = with_errors(ROBOT.model, springs)
+    numbers = np.full(len(model.joint_errors.coefficients), 1e-3)
+    return RobotModel(model.chain, replace(model.joint_errors, coefficients=numbers))
+
+
+def test_a_load_is_not_put_on_a_model_whose_own_load_nobody_stated(tmp_path):
+    """Its moments hold what was carried: stated of targets alone, it was on them twice."""
     sent, found = {}, {}
     for name, measured in (("unsaid", Conditions()), ("said", Conditions(np.full(9, 5.0)))):
         for load in ({}, {"payload_kg": [5, 5, 5]}):
             targets = {f"q{j + 1}_deg": np.degrees(made().q[:3, j]) for j in range(N)}
             (tmp_path / "p.csv").write_text(csv(targets | load))
             out = tmp_path / f"{name}{len(load)}.csv"
-            done = correct_program(tmp_path / "p.csv", ROBOT, bent, out, measured=measured)
+            done = correct_program(tmp_path / "p.csv", ROBOT, bent(), out, measured=measured)
             sent[name, len(load)], found[name, len(load)] = done.q, done
     np.testing.assert_array_equal(sent["unsaid", 0], sent["unsaid", 1])
     assert np.abs(sent["said", 0] - sent["said", 1]).max() > 1e-5
@@ -190,6 +194,40 @@ def test_a_load_is_not_put_on_a_model_whose_own_load_nobody_stated(tmp_path):
     assert "write payload_kg under [conditions]" in told
     assert not found["unsaid", 0].departed.any()
     assert not found["said", 1].departed.any()
+
+
+def test_a_load_hangs_where_it_did_in_the_measurements(tmp_path):
+    """A center that one side states is treated as a payload that one side states."""
+    hung = np.array([0.0, 0.0, 300.0])
+    stated = {"payload_kg": [5, 5, 5]}
+    center = stated | {f"payload_{a}_mm": [x] * 3 for a, x in zip("xyz", hung, strict=True)}
+    load = np.full(9, 5.0)
+    measured = {
+        "unsaid": Conditions(load),
+        "said": Conditions(load, center=np.tile(hung / 1e3, (9, 1))),
+    }
+    found = {}
+    for name, rows in measured.items():
+        for more in (stated, center):
+            targets = {f"q{j + 1}_deg": np.degrees(made().q[:3, j]) for j in range(N)}
+            (tmp_path / "p.csv").write_text(csv(targets | more))
+            out = tmp_path / f"{name}{len(more)}.csv"
+            found[name, len(more)] = correct_program(
+                tmp_path / "p.csv", ROBOT, bent(), out, measured=rows
+            )
+    # where only the measurements say it, the targets' load hangs there as well
+    np.testing.assert_array_equal(found["said", 1].q, found["said", 4].q)
+    assert np.abs(found["said", 1].q - found["unsaid", 1].q).max() > 1e-5
+    told = " | ".join(found["said", 1].sentences)
+    assert "bent by its own weight and a payload of 5 kg at 0, 0, 300 mm" in told
+    assert "the targets do not state their payload center" in told
+    assert not found["said", 1].departed.any()
+    # where only the targets say it, they are corrected for where it hung, and have no region
+    np.testing.assert_array_equal(found["unsaid", 4].q, found["unsaid", 1].q)
+    assert found["unsaid", 4].departed.all()
+    told = " | ".join(found["unsaid", 4].sentences)
+    assert "corrected for a payload that hangs where it did in the measurements" in told
+    assert "write payload_center_mm under [conditions]" in told
 
 
 @pytest.mark.parametrize(

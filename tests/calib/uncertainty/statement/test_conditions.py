@@ -1,5 +1,6 @@
 """Targets under other conditions than the data: the rule by loops, and every sentence."""
 
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -7,12 +8,16 @@ import pytest
 
 from calib.errors import InputError
 from calib.uncertainty.statement.conditions import (
-    AS_MEASURED,
+    CENTER,
     MOST_NAMED,
     NOT_STATED,
     UNITS,
     Conditions,
     Tolerance,
+)
+from calib.uncertainty.statement.departure import (
+    AS_MEASURED,
+    PLACED,
     counted,
     departure,
     named,
@@ -210,6 +215,52 @@ def test_a_payload_of_the_same_mass_that_hangs_elsewhere_is_another_one():
         "targets 3 and 4 carry 5 kg at 31 to 520, 0, 50 mm; the measurements had a payload of 5 kg "
         "at 0 to 20, 0, 50 mm: nothing can be stated there"
     )
+
+
+def test_a_center_that_one_side_states_is_as_a_payload_that_one_side_states():
+    """Targets that say where a load hangs of which nobody knows that have no region."""
     unsaid = Conditions(payload=np.full(4, 5.0))
-    assert not departure(hung(0.0), unsaid, 4).outside.any()
-    assert not departure(unsaid, hung(0.0, 0.0, 0.0, 900.0), 4).outside.any()
+    center = np.array([[0.0, 0.0, 0.9]] * 4)
+    mine = departure(replace(unsaid, center=center), unsaid, 4)
+    assert not mine.outside.any()
+    assert mine.unsaid == (
+        "the targets do not state their payload center: the statement holds as long as that is the "
+        "same as in the measurements (payload center at 0, 0, 900 mm)",
+    )
+    # what weighs no more than the tolerance may hang anywhere, and another mass is said as one
+    weights = np.array([5.0, 4.8, 0.5, 9.0])
+    some = Conditions(payload=np.array([0.0, 5.0]))
+    theirs = departure(some, Conditions(payload=weights, center=center), 4)
+    assert theirs.unknown == (CENTER,)
+    assert theirs.outside.tolist() == [True, True, False, True]
+    assert theirs.words == (
+        "payload center of the measurements not stated",
+        "payload center of the measurements not stated",
+        AS_MEASURED,
+        "other payload",
+    )
+    assert theirs.unsaid == (
+        "the targets state their payload center (payload center at 0, 0, 900 mm), and the "
+        "measurements do not: whether it is the same is unknown, so that nothing can be stated at "
+        "these targets until the measurements state it",
+    )
+    # of an arm that carried nothing it is known where nothing hung
+    bare = Conditions(payload=np.zeros(3))
+    light = Conditions(payload=np.full(4, 0.4), center=center / 90)
+    assert not departure(bare, light, 4).outside.any()
+    assert departure(bare, replace(light, center=center), 4).outside.all()
+    assert departure(bare, light, 4).unsaid == ()
+
+
+def test_a_tool_whose_point_is_stated_is_no_other_tool():
+    tools = Conditions(tool=("probe", "gripper", "welder"))
+    for data, untold in ((Conditions(tool=("probe",) * 2), ()), (Conditions(), ("tool",))):
+        found = departure(data, tools, 3, placed=("gripper",))
+        assert found.outside.tolist() == [bool(untold), False, True]
+        assert found.placed.tolist() == [False, True, False]
+        assert found.words[1] == PLACED
+        assert found.unknown == untold
+    assert "(tool probe and welder)" in found.unsaid[0]
+    alone = departure(Conditions(), Conditions(tool=("gripper",) * 3), 3, placed=("gripper",))
+    assert not alone.outside.any()
+    assert alone.unknown == alone.unsaid == ()
