@@ -16,6 +16,7 @@ from testbed.files.dialects.tables import (
 from testbed.files.nests.drift import without_drift
 from testbed.files.observed import misspelt_columns, read_observed, section_of
 from testbed.files.readings import Readings, lost_readings
+from testbed.files.reflectors.own_files import of_reflector
 from testbed.files.refusal import no_rows
 from testbed.files.rows.copies import is_fine
 from testbed.files.rows.kinds import own_rows, some_rows
@@ -57,12 +58,13 @@ class Cleaned:
 def readings_of(sources: Sources, settings: SessionFile, *, drop: bool) -> Iterator[Cleaned]:
     """Readings of all files that session.toml names, or of DATA."""
     for section in settings.observed or (None,):
-        files = (section.files or (section.file,)) if section is not None else (None,)
-        for k, file in enumerate(files):
+        files = section.sources if section is not None else ((None, ""),)
+        stations = len(section.files) if section is not None else 0
+        for k, (file, reflector) in enumerate(files):
             key = section.name if section is not None else "joints"
             text = sources.text(file, key, sheet_of(section, settings.joints, file))
-            station = f"{k + 1}" if len(files) > 1 else ""
-            yield _cleaned(text, section, station, sources, settings, drop=drop)
+            station = f"{k + 1}" if stations > 1 else ""
+            yield _cleaned(text, section, (station, reflector), sources, settings, drop=drop)
 
 
 def sheet_of(own: FileTable | None, other: FileTable | None, file: str | None) -> str | None:
@@ -75,13 +77,17 @@ def sheet_of(own: FileTable | None, other: FileTable | None, file: str | None) -
 def _cleaned(
     text: FileText,
     section: ObservedTable | None,
-    station: str,
+    of: tuple[str, str],
     sources: Sources,
     settings: SessionFile,
     *,
     drop: bool,
 ) -> Cleaned:
-    """Readings of one file without nests, lost readings and drift."""
+    """Readings of one file, of a station and a reflector where these have files of their own.
+
+    Without nests, lost readings and drift.
+    """
+    station, reflector = of
     warnings, table = list[str](), None
     if isinstance(section, OpticalTable) and section.format == "sa":
         require_no_program(text.lines, text.where)
@@ -96,6 +102,8 @@ def _cleaned(
         readings = _read_own(table, text, section, settings, drop=drop)
     if station and not any(readings.station):
         readings = replace(readings, station=(station,) * len(readings))
+    if reflector:
+        readings = of_reflector(readings, reflector)
     good, masked = lost_readings(readings, settings.drift.nests if settings.drift else ())
     readings, drift = readings.rows(good), None
     fine = is_fine(readings)
@@ -126,7 +134,7 @@ def _read_own(
 
 def _same(one: ObservedTable, other: ObservedTable) -> bool:
     """Whether two sections read one table of one file."""
-    place = [(each.file, each.files, each.sheet) for each in (one, other)]
+    place = [(each.sources, each.files, each.sheet) for each in (one, other)]
     return place[0] == place[1] and getattr(one, "format", "csv") == "csv"
 
 

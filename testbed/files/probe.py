@@ -26,9 +26,9 @@ from testbed.files.alternatives import (
     some_rows,
 )
 from testbed.files.frames_fit import FAR, TIMES, Misfit, far_for, flange_poses, target_groups
+from testbed.files.reflectors.one_tool import named_target, not_on_one_tool
 from testbed.files.rows.exact import exactness
 from testbed.files.rows.names import exchanged_names
-from testbed.files.rows.one_tool import named_target, not_on_one_tool
 from testbed.files.rows.ratios import SUSPECT, ratios_that_fit
 from testbed.files.rows.shifts import (
     FEWEST,

@@ -9,6 +9,7 @@ from calib.arrays import Array, Bool, frozen
 from calib.errors import InputError, refuse
 from testbed.files.assembly import assemble
 from testbed.files.cleaned import readings_of
+from testbed.files.reflectors.own_files import require_as_stated
 from testbed.files.refusal import refusal
 from testbed.files.rows.strays import mismatched_rows
 from testbed.files.rows.with_joints import with_joints
@@ -122,7 +123,10 @@ def session_of(
     for one in cleaned:
         others = [other for other in cleaned if other is not one]
         joined.append(with_joints(one, sources, settings, robot, others, drop=drop))
-    session = assemble([part for part, _ in joined], robot, settings, where=where)
+    parts = [part for part, _ in joined]
+    session = assemble(parts, robot, settings, where=where)
+    if settings.points is not None:
+        require_as_stated(session, parts, settings.points, robot.model)
     require_shown(settings.uncertainty, session.measurements, where)
     warnings = [f"{where}: {text}" for text in settings.odd]
     sheet = settings.job.sheet

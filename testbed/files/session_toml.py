@@ -223,7 +223,7 @@ class SessionFile(Strict):
 
         A session that reads several files, or of another format, does not say how to read one.
         """
-        several = len(self.observed) > 1 or any(one.files for one in self.observed)
+        several = len(self.observed) > 1 or any(len(one.sources) > 1 for one in self.observed)
         if several or any(getattr(one, "format", "csv") != "csv" for one in self.observed):
             raise refuse(
                 "--test", code="M35",

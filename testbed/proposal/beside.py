@@ -49,5 +49,9 @@ def _files(table: object) -> tuple[object, ...]:
     """Names of the files of a table."""
     if not isinstance(table, dict):
         return ()
-    files = table.get("files")
-    return (table.get("file"), *(files if isinstance(files, list) else ()))
+    files, own = table.get("files"), table.get("reflector_files")
+    several = (
+        *(files if isinstance(files, list) else ()),
+        *(own.values() if isinstance(own, dict) else ()),
+    )
+    return (table.get("file"), *several)

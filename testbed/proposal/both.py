@@ -11,7 +11,7 @@ from calib.geometry.frames import target_points
 from testbed.files.frames_fit import FAR, Frames, fit_frames, flange_poses, target_groups
 from testbed.files.rows.shifts import FEWEST
 from testbed.files.session import Session
-from testbed.proposal.data import Document
+from testbed.proposal.data import Document, files_of
 from testbed.proposal.drafts import Draft
 from testbed.proposal.rows.clocks import REACH
 from testbed.robots.robot import Robot
@@ -174,5 +174,4 @@ def names_of(drafts: Sequence[Draft]) -> str:
     """The files of the readings of some drafts."""
     tables = [each.document[key] for each in drafts for key in (*OPTICAL, "ranges")
               if key in each.document]  # fmt: skip
-    names = [name for each in tables for name in (each.get("file"), *each.get("files", ()))]
-    return ", ".join(dict.fromkeys(filter(None, names)))
+    return ", ".join(dict.fromkeys(name for each in tables for name in files_of(each)))

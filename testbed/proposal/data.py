@@ -88,6 +88,12 @@ Part: TypeAlias = tuple[Found, Document, tuple[str, ...], str]
 """File, keys of its table, assumptions, and the layout of a file without a header."""
 
 
+def files_of(table: Document) -> tuple[str, ...]:
+    """Names of the files of a table of session.toml; of several, one per station or reflector."""
+    several = (*table.get("files", ()), *table.get("reflector_files", {}).values())
+    return several or tuple(filter(None, [table.get("file")]))
+
+
 def look_at(paths: Sequence[Path], root: Path) -> tuple[Found, ...]:
     """The tables of some files, each sheet of a workbook by itself.
 

@@ -5,8 +5,8 @@ from itertools import product
 
 from testbed.bounds import FACTORS
 from testbed.files.columns import PLAIN
+from testbed.files.reflectors.one_tool import apart_or_alike
 from testbed.files.refusal import refusal
-from testbed.files.rows.one_tool import apart_or_alike
 from testbed.files.rows.planned import foretold
 from testbed.proposal.data import Document, Found, Part
 from testbed.proposal.exports import exported_parts

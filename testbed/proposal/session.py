@@ -8,12 +8,13 @@ from testbed.files.refusal import no_rows
 from testbed.proposal.beside import with_origin
 from testbed.proposal.both import is_ranged, merged
 from testbed.proposal.cycles import cycles_in
-from testbed.proposal.data import Document, Found
+from testbed.proposal.data import Document, Found, files_of
 from testbed.proposal.drafts import EACH_A_STATION, Draft, drafts_of
 from testbed.proposal.fits.tried import tried_with
 from testbed.proposal.missing import columns_of, joints_in, no_reading, not_known, require_joints
 from testbed.proposal.naming.own_joints import with_joints
 from testbed.proposal.rows.clocks import REACH
+from testbed.proposal.rows.reflectors import with_reflectors
 from testbed.proposal.verdict import verdict_on
 from testbed.robots.robot import Robot
 
@@ -77,7 +78,7 @@ def propose_session(looks: tuple[Found, ...], robot: Robot | None, root: Path) -
         for table in proposed.document.values()
         for each in (table if isinstance(table, list) else [table])
         if isinstance(each, dict)
-        for name in (each.get("file"), *each.get("files", ()))
+        for name in files_of(each)
     }
     unused = tuple(
         _left_aside(one, looks, proposed.document.get("points", {}).get("file"))
@@ -98,10 +99,10 @@ def _left_aside(look: Found, looks: Sequence[Found], points: str | None) -> str:
     read = [one for one in looks if one.name == points and (one.rows, one.head, one.kind) == form]
     if not read or look.has("pose_id"):
         return look.called
-    names = " ".join(f"{Path(one.name).stem}_{axis}" for one in (read[0], look) for axis in "XYZ")
+    files = ", ".join(f'{Path(one.name).stem} = "{one.name}"' for one in (read[0], look))
     return (
         f"{look.called}, of as many rows and the same columns as {read[0].called}: if it is of "
-        f"another target on the same tool, write both side by side into one file, under {names}"
+        f"another reflector on the same tool, write reflector_files = {{ {files} }} under [points]"
     )
 
 
@@ -190,6 +191,8 @@ def _proposed(looks: tuple[Found, ...], robot: Robot | None, root: Path) -> Prop
     if not drafts:
         raise no_reading(looks, n)
     first = _untried(drafts)
+    if robot is not None:
+        drafts = list(with_reflectors(drafts, looks))
     if robot is None:
         tried = (
             "no robot was named: units and conventions are guessed from the numbers and from "

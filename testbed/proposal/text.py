@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from testbed.files.columns import is_known
-from testbed.proposal.data import Document, Found
+from testbed.proposal.data import Document, Found, files_of
 from testbed.proposal.session import Proposed
 from testbed.proposal.wished import wished_lines
 from testbed.strict import toml_lines, toml_value
@@ -110,5 +110,5 @@ def _unused(section: str, document: Document, looks: Sequence[Found]) -> list[st
 
 def _place(table: Document) -> tuple[str, str | None] | None:
     """The first file of a table, and its sheet; None if it names none."""
-    names = (*table.get("files", ()), *([table["file"]] if "file" in table else []))
+    names = files_of(table)
     return (names[0], table.get("sheet")) if names else None

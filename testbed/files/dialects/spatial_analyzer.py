@@ -193,6 +193,8 @@ def _poses(
             rule = "group"
         else:
             rule = "occurrence"
+    if rule == "target" and len(set(target)) < n and len(set(zip(group, target, strict=True))) == n:
+        return target, group, "each target is a pose, and each group a reflector"
     if rule == "target":
         return target, nameless, "each target is a pose"
     if rule == "group":

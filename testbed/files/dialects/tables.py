@@ -65,6 +65,11 @@ class ObservedTable(FileTable):
             raise ValueError("write either file or files")
         return self
 
+    @property
+    def sources(self) -> tuple[tuple[str | None, str], ...]:
+        """Its files, each with the reflector that it is of; "" where it says so itself."""
+        return tuple((file, "") for file in (self.files or (self.file,)))
+
 
 class JointsTable(FileTable):
     """[joints]: where the robot was commanded to be, or read back that it was."""
@@ -127,6 +132,26 @@ class PointsTable(OpticalTable):
     """Where a row holds several targets: the file's columns of x, y and z of each, in `length`."""
     reflectors_mm: dict[Name, Place] = Field(default_factory=dict)
     """Place of each target in the tool frame, or "free" where it is to be identified."""
+    reflector_files: dict[Name, Name] = Field(default_factory=dict)
+    """Where each reflector has a file of its own, in place of ``file``: its name to that file; all
+    of them at the same poses, and in one frame."""
+
+    @model_validator(mode="after")
+    def _of_one_reflector(self) -> "PointsTable":
+        """A file is that of one reflector, or of one station, or of several targets in a row."""
+        names = list(self.reflector_files.values())
+        if names and (self.file or self.files or self.targets):
+            raise ValueError("write either reflector_files or file, files and targets")
+        if again := {name for name in names if names.count(name) > 1}:
+            raise ValueError(f'reflector_files has "{min(again)}" for two reflectors')
+        return self
+
+    @property
+    def sources(self) -> tuple[tuple[str | None, str], ...]:
+        """Its files, each with the reflector that it is of."""
+        if not self.reflector_files:
+            return super().sources
+        return tuple((file, name) for name, file in self.reflector_files.items())
 
     @model_validator(mode="after")
     def _own_direction(self) -> "PointsTable":

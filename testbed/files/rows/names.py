@@ -9,7 +9,7 @@ from calib.arrays import Array, Index
 from calib.geometry.model import RobotModel
 from testbed.files.alternatives import Alternative, Interpretation
 from testbed.files.frames_fit import fit_frames, flange_poses
-from testbed.files.rows.one_tool import read_together, target_name
+from testbed.files.reflectors.one_tool import read_together, target_name
 from testbed.files.rows.shifts import FEWEST, as_read
 from testbed.files.session import Session
 

@@ -120,9 +120,8 @@ def _tip_words(name: str, program: ProgramResult) -> tuple[str, ...]:
     told = f"R95 at targets is for the tip of {name}, as [tool_in_use] states it"
     if program.has_tip is not None and not program.has_tip.all():
         rows = np.flatnonzero(~program.has_tip)
-        told += (
-            f"; at {named_targets('target', rows)}, where the tool measured is named, for the {FILE_TOOL}"
-        )
+        where = named_targets("target", rows)
+        told += f"; at {where}, where the tool measured is named, for the {FILE_TOOL}"
     return (told,)
 
 

@@ -17,7 +17,7 @@ from testbed.files.sources import Sources
 from testbed.gates.mistakes import validated
 from testbed.gates.text import MAX_MB
 from testbed.proposal.both import Joined, is_ranged, joined_with, names_of
-from testbed.proposal.data import Found
+from testbed.proposal.data import Found, files_of
 from testbed.proposal.drafts import PARTS, Draft
 from testbed.proposal.fits.draft_fit import AXES, DraftFit, fit_of
 from testbed.proposal.fits.far_off import far_off
@@ -227,7 +227,7 @@ def _best(
 def _seen(draft: Draft) -> str:
     """The files and sheets of the readings of a draft."""
     tables = (draft.document.get(name, {}) for name in SEEN)
-    return repr([(each.get("file"), each.get("files"), each.get("sheet")) for each in tables])
+    return repr([(files_of(each), each.get("sheet")) for each in tables])
 
 
 def _same_rows(one: Session | None, other: Session | None) -> bool:

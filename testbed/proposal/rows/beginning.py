@@ -5,7 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from testbed.gates.text import FileText
-from testbed.proposal.data import Document, Found
+from testbed.proposal.data import Document, Found, files_of
 from testbed.proposal.rows.clocks import REACH, beside_readings
 
 TRIED = 300
@@ -40,5 +40,5 @@ def _logs(
     for document in documents:
         if document.get("match") == "time":
             tables = [document[key] for key in ("joints", *SEEN) if key in document]
-            log, seen = (files[one["file"], one.get("sheet")] for one in tables)
+            log, seen = (files[files_of(one)[0], one.get("sheet")] for one in tables)
             yield log, beside_readings(log, seen, TRIED, document.get(REACH, 0.0))

@@ -3,7 +3,7 @@
 from itertools import combinations
 
 from testbed.bounds import FACTORS
-from testbed.files.rows.one_tool import apart_or_alike
+from testbed.files.reflectors.one_tool import apart_or_alike
 from testbed.proposal.data import Found
 from testbed.proposal.sizes import signed
 

@@ -144,10 +144,12 @@ def test_a_file_of_one_more_target_is_not_left_aside_without_a_word(tmp_path):
     for file, block in zip(files, blocks.values(), strict=True):
         file.write_text(text(block))
     said, _ = proposed(tmp_path, files, "--robot", UR10.name)
-    under = "smr1_X smr1_Y smr1_Z smr2_X smr2_Y smr2_Z"
-    assert f"write both side by side into one file, under {under}" in " ".join(said.split())
+    assert "reflectors: each file is one, called like the file" in " ".join(said.split())
+    session = read_session(tmp_path / "session.toml", UR10)
+    assert session.reflector_names == ("smr1", "smr2")
     (tmp_path / "session.toml").unlink()
-    both = tmp_path / "all.txt"  # as it says
+    under = "smr1_X smr1_Y smr1_Z smr2_X smr2_Y smr2_Z"
+    both = tmp_path / "all.txt"  # or side by side
     both.write_text(f"J1 J2 J3 J4 J5 J6 {under}\n" + text(JOINTS, FLANGE, places))
     proposed(tmp_path, [both], "--robot", UR10.name)
     session = read_session(tmp_path / "session.toml", UR10)
@@ -160,7 +162,7 @@ def test_a_second_file_of_joints_is_no_target(tmp_path):
     for file, block in zip(files, (DEG, MM, DEG), strict=True):
         file.write_text(text(block))
     said, _ = proposed(tmp_path, files, "--robot", UR10.name)
-    assert "side by side" not in said
+    assert "reflector" not in said
 
 
 def test_three_rows_of_points_for_each_row_of_joints_are_to_be_numbered(tmp_path):

@@ -20,10 +20,11 @@ MOST = 20
 """Targets of which each is held against each other one."""
 
 
-def apart_or_alike(one: Array, other: Array) -> str:
+def apart_or_alike(one: Array, other: Array, far: float = FAR) -> str:
     """Why readings (m, 3) of two targets at the same poses are not of one tool [m]; else empty.
 
-    Medians, so that single shots that were missed say nothing.
+    Medians, so that single shots that were missed say nothing. On one tool how far they lie apart
+    varies by less than `far` [m].
     """
     away = np.linalg.norm(one - other, axis=1)
     away = away[np.isfinite(away)]
@@ -33,7 +34,7 @@ def apart_or_alike(one: Array, other: Array) -> str:
     if middle < NEAR:
         return f"lie {middle * 1e3:.2g} mm from each other, where no two reflectors can"
     varies = float(np.median(np.abs(away - middle)))
-    if varies > FAR:
+    if varies > far:
         return f"do not stay together: how far they lie apart varies by {varies * 1e3:.2g} mm"
     return ""
 

@@ -1,0 +1,1 @@
+"""Reflectors on one tool."""
