@@ -26,7 +26,9 @@ from testbed.files.alternatives import (
     some_rows,
 )
 from testbed.files.frames_fit import FAR, TIMES, Misfit, far_for, flange_poses, target_groups
+from testbed.files.readings import BAR, NO_DIRECTION
 from testbed.files.reflectors.one_tool import named_target, not_on_one_tool
+from testbed.files.refusal import refusal
 from testbed.files.rows.exact import exactness
 from testbed.files.rows.names import exchanged_names
 from testbed.files.rows.ratios import SUSPECT, ratios_that_fit
@@ -43,9 +45,14 @@ from testbed.files.session import Session
 from testbed.files.tried.interpretations import Probe, Tried
 from testbed.files.tried.links_fit import LinksFit, links_fit, table_of
 from testbed.robots.robot import Robot
+from testbed.units import counted, significant
 
 LEAST_SPAN, TOOL = 0.02, 1.0
 """Distances vary by at least this part of what the flange moves, and by that and a tool [m]."""
+SHORT = 4.0
+"""A distance of fewer times what nominal links leave may point any way. Of bars between a ball and
+two sockets those of 0.5 mm, three times what they left, ended in a wrong valley, and those of 2 mm,
+eleven times, did not."""
 MOST_LINKS = 3
 """Alternatives that links are fitted to as well, where those do not explain the stated reading."""
 BETTER = 0.98
@@ -221,10 +228,10 @@ def _probe_distances(plain: Probe, robot: Robot, session: Session) -> Probe:
     model = RobotModel(robot.model.chain, robot.model.joint_errors, session.fixtures)
     reach = float(np.ptp(flange_poses(robot.model, table.q)[:, :3, 3], axis=0).max())
 
-    def misfit(some: Measurements) -> Misfit:
+    def misfit(some: Measurements, least: float = LEAST_SPAN * reach) -> Misfit:
         # no point of the tool comes nearer to an anchor, or farther, than the robot moves it
         spans = [np.ptp(some.distance[some.anchor == k]) for k in np.unique(some.anchor)]
-        if not LEAST_SPAN * reach < max(spans) < 2 * reach + TOOL:
+        if not least < max(spans) < 2 * reach + TOOL:
             return Misfit(float("inf"), 0.0)
         try:
             start = start_frames(model, some, free_anchors=session.free_anchors)
@@ -232,7 +239,7 @@ def _probe_distances(plain: Probe, robot: Robot, session: Session) -> Probe:
             return Misfit(float("inf"), 0.0)
         return Misfit(start.position_rms, 0.0)
 
-    stated = misfit(table)
+    stated = misfit(table, -1.0)  # a bar of one length has no span
     tried: list[Tried] = []
     others = chain(distance_alternatives(table), _other_distances(session.measurements))
     for alternative, other in others if stated.position > FAR / TIMES else ():
@@ -240,12 +247,27 @@ def _probe_distances(plain: Probe, robot: Robot, session: Session) -> Probe:
         if stated.score > TIMES * tried[-1].misfit.score:
             break
     tried.sort(key=lambda one: one.misfit.score)
-    found = replace(plain, stated=stated, tried=tuple(tried))
+    found = replace(plain, stated=stated, tried=tuple(tried), no_target=_too_short(session, stated))
     if FAR < stated.score < float("inf") and found.wrong is None:
         sd = _link_sd(robot, session)
         free = session.free_anchors
         found = _far_off(found, links_fit(model, table, stated.score, stated=sd, free_anchors=free))
     return found
+
+
+def _too_short(session: Session, stated: Misfit) -> InputError | None:
+    """The error of distances so short that none tells its direction; None if there are none."""
+    table = session.measurements
+    short = table.is_distance & (table.distance < SHORT * stated.position)
+    if not stated.score <= FAR or short.sum() <= table.is_distance.sum() / 2:
+        return None
+    most = significant(1e3 * float(table.distance[short].max()), 2)
+    return refusal(
+        session.where, "distance",
+        f"{counted(int(short.sum()), 'distance')} of at most {most} mm {NO_DIRECTION}", code="M32",
+        allowed=f"distances well above the {stated.shown} that base and tool leave",
+        fix=BAR,
+    )  # fmt: skip
 
 
 def _other_distances(table: Measurements) -> Iterator[tuple[Alternative, Measurements]]:

@@ -8,6 +8,7 @@ import numpy as np
 from calib.arrays import Array, Bool, Index
 from calib.measurement.corrections import Corrections
 from testbed.files.joints import Extras
+from testbed.files.refusal import refusal
 from testbed.files.session import Stated, rows_of
 from testbed.files.table import Columns, DataTable, Unread
 from testbed.files.uncertainty import Spread
@@ -15,6 +16,12 @@ from testbed.units import counted, named
 
 SHOWN = 10
 """Lines named in one sentence."""
+NO_DIRECTION = "say that the tool is at a fixed point, and not to which side of it it is off"
+BAR = (
+    "a ball in a socket is no distance: put a bar of known length (50 mm or more) between both and "
+    "write that length, or measure where the sockets are and give positions under [points]"
+)
+"""What to do where a ball was put into a socket: that fixes three numbers, and a distance one."""
 COPIES = "copies of earlier readings, digit for digit"
 """What rows are that repeat the digits of others."""
 
@@ -103,10 +110,20 @@ def lost_readings(readings: Readings, nests: Sequence[str]) -> tuple[Bool, list[
 
     A tracker that loses its target writes 0 0 0, or a distance of 0. Readings of `nests` stay:
     rounds are counted by them.
+
+    Raises
+    ------
+    InputError
+        M27: all distances are 0, as of balls in sockets.
     """
     distance = readings.kind == "distance"
     zero = readings.distance == 0 if distance else (readings.position == 0).all(axis=1)
     lost = zero & ~np.isin(readings.target, nests)
+    if distance and len(zero) and zero.all():
+        raise refusal(
+            readings.where, "distance", f"has no distance but 0: lengths of 0 {NO_DIRECTION}",
+            code="M27", allowed="a distance of 0 is a missed shot", fix=BAR,
+        )  # fmt: skip
     written = "0" if distance else "0 0 0"
     return ~lost, rows_said(readings.place, lost, f"missed shots, written as {written}")
 
