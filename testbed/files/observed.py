@@ -132,13 +132,15 @@ def read_observed(
 
 
 def unused_columns(
-    table: DataTable, *used: Columns, elsewhere: Collection[str] = ()
+    table: DataTable, *used: Columns, elsewhere: Collection[str] = (), idle: Collection[str] = ()
 ) -> list[Unread]:
     """Every column that was not read, in one record if any; texts under our names are.
 
-    `elsewhere` has the file's own names of columns that other sections read.
+    `elsewhere` has the file's own names of columns that other sections read, `idle` our names of
+    texts that nothing is taken from.
     """
-    read = {*together(*used).names, *TEXTS}
+    said = {name for name in idle if any(table.texts_of(name) or ())}
+    read = {*together(*used).names, *TEXTS} - said
     # one that is read may have a second name, for a table of another file
     taken = {theirs for name, theirs in table.names.items() if name in read}.union(elsewhere)
     shown = tuple(theirs for theirs in table.names.values() if theirs not in taken)

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from testbed.files.cleaned import Cleaned, sheet_of, table_in
+from testbed.files.columns import TEXTS
 from testbed.files.joints import has_joints, read_joints
 from testbed.files.matching import Match, by_cycle, by_order, by_pose, by_row
 from testbed.files.observed import has_readings, unused_columns
@@ -18,6 +19,17 @@ from testbed.files.table import DataTable
 from testbed.files.targets import TargetPart
 from testbed.gates.text import FileText
 from testbed.robots.robot import Robot
+
+IDLE = {
+    "pose": ("target", "anchor", "path"),
+    "point": ("anchor", "path"),
+    "distance": ("station", "path"),
+}
+"""Columns of texts that say nothing of readings of a kind."""
+SHOWN = 4
+"""Targets named in one sentence."""
+OF_JOINTS = ("station", "anchor", "path")
+"""The same beside joints in a file of their own."""
 
 
 def with_joints(
@@ -43,13 +55,6 @@ def with_joints(
     if sources.data is not None and not same:
         _require_one_place(table, cleaned, sources, settings, robot)
     joints = read_joints(table, robot, how.source, drop=drop, nests=nests)
-    own = [readings.columns] if same else []
-    unused = unused_columns(table, joints.used, *own, elsewhere=_read_of(text, others))
-    if not same and cleaned.table is not None:
-        elsewhere = _read_of(cleaned.text, others)
-        unused += unused_columns(cleaned.table, readings.columns, elsewhere=elsewhere)
-    notes = (*readings.notes, *(one.sentence for one in unused))
-    readings = replace(readings, notes=notes, unread=tuple(unused))
     if same:
         match = by_row(joints, readings)
     elif readings.cycling:
@@ -64,8 +69,23 @@ def with_joints(
         poses = {name for other in others for name in other.poses}
         match = by_pose(joints, readings, drop=drop, elsewhere=poses)
     part = TargetPart(joints.rows(match.joints), readings.rows(match.readings), section)
+    own, idle = ([readings.columns], IDLE[readings.kind]) if same else ([], OF_JOINTS)
     if not same:
-        part = _with_targets_of_joints(part, len(joints))
+        with_names = _with_targets_of_joints(part, len(joints))
+        idle = OF_JOINTS if with_names is not part else (*OF_JOINTS, "target")
+        part = with_names
+    nests_named = ("target",) if settings.drift is not None else ()
+    unused = unused_columns(
+        table, joints.used, *own, elsewhere=_read_of(text, others),
+        idle={*idle} - {*nests_named},
+    )  # fmt: skip
+    if not same and cleaned.table is not None:
+        unused += unused_columns(
+            cleaned.table, readings.columns, elsewhere=_read_of(cleaned.text, others),
+            idle={*IDLE[readings.kind]} - {*nests_named},
+        )  # fmt: skip
+    notes = (*part.readings.notes, *(one.sentence for one in unused))
+    part = replace(part, readings=replace(part.readings, notes=notes, unread=tuple(unused)))
     if settings.match == "time" and part.joints.extras.pose is None:  # a log numbers no poses
         named = replace(part.joints.extras, pose=part.readings.extras.pose)
         part = replace(part, joints=replace(part.joints, extras=named))
@@ -78,7 +98,28 @@ def with_joints(
         require_names("tool", side.extras.conditions.tool or (), side.place)
     if readings.kind != "pose" and any(part.readings.target):
         require_names("target", part.readings.target, part.readings.place)
-    return part, replace(match, masked=(*copies, *means), warnings=(*match.warnings, *alike))
+    said = (*match.warnings, *alike, *_several_targets(part))
+    return part, replace(match, masked=(*copies, *means), warnings=said)
+
+
+def _several_targets(part: TargetPart) -> tuple[str, ...]:
+    """A warning of full poses of several targets by name, which are taken as those of one."""
+    if part.readings.kind != "pose":
+        return ()
+    for where, column in (
+        (part.readings.where, part.readings.target),
+        (part.joints.where, part.joints.extras.target or ()),
+    ):
+        names = sorted({*column} - {""})
+        # a name that never comes again is where the robot was sent
+        if 1 < len(names) < len(column):
+            more = [f"{len(names) - SHOWN} more"] * (len(names) > SHOWN)
+            return (
+                f"{where}: the column target names {len(names)} targets ("
+                f"{', '.join([*names[:SHOWN], *more])}), and [frames] takes all poses as those of "
+                "one target; if several were mounted, give each a [[session]] of its own",
+            )
+    return ()
 
 
 def _with_targets_of_joints(part: TargetPart, count: int) -> TargetPart:
@@ -121,9 +162,11 @@ def _require_one_place(
 
 def _read_of(text: FileText, others: Sequence[Cleaned]) -> set[str]:
     """Columns of a file that other sections read, as the file calls them."""
+    same = [other for other in others if other.table is not None and other.text is text]
     return {
         other.table.names[name]
-        for other in others
-        if other.table is not None and other.text is text
-        for name in other.readings.columns.names
+        for other in same
+        if other.table is not None
+        for name in (*other.readings.columns.names, *TEXTS)
+        if name in other.table.names and name not in IDLE[other.readings.kind]
     }
