@@ -44,6 +44,7 @@ from testbed.files.rows.shifts import (
 from testbed.files.session import Session
 from testbed.files.tried.interpretations import Probe, Tried
 from testbed.files.tried.links_fit import LinksFit, links_fit, table_of
+from testbed.files.tried.quarter_turns import quarter_turns
 from testbed.robots.robot import Robot
 from testbed.units import counted, significant
 
@@ -104,6 +105,11 @@ def probe(robot: Robot, session: Session) -> Probe:
         ]
     some_lines = lines or other_rows(session, rows)
     tried += [(_of_rows(robot.model, one, stated.score), one.read) for one in some_lines]
+    # dear, and only where nothing else explains the rows
+    if min(stated.score, *(one.misfit.score for one, _ in tried)) > FAR:
+        turned = quarter_turns(robot.model, read)
+        if turned is not None:
+            tried.append((Tried(turned[0], misfit_of(robot.model, turned[1])), turned[1]))
     tried.sort(key=lambda one: one[0].misfit.score)
     found = replace(
         plain,

@@ -17,6 +17,7 @@ from testbed.files.session import Session
 from testbed.files.session_toml import SessionFile
 from testbed.files.slips import raise_if_slipped
 from testbed.files.sources import Sources, given, session_file
+from testbed.files.tried.beyond_limits import explained
 from testbed.files.uncertainty import require_shown
 from testbed.files.visits.read import read_visits
 from testbed.files.visits.tables import CampaignFile
@@ -101,7 +102,15 @@ def whole_session(
 
     def one(own: SessionFile, here: Sources) -> Session:
         """A session by itself."""
-        return _without_strays(robot, session_of(own, here, robot, drop=drop, where=where))
+
+        def read(arm: Robot) -> Session:
+            return session_of(own, here, arm, drop=drop, where=where)
+
+        try:
+            session = read(robot)
+        except InputError as error:
+            raise explained(error, robot, read) from error
+        return _without_strays(robot, session)
 
     if isinstance(settings, CampaignFile) and settings.session:
         return read_visits(settings, sources, one, where=where)

@@ -10,11 +10,15 @@ from testbed.files.frames_fit import FAR, TIMES, Misfit
 from testbed.files.refusal import refusal
 from testbed.files.rows.shifts import FEWEST
 from testbed.files.tried.links_fit import ANGLE, FARTHEST, LENGTH, LinksFit
+from testbed.units import counted
 
 ALIKE = 2.0
 """An alternative of few rows leaves so many times less than as many beside their own joints. Of
 900 random lines of ten good rows one is named so and nine were without it; of 400 with shifted rows
 193, as without it."""
+WAY = "other interpretation"
+ABSURD = 1.0
+"""What is left by more than this is no size of an error, but of nothing that fits [m]."""
 UNITS = (0.6, 1.6)
 """Spread of the measured positions over the nominal ones, with the right unit."""
 BEYOND = 5.0
@@ -84,8 +88,19 @@ class Probe:
             sentence += f"; {self.linked.sentence}"
         if self.best is None:
             return sentence
-        count, left = len(self.tried), self.best.misfit.shown
-        return f"{sentence}; with the best of {count} other interpretations, {left}"
+        count, left = len(self.tried), self.best.misfit
+        if left.score > ABSURD:
+            return f"{sentence}; none of {counted(count, WAY)} comes near the robot"
+        return f"{sentence}; with the best of {count} other interpretations, {left.shown}"
+
+    def _absurd(self, stated: Misfit, least: Misfit) -> str:
+        """How far off the readings are however they are interpreted."""
+        text = f"with base and tool fitted, the readings miss the robot by {stated.shown}"
+        if not np.isfinite(stated.score):
+            text = "no base and tool bring the readings near the robot"
+        if least.score > ABSURD:
+            return f"{text}, and none of {counted(len(self.tried), WAY)} comes near it"
+        return f"{text}, and by {least.shown} or more however the file is interpreted"
 
     def raise_if_wrong(self) -> None:
         """Refuse a file that is read wrongly, or that is not of this robot.
@@ -121,8 +136,7 @@ class Probe:
             least = min(every, key=lambda one: one.score)
             raise refusal(
                 self.where, "ROBOT",
-                f"with base and tool fitted, the readings miss the robot by {stated.shown}, and by "
-                f"{least.shown} or more however the file is interpreted", code="M32",
+                self._absurd(stated, least), code="M32",
                 value=stated.position,
                 allowed=f"those of a {self.robot} would miss it by a few mm, or by what links "
                 f"explain that are {FARTHEST * LENGTH * 1e3:.0f} mm and "

@@ -1,6 +1,7 @@
 """The draft of a session that fits best, after fitting base and tool of the nominal robot."""
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +15,7 @@ from testbed.files.rows.shifts import FEWEST
 from testbed.files.session import Session
 from testbed.files.session_toml import SESSION_FILE, SessionFile
 from testbed.files.sources import Sources
+from testbed.files.tried.beyond_limits import explained as by_other_zeros
 from testbed.gates.mistakes import validated
 from testbed.gates.text import MAX_MB
 from testbed.proposal.both import Joined, is_ranged, joined_with, names_of
@@ -26,6 +28,8 @@ from testbed.proposal.rows.beginning import SEEN, beginnings
 from testbed.robots.robot import Robot
 from testbed.units import counted
 
+MOST_TURNED = 16
+"""Drafts with joints beyond their limits that are tried with other zeros."""
 GUESSED = ("M20", "M22", "M23", "V9")
 """Error codes of numbers with another meaning than assumed."""
 BY_SIZE = "units and conventions are guessed from the numbers and from common use"
@@ -55,10 +59,10 @@ def tried_with(
     """
     texts = beginnings([draft.document for draft in drafts], looks, root)
 
-    def read(draft: Draft, *, drop: bool = True) -> Session:
+    def read(draft: Draft, *, drop: bool = True, arm: Robot = robot) -> Session:
         settings = validated(draft.document, SessionFile, SESSION_FILE)
         sources = Sources(root, None, MAX_MB, dict(texts))
-        return session_of(settings, sources, robot, drop=drop, where=SESSION_FILE)
+        return session_of(settings, sources, arm, drop=drop, where=SESSION_FILE)
 
     def readable(draft: Draft) -> Session | None:
         try:
@@ -93,6 +97,10 @@ def tried_with(
             read(drafts[0], drop=False)  # which says why
             read(drafts[0])
         except InputError as error:
+            for draft in drafts[:MOST_TURNED]:
+                better = by_other_zeros(error, robot, partial(_read_for, read, draft))
+                if better is not error:
+                    raise better from error
             nameless = next((one for one in looks if one.kind == "bare"), None)
             if nameless is None or error.code not in GUESSED:
                 raise
@@ -117,6 +125,11 @@ def tried_with(
         f"the robot that was measured? {BY_SIZE.capitalize()}"
     )
     return drafts[likely], tried, False
+
+
+def _read_for(read: Callable[..., Session], draft: Draft, robot: Robot) -> Session:
+    """A draft read for another robot."""
+    return read(draft, arm=robot)
 
 
 def unnamed(look: Found) -> InputError:

@@ -1,0 +1,1 @@
+"""Other interpretations of a file."""
