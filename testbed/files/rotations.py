@@ -21,8 +21,11 @@ EULER = tuple(
     if all(a != b for a, b in pairwise(triple))
 )
 """Euler sequences: capitals turn about axes that turn along, small letters about fixed ones."""
-MAKERS = {"kuka": "ZYX", "staubli": "XYZ", "fanuc": "xyz", "ur": "rotation_vector"}
-"""What some controllers mean by three angles; KUKA: A about Z, B about Y, C about X."""
+MAKERS = {
+    "kuka": "ZYX", "staubli": "XYZ", "fanuc": "xyz", "ur": "rotation_vector", "kawasaki": "ZYZ"
+}  # fmt: skip
+"""What some controllers mean by three angles; KUKA: A about Z, B about Y, C about X; Kawasaki: O
+about Z, A about the turned Y, T about the turned Z."""
 QUATERNION, MATRIX, VECTOR = "quaternion", "matrix", "rotation_vector"
 AXIS = "axis_angle"
 KEPT, QUIET, MENDED = 1e-12, 1e-6, 1e-3
@@ -178,8 +181,9 @@ def sequence_of(euler: str | None, where: str) -> str:
         message = f'euler is "{euler[:20]}"'
         fix = choice_of(euler, (*EULER, VECTOR, *MAKERS)) if len(euler) > 3 else ""
     allowed = (
-        "allowed are a controller (kuka, staubli, fanuc, ur), rotation_vector, or three axes in "
-        "the order of the turns: XYZ about x, the turned y, the turned z; xyz about fixed x, y, z"
+        "allowed are a controller (kuka, staubli, fanuc, ur, kawasaki), rotation_vector, or three "
+        "axes in the order of the turns: XYZ about x, the turned y, the turned z; xyz about fixed "
+        "x, y, z"
     )
     raise refusal(where, "euler", message, code="M24", value=euler, allowed=allowed, fix=fix)
 

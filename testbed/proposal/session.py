@@ -10,6 +10,7 @@ from testbed.proposal.both import is_ranged, merged
 from testbed.proposal.cycles import cycles_in
 from testbed.proposal.data import Document, Found, files_of
 from testbed.proposal.drafts import EACH_A_STATION, Draft, drafts_of
+from testbed.proposal.fits.places_alone import places_alone
 from testbed.proposal.fits.tried import tried_with
 from testbed.proposal.missing import columns_of, joints_in, no_reading, not_known, require_joints
 from testbed.proposal.naming.own_joints import with_joints
@@ -204,6 +205,8 @@ def _proposed(looks: tuple[Found, ...], robot: Robot | None, root: Path) -> Prop
         tried = "there are no joints: nothing could be tried" + not_known(looks)
         return Proposed(first.document, first.notes, tried, False)
     best, tried, fits = tried_with(drafts, looks, robot, root)
+    if not fits and (alone := places_alone(drafts, looks, robot, root)) is not None:
+        (best, tried), fits = alone, True
     there = max(len(joints_in(one)) for one in looks)
     if not fits and there > n:
         tried += f". There are {there} joints, and {robot.name} has {n}"

@@ -7,13 +7,16 @@ import numpy as np
 
 from testbed.files.alternatives import BY_AXIS
 from testbed.files.columns import AXIS_COLUMNS, MATRIX_COLUMNS, QUATERNION_COLUMNS
+from testbed.files.rotations import EULER
 from testbed.proposal.data import Document, Found
 from testbed.proposal.names import Meaning, turns_of_letters
 from testbed.proposal.sizes import by_size, signed
 
 VECTOR = ("rvx", "rvy", "rvz")
 AXIS = (*AXIS_COLUMNS, "axis_angle")
-FORMS = (QUATERNION_COLUMNS, MATRIX_COLUMNS, AXIS, ("rx", "ry", "rz"), VECTOR)
+TWICE = ("e1", "e2", "e3")
+"""Angles two of which are about one axis."""
+FORMS = (QUATERNION_COLUMNS, MATRIX_COLUMNS, AXIS, ("rx", "ry", "rz"), VECTOR, TWICE)
 DIRECTIONS: tuple[Document, ...] = ({}, {"gives": "T_tool_tracker"})
 TURN = 6.4
 """Angles are never larger where they are in radians [rad]."""
@@ -59,6 +62,9 @@ def turnings(
         for gives in DIRECTIONS:
             yield {}, gives, (_direction(gives),)
         return
+    if turns == tuple(look.stems[stem].theirs for stem in TWICE if look.has(stem)):
+        yield from _by_letters(look, known=known)
+        return
     unit = next((means[name].unit for name in turns if name in means), "")
     units = (unit,) if known or unit else by_size(look, turns, TURN, ("deg", "rad"))
     usual = ("ZYX", "XYZ") if turns_of_letters(look.head) else ("XYZ", "ZYX")
@@ -68,6 +74,26 @@ def turnings(
             {} if known else {f"r{a}_{one}": name for a, name in zip("xyz", turns, strict=True)}
         )
         said = f"rotations: no file states how the three angles turn; assumed: {form}"
+        said += "" if unit or known else f", in {one}"
+        yield columns, {"euler": form, **gives}, (said, _direction(gives))
+
+
+def _by_letters(
+    look: Found, *, known: bool
+) -> Iterator[tuple[dict[str, str], Document, tuple[str, ...]]]:
+    """The same of three angles by letters that fix their order, or of our own columns."""
+    there = [look.stems[stem] for stem in TWICE]
+    names = [one.theirs for one in there]
+    unit = next((one.unit for one in there if one.unit), "")
+    units = (unit,) if known or unit else by_size(look, names, TURN, ("deg", "rad"))
+    forms = ("ZYZ",) if not known else tuple(one for one in EULER if one[0] == one[2])
+    for gives, one, form in product(DIRECTIONS, units, forms):
+        columns = {} if known else dict(zip((f"{e}_{one}" for e in TWICE), names, strict=True))
+        said = (
+            f"rotations: {', '.join(names)} are taken as turns about z, the turned y, the turned z"
+        )
+        if known:
+            said = f"rotations: no file states how the three angles turn; assumed: {form}"
         said += "" if unit or known else f", in {one}"
         yield columns, {"euler": form, **gives}, (said, _direction(gives))
 

@@ -85,6 +85,9 @@ QUATERNION = ("qw", "qx", "qy", "qz")
 OF_TURNS = {
     *TURNS.values(),
     *(f"r{i}{j}" for i in "123" for j in "123"),
+    "e1",
+    "e2",
+    "e3",
     "rvx",
     "rvy",
     "rvz",
@@ -93,5 +96,11 @@ OF_TURNS = {
     "axis_z",
     "axis_angle",
 }
-LETTERS = ({"a": "rz", "b": "ry", "c": "rx"}, {"w": "rx", "p": "ry", "r": "rz"})
-"""Equal rotations: of KUKA, about z, then y, then x, and of FANUC, about fixed x, y, z."""
+LETTERS = (
+    {"a": "rz", "b": "ry", "c": "rx"},
+    {"w": "rx", "p": "ry", "r": "rz"},
+    {"o": "e1", "a": "e2", "t": "e3"},
+    {"a": "e1", "e": "e2", "r": "e3"},
+)
+"""Equal rotations: of KUKA, about z, then y, then x, and of FANUC, about fixed x, y, z; those of
+Kawasaki and Comau, about z, the turned y and the turned z."""

@@ -103,7 +103,7 @@ class FramesTable(OpticalTable):
     kind = "pose"
     euler: Euler | None = None
     """Three axes in the order of the turns, capitals about axes that turn with the tool, small
-    letters about fixed ones; or what a controller means: kuka, staubli, fanuc, ur."""
+    letters about fixed ones; or what a controller means: kuka, staubli, fanuc, ur, kawasaki."""
     gives: Literal["T_tracker_tool", "T_tool_tracker"] = "T_tracker_tool"
     """Whether a row is the tool in the tracker's frame, or the inverse."""
     rotation: (

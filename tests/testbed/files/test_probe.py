@@ -315,10 +315,8 @@ def test_what_is_better_and_still_absurd_is_no_reading():
     found = Probe("a.csv", "arm", bad, (told,), 1.0)
     assert found.wrong is None
     for tried in ((told,), (replace(told, misfit=Misfit(900.0, 0.1)),)):
-        with pytest.raises(
-            InputError,
-            match=r"by 800 m and 5.7 deg, and none of 1 other interpretation comes .* the robot that",
-        ):
+        said = r"by 800 m and 5.7 deg, and none of 1 other interpretation comes .* the robot that"
+        with pytest.raises(InputError, match=said):
             replace(found, tried=tried).raise_if_wrong()
 
 
