@@ -55,7 +55,9 @@ class VisitTable(Strict):
     def names_a_file(self) -> bool:
         """Whether it says where its readings are."""
         tables = (self.frames, self.points)
-        return self.file is not None or any(t is not None and (t.file or t.files) for t in tables)
+        return self.file is not None or any(
+            t is not None and t.sources != ((None, ""),) for t in tables
+        )
 
 
 class CampaignFile(SessionFile):

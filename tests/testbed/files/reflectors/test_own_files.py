@@ -135,6 +135,21 @@ def test_exports_have_a_file_or_a_group_for_each_reflector(by_hand, tmp_path):
     assert same(found, by_hand)
 
 
+def test_a_visit_may_have_a_file_for_each_reflector(tmp_path):
+    """Its files were no files: a [[session]] of them "names no file"."""
+    for name, table in apart(*seen()).items():
+        (tmp_path / f"{name}.csv").write_text(csv(table))
+    toml = "[uncertainty]\nposition_um = 20\n"
+    for name, files in (("spring", 'A = "a.csv", B = "b.csv"'), ("autumn", 'A = "c.csv"')):
+        toml += f'[[session]]\nname = "{name}"\n[session.joints]\nfile = "joints.csv"\n'
+        toml += f"[session.points]\nreflector_files = {{ {files} }}\n"
+    (tmp_path / "session.toml").write_text(toml)
+    found = read_session(tmp_path, ROBOT)
+    assert len(found.measurements) == 3 * M
+    assert [len(one.measurements) for one in found.alone] == [2 * M, M]
+    assert found.alone[0].reflector_names == ("A", "B")
+
+
 @pytest.mark.parametrize(
     ("files", "points", "said"),
     [
