@@ -1,5 +1,7 @@
 """Joint zeros that a table has in another posture: named by quarter turns, never taken."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -93,6 +95,18 @@ def test_joints_beyond_their_limits_are_explained_by_the_readings(tmp_path):
     other["x_mm"] = other["x_mm"][::-1]
     with pytest.raises(InputError, match="joint values lie outside the limits"):
         read(tmp_path, other)
+
+
+def test_the_zero_of_a_first_joint_is_taken_up_by_the_base(tmp_path):
+    """Its values lie beyond the limits, and all fits: "correct these cells" was wrong."""
+    turned = table([2, 0, 0, 0, 0, 0], poses=False, within=False)
+    with pytest.raises(InputError) as caught:
+        read(tmp_path, turned)
+    said = str(caught.value)
+    assert re.search(r"q1 often lies outside the limits of staubli_tx60, and base and tool", said)
+    assert said.endswith("add +180 deg to q1 in the table. [M20]")
+    turned["q1_deg"] = turned["q1_deg"] + 180
+    probe(ROBOT, read(tmp_path, turned)).raise_if_wrong()
 
 
 @pytest.mark.parametrize("within", [False, True])
