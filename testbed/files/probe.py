@@ -56,6 +56,8 @@ two sockets those of 0.5 mm, three times what they left, ended in a wrong valley
 eleven times, did not."""
 MOST_LINKS = 3
 """Alternatives that links are fitted to as well, where those do not explain the stated reading."""
+CLEARLY = 2.0
+"""So many times less do links leave of another reading if it is that one."""
 BETTER = 0.98
 """The other source of joints fits better if it leaves less than this part."""
 
@@ -143,18 +145,22 @@ def _with_links(
         return links_fit(robot.model, table_of(one), left.score, stated=_link_sd(robot, session))
 
     own = linked(read, stated)
-    if own is not None:
+    if own is not None and own.explains:
         return _far_off(found, own)
     tried = list(found.tried)
     for k, one in enumerate(tried[:MOST_LINKS]):
-        if one.misfit.score < stated.score:
-            tried[k] = replace(one, linked=linked(others[k], one.misfit))
+        if one.misfit.score >= stated.score:
+            continue
+        links = linked(others[k], one.misfit)
+        # an arm that bends: what no links explain stays nearly the same, however it is read
+        alike = own is not None and links is not None and links.left * CLEARLY > own.left
+        tried[k] = replace(one, linked=links if links and links.explains and not alike else None)
     return replace(found, tried=tuple(tried))
 
 
 def _far_off(found: Probe, links: LinksFit | None) -> Probe:
     """The same with links that explain what was read, and a warning if it is odd."""
-    if links is None or found.stated is None:
+    if links is None or not links.explains or found.stated is None:
         return found
     left = found.stated
     text = f"base and tool alone leave {left.shown}, far more than usual, and {links.sentence}"

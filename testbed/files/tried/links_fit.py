@@ -42,14 +42,17 @@ MOST = 0.8
 
 @dataclass(frozen=True, slots=True)
 class LinksFit:
-    """Links that explain what base and tool alone leave."""
+    """Links fitted to what base and tool alone leave."""
 
     left: float
-    """Error at poses left out that most of them do not exceed, as `Misfit.score` [m]."""
+    """Error at poses left out that most of them do not exceed, as `Misfit.score` [m]; of links that
+    miss too much of what they were fitted to, the error there."""
     length: float
     """Largest error of a link's length [m]."""
     angle: float
     """Largest error of a link's angle [rad]."""
+    explains: bool = True
+    """Whether that is so much less than base and tool alone leave."""
 
     @property
     def sentence(self) -> str:
@@ -75,7 +78,7 @@ def links_fit(
     stated: Array | None = None,
     free_anchors: Collection[int] = (),
 ) -> LinksFit | None:
-    """Base, tool and links fitted to readings; None if these do not explain them.
+    """Base, tool and links fitted to readings; None if no arm has such links, or rows are too few.
 
     Parameters
     ----------
@@ -97,8 +100,11 @@ def links_fit(
         start = start_frames(model, table, free_anchors=free_anchors).model
         whole = _fit(start, table, sd, free_anchors)
         off = np.abs(whole.chain.links - start.chain.links)
-        if (off > FARTHEST * sd).any() or _of_most(_missed(whole, table)) * TIMES > left:
+        if (off > FARTHEST * sd).any():
             return None
+        largest = float(off[:, 1:3].max()), float(off[:, [0, 3, 4]].max())
+        if (there := _of_most(_missed(whole, table))) * TIMES > left:
+            return LinksFit(there, *largest, explains=False)
         pose = _stops(table, whole)
         part = np.random.default_rng(0).permutation(int(pose.max()) + 1)[pose] % FOLDS
         missed = np.zeros(len(table))
@@ -107,8 +113,8 @@ def links_fit(
             missed[part == k] = _missed(rest, table.rows(part == k))
     except InputError:  # too few to tell
         return None
-    found = LinksFit(_of_most(missed), float(off[:, 1:3].max()), float(off[:, [0, 3, 4]].max()))
-    return found if found.left * TIMES <= left else None
+    elsewhere = _of_most(missed)
+    return LinksFit(elsewhere, *largest, explains=elsewhere * TIMES <= left)
 
 
 def _stops(table: Measurements, model: RobotModel) -> Index:
