@@ -46,6 +46,7 @@ from testbed.identify.records import HeldOutSplit, OutlierRows
 from testbed.identify.session import origin_of, row_names, scatter_root, with_scatter
 from testbed.identify.shared import shared_of
 from testbed.identify.splitting import with_poses_held_out
+from testbed.identify.stated_frames import stated_frame_words
 from testbed.identify.visits.apart import require_shared
 from testbed.identify.visits.fit import with_own_frames
 from testbed.identify.visits.frames import own_frames
@@ -251,6 +252,7 @@ def _calibrated(
             *model_words(shots, looking.train, chosen, called),
             *warnings_of(models[0], chosen, train, scatter_told(robot, session)),
             *coarse_joints(session, chosen, train),
+            *stated_frame_words(session, before, train),
             *guard_warnings(session, measurements.rows(split.is_test)),
             *standing_warnings(session, chosen.identification),
             *turn_warnings(session, measurements, chosen.identification.model.fixtures.anchors),
