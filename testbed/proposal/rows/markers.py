@@ -2,6 +2,9 @@
 
 from itertools import combinations
 
+import numpy as np
+
+from calib.arrays import Array
 from testbed.bounds import FACTORS
 from testbed.files.reflectors.one_tool import apart_or_alike
 from testbed.proposal.data import Found
@@ -11,6 +14,11 @@ AXES = 3
 COUNTERS = 2
 """Largest number of columns before the markers: a frame and a time."""
 FEWEST = 2
+STAY = 0.1
+"""How much the distance of two markers varies, at most, beside how far each of them moves.
+
+Numbers that have nothing to do with each other vary by about half of it.
+"""
 
 
 def markers_in(look: Found, unit: str) -> dict[str, tuple[str, ...]]:
@@ -29,6 +37,29 @@ def markers_in(look: Found, unit: str) -> dict[str, tuple[str, ...]]:
             for k in range(count)
         }
         places = [FACTORS[unit] * signed(look, columns).T for columns in found.values()]
-        if not any(apart_or_alike(one, other) for one, other in combinations(places, 2)):
+        if all(
+            _stay(one, other) and not apart_or_alike(one, other)
+            for one, other in combinations(places, 2)
+        ):
             return found
     return {}
+
+
+def _stay(one: Array, other: Array) -> bool:
+    """Whether two places (m, 3) move, and the distance between them hardly varies.
+
+    Joints that turn little, and columns that are constant, stay near each other as well. Medians,
+    so that single shots that were missed say nothing.
+    """
+    seen = np.isfinite(one).all(axis=1) & np.isfinite(other).all(axis=1)
+    if not seen.any():
+        return False
+    one, other = one[seen], other[seen]
+    moves = min(_spread(one), _spread(other))
+    varies = _spread(np.linalg.norm(one - other, axis=1)[:, None])
+    return varies < STAY * moves
+
+
+def _spread(places: Array) -> float:
+    """Median distance of places (m, k) from their middle."""
+    return float(np.median(np.linalg.norm(places - np.median(places, axis=0), axis=1)))

@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 
 from testbed.files.read import read_session
+from testbed.proposal.data import look_at
+from testbed.proposal.rows.markers import markers_in
 from tests.testbed.files.made import made
 from tests.testbed.proposal.test_odd_files import UR10
 from tests.testbed.proposal.test_session import call, proposed
@@ -185,3 +187,25 @@ def test_three_rows_of_points_for_each_row_of_joints_are_to_be_numbered(tmp_path
     proposed(tmp_path, [tmp_path / "q.csv", tmp_path / "p.csv"], "--robot", UR10.name)
     session = read_session(tmp_path / "session.toml", UR10)
     assert session.reflector_names == ("A", "B", "C")
+
+
+def test_joints_that_turn_twice_and_a_place_in_meters_are_no_markers(tmp_path):
+    """Nine numbers that all stay within the 20 mm by which distances on one tool may vary."""
+    q = np.random.default_rng(4).uniform(-2 * np.pi, 2 * np.pi, (M, 6))
+    places = UR10.model.poses(q)[:, :3, 3]
+    (tmp_path / "a.csv").write_text(text(q, places, mark=","))
+    proposed(tmp_path, [tmp_path / "a.csv"], "--robot", UR10.name)
+    table = read_session(tmp_path / "session.toml", UR10).measurements
+    np.testing.assert_allclose(table.q, q, rtol=0, atol=1e-11)  # eleven decimals
+    np.testing.assert_allclose(table.position, places, rtol=0, atol=1e-11)
+
+
+@pytest.mark.parametrize("behind", [[], [24.3, -9.7, 54.8]], ids=["nothing", "the same each row"])
+def test_joints_of_a_small_arm_and_a_place_in_a_row_are_no_markers(behind, tmp_path):
+    """Joints that turn by some degrees and places some cm apart hardly leave each other."""
+    rng = np.random.default_rng(4)
+    joints = rng.normal((3, 15, 39, -89, -88, 79), 7, (M, 6))
+    places = rng.normal((1264, 728, -29), 18, (M, 3))
+    (tmp_path / "a.csv").write_text(text(joints, places, np.tile(behind, (M, 1)), mark=","))
+    (look,) = look_at([tmp_path / "a.csv"], tmp_path)
+    assert not markers_in(look, "mm")
