@@ -13,6 +13,10 @@ from testbed.identify.calibration import Calibration
 from testbed.identify.records import FittedModel
 from testbed.units import DEG, MM, UM, fixed, significant
 
+PART = {"tool": "tool", "target": "tool", "station": "base", "base": "base"}
+"""The part of a [[session]] that is another's no more, by what moved."""
+APART = "describe the rows from there on as a [[session]] of their own"
+
 
 def moved_in(
     session: Session, models: Sequence[FittedModel], measurements: Measurements, used: Bool
@@ -60,12 +64,18 @@ def moved_words(calibration: Calibration) -> tuple[str, ...]:
     poses = calibration.measurements.pose_id
     last, first = (calibration.pose_names[poses[row]] for row in (found.last, found.row))
     what, mend = _said(calibration, found)
+    if found.or_else:
+        what += f"; or {_or_else(calibration, found)}: the readings do not tell which"
+        if found.what != "joint":
+            mend = APART
     explains = f"That explains {100 * found.explained:.0f} % of the errors beyond noise (p < 0.001)"
     if calibration.visits and calibration.visit is not None:
         one, other = (calibration.visits[calibration.visit[k]] for k in (found.row, found.last))
-        part = {"tool": "tool", "target": "tool", "station": "base", "base": "base"}.get(found.what)
-        if part is not None:
-            mend = f'write {part} = "free" in the [[session]] that has it the same as another'
+        kinds = (found.what, *(kind for kind, _ in found.or_else))
+        parts = list(dict.fromkeys(PART[kind] for kind in kinds if kind in PART))
+        if parts:
+            free = " and ".join(f'{part} = "free"' for part in parts)
+            mend = f"write {free} in the [[session]] that has it the same as another"
         return (
             f'From session "{one.name}" on something differs from "{other.name}": {what}. '
             f"{explains}; {mend}",
@@ -94,21 +104,40 @@ def _said(calibration: Calibration, found: Moved) -> tuple[str, str]:
         what = f"{name} is {where} (it came loose, or was remounted)"
         if len(targets_of(whole)[0]) > 1:
             return what, "leave its rows of one side out"
-        return what, "describe the rows from there on as a [[session]] of their own"
+        return what, APART
     turned = _turned(found)
-    apart = "describe the rows from there on as a [[session]] of their own"
     if found.what == "tool":
         what = f"all targets are {size} off on the tool as a whole, {turned} (it slipped, or "
-        return f"{what}was remounted)", f'{apart}, base = "same as" the first'
+        return f"{what}was remounted)", f'{APART}, base = "same as" the first'
     what = f"the readings are {size} off as a whole, {turned} "
     if found.what == "base":
         what = f"the readings of all stations are {size} off as a whole, {turned} (the base of "
-        return f"{what}the robot was moved)", f'{apart}, tool = "same as" the first'
+        return f"{what}the robot was moved)", f'{APART}, tool = "same as" the first'
     what += "(the instrument or the base of the robot was moved)"
     if len(calibration.set_up.stations) > 1:
         what = f"the readings of station {calibration.set_up.stations[found.number]} are {size} "
         what += f"off as a whole, {turned} (it was moved)"
-    return what, f'{apart}, tool = "same as" the first'
+    return what, f'{APART}, tool = "same as" the first'
+
+
+def _or_else(calibration: Calibration, found: Moved) -> str:
+    """What else may have moved instead."""
+    table = calibration.measurements.rows(calibration.is_used)
+    said = []
+    for kind, number in found.or_else:
+        if kind == "joint":
+            said.append(f"the zero of joint {number + 1} slipped or was set again")
+        elif kind == "target":
+            said.append(f"{_target(calibration, table, number)} came loose, or was remounted")
+        elif kind == "tool":
+            said.append("the tool slipped, or was remounted")
+        elif kind == "base":
+            said.append("the base of the robot was moved")
+        elif len(calibration.set_up.stations) > 1:
+            said.append(f"station {calibration.set_up.stations[number]} was moved")
+        else:
+            said.append("the instrument or the base of the robot was moved")
+    return ", or ".join(said)
 
 
 def _turned(found: Moved) -> str:

@@ -7,7 +7,7 @@ follows the poses instead, and thermal drift comes slowly.
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated, Literal
 
 import numpy as np
@@ -36,6 +36,8 @@ SUDDEN = 20.0
 APART = 4.0
 """Standard errors between the means of a joint before and after the step, from which the poses lie
 elsewhere: there, model misfit looks like a step."""
+ODDS = 20.0
+"""Odds, by BIC, from which what moved is told from something else that may have."""
 TOLD = 1e-6
 """Squared part of a change that must remain beside the free numbers to tell it from theirs."""
 ROUNDING = 1e-10
@@ -67,6 +69,8 @@ class Moved(Shown):
     """Fraction of the chi-square beyond noise that the step explains."""
     p_value: float
     """Probability of as large a step anywhere by chance, for noise of any scale."""
+    or_else: tuple[tuple[What, int], ...] = ()
+    """What else may have moved instead, with its number: the readings do not tell the two apart."""
 
     def __repr__(self) -> str:
         return f"Moved({self.what} {self.number + 1}, {1e6 * self.size:.3g} um, row {self.row})"
@@ -90,9 +94,9 @@ def moved_once(identification: Identification, table: Measurements, order: Index
     ----------
     Fall of chi-square by columns C of the rows from k on, beside the free numbers and their basis
     Q: b' S^+ b with b = C'r and S = C'C - C'Q Q'C over these rows; F test with Bonferroni's factor
-    for all k and all kinds, and the kinds compared by BIC. The rows of a pose share its misfit: c
-    of them count as one, with chi-square and degrees of freedom divided by c (design effect: Kish
-    1965).
+    for all k and all kinds, and the kinds compared by BIC: those that may be it as well at odds of
+    less than `ODDS` are named. The rows of a pose share its misfit: c of them count as one, with
+    chi-square and degrees of freedom divided by c (design effect: Kish 1965).
     """
     if table.is_distance.any() or table.n_poses < 2 * FEWEST:
         return None
@@ -101,7 +105,7 @@ def moved_once(identification: Identification, table: Measurements, order: Index
     places = _places(rows)
     fit = _Whitened.of(identification, rows)
     kinds, alike = list(_changes(identification, rows)), len(rows) / rows.n_poses
-    best: tuple[float, Moved] | None = None
+    steps: list[tuple[float, Moved]] = []
     for what, number, plain in kinds:
         gain, k, told, change = fit.step(plain, places)
         if gain <= 0 or not told:
@@ -113,7 +117,8 @@ def moved_once(identification: Identification, table: Measurements, order: Index
         scale = rest / freedom
         one = float(fdtrc(told, freedom / alike, gain / told / scale / alike))
         chance = one * len(places) * len(kinds)
-        worth = fit.freedom * np.log(fit.square / rest) - told * np.log(fit.freedom)
+        count = fit.freedom / alike
+        worth = float(count * np.log(fit.square / rest) - told * np.log(count))
         if chance >= RED or gain < EXPLAINED * excess:
             continue
         sudden = SUDDEN * max(scale, 1.0) * alike
@@ -126,9 +131,13 @@ def moved_once(identification: Identification, table: Measurements, order: Index
             float(np.sqrt((by[seen, :3] ** 2).sum() / max(int(seen.sum()), 1))),
             min(gain / excess, 1.0), min(chance, 1.0),
         )  # fmt: skip
-        if best is None or worth > best[0]:
-            best = worth, found
-    return None if best is None else best[1]
+        steps.append((worth, found))
+    if not steps:
+        return None
+    best, found = max(steps, key=lambda step: step[0])
+    near = best - 2 * np.log(ODDS)
+    others = [one for worth, one in steps if worth > near and one is not found]
+    return replace(found, or_else=tuple((one.what, one.number) for one in others))
 
 
 def targets_of(table: Measurements) -> tuple[Array, Index]:

@@ -115,10 +115,27 @@ def test_a_tool_that_slipped_with_all_its_reflectors_is_named_as_one_piece(size)
     table, order = of_three(true, q, rng, went)
     found = of(true, table, order)
     assert (found.what, found.number, found.rows) == ("tool", 0, 3 * (POSES - STEP))
+    assert not found.or_else
     assert (table.pose_id[found.last], table.pose_id[found.row]) == (STEP - 1, STEP)
     # three times as many readings as of one target; turns over levers of 60 mm, 40 urad each
     np.testing.assert_allclose(found.change[:3], way, atol=12e-6 + 5e-3 * size)
     np.testing.assert_allclose(found.change[3:], turn, atol=120e-6 + 5e-3 * size)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_tool_that_slipped_is_not_told_from_a_station_by_poses_that_turn_one_joint_each(seed):
+    """The wrist turns after the step alone: before it, the tool goes like the base."""
+    true, q, rng = robot(30 + seed, Fixtures(0.1 * np.eye(3)))
+    joint = np.where(LATER, 3, 0) + np.arange(POSES) % 3
+    turns = rng.uniform(-15, 15, POSES) * np.where(joint > 2, 4, 1)
+    q[:] = np.radians([20, -15, 70, -60, 40, 30])
+    q[np.arange(POSES), joint] += np.radians(turns)
+    way = 5e-4 * np.array([0.6, -0.64, 0.48])
+    moved_on = true.fixtures.reflectors + way
+    went = replace(true, fixtures=replace(true.fixtures, reflectors=moved_on))
+    table, order = of_three(true, q, rng, went)
+    found = of(true, table, order)
+    assert {(found.what, found.number), *found.or_else} == {("tool", 0), ("station", 0)}
 
 
 def test_a_base_that_moved_before_two_stations_is_no_station_that_did():
@@ -149,6 +166,7 @@ def test_a_joint_whose_zero_slipped_is_named(joint):
     table = kinds.points(true, went, rng)
     found = of(true, replace(table, q=told))
     assert (found.what, found.number, found.row) == ("joint", joint, STEP)
+    assert not found.or_else
     assert found.change[0] == pytest.approx(slip, rel=0.15)
 
 

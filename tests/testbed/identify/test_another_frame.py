@@ -164,7 +164,15 @@ def test_a_station_pushed_halfway_is_named_with_the_poses_between_which_it_was(t
     assert said.startswith(f"Between pose {names[0]} and pose {names[1]} something moved: ")
     assert abs(found.moved.size / 200e-6 - 1) < 0.15  # a few poses of 17 um on each side
     assert f"are {found.moved.size * 1e6:.0f} um off as a whole" in said
-    assert "[[session]]" in said
+    assert '[[session]] of their own, tool = "same as" the first' in said
+    assert "do not tell which" not in said
+    untold = replace(found, moved=replace(found.moved, or_else=(("target", 0), ("joint", 1))))
+    said = reasons(untold)[0]
+    assert (
+        "; or the target came loose, or was remounted, or the zero of joint 2 slipped or was set "
+        "again: the readings do not tell which." in said
+    )
+    assert said.endswith("[[session]] of their own.")  # with a base and a tool of its own
     assert next_step(found).startswith("First find out what moved")
     # what it advises mends it
     data = pushed(0.2)
@@ -211,6 +219,9 @@ def test_a_tool_or_base_that_is_the_same_by_the_file_alone_is_named(tmp_path, pa
     assert said.startswith('From session "b" on something differs from "a": ')
     assert found.moved.size == pytest.approx(0.15e-3, rel=0.15)  # some tens of poses of 17 um
     assert f'write {part} = "free" in the [[session]]' in said
+    other, kind = ("base", "station") if part == "tool" else ("tool", "target")
+    untold = replace(found, moved=replace(found.moved, or_else=((kind, 0),)))
+    assert f'write {part} = "free" and {other} = "free" in the [[session]]' in reasons(untold)[0]
     # what it advises mends it
     free = written(tmp_path / "free", data, session("a"), session("b"))
     mended = calibrate(ROBOT, read_session(free, ROBOT), SPLIT)
