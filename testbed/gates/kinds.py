@@ -34,6 +34,10 @@ NO_TABLES = {
     **{ending: f"a {ending[1:].upper()} file" for ending in (".toml", ".yaml", ".yml")},
 }
 PROGRAMS = {
+    "rokae": (
+        "an RL program (ROKAE)",
+        re.compile(r".*\b(jointtarget|robtarget)\s+\w+\s*=\s*[jp]:", re.IGNORECASE),
+    ),
     "rapid": ("a RAPID program", re.compile(r"\s*MODULE\s+\w+\s*(\(\w+\)\s*)?$")),
     "krl": (
         "a KRL program (KUKA)",
@@ -87,7 +91,7 @@ PROGRAMS = {
 FIRST = 20
 AS_TABLE = (
     "write its joint targets as a CSV, one per line, below a header q1_deg, q2_deg ...; `truebed "
-    "new session` reads those of RAPID, KRL, TP (.ls), URScript, DRL, AS, INFORM and VAL3 directly"
+    "new session` reads those of RAPID, KRL, TP (.ls), URScript, DRL, AS, INFORM, VAL3 and RL"
 )
 OF_SESSIONS = {
     "joints", "frames", "points", "ranges", "drift", "dialect", "match", "session", "cycles",

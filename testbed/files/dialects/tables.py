@@ -75,12 +75,12 @@ class JointsTable(FileTable):
     """[joints]: where the robot was commanded to be, or read back that it was."""
 
     format: Literal[
-        "csv", "rapid", "krl", "fanuc", "urscript", "doosan", "kawasaki", "inform", "val3"
+        "csv", "rapid", "krl", "fanuc", "urscript", "doosan", "kawasaki", "inform", "val3", "rokae"
     ] = "csv"
     """A table of joint values, or a program with joint targets: RAPID (ABB), KRL (KUKA), TP as
     ASCII and position registers (FANUC, `.ls` and `posreg.va`), URScript, DRL (Doosan), AS
     (Kawasaki), INFORM (Yaskawa, where positions are angles), VAL3 (Stäubli; also its Data,
-    `.dtx`). Its moves are the rows, else what it declares."""
+    `.dtx`), RL (ROKAE). Its moves are the rows, else what it declares."""
     source: Literal["commanded", "read-back"] | None = None
     """Which joints the columns hold, where their names do not tell."""
 

@@ -9,6 +9,7 @@ from testbed.files.dialects.controllers.inform import read_inform
 from testbed.files.dialects.controllers.kawasaki import is_kawasaki, read_kawasaki
 from testbed.files.dialects.controllers.krl import read_krl
 from testbed.files.dialects.controllers.rapid import is_rapid, read_rapid
+from testbed.files.dialects.controllers.rokae import is_rokae, read_rokae
 from testbed.files.dialects.controllers.targets import JointList
 from testbed.files.dialects.controllers.urscript import read_urscript
 from testbed.files.dialects.controllers.val3 import read_val3
@@ -16,15 +17,16 @@ from testbed.gates.kinds import program_of
 from testbed.gates.text import FileText
 
 Language = Literal[
-    "rapid", "krl", "fanuc", "urscript", "doosan", "kawasaki", "inform", "val3"
+    "rapid", "krl", "fanuc", "urscript", "doosan", "kawasaki", "inform", "val3", "rokae"
 ]  # fmt: skip
 """Programs that are read as joints."""
 READERS = {
     "rapid": read_rapid, "krl": read_krl, "fanuc": read_fanuc, "urscript": read_urscript,
     "doosan": read_doosan, "kawasaki": read_kawasaki, "inform": read_inform, "val3": read_val3,
+    "rokae": read_rokae,
 }  # fmt: skip
 BY_ANY_LINE: dict[Language, Callable[[FileText], bool]] = {
-    "doosan": is_doosan, "kawasaki": is_kawasaki
+    "doosan": is_doosan, "kawasaki": is_kawasaki, "rokae": is_rokae
 }  # fmt: skip
 """Languages whose first lines may be those of another one, or may say nothing."""
 

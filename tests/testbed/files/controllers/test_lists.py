@@ -1,4 +1,4 @@
-"""Lists of joints of Doosan, Kawasaki, Yaskawa and Stäubli: read exactly, or refused with a reason.
+"""Lists of joints of Doosan, Kawasaki, ROKAE, Yaskawa and Stäubli: read exactly, or refused.
 
 Truth: joints that are written here as these languages write them.
 """
@@ -78,6 +78,20 @@ PROGRAMS = {
         *(f"  movej(jP[{k}], tTool, mNom)" for k in range(M)), "end", "]]>",
     ]),
     "Data of VAL3": ("val3", "a.dtx", True, DTX),
+    "names of RL": ("rokae", "a.mod", True, [
+        "MODULE MainModule",
+        *(f"LOCAL VAR jointtarget j{k} = j:{{{one}}}{{EJ 0.000,0.000,0.000,0.000,0.000,0.000}}"
+          for k, one in enumerate(LISTS)),
+        'LOCAL VAR robtarget p1 = p:{{1,2,3},{1,0,0,0}}{cfg 0,0,0,0}{EJ 0,0,0,0,0,0}',
+        "GLOBAL PROC main()", f"//  MoveAbsJ j{M},v100,fine,tool0", '  Print("MoveAbsJ ")',
+        *(f"  MoveAbsJ j{k},v100,fine,tool0,wobj0" for k in range(M)), "  movel p1,v9,fine,tool0",
+        "ENDPROC", "ENDMODULE",
+    ]),
+    "a list of RL": ("rokae", "a.csv", True, [
+        f"LOCAL VAR jointtarget j{k} = j:{{\t {one}   ,\t0\t}}\t\t{{EJ 0,0,0,0,0,0}}"
+        for k, one in enumerate(LISTS)
+    ]),
+    "lists of RL": ("rokae", "a.txt", False, [f"MoveAbsJ j:{{{one}}},v9" for one in LISTS]),
 }  # fmt: skip
 
 
@@ -142,6 +156,17 @@ REFUSED = {
         ["<Database>", '<Data name="j" type="jointRx">', '<Value key="0" j1="1" j3="3" />'],
         "j[0] does not give all its joints",
     ),
+    "a changed joint of RL": (
+        [f"VAR jointtarget j1 = j:{{{LISTS[0]}}}", "j1.q2 = 4", "MoveAbsJ j1,v9"],
+        "j1 is assigned another",
+    ),
+    "an array of RL": (
+        [f"VAR jointtarget j[1] = {{j:{{{LISTS[0]}}}}}", f"VAR jointtarget j1 = j:{{{LISTS[0]}}}",
+         "MoveAbsJ j[1],v9"], "MoveAbsJ has a computed target",
+    ),
+    "places of RL": (
+        ["VAR robtarget p = p:{{1,2,3},{1,0,0,0}}", "MoveL p,v9,fine,tool0"], "1 Cartesian pos"
+    ),
     "a value in two lines": (
         ["<Database>", '<Data type="jointRx" name="j">', '<Value key="0"', 'j1="1" />'],
         "<Value goes over several lines",
@@ -158,6 +183,14 @@ def test_what_a_list_does_not_say_is_refused(lines, why, tmp_path):
     with pytest.raises(InputError) as caught:
         joints_in(text, language)
     assert why in str(caught.value)
+
+
+def test_a_seventh_joint_that_turns_is_one_of_the_arm(tmp_path):
+    rows = [f"VAR jointtarget j{k} = j:{{{one},{k}}}" for k, one in enumerate(LISTS)]
+    (tmp_path / "a.txt").write_text("\n".join(rows))
+    found = joints_in(read_text(tmp_path / "a.txt", "a.txt"), "rokae").sheet
+    assert found.head[-1] == "q7_deg"
+    assert [row[-1] for row in found.rows] == [str(k) for k in range(M)]
 
 
 def test_axes_of_a_track_are_named_beside_the_joints(tmp_path):
@@ -177,7 +210,7 @@ def test_a_long_line_that_says_nothing_is_read_in_time(part, tmp_path):
             (tmp_path / "a.txt").write_text(f" {lead}{part * (60_000 // len(part))}\n")
             text = read_text(tmp_path / "a.txt", "a.txt")
             language_of(text)
-            for language in ("doosan", "kawasaki", "inform", "val3"):
+            for language in ("doosan", "kawasaki", "inform", "val3", "rokae"):
                 with pytest.raises(InputError):
                     joints_in(text, language)
 
@@ -188,7 +221,7 @@ def test_a_cell_of_many_digits_is_read_in_time(tmp_path):
                  "///POSTYPE ANGLE\nC1={},1,2,3", "PTP {{A1 {}, A2 1, A3 1}}"):  # fmt: skip
         (tmp_path / "a.txt").write_text(line.format(digits))
         text = read_text(tmp_path / "a.txt", "a.txt")
-        for language in ("doosan", "kawasaki", "inform", "val3", "urscript", "krl"):
+        for language in ("doosan", "kawasaki", "inform", "val3", "rokae", "urscript", "krl"):
             # where digits may be split before a point that is not there, it takes minutes
             with no_hang(), pytest.raises(InputError):
                 joints_in(text, language)
