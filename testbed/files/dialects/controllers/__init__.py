@@ -1,1 +1,1 @@
-"""Programs of robots as joints: RAPID, KRL, TP, URScript, DRL, AS, INFORM and VAL3."""
+"""Programs of robots as joints: RAPID, KRL, TP, URScript, DRL, AS, INFORM, VAL3 and RL."""
