@@ -67,7 +67,7 @@ def moved_words(calibration: Calibration) -> tuple[str, ...]:
     if found.or_else:
         what += f"; or {_or_else(calibration, found)}: the readings do not tell which"
         if found.what != "joint":
-            mend = APART
+            mend = f'{APART}, tool or base "same as" the first if you know that it stayed'
     explains = f"That explains {100 * found.explained:.0f} % of the errors beyond noise (p < 0.001)"
     if calibration.visits and calibration.visit is not None:
         one, other = (calibration.visits[calibration.visit[k]] for k in (found.row, found.last))

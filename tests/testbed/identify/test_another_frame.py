@@ -172,7 +172,7 @@ def test_a_station_pushed_halfway_is_named_with_the_poses_between_which_it_was(t
         "; or the target came loose, or was remounted, or the zero of joint 2 slipped or was set "
         "again: the readings do not tell which." in said
     )
-    assert said.endswith("[[session]] of their own.")  # with a base and a tool of its own
+    assert said.endswith('own, tool or base "same as" the first if you know that it stayed.')
     assert next_step(found).startswith("First find out what moved")
     # what it advises mends it
     data = pushed(0.2)
