@@ -11,11 +11,10 @@ from itertools import combinations, product
 
 import numpy as np
 
-from calib.arrays import Array
+from calib.arrays import Array, evenly
 from calib.geometry.model import RobotModel
 from testbed.files.alternatives import Alternative, Interpretation
 from testbed.files.frames_fit import FAR, TIMES, fit_frames, flange_poses
-from testbed.files.rows.shifts import spread_out
 from testbed.units import listed
 
 FEWEST = 12
@@ -64,8 +63,7 @@ def quarter_turns(
 
 def _some(read: Interpretation) -> Interpretation:
     """A few of the rows."""
-    some = spread_out(len(read.q))
-    some = some[np.unique(np.linspace(0, len(some) - 1, min(len(some), ROWS)).round().astype(int))]
+    some = evenly(np.arange(len(read.q)), ROWS)
     rotation = None if read.rotation is None else read.rotation[some]
     return Interpretation(read.q[some], read.position[some], rotation)
 

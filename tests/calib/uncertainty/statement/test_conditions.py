@@ -15,13 +15,7 @@ from calib.uncertainty.statement.conditions import (
     Conditions,
     Tolerance,
 )
-from calib.uncertainty.statement.departure import (
-    AS_MEASURED,
-    PLACED,
-    counted,
-    departure,
-    named,
-)
+from calib.uncertainty.statement.departure import AS_MEASURED, PLACED, counted, departure, named
 
 PAYLOAD = Conditions(payload=np.array([0.0, 0.0, 2.0]))
 
