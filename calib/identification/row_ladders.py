@@ -1,4 +1,4 @@
-"""Ladders of backlash, reported torques, gear waves and thermal expansion, by what rows state.
+"""Ladders of backlash, torques, gear waves, expansion and travel, by what rows state.
 
 Each is offered only if the rows state what it needs; if not, it says why in words.
 """
@@ -8,24 +8,30 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from calib.arrays import Array, Bool
+from calib.arrays import Array, Bool, Index
 from calib.geometry.bodies import Z
 from calib.geometry.gravity import Weight, weight_of
 from calib.geometry.joint_errors import NO_JOINT, JointErrors, JointTerm, Wave
 from calib.geometry.model import RobotModel
+from calib.geometry.parameters import CHARACTERISTIC_LENGTH
 from calib.identification.levels import Ladder, Level
-from calib.information.sizes import GROWTH, usual_sizes
+from calib.information.sizes import GROWTH, SCALES, usual_sizes
 from calib.measurement.observations import Measurements
 
 EXPANSION = {"steel": 12e-6, "aluminium": 23e-6}
 """Thermal expansion of materials of links [1/K]."""
 STEADY = 1e-3
 """A temperature [K] or torque [N m] whose range is no larger counts as constant."""
+STILL = 1e-6
+"""A slide whose travel is no larger never moves [m]."""
 ALIKE = 1e-3
 """Phases of a wave that differ by no more count as equal [rad]."""
 OTHER_UNIT = 50.0
 """Reported torques larger or smaller than those of gravity by this factor are in another unit;
 unknown masses are assumed to within a factor of about three."""
+ARC = 0.1
+"""Argument of the sine, at the largest travel measured, by which a slide is wrong in proportion to
+its travel: so short a part of a wave is straight within 0.2 % of that error [rad]."""
 HEAVY = 0.1
 """Torques are compared at joints whose gravity torque exceeds this part of the largest one."""
 
@@ -54,7 +60,7 @@ UNUSUAL = Level("none", usual=True)
 def row_ladders(
     nominal: RobotModel, measurements: Measurements, known: RowTerms = NOTHING_KNOWN
 ) -> tuple[Ladder, ...]:
-    """Ladders of approach, torque, gear and lengths.
+    """Ladders of approach, torque, gear and lengths, and of the travel of an arm with slides.
 
     Parameters
     ----------
@@ -65,12 +71,14 @@ def row_ladders(
     known : RowTerms, optional
         Further facts that the terms need.
     """
-    return (
+    offered = (
         _approach(nominal, measurements, known),
         _torque(nominal, measurements, known),
         _gear(nominal, measurements, known),
         _lengths(nominal, measurements, known),
     )
+    slides = np.flatnonzero(nominal.chain.prismatic)
+    return (*offered, _travel(nominal, measurements, slides)) if len(slides) else offered
 
 
 def _ladder(
@@ -201,6 +209,20 @@ def _lengths(nominal: RobotModel, measurements: Measurements, known: RowTerms) -
     n = nominal.chain.n_joints
     term = JointTerm("lengths", NO_JOINT, "lengths", (0,) * n, float(warmth.mean()))
     return _ladder("lengths", nominal, [term], [], known.expansion)
+
+
+def _travel(nominal: RobotModel, measurements: Measurements, slides: Index) -> Ladder:
+    """Ladder of the scale of every slide: by which part it moves too far."""
+    terms, why = [], []
+    for i in slides.tolist():
+        if np.ptp(measurements.q[:, i]) <= STILL:
+            why.append(f"joint {i + 1} never moves")
+            continue
+        per_meter = float(f"{ARC / np.abs(measurements.q[:, i]).max():.1g}")
+        weights = tuple(per_meter * float(k == i) for k in range(nominal.chain.n_joints))
+        share = 1 / (per_meter * CHARACTERISTIC_LENGTH)
+        terms.append(JointTerm(f"{SCALES}{i + 1}", i, "sin", weights, share=share))
+    return _ladder("travel", nominal, terms, why)
 
 
 def _on_joint(

@@ -33,6 +33,10 @@ GEAR = 6 * MDEG
 """Amplitude of a wave at a stated order of a drive [rad]."""
 PLAY = 10 * MDEG
 """Half the backlash of a joint [rad]."""
+SCALE = 1e-4
+"""Relative error of the travel of a slide: pitch of a rack, a belt or a screw, growth of a rule."""
+SCALES = "scale"
+"""What the names of such terms begin with."""
 GROWTH = 15e-6
 """Deviation of the thermal expansion of an arm from that of the material of its links [1/K]."""
 TILT = np.radians(1.0)
@@ -85,6 +89,8 @@ def _of_term(term: JointTerm, waves: tuple[float, float], sag: float) -> float:
         return {"approach": PLAY, "torque": SAG, "lengths": GROWTH}[term.wave]
     if term.name.startswith("gravity") or np.count_nonzero(term.weights) > 1:
         return sag
+    if term.name.startswith(SCALES):
+        return SCALE
     if term.name.startswith("gear"):
         return GEAR
     return waves[0] if term.order <= 1 else waves[1] if term.order <= 2 else MAP

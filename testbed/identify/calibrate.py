@@ -14,6 +14,8 @@ from testbed.files.tried.interpretations import Probe
 from testbed.files.visits.probing import probed
 from testbed.identify.applies.mounting import mounting_words
 from testbed.identify.applies.poses import coarse_joints, scatter_told, warnings_of
+from testbed.identify.applies.stated_frames import stated_frame_words
+from testbed.identify.applies.travel import travel_words
 from testbed.identify.calibration import Calibration
 from testbed.identify.clean_fit import clean_fit
 from testbed.identify.conditions import held_out_warnings
@@ -46,7 +48,6 @@ from testbed.identify.records import HeldOutSplit, OutlierRows
 from testbed.identify.session import origin_of, row_names, scatter_root, with_scatter
 from testbed.identify.shared import shared_of
 from testbed.identify.splitting import with_poses_held_out
-from testbed.identify.stated_frames import stated_frame_words
 from testbed.identify.visits.apart import require_shared
 from testbed.identify.visits.fit import with_own_frames
 from testbed.identify.visits.frames import own_frames
@@ -253,6 +254,7 @@ def _calibrated(
             *warnings_of(models[0], chosen, train, scatter_told(robot, session)),
             *coarse_joints(session, chosen, train),
             *stated_frame_words(session, before, train),
+            *travel_words(chosen.identification),
             *guard_warnings(session, measurements.rows(split.is_test)),
             *standing_warnings(session, chosen.identification),
             *turn_warnings(session, measurements, chosen.identification.model.fixtures.anchors),

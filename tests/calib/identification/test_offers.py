@@ -8,9 +8,14 @@ import pytest
 from calib.geometry.chain import Chain
 from calib.geometry.model import RobotModel
 from calib.geometry.operating import OperatingConditions, approaches
+from calib.geometry.parameters import parameters_of
+from calib.identification.identify import identify
 from calib.identification.ladders import ladders_of
+from calib.identification.model_choice import extended_by
+from calib.identification.prior import weak_prior
 from calib.identification.row_ladders import RowTerms, row_ladders
-from calib.measurement.tables import poses
+from calib.information.sizes import SCALE
+from calib.measurement.tables import points, poses
 from tests.calib.identification.test_gravity_ladder import IIWA, NOMINAL, SCARA, turned
 from tests.reference import DEG
 
@@ -81,7 +86,9 @@ def ladders(nominal, *, telling):
 )  # fmt: skip
 def test_every_ladder_of_an_arm_is_offered_or_says_why_not(nominal, gravity, waves, gear):
     told, untold = (ladders(nominal, telling=telling) for telling in (True, False))
-    assert set(told) == set(untold) == {"gravity", "waves", *SILENT}
+    slides = {"travel"} if "prismatic" in nominal.chain.kinds else set()
+    assert set(told) == set(untold) == {"gravity", "waves", *SILENT, *slides}
+    assert all(told[name] == (("travel",), ()) for name in slides)
     for each in (told, untold):
         assert each["gravity"] == gravity
         assert each["waves"] == waves
@@ -96,6 +103,7 @@ def test_arms_that_do_not_turn_or_do_not_give_way_are_told_so():
     assert told["waves"] == ((), ("waves: no joint of this robot turns",))
     assert told["gear"] == ((), tuple(f"gear: joint {k} does not turn" for k in (1, 2, 3)))
     assert told["approach"] == (("approach",), ())
+    assert told["travel"] == (("travel",), ())
     mast = ladders(RobotModel(Chain([[0, 0.3, 0, 0, 0]])), telling=True)
     assert mast["gravity"] == (
         (),
@@ -104,3 +112,73 @@ def test_arms_that_do_not_turn_or_do_not_give_way_are_told_so():
             "tilted base: nothing gives way that could tell of it",
         ),
     )  # fmt: skip
+
+
+RAILS = RobotModel(
+    Chain(
+        [[0, 0, 0, -np.pi / 2, 0], [-np.pi / 2, 0, 0, -np.pi / 2, 0], [0, 0.5, 0.1, 0, 0]],
+        kinds=("prismatic",) * 3,
+    )
+)
+SCALES = np.array([90e-6, -60e-6, 30e-6])
+ROOM = np.array([[-3.0, 3.0], [10.0, 12.0], [0.0, 0.6]])  # [m]
+
+
+def travelled(m=40, seed=0):
+    """Joints of a gantry (m, 3), and where its point is when they move by another distance [m]."""
+    q = np.random.default_rng(seed).uniform(*ROOM.T, (m, 3))
+    return q, RAILS.poses(q * (1 + SCALES))[:, :3, 3]
+
+
+def travel_offered(q, xyz):
+    return row_ladders(RAILS, points(q, xyz, sd=5e-6))[-1]
+
+
+def test_a_scale_is_found_though_a_wave_stands_for_it():
+    q, xyz = travelled()
+    table, ladder = points(q, xyz, sd=5e-6), travel_offered(q, xyz)
+    assert ladder.name == "travel"
+    level = ladder.levels[1]
+    assert level.names == ("scale1", "scale2", "scale3")
+    free = parameters_of(RAILS)
+    prior = weak_prior(free, RAILS)
+    nominal, found = extended_by(RAILS, table, free, (level,), prior=prior)
+    slopes = [
+        term.order * value
+        for term, value in zip(nominal.joint_errors.terms, found.model.joint_errors.coefficients,
+                               strict=True)
+    ]  # fmt: skip
+    np.testing.assert_allclose(slopes, SCALES, rtol=0.02)  # the prior, and an arc of 0.1 rad
+    q, xyz = travelled(seed=1)
+    missed = np.abs(found.model.poses(q)[:, :3, 3] - xyz).max()
+    # 0.1 rad of a wave are straight within 0.17 % of 90 um/m on 3 m: 0.5 um; 12 m of 60 um/m: 1 um
+    assert missed < 2e-6
+    plain = identify(RAILS, table, free, prior=prior).model
+    assert np.abs(plain.poses(q)[:, :3, 3] - xyz).max() > 100e-6
+
+
+def test_its_prior_is_a_part_of_the_travel_however_long_that_is():
+    q, xyz = travelled()
+    (level,) = travel_offered(q, xyz).levels[1:]
+    slopes = [term.order * sd for term, sd in zip(level.errors.terms, level.sd, strict=True)]
+    np.testing.assert_allclose(slopes, SCALE, rtol=1e-12)
+
+
+def test_a_slide_that_stands_still_is_told_so_and_arms_that_turn_are_offered_nothing():
+    q, xyz = travelled()
+    q[:, 1] = 11.0
+    ladder = travel_offered(q, xyz)
+    assert ladder.levels[1].names == ("scale1", "scale3")
+    assert ladder.why_not == ("travel: joint 2 never moves",)
+    arm = RobotModel(replace(RAILS.chain, kinds=("revolute",) * 3))
+    assert "travel" not in [each.name for each in row_ladders(arm, points(q, xyz, sd=5e-6))]
+
+
+@pytest.mark.parametrize("known", [True, False])
+def test_a_scale_that_the_robot_has_already_is_not_offered_again(known):
+    q, xyz = travelled()
+    level = travel_offered(q, xyz).levels[1]
+    nominal = replace(RAILS, joint_errors=level.errors) if known else RAILS
+    ladder = row_ladders(nominal, points(q, xyz, sd=5e-6))[-1]
+    assert len(ladder.levels) == (1 if known else 2)
+    assert ("travel: the model has it already" in ladder.why_not) == known

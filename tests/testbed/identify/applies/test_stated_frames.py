@@ -7,9 +7,9 @@ import pytest
 
 from calib.geometry.frames import step_transform
 from testbed.files.read import read_session
+from testbed.identify.applies.stated_frames import stated_frame_words
 from testbed.identify.calibrate import Options, calibrate
 from testbed.identify.frames import frames_of
-from testbed.identify.stated_frames import stated_frame_words
 from tests.testbed.files.made import ROBOT, columns, csv, made
 
 

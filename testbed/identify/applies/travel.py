@@ -1,0 +1,29 @@
+"""How far slides move beyond their command, in words."""
+
+from calib.identification.result import Identification
+from calib.information.sizes import SCALES
+from testbed.units import UM, significant
+
+
+def travel_words(result: Identification) -> tuple[str, ...]:
+    """What the scales of slides are, which stand among the numbers as amplitudes of long waves.
+
+    Parameters
+    ----------
+    result : Identification
+        The chosen model.
+    """
+    errors = result.model.joint_errors
+    U = dict(zip(result.names, 2 * result.standard_uncertainty, strict=True))
+    said = []
+    for term, value in zip(errors.terms, errors.coefficients.tolist(), strict=False):
+        if term.name not in U or not term.name.startswith(SCALES):
+            continue
+        per = term.order * UM  # the slope of the wave where it begins
+        said.append(
+            f"joint {term.joint + 1} {significant(abs(value) * per, 2)} um/m "
+            f"{'further' if value > 0 else 'less'} (U = {significant(U[term.name] * per, 2)} um/m)"
+        )
+    if not said:
+        return ()
+    return (f"slides move by another distance than commanded: {', '.join(said)}",)

@@ -1,0 +1,24 @@
+"""What is said of slides that travel too far."""
+
+from calib.geometry.parameters import parameters_of
+from calib.identification.identify import identify
+from calib.identification.model_choice import extended_by
+from calib.identification.prior import weak_prior
+from calib.measurement.tables import points
+from testbed.identify.applies.travel import travel_words
+from tests.calib.identification.test_offers import RAILS, travel_offered, travelled
+
+
+def test_scales_are_told_in_um_per_meter_and_not_as_the_amplitude_of_a_wave():
+    q, xyz = travelled()
+    table, free = points(q, xyz, sd=5e-6), parameters_of(RAILS)
+    prior = weak_prior(free, RAILS)
+    _, found = extended_by(RAILS, table, free, travel_offered(q, xyz).levels[1:], prior=prior)
+    (text,) = travel_words(found)
+    # the scales that were put in, +90, -60 and +30 um/m; U of 40 poses of 5 um over some meters
+    assert text.startswith(
+        "slides move by another distance than commanded: joint 1 90 um/m further"
+    )
+    assert "joint 2 60 um/m less (U = " in text
+    assert "joint 3 30 um/m further (U = " in text
+    assert travel_words(identify(RAILS, table, free, prior=prior)) == ()
