@@ -44,6 +44,7 @@ from testbed.files.rows.shifts import (
 from testbed.files.session import Session
 from testbed.files.tried.interpretations import Probe, Tried
 from testbed.files.tried.links_fit import LinksFit, links_fit, table_of
+from testbed.files.tried.parts import parts_of
 from testbed.files.tried.quarter_turns import quarter_turns
 from testbed.robots.robot import Robot
 from testbed.units import counted, significant
@@ -120,7 +121,12 @@ def probe(robot: Robot, session: Session) -> Probe:
         warnings=(*_warnings(robot, session, some, stated), *_others(robot, session, groups, rows)),
         no_target=not_on_one_tool(session, groups),
     )
-    return _with_links(found, robot, session, read, [one for _, one in tried])
+    found = _with_links(found, robot, session, read, [one for _, one in tried])
+    if found.linked is not None or found.wrong is not None or stated.score <= found.far:
+        return found
+    full = as_read(session, rows)  # an arm is measured in the order of the rows
+    moved = parts_of(flange_poses(robot.model, full.q), full.position, full.rotation)
+    return found if moved is None else replace(found, moved_at=session.place[rows[moved]])
 
 
 def _with_links(

@@ -56,6 +56,8 @@ class Probe:
     """Error that the right reading of an arm near nominal never leaves [m]."""
     linked: LinksFit | None = None
     """Links that explain what base and tool alone leave of the stated reading."""
+    moved_at: str = ""
+    """Row from which on it has frames of its own, where that explains it."""
 
     @property
     def best(self) -> Tried | None:
@@ -132,6 +134,16 @@ class Probe:
         elif self.no_target is not None:
             raise self.no_target
         elif stated.score > self.far and self.linked is None:
+            if self.moved_at:
+                raise refusal(
+                    self.where, "session",
+                    f"with base and tool fitted, the readings miss the robot by {stated.shown}, "
+                    f"but not if the instrument or the robot was moved just before "
+                    f"{self.moved_at}: what comes before fits, and so does the rest, each with "
+                    "frames of its own", code="M32", value=stated.position,
+                    fix='describe the rows from there on as a [[session]] of their own, tool = '
+                    '"same as" the first if the target stayed on the flange',
+                )  # fmt: skip
             every = [stated, *(one.misfit for one in self.tried)]
             least = min(every, key=lambda one: one.score)
             raise refusal(

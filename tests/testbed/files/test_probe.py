@@ -216,6 +216,30 @@ def test_links_are_asked_of_poses_left_out_with_all_their_shots(read_back):
     assert not links_fit(ROBOT.model, table, left=30e-3).explains
 
 
+@pytest.mark.parametrize("kind", ["frames", "points"])
+def test_a_station_that_moved_by_meters_between_two_rows_is_named(kind, tmp_path):
+    """It was asked whether this is the robot that was measured, since one fit leaves meters."""
+    data = made(3, 40)
+    there, T = made(5, 40).truth.chain.T_world_base, data.T.copy()
+    T[25:] = there @ inverse(data.truth.chain.T_world_base) @ T[25:]
+    data = Made(data.q, T, data.truth)
+    table = columns(data) if kind == "frames" else points(data)
+    found = probe(ROBOT, read(tmp_path, table, 'euler = "XYZ"' * (kind == "frames"), kind))
+    with pytest.raises(InputError, match=r"was moved just before .*a\.csv:27: what comes") as error:
+        found.raise_if_wrong()
+    assert "as a [[session]] of their own" in str(error.value)
+
+
+def test_readings_of_another_robot_are_no_two_stations(tmp_path):
+    data = made(3, 40)
+    table = points(data) | dict(zip(PLACES, np.random.default_rng(0).normal(size=(3, 40)) * 300,
+                                    strict=True))  # fmt: skip
+    found = probe(ROBOT, read(tmp_path, table, "", "points"))
+    assert found.moved_at == ""
+    with pytest.raises(InputError, match="is this the robot that was measured"):
+        found.raise_if_wrong()
+
+
 def distances(data, factor=1.0):
     table = columns(data, form="none")
     p = data.T[:, :3, 3] + data.T[:, :3, :3] @ [0.05, 0.03, 0.08]
