@@ -1,7 +1,9 @@
 """One BLAS thread before numpy is imported: results must not depend on the machine's cores."""
 
+import gc
 import os
 import sys
+from collections.abc import Iterator
 from typing import Any
 
 import pytest
@@ -27,6 +29,17 @@ TOGETHER = tuple(f"tests/testbed/{room}/" for room in ("identify", "plan", "stud
 
 LONG = (APART, "tests/truth/", "cli/test_video.py", "cli/test_viewer.py", "tests/test_examples.py")
 """Few tests of many seconds each: they go first, so that no process waits for one at the end."""
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_collection() -> Iterator[None]:
+    """What is collected stays to the end: half a million objects that are not looked at again."""
+    gc.disable()
+    try:
+        return (yield)
+    finally:
+        gc.freeze()
+        gc.enable()
 
 
 @pytest.hookimpl(optionalhook=True)

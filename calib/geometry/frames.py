@@ -17,6 +17,11 @@ ROUNDED, EXACT = 5e-3, 1e-9
 alone explains."""
 
 
+def length(v: Array) -> Array:
+    """Length (...,) of vectors v (..., 3), without the overhead of `numpy.linalg.norm` for few."""
+    return np.asarray(np.sqrt(np.add.reduce(v * v, axis=-1)))
+
+
 def skew(v: Array) -> Array:
     """Cross-product matrix [v]x (..., 3, 3) of v (..., 3): [v]x w = v x w."""
     out = np.zeros((*v.shape, 3), dtype=v.dtype)
@@ -29,7 +34,7 @@ def skew(v: Array) -> Array:
 
 def exp_so3(w: Array) -> Array:
     """Rotation matrix (..., 3, 3) of a rotation vector (..., 3) [rad] (Rodrigues)."""
-    angle = np.linalg.norm(w, axis=-1)[..., None, None]
+    angle = length(w)[..., None, None]
     K = skew(w)
     # sinc keeps both factors exact down to angle = 0
     return np.asarray(
@@ -44,11 +49,13 @@ def log_so3(R: Array) -> Array:
     The angle comes from atan2 of sine and cosine, exact near 0 and near pi; near pi the axis comes
     from the symmetric part, whose largest column is far from zero there.
     """
-    sine_axis = 0.5 * np.stack(
-        [R[..., 2, 1] - R[..., 1, 2], R[..., 0, 2] - R[..., 2, 0], R[..., 1, 0] - R[..., 0, 1]], -1
-    )
-    sine = np.linalg.norm(sine_axis, axis=-1)
-    cosine = (np.trace(R, axis1=-2, axis2=-1) - 1) / 2
+    sine_axis = np.empty(R.shape[:-1])
+    sine_axis[..., 0] = R[..., 2, 1] - R[..., 1, 2]
+    sine_axis[..., 1] = R[..., 0, 2] - R[..., 2, 0]
+    sine_axis[..., 2] = R[..., 1, 0] - R[..., 0, 1]
+    sine_axis *= 0.5
+    sine = length(sine_axis)
+    cosine = (R[..., 0, 0] + R[..., 1, 1] + R[..., 2, 2] - 1) / 2
     angle = np.arctan2(sine, cosine)
     small = sine < 1e-7
     factor = np.where(small, 1.0, angle / np.where(small, 1.0, sine))
@@ -75,7 +82,7 @@ def right_jacobian_inverse(e: Array) -> Array:
     ----------
     Sola, Deray, Atchuthan, arXiv 1812.01537, eq. (144).
     """
-    t = np.linalg.norm(e, axis=-1)[..., None, None]
+    t = length(e)[..., None, None]
     K = skew(e)
     small = t < 1e-3  # series: 1/12 + t^2/720 + t^4/30240
     safe = np.where(small, 1.0, t)

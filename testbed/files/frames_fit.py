@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -107,8 +108,13 @@ def far_for(position: Array) -> float:
 
 def flange_poses(model: RobotModel, q: Array) -> Array:
     """T_base_flange (m, 4, 4) of nominal links at joints q (m, n) [m]."""
-    bare = RobotModel(Chain(model.chain.links, model.chain.kinds), model.joint_errors)
-    return bare.poses(q)
+    return _bare(model).poses(q)
+
+
+@lru_cache(maxsize=16)
+def _bare(model: RobotModel) -> RobotModel:
+    """The same arm without base and tool: it is asked for at hundreds of readings in turn."""
+    return RobotModel(Chain(model.chain.links, model.chain.kinds), model.joint_errors)
 
 
 def target_groups(table: Measurements) -> list[Index]:

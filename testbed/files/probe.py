@@ -88,19 +88,21 @@ def probe(robot: Robot, session: Session) -> Probe:
         return plain
     some = spread_out(rows)
     read = replace(as_read(session, some), numbers=session.stated.rows(some).numbers)
-    stated = misfit_of(robot.model, read)
+    F = flange_poses(robot.model, read.q)
+    stated = misfit_of(robot.model, read, F=F)
     numbers = alternatives_of(read, session.stated, robot.model.chain, robot.controller)
     turning = robot.model.chain.prismatic == 0
     small = rows[small_rows(table.q[rows], turning)]
     mixed = some_rows(read, turning, session.place[small[0]] if len(small) else "")
     lines = list(other_lines(robot.model, session, groups, rows))
     # there are a hundred of these: what only another valley would bring near is left unnamed
-    tried = [
-        (Tried(other, misfit_of(robot.model, read, one_valley=True)), read)
-        for other, read in (*numbers, *mixed)
-    ]
-    for one, left in ratios_that_fit(robot, read, stated):
-        tried.append((Tried(coupling_of(one), left), replace(read, q=one.q)))
+    tried = list[tuple[Tried, Interpretation]]()
+    for other, one in (*numbers, *mixed):
+        own = F if one.q is read.q else None  # most leave the joints as they are
+        left = misfit_of(robot.model, one, one_valley=True, F=own)
+        tried.append((Tried(other, left), one))
+    for count, left in ratios_that_fit(robot, read, stated):
+        tried.append((Tried(coupling_of(count), left), replace(read, q=count.q)))
     if stated.score > SUSPECT:
         renamed = exchanged_names(robot.model, session, groups, rows)
         tried += [

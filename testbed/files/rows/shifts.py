@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from calib.arrays import Index, evenly
+from calib.arrays import Array, Index, evenly
 from calib.geometry.model import RobotModel
 from testbed.files.alternatives import Alternative, Interpretation, shifted
 from testbed.files.frames_fit import FAR, Misfit, fit_frames, flange_poses
@@ -34,9 +34,14 @@ def as_read(session: Session, rows: Index) -> Interpretation:
     return Interpretation(table.q[rows], table.position[rows], rotation)
 
 
-def misfit_of(model: RobotModel, read: Interpretation, *, one_valley: bool = False) -> Misfit:
-    """What base and tool leave of a reading; `one_valley` as in `fit_frames`."""
-    F = flange_poses(model, read.q)
+def misfit_of(
+    model: RobotModel, read: Interpretation, *, one_valley: bool = False, F: Array | None = None
+) -> Misfit:
+    """What base and tool leave of a reading; `one_valley` as in `fit_frames`.
+
+    F (m, 4, 4) are the poses of its flange, where they are known [m].
+    """
+    F = flange_poses(model, read.q) if F is None else F
     frames = fit_frames(F, read.position, read.rotation, one_valley=one_valley)
     return frames.misfit(F, read.position, read.rotation)
 
