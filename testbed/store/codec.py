@@ -13,6 +13,7 @@ import numpy as np
 
 from calib.arrays import LATER, MAY_BE_NAN
 from calib.errors import CalibError
+from testbed.store.left import Left
 
 T = TypeVar("T")
 Packed = dict[str, Any]
@@ -82,7 +83,7 @@ def require_fit(cls: type, packed: Mapping[str, Any]) -> None:
 
 def _whole(cls: type, packed: Mapping[str, Any], *, make: bool) -> object:
     """The record of which nothing is left over; None where it is not made."""
-    left = dict(packed)
+    left = Left(packed)
     record = _build(cls, "", left, make=make)
     if left:
         raise ValueError(f"{min(left)} is not a field of {cls.__name__}")
@@ -170,7 +171,7 @@ def _hints(cls: type) -> dict[str, Any]:
     return {field.name: hints[field.name] for field in dataclasses.fields(cls)}
 
 
-def _build(hint: Any, path: str, left: dict[str, Any], *, make: bool) -> Any:
+def _build(hint: Any, path: str, left: Left, *, make: bool) -> Any:
     """The value of type `hint` whose content starts with `path`, taken out of what is left.
 
     Unless it is to be made, a dataclass is None and an array what is known of it.
@@ -229,12 +230,12 @@ def _build(hint: Any, path: str, left: dict[str, Any], *, make: bool) -> Any:
     return _scalar(str if origin is typing.Literal else hint, value, path)
 
 
-def _later(cls: type, path: str, left: Mapping[str, Any]) -> dict[str, Any]:
+def _later(cls: type, path: str, left: Left) -> dict[str, Any]:
     """Defaults of the fields that are newer than the record."""
     out = {}
     for name, default in _usual(cls).items():
         start = _join(path, name)
-        if start not in left and not any(one.startswith(f"{start}.") for one in left):
+        if start not in left and not left.had(start):
             out[name] = default
     return out
 
