@@ -33,7 +33,8 @@ LONG = (APART, "tests/truth/", "cli/test_video.py", "cli/test_viewer.py", "tests
 
 @pytest.hookimpl(wrapper=True)
 def pytest_collection() -> Iterator[None]:
-    """What is collected stays to the end: half a million objects that are not looked at again."""
+    """Collect with the garbage collector off: what is collected stays to the end, half a million
+    objects that it would look at again and again."""
     gc.disable()
     try:
         return (yield)

@@ -11,6 +11,7 @@ from testbed.studies import load_scenario
 GOLDEN = Path(__file__).parents[2] / "golden" / "plan_tx60.json"
 
 
+@pytest.mark.scene
 def test_the_shipped_plan_has_the_headline_that_is_published():
     made = plan(load_scenario("plan_tx60"))
     wanted = json.loads(GOLDEN.read_text(encoding="utf-8"))
