@@ -17,6 +17,7 @@ from testbed.identify.handback.states import hand_back_warnings, tool_words
 from testbed.identify.headline import deg, headline_cells, mm
 from testbed.identify.moved import moved_words
 from testbed.identify.shared import states_instrument
+from testbed.identify.unconfirmed import do_not_use, unconfirmed
 from testbed.identify.visits.report import judges_called, visit_words
 from testbed.report.page import SIMULATED
 from testbed.units import UM, counted, sentences, significant
@@ -179,10 +180,7 @@ def next_step(calibration: Calibration) -> str:
         )
     gain = calibration.before_test.position.mean / fit.test.position.mean  # type: ignore[union-attr]  # both or none
     if gain < 1 and calibration.choice.asked != FRAMES_ALONE:
-        return (
-            "Do not use this model: on held-out poses it is worse than the nominal one. Check the "
-            "robot's description, the units, and which reading belongs to which joints."
-        )
+        return do_not_use(calibration)
     use = _what_to_use(calibration)
     if calibration.elsewhere:
         conditions = ", or what their conditions do" if _or_conditions(calibration) else ""
@@ -231,6 +229,8 @@ def next_step(calibration: Calibration) -> str:
                 "Try --model choose: joint errors (sag, waves) may explain what is left. "
                 f"Otherwise: {text}"
             )
+        elif asked_for := unconfirmed(calibration):
+            text += f" {asked_for}"
         elif fit.test.position.mean > LEARNT * fit.train.position.mean:
             text += " Errors are larger than at the training poses: more of these may help."
         elif lack is not None and lack.p_value < RED:

@@ -1,14 +1,20 @@
-"""Too few poses, or a single one, are told with the file that holds them."""
+"""Too few poses, or a single one, are told with the file that holds them, and what they lack."""
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from typer.testing import CliRunner
 
 from calib.errors import InputError, TooFewPosesError
+from calib.identification.climbing import ClimbStep
 from testbed.cli import app
 from testbed.files.read import read_session
 from testbed.identify.calibrate import Options, calibrate
 from testbed.identify.splitting import with_poses_held_out
+from testbed.identify.unconfirmed import CHECK, NEEDED, unconfirmed
+from testbed.identify.words import next_step
+from tests.calibrated import sound
 from tests.testbed.files.made import ROBOT, columns, csv, made, with_spread
 
 TURNS = ("rx_deg", "ry_deg", "rz_deg")
@@ -86,3 +92,53 @@ def test_a_single_pose_ends_the_command_in_one_sentence(tmp_path):
     assert done.exit_code == 2
     assert done.stderr.strip().splitlines()[-1].endswith("[M27]")
     assert not out.exists()
+
+
+STEP = ClimbStep("sag", "springs and bearings", 140.4, np.nan, np.nan, False)
+
+
+def asking(**changes):
+    """The same calibration, of readings that ask for more than too few poses confirm."""
+    found = sound()
+    choice = replace(found.choice, chosen="geometric", asked="choose", steps=(STEP,))
+    return replace(found, choice=choice, **changes)
+
+
+def worse(found):
+    """The same, as if its nominal robot were better on held-out poses."""
+    figures = found.before_test
+    position = replace(figures.position, mean=found.fit.test.position.mean / 2)
+    return replace(found, before_test=replace(figures, position=position))
+
+
+def test_a_model_that_lacks_joint_errors_is_not_blamed_on_the_file():
+    said = next_step(worse(asking()))
+    assert said.startswith("Do not use this model: on held-out poses it is worse than the nominal")
+    assert "Joint errors (springs and bearings, log evidence +140.4)" in said
+    assert f"(--train {NEEDED}, or measure more)" in said
+    assert CHECK not in said
+    assert next_step(worse(sound())).endswith(CHECK)  # where nothing more is asked for
+
+
+def test_it_is_said_wherever_the_readings_are_not_explained():
+    found, words = asking(), "may explain what is left: identify from"
+    proof = found.proof
+    refuted = replace(found, proof=replace(proof, trust=replace(proof.trust, refuted=True)))
+    assert words in next_step(refuted)
+    assert words not in next_step(found)
+
+
+def test_what_poses_refused_is_not_asked_for_again():
+    assert unconfirmed(sound()) == ""
+    seen = replace(STEP, before=1e-4, after=2e-4)
+    assert unconfirmed(replace(sound(), choice=replace(sound().choice, steps=(seen,)))) == ""
+
+
+def test_poses_that_the_data_hold_out_or_that_are_too_few_are_not_offered():
+    found = asking()
+    stated = replace(found, split=replace(found.split, stated=True))
+    assert "(hold out fewer poses, or measure more)" in unconfirmed(stated)
+    few = found.measurements.pose_id < NEEDED - 1
+    split = found.split
+    split = replace(split, is_train=split.is_train & few, is_test=split.is_test & few)
+    assert "(measure more)" in unconfirmed(replace(found, split=split))
