@@ -16,6 +16,9 @@ MODEL = 1e-6
 ROUNDED = 1.2
 """A misfit below so many times what the digits of a file leave is a model's, too: the links of a
 real robot leave a tenth of a millimeter or more."""
+COMMANDED = 1e-5
+"""What the digits of joints may leave at most if these are not read back: those beside a pose on a
+screen were, whatever a file says, and what an instrument sees scatters by more [m]."""
 METERS = tuple(10.0**-k for k in range(3, 7))
 TURNS = (*(np.radians(10.0**-k) for k in range(1, 5)), *(10.0**-k for k in range(2, 6)))
 """Steps to which positions [m] and angles [rad] are rounded in files."""
@@ -42,13 +45,13 @@ def _left_by_digits(model: RobotModel, session: Session, rows: Index) -> float:
     """Root mean square that rounding to the digits of a file leaves of the flange's place [m].
 
     Rounding to steps g is off by g / sqrt(12) (JCGM 100:2008, F.2.2.1). Joints that were commanded
-    are what they are, however few their digits.
+    are what they are, however few their digits: they leave `COMMANDED` at most.
     """
     read = as_read(session, rows)
-    variance = 3 * _step(read.position, METERS) ** 2 / 12
-    if session.joint_source == "read-back":
-        variance += moved_by_digits(model, read.q, digit_steps(model, read.q)) ** 2
-    return float(np.sqrt(variance))
+    joints = moved_by_digits(model, read.q, digit_steps(model, read.q))
+    if session.joint_source != "read-back":
+        joints = min(joints, COMMANDED)
+    return float(np.sqrt(3 * _step(read.position, METERS) ** 2 / 12 + joints**2))
 
 
 def digit_steps(model: RobotModel, q: Array) -> Array:

@@ -412,6 +412,21 @@ def test_the_controllers_own_poses_are_no_measurement(tmp_path):
     assert not probe(ROBOT, read(tmp_path, columns(few))).warnings
 
 
+def test_joints_copied_from_a_screen_beside_the_controllers_poses_are_told(tmp_path):
+    """Three decimals of a degree move the flange by micrometers; no file says who wrote them."""
+    q = made().q
+    shown = np.radians(np.round(np.degrees(q), 3))
+    T = ROBOT.model.poses(q)
+    T[:, :3, 3] = np.round(T[:, :3, 3], 6)
+    (said,) = probe(ROBOT, read(tmp_path, columns(Made(shown, T, ROBOT.model)))).warnings
+    assert "all that the digits of the file allow: are these a controller's own poses" in said
+    # two decimals move it by more than a tracker scatters: commanded joints are what they are
+    q = np.radians(np.round(np.degrees(q), 2))
+    T = ROBOT.model.poses(q)
+    T[:, :3, 3] += 1e-5 * np.random.default_rng(0).standard_normal((len(q), 3))
+    assert not probe(ROBOT, read(tmp_path, columns(Made(q, T, ROBOT.model)))).warnings
+
+
 def test_joints_read_back_too_early_are_told(tmp_path):
     data = made()
     rng = np.random.default_rng(0)
