@@ -9,7 +9,7 @@ from calib.arrays import Array, frozen
 from calib.errors import refuse
 from calib.geometry.chain import Chain
 from testbed.robots.meshes.files import Mesh, load_mesh
-from testbed.robots.units import frame_of
+from testbed.robots.placements import frame_of
 from testbed.scenario.laboratory import BoxObstacle, CellSettings, MeshObstacle
 
 UNITS = {"mm": 1e-3, "m": 1.0}

@@ -27,8 +27,9 @@ from testbed.robots.assumed import (
 )
 from testbed.robots.controller import AS_THE_ARM
 from testbed.robots.file import Drawn, Frame, ReflectorEntry, RobotFile, TrackerFile, WorkspaceBox
-from testbed.robots.links import PrismaticLink, RevoluteLink
+from testbed.robots.links import PrismaticLink, RevoluteLink, link_row
 from testbed.robots.meshes.files import check_files
+from testbed.robots.placements import frame_of
 from testbed.robots.robot import Reflector
 from testbed.robots.robot import Robot as Robot
 from testbed.robots.robot import Visual as Visual
@@ -36,9 +37,7 @@ from testbed.robots.robot import Workspace as Workspace
 from testbed.robots.robot import body_name as body_name
 from testbed.robots.room import beyond_rail
 from testbed.robots.shapes import primitive
-from testbed.robots.springs import link_row
 from testbed.robots.tolerances import tolerances_of, usual_tolerances
-from testbed.robots.units import frame_of
 from testbed.strict import choice_of, name_meant
 
 ROBOT_FILE, TRACKER_FILE = "robot.toml", "tracker.toml"

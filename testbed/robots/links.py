@@ -1,6 +1,6 @@
 """The links of an arm in robot.toml: their numbers, the bodies that they move, and their parts."""
 
-from typing import Annotated, Literal, Self
+from typing import Annotated, Literal, Protocol, Self
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -13,6 +13,22 @@ Angle = Annotated[float, ANGLE.signed("deg")]
 Vector = Annotated[tuple[Length, ...], Field(min_length=3, max_length=3)]
 Moment = Annotated[float, INERTIA.size("kg m2")]
 Name = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$", max_length=64)]
+
+
+class HasNumbers(Protocol):
+    """What has the five numbers of a link."""
+
+    theta_deg: float
+    d_mm: float
+    a_mm: float
+    alpha_deg: float
+    beta_deg: float
+
+
+def link_row(link: HasNumbers) -> list[float]:
+    """One row of a chain: theta, d, a, alpha, beta [rad, m]."""
+    theta, alpha, beta = map(np.radians, (link.theta_deg, link.alpha_deg, link.beta_deg))
+    return [theta, link.d_mm / 1e3, link.a_mm / 1e3, alpha, beta]
 
 
 class Link(Strict):

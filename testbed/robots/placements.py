@@ -4,6 +4,7 @@ The link product is split after the joint: body i+1 is placed in body i at L_i R
 L_i = Tz(d_i) Tx(a_i) Rx(alpha_i) Ry(beta_i), so a joint value is always the commanded q.
 """
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -11,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from calib.arrays import Array, frozen
 from calib.geometry.chain import Chain, joint_vectors
-from calib.geometry.frames import rot_x, rot_y, rot_z, slide
+from calib.geometry.frames import rot_x, rot_y, rot_z, slide, step_transform
 from calib.geometry.inverse import spread
 
 ROUNDING = 1e-12
@@ -134,6 +135,12 @@ def rpy(T: Array) -> tuple[float, float, float]:
     side = np.cos(roll) * R[:, 1] - np.sin(roll) * R[:, 2]  # y of Rz(yaw) Ry(pitch)
     yaw = float(np.arctan2(-side[0], side[1]))
     return roll + 0.0, pitch + 0.0, yaw + 0.0  # + 0.0 turns -0.0 into 0.0
+
+
+def frame_of(position_mm: Sequence[float], rotation_vector_deg: Sequence[float]) -> Array:
+    """A frame (4, 4) by its place and its rotation vector in a file [m]."""
+    place, turn = np.array(position_mm) / 1e3, np.radians(rotation_vector_deg)
+    return step_transform(np.concatenate([place, turn]))
 
 
 def difference(T: Array, other: Array) -> tuple[float, float]:

@@ -10,7 +10,8 @@ from calib.geometry.frames import transform_step
 from testbed.bounds import SHAPE
 from testbed.robots.links import Angle, AttachedPart, Vector
 from testbed.robots.parts import Form, Primitive
-from testbed.robots.units import degrees, frame_of, millimeters
+from testbed.robots.placements import frame_of
+from testbed.robots.units import degrees, millimeters
 from testbed.strict import PlainText
 
 Size = Annotated[float, SHAPE.size("mm")]

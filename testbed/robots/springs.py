@@ -11,7 +11,7 @@ from calib.geometry.gravity import AXES, MOMENTS, Weight
 from calib.geometry.joint_errors import JointErrors
 from calib.geometry.springs import UNSAID, SprungJoints
 from testbed.bounds import ANGLE, GRAVITY, LINK, LOAD, MASS, MOMENT
-from testbed.robots.links import Link
+from testbed.robots.links import link_row
 from testbed.robots.units import degrees, millimeters
 from testbed.strict import Strict
 
@@ -93,12 +93,6 @@ class BodyEntry(Strict):
             key = "added_kg" if held[0] == "m" else "added_kg_m"
             raise ValueError(f'{key} is set, but free does not name "{held[0]}"; add it to free')
         return self
-
-
-def link_row(link: Link | BodyEntry) -> list[float]:
-    """One row of a chain: theta, d, a, alpha, beta [rad, m]."""
-    theta, alpha, beta = map(np.radians, (link.theta_deg, link.alpha_deg, link.beta_deg))
-    return [theta, link.d_mm / 1e3, link.a_mm / 1e3, alpha, beta]
 
 
 class SpringsTable(Strict):

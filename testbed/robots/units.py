@@ -1,19 +1,10 @@
-"""Degrees and millimeters of a robot file: as frames, and written to be read back exactly."""
+"""Degrees and millimeters for a robot file that read back as exactly the same number."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 
 import numpy as np
 
-from calib.arrays import Array
-from calib.geometry.frames import step_transform
-
 Unit = Callable[[float], float]
-
-
-def frame_of(position_mm: Sequence[float], rotation_vector_deg: Sequence[float]) -> Array:
-    """A frame (4, 4) by its place and its rotation vector in a file [m]."""
-    place, turn = np.array(position_mm) / 1e3, np.radians(rotation_vector_deg)
-    return step_transform(np.concatenate([place, turn]))
 
 
 def degrees(value: float) -> float:
