@@ -13,7 +13,7 @@ from typing import Annotated, Literal
 import numpy as np
 from scipy.special import fdtrc
 
-from calib.arrays import Array, Index, frozen
+from calib.arrays import LATER, Array, Index, frozen
 from calib.geometry.frames import inverse, points_of_frames, skew
 from calib.identification.fit_statistics import RED
 from calib.identification.result import Identification
@@ -69,7 +69,7 @@ class Moved(Shown):
     """Fraction of the chi-square beyond noise that the step explains."""
     p_value: float
     """Probability of as large a step anywhere by chance, for noise of any scale."""
-    or_else: tuple[tuple[What, int], ...] = ()
+    or_else: Annotated[tuple[tuple[What, int], ...], LATER] = ()
     """What else may have moved instead, with its number: the readings do not tell the two apart."""
 
     def __repr__(self) -> str:

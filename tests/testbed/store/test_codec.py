@@ -1,7 +1,7 @@
 """Records go to flat arrays and back bit for bit; what has no place on disk is refused."""
 
 import math
-from dataclasses import dataclass, fields, is_dataclass
+from dataclasses import dataclass, fields, is_dataclass, replace
 from enum import Enum
 from typing import Annotated, Literal
 
@@ -15,6 +15,7 @@ from calib.arrays import LATER, Array, Bool, FloatOrNan, Index, Labels
 from calib.errors import CalibError
 from calib.geometry.parameters import parameters_of
 from calib.identification.identify import Identification, identify
+from calib.identification.outliers.moved import Moved
 from calib.identification.prior import weak_prior
 from testbed.store.codec import pack, unpack
 from testbed.store.quantities import METRE
@@ -239,3 +240,12 @@ def test_a_field_that_is_newer_than_a_record_has_its_default_there_and_nowhere_e
         unpack(One, {"number": 2.0})
     with pytest.raises(ValueError, match="number is 'x', not float"):
         unpack(One, {"old": 1.0, "number": "x"})
+
+
+def test_a_step_of_a_calibration_from_before_its_alternatives_were_told_is_read():
+    """`truebed report` refused such folders."""
+    now = Moved("tool", 0, 33, 34, 26, np.arange(6.0), 2e-4, 0.97, 1e-9)
+    before = {key: value for key, value in pack(now).items() if not key.startswith("or_else")}
+    assert unpack(Moved, before).or_else == ()
+    told = replace(now, or_else=(("joint", 3), ("station", 0)))
+    assert unpack(Moved, pack(told)).or_else == told.or_else
