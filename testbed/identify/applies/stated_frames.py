@@ -11,7 +11,7 @@ from calib.information.sizes import FRAMES
 from calib.measurement.observations import Measurements
 from calib.measurement.prediction import predict
 from testbed.files.session import Session
-from testbed.identify.frames import fitted_frames
+from testbed.identify.frames import FRAMES_ALONE, fitted_frames
 from testbed.units import DEG, MM, significant
 
 PLAINLY = 3.0
@@ -63,13 +63,16 @@ def stated_frame_words(
         return ()
     many = len(held) > 1
     free = " and ".join(f'{name} = "free"' for name in held)
+    if session.wanted.free == FRAMES_ALONE:
+        goes = "nothing makes up for it, because links are not identified"
+    else:
+        goes = "links make up for it, and corrected programs are moved by as much"
     return (
         f"with nominal links and {' and '.join(held)} as the robot's file has "
         f"{'them' if many else 'it'}, the readings miss the robot by "
         f"{significant(stated_left * MM, 2)} mm, but only by {significant(left * MM, 2)} mm with "
         f"the {' and the '.join(said)} elsewhere: if that is so, correct robot.toml, or write "
-        f"{free} under [identification]; as it is, links make up for it, and corrected programs "
-        "are moved by as much",
+        f"{free} under [identification]; as it is, {goes}",
     )
 
 

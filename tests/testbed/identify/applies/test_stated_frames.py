@@ -13,7 +13,7 @@ from testbed.identify.frames import frames_of
 from tests.testbed.files.made import ROBOT, columns, csv, made
 
 
-def said(folder, held, offset=(0,) * 6, *, points=False, data=None, whole=False):
+def said(folder, held, offset=(0,) * 6, *, points=False, data=None, whole=False, more=""):
     """What is said of frames that are held there, moved by an offset [m, rad] of the first one."""
     data = made(4, 40) if data is None else data
     base, tool = data.truth.chain.T_world_base, data.truth.chain.T_flange_tool
@@ -27,7 +27,7 @@ def said(folder, held, offset=(0,) * 6, *, points=False, data=None, whole=False)
     (folder / "s.toml").write_text(
         f"[{kind}]\n" + 'euler = "XYZ"\n' * (not points)
         + f"[uncertainty]\nposition_um = 20\n{noise}[identification]\n"
-        + "".join(f'{name} = "fixed"\n' for name in held)
+        + "".join(f'{name} = "fixed"\n' for name in held) + more
     )  # fmt: skip
     session = read_session(folder / "a.csv", robot, config=folder / "s.toml")
     if whole:
@@ -62,3 +62,8 @@ def test_nothing_is_said_of_frames_that_are_there(held, tmp_path):
 def test_it_is_among_the_warnings_of_a_calibration(tmp_path):
     found = said(tmp_path, ["tool"], (0, 12e-3, 16e-3, 0, 0, 0), points=True, whole=True)
     assert any("about 20 mm elsewhere" in text for text in found)
+
+
+def test_links_that_are_not_identified_make_up_for_nothing(tmp_path):
+    (text,) = said(tmp_path, ["tool"], (0, 12e-3, 16e-3, 0, 0, 0), more='free = "frames"\n')
+    assert text.endswith("as it is, nothing makes up for it, because links are not identified")
