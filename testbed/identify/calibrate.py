@@ -254,7 +254,6 @@ def _calibrated(
             *warnings_of(models[0], chosen, train, scatter_told(robot, session)),
             *coarse_joints(session, chosen, train),
             *stated_frame_words(session, before, train),
-            *travel_words(chosen.identification),
             *guard_warnings(session, measurements.rows(split.is_test)),
             *standing_warnings(session, chosen.identification),
             *turn_warnings(session, measurements, chosen.identification.model.fixtures.anchors),
@@ -267,7 +266,8 @@ def _calibrated(
         ),
     )
     hangs = mounting_words(found, replace(looking, train=train), clean.plain.model)
-    return replace(found, warnings=(*found.warnings, *hangs))
+    scales = travel_words(chosen.identification, found.covariance)
+    return replace(found, warnings=(*found.warnings, *scales, *hangs))
 
 
 def loss_of(option: str) -> Loss:

@@ -1,20 +1,25 @@
 """How far slides move beyond their command, in words."""
 
+import numpy as np
+
+from calib.arrays import Array
 from calib.identification.result import Identification
 from calib.information.sizes import SCALES
 from testbed.units import UM, significant
 
 
-def travel_words(result: Identification) -> tuple[str, ...]:
+def travel_words(result: Identification, covariance: Array) -> tuple[str, ...]:
     """What the scales of slides are, which stand among the numbers as amplitudes of long waves.
 
     Parameters
     ----------
     result : Identification
         The chosen model.
+    covariance : (f, f) array
+        Of its free numbers, as the table of numbers has it.
     """
     errors = result.model.joint_errors
-    U = dict(zip(result.names, 2 * result.standard_uncertainty, strict=True))
+    U = dict(zip(result.names, 2 * np.sqrt(np.diag(covariance)), strict=True))
     said = []
     for term, value in zip(errors.terms, errors.coefficients.tolist(), strict=False):
         if term.name not in U or not term.name.startswith(SCALES):

@@ -1,5 +1,9 @@
 """What is said of slides that travel too far."""
 
+import re
+
+import numpy as np
+
 from calib.geometry.parameters import parameters_of
 from calib.identification.identify import identify
 from calib.identification.model_choice import extended_by
@@ -14,11 +18,18 @@ def test_scales_are_told_in_um_per_meter_and_not_as_the_amplitude_of_a_wave():
     table, free = points(q, xyz, sd=5e-6), parameters_of(RAILS)
     prior = weak_prior(free, RAILS)
     _, found = extended_by(RAILS, table, free, travel_offered(q, xyz).levels[1:], prior=prior)
-    (text,) = travel_words(found)
+    (text,) = travel_words(found, found.covariance)
     # the scales that were put in, +90, -60 and +30 um/m; U of 40 poses of 5 um over some meters
     assert text.startswith(
         "slides move by another distance than commanded: joint 1 90 um/m further"
     )
     assert "joint 2 60 um/m less (U = " in text
     assert "joint 3 30 um/m further (U = " in text
-    assert travel_words(identify(RAILS, table, free, prior=prior)) == ()
+    plain = identify(RAILS, table, free, prior=prior)
+    assert travel_words(plain, plain.covariance) == ()
+    # U is that of the table of numbers, whose covariance is not always that of the stated noise
+    (wide,) = travel_words(found, 1e4 * found.covariance)
+    one, other = (
+        [float(x) for x in re.findall(r"U = ([\d.]+) um/m", said)] for said in (text, wide)
+    )
+    np.testing.assert_allclose(other, 100 * np.array(one), rtol=0.1)  # of two digits each
