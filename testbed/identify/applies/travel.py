@@ -9,7 +9,7 @@ from testbed.units import UM, significant
 
 
 def travel_words(result: Identification, covariance: Array) -> tuple[str, ...]:
-    """What the scales of slides are, which stand among the numbers as amplitudes of long waves.
+    """What scales of slides are beyond their U; as numbers they are amplitudes of long waves.
 
     Parameters
     ----------
@@ -23,6 +23,8 @@ def travel_words(result: Identification, covariance: Array) -> tuple[str, ...]:
     said = []
     for term, value in zip(errors.terms, errors.coefficients.tolist(), strict=False):
         if term.name not in U or not term.name.startswith(SCALES):
+            continue
+        if abs(value) <= U[term.name]:  # the readings do not tell it from none
             continue
         per = term.order * UM  # the slope of the wave where it begins
         said.append(
