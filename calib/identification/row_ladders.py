@@ -13,9 +13,9 @@ from calib.geometry.bodies import Z
 from calib.geometry.gravity import Weight, weight_of
 from calib.geometry.joint_errors import NO_JOINT, JointErrors, JointTerm, Wave
 from calib.geometry.model import RobotModel
-from calib.geometry.parameters import CHARACTERISTIC_LENGTH
+from calib.geometry.parameters import CHARACTERISTIC_LENGTH, PER_METER, SCALE_OF
 from calib.identification.levels import Ladder, Level
-from calib.information.sizes import GROWTH, SCALES, usual_sizes
+from calib.information.sizes import GROWTH, usual_sizes
 from calib.measurement.observations import Measurements
 
 EXPANSION = {"steel": 12e-6, "aluminium": 23e-6}
@@ -29,9 +29,6 @@ ALIKE = 1e-3
 OTHER_UNIT = 50.0
 """Reported torques larger or smaller than those of gravity by this factor are in another unit;
 unknown masses are assumed to within a factor of about three."""
-ARC = 0.1
-"""Argument of the sine, at the largest travel measured, by which a slide is wrong in proportion to
-its travel: so short a part of a wave is straight within 0.2 % of that error [rad]."""
 HEAVY = 0.1
 """Torques are compared at joints whose gravity torque exceeds this part of the largest one."""
 
@@ -218,10 +215,9 @@ def _travel(nominal: RobotModel, measurements: Measurements, slides: Index) -> L
         if np.ptp(measurements.q[:, i]) <= STILL:
             why.append(f"joint {i + 1} never moves")
             continue
-        per_meter = float(f"{ARC / np.abs(measurements.q[:, i]).max():.1g}")
-        weights = tuple(per_meter * float(k == i) for k in range(nominal.chain.n_joints))
-        share = 1 / (per_meter * CHARACTERISTIC_LENGTH)
-        terms.append(JointTerm(f"{SCALES}{i + 1}", i, "sin", weights, share=share))
+        weights = tuple(PER_METER * float(k == i) for k in range(nominal.chain.n_joints))
+        share = 1 / (PER_METER * CHARACTERISTIC_LENGTH)
+        terms.append(JointTerm(f"{SCALE_OF}{i + 1}", i, "sin", weights, share=share))
     return _ladder("travel", nominal, terms, why)
 
 

@@ -15,7 +15,7 @@ from calib.geometry.chain import JointKind, chain_names
 from calib.geometry.gravity import Weight
 from calib.geometry.joint_errors import JointErrors, JointTerm
 from calib.geometry.model import RobotModel
-from calib.geometry.parameters import CHARACTERISTIC_LENGTH, Parameters
+from calib.geometry.parameters import CHARACTERISTIC_LENGTH, Parameters, is_scale
 from calib.geometry.springs import UNSAID
 
 MDEG = float(np.radians(1e-3))
@@ -35,8 +35,6 @@ PLAY = 10 * MDEG
 """Half the backlash of a joint [rad]."""
 SCALE = 1e-4
 """Relative error of the travel of a slide: pitch of a rack, a belt or a screw, growth of a rule."""
-SCALES = "scale"
-"""What the names of such terms begin with."""
 GROWTH = 15e-6
 """Deviation of the thermal expansion of an arm from that of the material of its links [1/K]."""
 TILT = np.radians(1.0)
@@ -89,7 +87,7 @@ def _of_term(term: JointTerm, waves: tuple[float, float], sag: float) -> float:
         return {"approach": PLAY, "torque": SAG, "lengths": GROWTH}[term.wave]
     if term.name.startswith("gravity") or np.count_nonzero(term.weights) > 1:
         return sag
-    if term.name.startswith(SCALES):
+    if is_scale(term.name):
         return SCALE
     if term.name.startswith("gear"):
         return GEAR

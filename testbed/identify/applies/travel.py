@@ -3,13 +3,13 @@
 import numpy as np
 
 from calib.arrays import Array
+from calib.geometry.parameters import is_scale, shown_in
 from calib.identification.result import Identification
-from calib.information.sizes import SCALES
-from testbed.units import UM, significant
+from testbed.units import significant
 
 
 def travel_words(result: Identification, covariance: Array) -> tuple[str, ...]:
-    """What scales of slides are beyond their U; as numbers they are amplitudes of long waves.
+    """What scales of slides are beyond their U.
 
     Parameters
     ----------
@@ -22,15 +22,14 @@ def travel_words(result: Identification, covariance: Array) -> tuple[str, ...]:
     U = dict(zip(result.names, 2 * np.sqrt(np.diag(covariance)), strict=True))
     said = []
     for term, value in zip(errors.terms, errors.coefficients.tolist(), strict=False):
-        if term.name not in U or not term.name.startswith(SCALES):
+        if term.name not in U or not is_scale(term.name):
             continue
         if abs(value) <= U[term.name]:  # the readings do not tell it from none
             continue
-        per = term.order * UM  # the slope of the wave where it begins
-        said.append(
-            f"joint {term.joint + 1} {significant(abs(value) * per, 2)} um/m "
-            f"{'further' if value > 0 else 'less'} (U = {significant(U[term.name] * per, 2)} um/m)"
-        )
+        unit, per = shown_in(term.name, True)
+        size, half = (significant(one * per, 2) for one in (abs(value), U[term.name]))
+        way = "further" if value > 0 else "less"
+        said.append(f"joint {term.joint + 1} {size} {unit} {way} (U = {half} {unit})")
     if not said:
         return ()
     return (f"slides move by another distance than commanded: {', '.join(said)}",)
