@@ -102,9 +102,10 @@ def _cleaned(
         readings = _read_own(table, text, section, settings, drop=drop)
     if station and not any(readings.station):
         readings = replace(readings, station=(station,) * len(readings))
+    called = settings.drift.nests if settings.drift else ()
     if reflector:
-        readings = of_reflector(readings, reflector)
-    good, masked = lost_readings(readings, settings.drift.nests if settings.drift else ())
+        readings = of_reflector(readings, reflector, called)
+    good, masked = lost_readings(readings, called)
     readings, drift = readings.rows(good), None
     fine = is_fine(readings)
     if settings.drift is not None:

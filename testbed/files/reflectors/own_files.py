@@ -1,19 +1,18 @@
 """Files of one reflector each: whose they are, and whether all of them are of one tool."""
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import combinations
 from typing import TypeAlias
 
 import numpy as np
 
-from calib.arrays import Array
+from calib.arrays import Array, evenly
 from calib.geometry.model import RobotModel
 from calib.measurement.accuracy import rotation_errors
 from calib.measurement.observations import Measurements
 from testbed.files.dialects.tables import PointsTable
-from testbed.files.frames_fit import flange_poses
+from testbed.files.frames_fit import far_for, fit_frames, flange_poses
 from testbed.files.readings import Readings
 from testbed.files.reflectors.one_tool import apart_or_alike
 from testbed.files.refusal import refusal
@@ -28,31 +27,38 @@ GIVES, NOISE = 1e-3, 5.0
 """How far reflectors on one tool may come from and to each other [m]: plates bend by less; or so
 many standard deviations of their noise, where that is more."""
 TURNS = 4.0
-"""Reflectors leave their places beside each other by so many times what their distance may vary,
-for it to be said that they do not turn."""
+"""By so many times what their distance may vary would a reflector have to move on the tool, for it
+to be said that it does not turn with it."""
+FITTED = 300
+"""Poses by which it is told how the base is turned."""
+MOST = 20
+"""Each file is held against so many before it: of 1000 files each against each took minutes."""
 ONE_POINT = "they are one point in two frames"
 SHIFTS = (1, -1, 2, -2, 3, -3)
 """Rows by which the readings of one file may stand beside other poses than those of another."""
 
 
-def of_reflector(readings: Readings, name: str) -> Readings:
-    """The readings of a file that is said to be of one reflector.
+def of_reflector(readings: Readings, name: str, nests: Collection[str] = ()) -> Readings:
+    """The readings of a file that is said to be of one reflector; those of `nests` stay theirs.
 
     Raises
     ------
     InputError
         S37: it names targets of its own.
     """
-    own = sorted({*readings.target} - {"", name})
+    own = sorted({*readings.target} - {"", name, *nests})
     if own:
+        alone = len(own) == 1 and not {"", name} & {*readings.target}
         other = "another name" if len(own) == 1 else f"{len(own)} targets"
         raise refusal(
             readings.where, KEY, f'is the file of the reflector "{name}", and has {other} in its '
             f"column target: {', '.join(own[:4])}", code="S37", value=name,
-            fix=f'call it {own[0]} under reflector_files' if len(own) == 1 else
-            "name the file under [points] file, which reads several targets of one file",
+            fix=f'call it {own[0]} under reflector_files' if alone else
+            "name the file under [points] file, which reads several targets of one file; fixed "
+            "points that were measured in between belong under [drift] nests",
         )  # fmt: skip
-    return replace(readings, target=(name,) * len(readings))
+    target = tuple(one if one in nests else name for one in readings.target)
+    return replace(readings, target=target)
 
 
 def require_as_stated(
@@ -60,8 +66,8 @@ def require_as_stated(
 ) -> None:
     """Refuse files of a reflector each that are none, and files of a station each that are those.
 
-    Reflectors on one tool are as far from each other at every pose, and turn about each other as
-    the tool does. That holds whatever the robot is, and in every frame that is the same for both.
+    Reflectors on one tool are as far from each other at every pose, whatever the robot is and in
+    every frame that is the same for both, and turn about each other as the tool does.
 
     Raises
     ------
@@ -83,11 +89,9 @@ def require_as_stated(
         for name, part in zip(names, own, strict=True)
     }
     where = {name: part.readings.where for name, part in zip(names, own, strict=True)}
-    pairs = [
-        _Pair.of(session.measurements, one, other, at, model)
-        for one, other in combinations(names, 2)
-    ]
+    pairs = [_Pair.of(session.measurements, *two, at, model) for two in _near(names)]
     if section.reflector_files:
+        _require_a_pose_in_common(at, where)
         _require_one_tool(pairs, where)
     elif len(section.files) > 1:
         _require_stations(pairs)
@@ -103,8 +107,10 @@ class _Pair:
     """(k, 3) of the one [m]."""
     second: Array
     """(k, 3) of the other [m]."""
-    turned: float
-    """Angle between these poses of the flange and the first, the median [rad]."""
+    q: Array
+    """(k, n) joints there [rad, m]."""
+    model: RobotModel
+    """Nominal."""
     far: float
     """By how much the noise of the readings and a tool that gives let their distance vary [m]."""
 
@@ -122,11 +128,9 @@ class _Pair:
         first, second = np.array(both, dtype=np.int64).reshape(-1, 2).T
         u = np.einsum("mii->m", table.covariance[first, :3, :3]) / 3
         far = max(GIVES, NOISE * float(np.sqrt(2 * np.median(u)))) if len(u) else GIVES
-        turned = 0.0
-        if len(first):
-            T = flange_poses(model, table.q[first])
-            turned = float(np.median(rotation_errors(T, np.broadcast_to(T[0], T.shape))))
-        return cls(one, other, table.position[first], table.position[second], turned, far)
+        return cls(
+            one, other, table.position[first], table.position[second], table.q[first], model, far
+        )
 
     @property
     def is_moved(self) -> bool:
@@ -140,13 +144,34 @@ class _Pair:
         why = apart_or_alike(self.first, self.second, self.far)
         if why or len(self.first) < FEWEST:
             return why
-        apart = float(np.median(np.linalg.norm(self.second - self.first, axis=1)))
-        if TURNS * self.far > apart * self.turned or not self.is_moved:
+        if not self.is_moved:
+            return ""
+        turned = self.turned_along
+        if turned is None:
             return ""
         return (
             "lie beside each other in one direction at all poses, though the tool turns by "
-            f"{np.degrees(self.turned):.0f} deg: {ONE_POINT}"
+            f"{np.degrees(turned):.0f} deg: {ONE_POINT}"
         )
+
+    @property
+    def turned_along(self) -> float | None:
+        """How far the tool turns from its first pose, the median, if that moves the other on it.
+
+        None where the other stays at one place of the tool all the same, as above the one on a
+        tool that turns about the vertical alone; and where base and tool do not explain the one, so
+        that it is not known how the tool is turned [rad].
+        """
+        some = evenly(np.arange(len(self.first)), FITTED)
+        T, seen = flange_poses(self.model, self.q[some]), self.first[some]
+        frames = fit_frames(T, seen, None, one_valley=True)
+        if frames.misfit(T, seen, None).score > far_for(seen):
+            return None
+        away = (self.second[some] - seen)[:, None] @ frames.R @ T[:, :3, :3]
+        wanders = np.linalg.norm(away - np.median(away, axis=0), axis=-1)
+        if float(np.median(wanders)) <= TURNS * self.far:
+            return None
+        return float(np.median(rotation_errors(T, np.broadcast_to(T[0], T.shape))))
 
     @property
     def shift(self) -> int:
@@ -174,16 +199,28 @@ def _visits(
     }
 
 
-def _require_one_tool(pairs: Sequence[_Pair], where: Mapping[str, str]) -> None:
-    """Refuse files of a reflector each that are not of one tool before one station."""
-    for name, file in where.items():
-        mine = [pair for pair in pairs if name in (pair.one, pair.other)]
-        if mine and not any(len(pair.first) for pair in mine):
+def _near(names: Sequence[str]) -> Iterator[tuple[str, str]]:
+    """Each file with the `MOST` before it, in the order of both."""
+    for k, other in enumerate(names):
+        yield from ((one, other) for one in names[max(0, k - MOST) : k])
+
+
+def _require_a_pose_in_common(
+    at: Mapping[str, Mapping[Visit, int]], where: Mapping[str, str]
+) -> None:
+    """Refuse a file none of whose poses is one of another reflector's."""
+    often = Counter(visit for visits in at.values() for visit in visits)
+    for name, visits in at.items():
+        if all(often[visit] == 1 for visit in visits):
             raise refusal(
-                file, KEY, f'no pose of "{name}" is one of the other reflectors\'',
+                where[name], KEY, f'no pose of "{name}" is one of the other reflectors\'',
                 code="M31", allowed="each file has one reflector at the poses of the others",
                 fix="correct the column pose_id, or the joints, by which poses are told",
             )  # fmt: skip
+
+
+def _require_one_tool(pairs: Sequence[_Pair], where: Mapping[str, str]) -> None:
+    """Refuse files of a reflector each that are not of one tool before one station."""
     wrong = [pair for pair in pairs if pair.why]
     if not wrong:
         return

@@ -1,6 +1,7 @@
 """Files of one reflector each: read as if they were one, and refused where they are not."""
 
 import re
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -8,7 +9,12 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from calib.errors import InputError
+from calib.geometry.chain import Chain
+from calib.geometry.model import RobotModel
 from testbed.files.read import read_session
+from testbed.files.reflectors import own_files
+from testbed.robots.controller import Controller
+from tests.calib.kinds import SCARA
 from tests.testbed.files.made import ROBOT, csv, made
 
 M = 30
@@ -37,14 +43,14 @@ def place(readings):
     return dict(zip(("x_mm", "y_mm", "z_mm"), readings.T, strict=True))
 
 
-def read(folder, tables, points=FILES, *, how="", joined=JOINTS):
+def read(folder, tables, points=FILES, *, how="", joined=JOINTS, robot=ROBOT):
     """The session of some tables, each with poses by name unless it says otherwise."""
     for name, table in tables.items():
         text = table if isinstance(table, str) else csv(table)
         (folder / f"{name}.csv").write_text(text)
     toml = f"{how}{joined}[points]\n{points}[uncertainty]\nposition_um = 20\n"
     (folder / "session.toml").write_text(toml)
-    return read_session(folder, ROBOT)
+    return read_session(folder, robot)
 
 
 def apart(*readings, names=NAMES, **more):
@@ -227,3 +233,61 @@ def test_stations_are_no_reflectors(tmp_path):
     more = {"target": ["A"] * M + ["B"] * M}
     found = read(tmp_path, apart(*both, names=NAMES * 2, **more), STATIONS)
     assert found.reflector_names == ("A", "B")
+
+
+def scara(folder, second, moved=(0, 0, 0)):
+    """A session of two files on an arm whose tool turns about the vertical alone [m]."""
+    lower, upper = np.array([[-2.9, 2.9], [-2.5, 2.5], [-0.3, 0.3], [-3.1, 3.1]]).T
+    kinds = ("revolute", "revolute", "prismatic", "revolute")
+    arm = replace(
+        ROBOT, name="scara", model=RobotModel(Chain(SCARA, kinds)), controller=Controller(),
+        limits=np.column_stack([lower, upper]),
+    )  # fmt: skip
+    rng = np.random.default_rng(4)
+    q = rng.uniform(lower, upper, (M, 4))
+    T = arm.model.poses(q)
+    there = {
+        f"q{k + 1}_{'mm' if k == 2 else 'deg'}": q[:, k] * (1e3 if k == 2 else 180 / np.pi)
+        for k in range(4)
+    }
+    files = {"joints": {"pose_id": NAMES} | there}
+    for name, own, by in (("a", [0.03, 0.02, 0.02], 0), ("b", second, moved)):
+        exact = T[:, :3, :3] @ np.array(own) + T[:, :3, 3] + by
+        readings = 1e3 * (exact + 20e-6 * rng.normal(size=(M, 3)))
+        files[name] = {"pose_id": NAMES} | place(readings)
+    return read(folder, files, 'reflector_files = { A = "a.csv", B = "b.csv" }\n', robot=arm)
+
+
+def test_one_reflector_above_another_on_a_tool_that_stays_upright_is_read(tmp_path):
+    """It was called one point in two frames: what stands above another does not turn about it."""
+    assert len(scara(tmp_path, [0.03, 0.02, 0.12]).measurements) == 2 * M
+    with pytest.raises(InputError, match="one point in two frames"):
+        scara(tmp_path, [0.03, 0.02, 0.02], (0.3, 0.05, 0.01))
+
+
+def test_files_are_held_against_a_few_others():
+    """Of 1000 files each against each took minutes."""
+    pairs = list(own_files._near([str(k) for k in range(1000)]))
+    assert len(pairs) < 20 * 1000
+    assert {one for pair in pairs for one in pair} == {str(k) for k in range(1000)}
+    assert set(own_files._near("abc")) == {("a", "b"), ("a", "c"), ("b", "c")}
+
+
+def test_nests_in_the_file_of_a_reflector_are_no_other_reflector(tmp_path):
+    """It was refused with "call it N1 under reflector_files"."""
+    table = apart(*seen())
+    nest = np.array([[900.0, 200, 50], [100, 1500, 60], [-800, 300, 900]])
+    for name in "abc":
+        own = table[name]
+        count = 2 * len(nest)
+        table[name] = {"pose_id": [""] * 3 + NAMES + [""] * 3} | {
+            "target": ["N1", "N2", "N3", *[""] * M, "N1", "N2", "N3"],
+            **place(np.vstack([nest, np.column_stack([own[f"{a}_mm"] for a in "xyz"]), nest])),
+        }
+        assert len(table[name]["x_mm"]) == M + count
+    drift = '[drift]\nnests = ["N1", "N2", "N3"]\n'
+    found = read(tmp_path, table, FILES, how="", joined=drift + JOINTS)
+    assert len(found.measurements) == 3 * M
+    assert found.reflector_names == ("A", "B", "C")
+    with pytest.raises(InputError, match=r"fixed points that .* belong under \[drift\] nests"):
+        read(tmp_path, table)
