@@ -1,11 +1,11 @@
-"""Joints beyond the limits because a table has their zeros elsewhere: told by the readings."""
+"""Joints beyond the limits: full turns, or zeros that a table has elsewhere, by the readings."""
 
 from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 
-from calib.arrays import Array, frozen
+from calib.arrays import Array, Bool, frozen
 from calib.errors import InputError
 from testbed.files.frames_fit import FAR, Misfit
 from testbed.files.probe import probe
@@ -23,7 +23,7 @@ QUARTERS = (0, 1, -1, 2, -2, 3, -3)
 
 
 def explained(error: InputError, robot: Robot, read: Callable[[Robot], Session]) -> InputError:
-    """The error of joints beyond their limits, or the better one where quarter turns explain them.
+    """The error of joints beyond their limits, or the better one where turns explain them.
 
     Parameters
     ----------
@@ -42,12 +42,13 @@ def explained(error: InputError, robot: Robot, read: Callable[[Robot], Session])
     except InputError:
         return error
     q = session.measurements.q
-    beyond = np.array([_beyond(robot, q, k) for k in QUARTERS])
-    if (beyond.min(axis=0) > MANY).any():
+    beyond = np.array([_beyond(robot, q + QUARTER * k * _turning(robot)) for k in QUARTERS])
+    whole = _beyond(robot, _by_full_turns(robot, q))
+    if (np.minimum(beyond.min(axis=0), whole) > MANY).any():
         return error
     found = probe(free, session)
     if found.stated is not None and found.wrong is None and found.stated.score <= FAR:
-        return _of_ends(error, robot, beyond, found.stated)
+        return _of_ends(error, robot, beyond, whole, found.stated)
     if found.wrong is None or found.wrong.alternative.name != ZEROS:
         return error
     try:
@@ -57,27 +58,54 @@ def explained(error: InputError, robot: Robot, read: Callable[[Robot], Session])
     return error
 
 
-def _beyond(robot: Robot, q: Array, quarters: int) -> Array:
-    """Share (n,) of joints (m, n) that lie beyond their limits after turns by quarters."""
+def _turning(robot: Robot) -> Bool:
+    """Which joints (n,) turn."""
+    return np.asarray(robot.model.chain.prismatic == 0)
+
+
+def _beyond(robot: Robot, q: Array) -> Array:
+    """Share (n,) of joints (m, n) that lie beyond their limits."""
     lower, upper = robot.limits.T
-    there = q + QUARTER * quarters * (robot.model.chain.prismatic == 0)
-    return np.asarray(((there < lower - BEYOND) | (there > upper + BEYOND)).mean(axis=0))
+    return np.asarray(((q < lower - BEYOND) | (q > upper + BEYOND)).mean(axis=0))
 
 
-def _of_ends(error: InputError, robot: Robot, beyond: Array, stated: Misfit) -> InputError:
-    """The error of a first or last joint with another zero, which base or tool take up.
+def _by_full_turns(robot: Robot, q: Array) -> Array:
+    """Joints (m, n) brought inside their limits by full turns, where these can [rad, m]."""
+    lower, upper = robot.limits.T
+    out = (q < lower - BEYOND) | (q > upper + BEYOND)
+    return np.where(out & _turning(robot), lower + (q - lower) % (4 * QUARTER), q)
 
-    `beyond` (7, n) are the shares beyond the limits after turns by `QUARTERS`.
+
+def _of_ends(
+    error: InputError, robot: Robot, beyond: Array, whole: Array, stated: Misfit
+) -> InputError:
+    """The error of joints counted by full turns, or of ends with another zero.
+
+    A base takes up the zero of a first joint, and a tool that of a last one. `beyond` (7, n) are
+    the shares beyond the limits after turns by `QUARTERS`, `whole` (n,) those after full turns,
+    which a table from 0 to 360 deg needs: what the readings say is the same.
     """
     far = np.flatnonzero(beyond[QUARTERS.index(0)] > MANY).tolist()
-    if not far or not {*far} <= {0, robot.model.chain.n_joints - 1}:
+    ends = {*far} <= {0, robot.model.chain.n_joints - 1} and not (beyond.min(axis=0) > MANY).any()
+    counted = not (whole[far] > MANY).any()
+    if not far or not (ends or counted):
         return error
     turns = [QUARTERS[int(np.argmin(beyond[:, j] > MANY))] for j in far]
     added = listed([f"{90 * k:+d} deg to q{j + 1}" for j, k in zip(far, turns, strict=True)])
+    names = listed([f"q{j + 1}" for j in far])
+    round_ = f"{'it counts' if len(far) == 1 else 'they count'} full turns"
+    other = "the zero is another than that of its file, which they take up"
+    by_turns = f"take 360 deg off the values of {names} above the limits, and add it below"
+    by_zero = f"add {added} in the table"
+    both = counted and ends
+    turned = f"{round_}, as from 0 to 360 deg"
+    why = f"{turned}, or {other}" if both else turned if counted else other
+    fix = f"if {round_}, {by_turns}; if the zero is another, {by_zero}" if both else (
+        by_turns if counted else by_zero
+    )  # fmt: skip
     return refusal(
         error.where, f"q{far[0] + 1}",
-        f"{listed([f'q{j + 1}' for j in far])} often {'lies' if len(far) == 1 else 'lie'} outside "
-        f"the limits of {robot.name}, and base and tool leave {stated.shown} all the same: the "
-        "zero is another than that of its file, which they take up", code=CODE,
-        allowed=error.allowed, fix=f"add {added} in the table",
+        f"{names} often {'lies' if len(far) == 1 else 'lie'} outside "
+        f"the limits of {robot.name}, and base and tool leave {stated.shown} all the same: {why}",
+        code=CODE, allowed=error.allowed, fix=fix,
     )  # fmt: skip

@@ -109,6 +109,27 @@ def test_the_zero_of_a_first_joint_is_taken_up_by_the_base(tmp_path):
     probe(ROBOT, read(tmp_path, turned)).raise_if_wrong()
 
 
+def test_full_turns_are_no_other_zero(tmp_path):
+    """Of a table from 0 to 360 deg it said to add -180 deg, which turned the arm half round."""
+    counted = table([0] * 6, poses=False)
+    counted["q1_deg"] = counted["q1_deg"] % 360
+    with pytest.raises(
+        InputError, match="it counts full turns, as from 0 to 360 deg, or"
+    ) as caught:
+        read(tmp_path, counted)
+    said = str(caught.value)
+    assert "if it counts full turns, take 360 deg off the values of q1 above the limits" in said
+    # between the ends no base or tool takes up a zero: full turns alone explain it
+    inner = table([0] * 6, poses=False)
+    for joint in ("q2_deg", "q3_deg"):
+        inner[joint] = inner[joint] % 360
+    with pytest.raises(InputError) as caught:
+        read(tmp_path, inner)
+    assert str(caught.value).endswith(
+        "take 360 deg off the values of q2 and q3 above the limits, and add it below. [M20]"
+    )
+
+
 @pytest.mark.parametrize("within", [False, True])
 def test_a_session_is_not_proposed_with_other_zeros_in_silence(within, tmp_path):
     (tmp_path / "d.csv").write_text(csv(table([0, 1, 0, 0, 0, 0], poses=False, within=within)))
