@@ -7,7 +7,9 @@ import numpy as np
 import pytest
 
 from calib.errors import InputError
+from calib.geometry.chain import Chain
 from calib.geometry.frames import inverse
+from calib.geometry.model import RobotModel
 from calib.measurement import tables
 from testbed.files import probe as probing
 from testbed.files.alternatives import Alternative
@@ -503,3 +505,22 @@ def test_sixty_robots_are_read_rightly(record_property):
         assert right.max() < 2e-3
         assert wrong.min() > far
         assert (wrong > 5 * right).all()
+
+
+def test_a_gantry_that_is_off_by_micrometers_is_no_controller(tmp_path):
+    """Joints commanded to a tenth of a millimeter were taken for the digits of a screen."""
+    links = np.array([[0, 0, 0, -np.pi / 2, 0], [-np.pi / 2, 0, 0, -np.pi / 2, 0], [0.0] * 5])
+    arm = replace(
+        ROBOT, name="gantry", model=RobotModel(Chain(links, ("prismatic",) * 3)),
+        limits=np.tile([-2.0, 2.0], (3, 1)),
+    )  # fmt: skip
+    rng = np.random.default_rng(1)
+    q = np.round(rng.uniform(0, 1, (40, 3)), 4)
+    seen = arm.model.poses(q)[:, :3, 3] + 3e-6 * rng.normal(size=(40, 3))
+    table = {f"q{k + 1}_mm": 1e3 * q[:, k] for k in range(3)}
+    table |= {f"{axis}_mm": 1e3 * seen[:, k] for k, axis in enumerate("xyz")}
+    (tmp_path / "d.csv").write_text(csv(table))
+    (tmp_path / "session.toml").write_text(
+        '[joints]\nfile = "d.csv"\n[points]\nfile = "d.csv"\n[uncertainty]\nposition_um = 5\n'
+    )
+    assert not probe(arm, read_session(tmp_path, arm)).warnings
