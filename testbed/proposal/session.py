@@ -18,6 +18,7 @@ from testbed.proposal.rows.clocks import REACH
 from testbed.proposal.rows.reflectors import with_reflectors
 from testbed.proposal.verdict import verdict_on
 from testbed.robots.robot import Robot
+from testbed.strict import toml_key, toml_value
 
 JOINTS = 6
 """Assumed number of joints if no robot is named."""
@@ -100,7 +101,12 @@ def _left_aside(look: Found, looks: Sequence[Found], points: str | None) -> str:
     read = [one for one in looks if one.name == points and (one.rows, one.head, one.kind) == form]
     if not read or look.has("pose_id"):
         return look.called
-    files = ", ".join(f'{Path(one.name).stem} = "{one.name}"' for one in (read[0], look))
+    stems = [Path(one.name).stem for one in (read[0], look)]
+    names = stems if len({*stems}) == len(stems) else [read[0].name, look.name]
+    files = ", ".join(
+        f"{toml_key(name)} = {toml_value(one.name)}"
+        for name, one in zip(names, (read[0], look), strict=True)
+    )
     return (
         f"{look.called}, of as many rows and the same columns as {read[0].called}: if it is of "
         f"another reflector on the same tool, write reflector_files = {{ {files} }} under [points]"

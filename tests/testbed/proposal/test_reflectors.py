@@ -1,6 +1,10 @@
 """Files of one reflector each: what `truebed new session` makes of them."""
 
+import re
+import tomllib
+
 import numpy as np
+import pytest
 
 from testbed.proposal.data import look_at
 from testbed.proposal.session import propose_session
@@ -54,3 +58,12 @@ def test_a_file_that_cannot_be_one_more_reflector_is_left_aside_with_what_to_wri
     found = proposed(tmp_path, files)
     assert "file" in found.document["points"]
     assert any("write reflector_files = { " in one for one in found.unused)
+
+
+@pytest.mark.parametrize("names", [("a 1.csv", "b (left).csv"), ("a.csv", "a.txt")])
+def test_what_is_to_be_written_of_a_file_left_aside_is_toml(names, tmp_path):
+    """Of a.csv and a.txt it had the key a twice, and of names with blanks keys without quotes."""
+    rows = [place(seen()[0]), place(np.roll(seen()[1], 1, axis=0))]
+    found = proposed(tmp_path, {"joints.csv": joints()} | dict(zip(names, rows, strict=True)))
+    line = re.search(r"reflector_files = \{.*\}", " ".join(found.unused))
+    assert list(tomllib.loads(line[0])["reflector_files"].values()) == list(names)
