@@ -138,11 +138,12 @@ class Probe:
                 raise refusal(
                     self.where, "session",
                     f"with base and tool fitted, the readings miss the robot by {stated.shown}, "
-                    f"but not if the instrument or the robot was moved just before "
-                    f"{self.moved_at}: what comes before fits, and so does the rest, each with "
-                    "frames of its own", code="M32", value=stated.position,
+                    "but not if the instrument, the robot or the target on its flange was moved "
+                    f"just before {self.moved_at}: what comes before fits, and so does the rest, "
+                    "each with frames of its own", code="M32", value=stated.position,
                     fix='describe the rows from there on as a [[session]] of their own, tool = '
-                    '"same as" the first if the target stayed on the flange',
+                    '"same as" the first if the target stayed on the flange, base = "same as" it '
+                    "if the instrument and the robot stayed",
                 )  # fmt: skip
             every = [stated, *(one.misfit for one in self.tried)]
             least = min(every, key=lambda one: one.score)

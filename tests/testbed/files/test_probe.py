@@ -524,3 +524,23 @@ def test_a_gantry_that_is_off_by_micrometers_is_no_controller(tmp_path):
         '[joints]\nfile = "d.csv"\n[points]\nfile = "d.csv"\n[uncertainty]\nposition_um = 5\n'
     )
     assert not probe(arm, read_session(tmp_path, arm)).warnings
+
+
+def test_a_target_that_was_changed_between_two_rows_may_be_what_moved(tmp_path):
+    """It was told as an instrument or a robot that was moved, and as nothing else."""
+    data = made(seed=2, m=30)
+    table = {key: value for key, value in columns(data).items() if key[0] != "r"}
+    T = data.truth.poses(data.q)
+    away = 1e3 * T[15:, :3, :3] @ np.array([0.2, 0.3, 0.1])
+    for k, axis in enumerate("xyz"):
+        table[f"{axis}_mm"] = np.concatenate(
+            [table[f"{axis}_mm"][:15], 1e3 * T[15:, k, 3] + away[:, k]]
+        )
+    (tmp_path / "d.csv").write_text(csv(table))
+    (tmp_path / "session.toml").write_text(
+        '[joints]\nfile = "d.csv"\n[points]\nfile = "d.csv"\n[uncertainty]\nposition_um = 20\n'
+    )
+    with pytest.raises(
+        InputError, match=r"or the target on its flange was moved just before d\.csv:17"
+    ):
+        probe(ROBOT, read_session(tmp_path, ROBOT)).raise_if_wrong()
