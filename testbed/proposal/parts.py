@@ -206,7 +206,8 @@ def _not_both(look: Found, found: Mapping[str, Mapping[str, str]], unit: str) ->
     one, other = (
         FACTORS[unit] * signed(look, [own[axis] for axis in "xyz"]).T for own in found.values()
     )
-    return apart_or_alike(one, other)
+    why = apart_or_alike(one, other)
+    return "" if why is None else why.words
 
 
 def _sum_said(place: dict[str, str]) -> str:

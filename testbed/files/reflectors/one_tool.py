@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from itertools import combinations
+from typing import Literal, NamedTuple
 
 import numpy as np
 
@@ -20,8 +21,17 @@ MOST = 20
 """Targets of which each is held against each other one."""
 
 
-def apart_or_alike(one: Array, other: Array, far: float = FAR) -> str:
-    """Why readings (m, 3) of two targets at the same poses are not of one tool [m]; else empty.
+class NotOneTool(NamedTuple):
+    """Why readings of two targets are not of two reflectors on one tool."""
+
+    kind: Literal["one reflector", "apart", "one point"]
+    """They lie where no two reflectors can, do not stay together, or are of two frames."""
+    words: str
+    """What the two do."""
+
+
+def apart_or_alike(one: Array, other: Array, far: float = FAR) -> NotOneTool | None:
+    """Why readings (m, 3) of two targets at the same poses are not of one tool [m]; else None.
 
     Medians, so that single shots that were missed say nothing. On one tool how far they lie apart
     varies by less than `far` [m].
@@ -29,14 +39,16 @@ def apart_or_alike(one: Array, other: Array, far: float = FAR) -> str:
     away = np.linalg.norm(one - other, axis=1)
     away = away[np.isfinite(away)]
     if len(away) < FEWEST:
-        return ""
+        return None
     middle = float(np.median(away))
     if middle < NEAR:
-        return f"lie {middle * 1e3:.2g} mm from each other, where no two reflectors can"
+        words = f"lie {middle * 1e3:.2g} mm from each other, where no two reflectors can"
+        return NotOneTool("one reflector", words)
     varies = float(np.median(np.abs(away - middle)))
     if varies > far:
-        return f"do not stay together: how far they lie apart varies by {varies * 1e3:.2g} mm"
-    return ""
+        words = f"do not stay together: how far they lie apart varies by {varies * 1e3:.2g} mm"
+        return NotOneTool("apart", words)
+    return None
 
 
 def not_on_one_tool(session: Session, groups: Sequence[Index]) -> InputError | None:
@@ -58,10 +70,11 @@ def not_on_one_tool(session: Session, groups: Sequence[Index]) -> InputError | N
             continue
         rows, beside = both.T
         why = apart_or_alike(table.position[rows], table.position[beside])
-        if why:
+        if why is not None:
             first, second = (target_name(session, int(k)) for k in (rows[0], beside[0]))
+            said = f'targets "{first}" and "{second}" {why.words}'
             return refusal(
-                session.where, "target", f'targets "{first}" and "{second}" {why}', code="M32",
+                session.where, "target", said, code="M32",
                 allowed="targets are reflectors on one tool, each at a place of its own",
                 fix="keep what was measured: one of them may be where the robot was sent",
             )  # fmt: skip

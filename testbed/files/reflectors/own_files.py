@@ -14,7 +14,7 @@ from calib.measurement.observations import Measurements
 from testbed.files.dialects.tables import PointsTable
 from testbed.files.frames_fit import far_for, fit_frames, flange_poses
 from testbed.files.readings import Readings
-from testbed.files.reflectors.one_tool import apart_or_alike
+from testbed.files.reflectors.one_tool import NotOneTool, apart_or_alike
 from testbed.files.refusal import refusal
 from testbed.files.rows.shifts import FEWEST
 from testbed.files.session import Session
@@ -33,7 +33,6 @@ FITTED = 300
 """Poses by which it is told how the base is turned."""
 MOST = 20
 """Each file is held against so many before it: of 1000 files each against each took minutes."""
-ONE_POINT = "they are one point in two frames"
 SHIFTS = (1, -1, 2, -2, 3, -3)
 """Rows by which the readings of one file may stand beside other poses than those of another."""
 
@@ -77,23 +76,20 @@ def require_as_stated(
         are of several reflectors and one station.
     """
     own = [part for part in parts if part.section is section and len(part)]
-    if section.reflector_files:
-        names = [part.readings.target[0] for part in own]
-    else:
-        names = [part.readings.where for part in own]
-    if len(own) < 2:
-        return
     alone = bool(section.reflector_files)
+    if len(own) < 2 or not (alone or len(section.files) > 1):
+        return
+    names = [part.readings.target[0] if alone else part.readings.where for part in own]
     at = {
         name: _visits(session, parts, part, alone=alone)
         for name, part in zip(names, own, strict=True)
     }
     where = {name: part.readings.where for name, part in zip(names, own, strict=True)}
     pairs = [_Pair.of(session.measurements, *two, at, model) for two in _near(names)]
-    if section.reflector_files:
+    if alone:
         _require_a_pose_in_common(at, where)
         _require_one_tool(pairs, where)
-    elif len(section.files) > 1:
+    else:
         _require_stations(pairs)
 
 
@@ -138,20 +134,18 @@ class _Pair:
         away = self.second - self.first
         return float(np.median(np.linalg.norm(away - np.median(away, axis=0), axis=1))) <= self.far
 
-    @property
-    def why(self) -> str:
-        """Why both are not of one tool and one frame; empty if they may be."""
+    def why(self) -> NotOneTool | None:
+        """Why both are not of one tool and one frame; None if they may be."""
         why = apart_or_alike(self.first, self.second, self.far)
-        if why or len(self.first) < FEWEST:
+        if why is not None or len(self.first) < FEWEST or not self.is_moved:
             return why
-        if not self.is_moved:
-            return ""
         turned = self.turned_along
         if turned is None:
-            return ""
-        return (
+            return None
+        return NotOneTool(
+            "one point",
             "lie beside each other in one direction at all poses, though the tool turns by "
-            f"{np.degrees(turned):.0f} deg: {ONE_POINT}"
+            f"{np.degrees(turned):.0f} deg: they are one point in two frames",
         )
 
     @property
@@ -221,20 +215,20 @@ def _require_a_pose_in_common(
 
 def _require_one_tool(pairs: Sequence[_Pair], where: Mapping[str, str]) -> None:
     """Refuse files of a reflector each that are not of one tool before one station."""
-    wrong = [pair for pair in pairs if pair.why]
+    wrong = [(pair, why) for pair in pairs if (why := pair.why()) is not None]
     if not wrong:
         return
     # of three files the one that fits none is to be named
-    often = Counter(name for pair in wrong for name in (pair.one, pair.other))
+    often = Counter(name for pair, _ in wrong for name in (pair.one, pair.other))
     odd = max([*where][::-1], key=lambda name: often[name])
-    pair = next(pair for pair in wrong if odd in (pair.one, pair.other))
-    said = f'"{pair.one}" and "{pair.other}" {pair.why}'
-    if ONE_POINT in pair.why:
+    pair, why = next((pair, why) for pair, why in wrong if odd in (pair.one, pair.other))
+    said = f'"{pair.one}" and "{pair.other}" {why.words}'
+    if why.kind == "one point":
         raise refusal(
             where[odd], KEY, said, code="M32", allowed="each reflector has a file of its own",
             fix="if two stations measured it, write files = [...] in place of reflector_files",
         )  # fmt: skip
-    if pair.why.startswith("lie "):
+    if why.kind == "one reflector":
         raise refusal(
             where[odd], KEY, said, code="M32", allowed="each reflector has a file of its own",
             fix="one reflector was exported twice: take one of the two files out, or, if two "
@@ -260,7 +254,7 @@ def _require_one_tool(pairs: Sequence[_Pair], where: Mapping[str, str]) -> None:
 def _require_stations(pairs: Sequence[_Pair]) -> None:
     """Refuse files of a station each whose points are those of several reflectors in one frame."""
     for pair in pairs:
-        if len(pair.first) >= FEWEST and not pair.why and not pair.is_moved:
+        if len(pair.first) >= FEWEST and not pair.is_moved and pair.why() is None:
             raise refusal(
                 pair.other, "points.files",
                 f"its points stay as far from those of {pair.one} at all poses, as two reflectors "

@@ -60,7 +60,14 @@ def differences(golden, now, path=""):
     return [] if golden == now else [f"{path}: {golden!r} became {now!r}"]
 
 
-@pytest.mark.parametrize("scene", ["quick"])
+@pytest.mark.parametrize(
+    "scene",
+    [
+        pytest.param(scene, marks=() if scene == "quick" else pytest.mark.scene)
+        for scene in SCENES
+        if scene not in BY_HAND
+    ],
+)
 def test_headline_numbers_are_the_golden_ones(scene, tmp_path):
     campaign = played(scene)
     assert differences(golden(scene), headline(campaign)) == []
@@ -69,12 +76,6 @@ def test_headline_numbers_are_the_golden_ones(scene, tmp_path):
     if scene in MOST_WORDS:
         assert words(page) <= MOST_WORDS[scene]
         assert said_twice(page) == []
-
-
-@pytest.mark.scene
-@pytest.mark.parametrize("scene", [scene for scene in SCENES if scene not in (*BY_HAND, "quick")])
-def test_headline_numbers_of_every_other_scene_are_the_golden_ones(scene, tmp_path):
-    test_headline_numbers_are_the_golden_ones(scene, tmp_path)
 
 
 @pytest.mark.study
