@@ -24,8 +24,11 @@ from calib.identification.tangent import RELATIVE_OFFSET
 from calib.shown import Shown
 
 BLOCK = 32
-"""Robots in one pass, whose columns stay in the second-level cache; results depend on it in their
-last bits."""
+"""Most robots in one pass, whose columns stay in the second-level cache; results depend on it in
+their last bits."""
+ENTRIES = 2**18
+"""Most entries of a stack of (f, f) matrices, of which a pass needs some ten: models with hundreds
+of numbers are fitted few at a time."""
 NEAR, NEARER, NEAREST = 1e-7, 1e-9, 1e-10
 """Relative offset below which one more step ends a fit. That step leaves the square of the offset,
 but only a hundredth of it in paper mode and where a prior holds numbers that the rows hardly
@@ -163,9 +166,15 @@ def fit_rows(
         _fit_block(
             parameters, rows.some(part), start.some(part), belief and belief.some(part), common
         )
-        for part in (slice(k, k + BLOCK) for k in range(0, len(start), BLOCK))
+        for part in blocks(len(start), parameters.n_free)
     ]
     return joined_fits(parts)
+
+
+def blocks(count: int, f: int = 1) -> list[slice]:
+    """Parts of `count` robots that are fitted in one pass, for f free numbers."""
+    size = min(BLOCK, max(1, ENTRIES // f**2))
+    return [slice(k, k + size) for k in range(0, count, size)]
 
 
 def joined_fits(parts: list[ManyFits]) -> ManyFits:

@@ -3,7 +3,7 @@
 import numpy as np
 
 from calib.arrays import Array
-from calib.identification.many.fit import BLOCK, ManyFits
+from calib.identification.many.fit import ManyFits, blocks
 from calib.identification.many.tables import position_rows
 
 
@@ -25,8 +25,7 @@ def stated_points(fits: ManyFits, q: Array, target: Array | None = None) -> tupl
     """
     m, free = q.shape[1], fits.parameters.free_index
     points, sigma = np.empty((len(fits), m, 3)), np.empty((len(fits), m, 3, 3))
-    for k in range(0, len(fits), BLOCK):
-        some = slice(k, k + BLOCK)
+    for some in blocks(len(fits)):
         models, C = fits.models.some(some), fits.covariance[some]
         point, J = position_rows(models, q if len(q) == 1 else q[some], free, target)
         points[some] = np.swapaxes(point, 1, 2)

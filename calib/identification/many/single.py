@@ -14,7 +14,7 @@ from calib.identification.identify import identify
 from calib.identification.joint_models import against_gravity
 from calib.identification.lack_of_fit import lack_of_fit
 from calib.identification.least_squares import Status
-from calib.identification.many.fit import BLOCK, ManyFits, fit_rows
+from calib.identification.many.fit import ManyFits, blocks, fit_rows
 from calib.identification.many.tables import ManyRows, ManyTables, known_to_many
 from calib.identification.many.tangents import ManyBeliefs
 from calib.identification.prior import Prior
@@ -123,8 +123,8 @@ def _reductions(
 
 def _residuals(rows: ManyRows, models: ManyModels) -> Array:
     """Whitened residuals (R, N), rows pose by pose."""
-    parts = (slice(k, k + BLOCK) for k in range(0, len(models), BLOCK))
-    r = np.concatenate([rows.some(some).residual_at(models.some(some)) for some in parts])
+    parts = [rows.some(b).residual_at(models.some(b)) for b in blocks(len(models))]
+    r = np.concatenate(parts)
     return r.reshape(len(r), 6, -1).swapaxes(1, 2).reshape(len(r), -1)
 
 

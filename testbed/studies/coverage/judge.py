@@ -37,8 +37,9 @@ from testbed.studies.trial.statement.sources import (
     unmodelled_effects,
 )
 
-TOGETHER = 25
-"""Robots in one pass, since the rows of each take some MB."""
+TOGETHER, ENTRIES = 25, 2**19
+"""Most robots in one pass, and most entries of a stack of their covariances: rows, gains and
+covariances of a robot with hundreds of free numbers take some 5 MB."""
 OF_A_MODEL = (
     *("inside", "radius", "p_value", "held_out_p", "flagged", "believed", "converged"),
     *("mean_error", "growth", "p_drift"),
@@ -75,8 +76,9 @@ def judge_models(
                 groups.setdefault((*key, one.use.one_move), []).append(k)
     found: list[dict[str, Any] | None] = [None] * len(fits)
     for group in groups.values():
-        for start in range(0, len(group), TOGETHER):
-            places = group[start : start + TOGETHER]
+        size = min(TOGETHER, max(1, ENTRIES // fits[group[0]].parameters.n_free ** 2))
+        for start in range(0, len(group), size):
+            places = group[start : start + size]
             own, some = [fits[k] for k in places], [measured[k] for k in places]
             judged = judge_many(
                 own,

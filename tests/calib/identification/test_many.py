@@ -1,5 +1,6 @@
 """Fits of many robots at once, held to `identify`, one after the other, and to the rows of each."""
 
+import tracemalloc
 from dataclasses import replace
 
 import numpy as np
@@ -12,7 +13,8 @@ from calib.geometry.model import RobotModel
 from calib.geometry.parameters import parameters_of
 from calib.identification.identify import identify
 from calib.identification.joint_models import extended_parameters, with_joint_terms
-from calib.identification.many.fit import fit_many
+from calib.identification.many import fit
+from calib.identification.many.fit import blocks, fit_many
 from calib.identification.many.single import identify_many
 from calib.identification.many.tables import (
     ManyRows,
@@ -194,6 +196,30 @@ def test_no_bit_of_a_fit_hangs_on_the_others(own, believed):
     for name in ("steps", "covariance", "chi_square", "certificate"):
         both = np.concatenate([getattr(part, name) for part in parts])
         np.testing.assert_array_equal(getattr(together, name), both)
+
+
+def test_models_of_many_numbers_are_fitted_few_at_a_time(monkeypatch):
+    for count, f in ((1, 5), (40, 30), (33, 90), (7, 426), (3, 2000)):
+        parts = blocks(count, f)
+        assert np.array_equal(
+            np.concatenate([np.arange(count)[part] for part in parts]), range(count)
+        )
+        assert all(part.stop - part.start in (1, min(32, fit.ENTRIES // f**2)) for part in parts)
+
+    def fitted(entries):
+        monkeypatch.setattr(fit, "ENTRIES", entries)
+        tracemalloc.start()
+        found = fit_many(TX60, tables, parameters)
+        most = tracemalloc.get_traced_memory()[1]
+        tracemalloc.stop()
+        return found, most
+
+    tables, parameters = ManyTables.of(visits(24)), parameters_of(TX60, READABLE30)
+    (few, low), (all_, high) = fitted(900), fitted(24 * 900)
+    np.testing.assert_array_equal(few.covariance, all_.covariance)
+    np.testing.assert_array_equal(few.steps, all_.steps)
+    # columns and residuals of one robot instead of 24; results and tables of all stay
+    assert low < 0.6 * high
 
 
 def test_geometry_and_joint_terms_under_a_prior_are_those_of_identify():
