@@ -4,24 +4,23 @@ Estimates, covariances and tests of R robots in a few passes over arrays. All sh
 numbers and prior; if they share the poses too, the curvature at the start is computed once.
 """
 
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 from scipy.special import chdtrc
 
-from calib.arrays import Array, Bool, Index
+from calib.arrays import Array, Index
 from calib.errors import refuse
 from calib.geometry.many import ManyModels
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import Parameters
 from calib.identification.identify import require_match
+from calib.identification.many.result import ManyFits, joined_fits
 from calib.identification.many.tables import ManyRows, ManyTables, known_to_many, twelve_rows
 from calib.identification.many.tangents import ManyBeliefs, ManyCurvatures, ManyTangents, times
 from calib.identification.prior import Prior
 from calib.identification.result import Mode
 from calib.identification.tangent import RELATIVE_OFFSET
-from calib.shown import Shown
 
 BLOCK = 32
 """Most robots in one pass, whose columns stay in the second-level cache; results depend on it in
@@ -41,47 +40,6 @@ MOST_STEPS = 12
 SLOW = 0.1
 """Fraction of the offset that a step by shared curvature may leave; with more left, a robot takes
 its own curvature."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class ManyFits(Shown):
-    """R fits of the same f numbers; one that is not `converged` is no estimate."""
-
-    parameters: Parameters
-    """Which numbers are free."""
-    models: ManyModels
-    """Models at which the fits ended."""
-    steps: Array
-    """(R, f) estimates minus nominal [m, rad]."""
-    covariance: Array
-    """(R, f, f) as in `Identification` [m^2, m rad, rad^2]."""
-    normal: Array
-    """(R, f, f) A'A + D'Lambda0 D there; in paper mode H'H of the twelve rows."""
-    variance: Array
-    """(R,) factor of the covariance: 1, or s^2 in paper mode."""
-    chi_square: Array
-    """(R,) whitened sums of squares of the rows; nan in paper mode."""
-    dof: Array
-    """(R,) rows minus numbers learned from them; see `Identification.dof_effective`."""
-    p_value: Array
-    """(R,) probability of a larger chi-square; nan in paper mode."""
-    log_evidence: Array
-    """(R,) as in `Identification`; nan without a prior."""
-    certificate: Array
-    """(R,) relative offset before the last step, see `tangent.Tangent.certificate`."""
-    converged: Bool
-    """(R,) whether the certificate of each is below its limit; fit the others by `identify`."""
-
-    def __len__(self) -> int:
-        return len(self.models)
-
-    def __repr__(self) -> str:
-        return f"ManyFits({len(self)} fits, {int(self.converged.sum())} converged)"
-
-    @property
-    def standard_uncertainty(self) -> Array:
-        """(R, f) square roots of the diagonals of the covariances [m, rad]."""
-        return np.sqrt(np.diagonal(self.covariance, axis1=1, axis2=2))
 
 
 def fit_many(
@@ -175,16 +133,6 @@ def blocks(count: int, f: int = 1) -> list[slice]:
     """Parts of `count` robots that are fitted in one pass, for f free numbers."""
     size = min(BLOCK, max(1, ENTRIES // f**2))
     return [slice(k, k + size) for k in range(0, count, size)]
-
-
-def joined_fits(parts: list[ManyFits]) -> ManyFits:
-    """Fits of all parts joined in order."""
-    names = [name for name in ManyFits.__slots__ if name not in ("parameters", "models")]
-    return ManyFits(
-        parts[0].parameters,
-        ManyModels.joined([part.models for part in parts]),
-        *(np.concatenate([getattr(part, name) for part in parts]) for name in names),
-    )
 
 
 class _Shared(NamedTuple):

@@ -3,7 +3,8 @@
 import numpy as np
 
 from calib.arrays import Array
-from calib.identification.many.fit import ManyFits, blocks
+from calib.identification.many.fit import blocks
+from calib.identification.many.result import ManyFits
 from calib.identification.many.tables import position_rows
 
 

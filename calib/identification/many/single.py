@@ -14,7 +14,8 @@ from calib.identification.identify import identify
 from calib.identification.joint_models import against_gravity
 from calib.identification.lack_of_fit import lack_of_fit
 from calib.identification.least_squares import Status
-from calib.identification.many.fit import ManyFits, blocks, fit_rows
+from calib.identification.many.fit import blocks, fit_rows
+from calib.identification.many.result import ManyFits
 from calib.identification.many.tables import ManyRows, ManyTables, known_to_many
 from calib.identification.many.tangents import ManyBeliefs
 from calib.identification.prior import Prior

@@ -12,7 +12,8 @@ from calib.identification.identify import Identification, Mode, identify
 from calib.identification.joint_models import with_joint_terms
 from calib.identification.ladders import ladders_of
 from calib.identification.levels import Ladder, Level
-from calib.identification.many.fit import ManyFits, fit_many
+from calib.identification.many.fit import fit_many
+from calib.identification.many.result import ManyFits
 from calib.identification.many.tables import ManyTables, known_to_many
 from calib.identification.model_choice import choose, reason_of
 from calib.identification.prior import Prior, own_prior, own_words
