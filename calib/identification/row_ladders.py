@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from calib.arrays import Array, Bool, Index
+from calib.arrays import Array, Bool
 from calib.geometry.bodies import Z
 from calib.geometry.gravity import Weight, weight_of
 from calib.geometry.joint_errors import NO_JOINT, JointErrors, JointTerm, Wave
@@ -74,8 +74,8 @@ def row_ladders(
         _gear(nominal, measurements, known),
         _lengths(nominal, measurements, known),
     )
-    slides = np.flatnonzero(nominal.chain.prismatic)
-    return (*offered, _travel(nominal, measurements, slides)) if len(slides) else offered
+    slides = nominal.chain.prismatic.any()
+    return (*offered, travel_ladder(nominal, measurements.q)) if slides else offered
 
 
 def _ladder(
@@ -208,11 +208,11 @@ def _lengths(nominal: RobotModel, measurements: Measurements, known: RowTerms) -
     return _ladder("lengths", nominal, [term], [], known.expansion)
 
 
-def _travel(nominal: RobotModel, measurements: Measurements, slides: Index) -> Ladder:
-    """Ladder of the scale of every slide: by which part it moves too far."""
+def travel_ladder(nominal: RobotModel, q: Array) -> Ladder:
+    """Ladder of the scale of every slide that moves in joints q (m, n): by which part too far."""
     terms, why = [], []
-    for i in slides.tolist():
-        if np.ptp(measurements.q[:, i]) <= STILL:
+    for i in np.flatnonzero(nominal.chain.prismatic).tolist():
+        if np.ptp(q[:, i]) <= STILL:
             why.append(f"joint {i + 1} never moves")
             continue
         weights = tuple(PER_METER * float(k == i) for k in range(nominal.chain.n_joints))

@@ -60,8 +60,17 @@ def stated_words(plan: Plan) -> str:
     links, joints = plan.foresight.stated.medians[:, 0]
     if not np.isfinite(links):
         return ""
-    bent = f", or {micrometres(joints, 2)} µm if joints sag and wave" if np.isfinite(joints) else ""
-    return f"about {micrometres(links, 2)} µm{bent}"
+    about = f"about {micrometres(links, 2)} µm"
+    if not np.isfinite(joints):
+        return about
+    return f"{about}, or {micrometres(joints, 2)} µm if {joint_words(plan)}"
+
+
+def joint_words(plan: Plan) -> str:
+    """Which joint errors the second kind of rehearsal identifies."""
+    slides = plan.nominal.chain.prismatic > 0
+    said = ["joints sag and wave"] if not slides.all() else []
+    return " and ".join([*said, "slides travel too far"] if slides.any() else said)
 
 
 def has_shared(plan: Plan) -> bool:

@@ -13,6 +13,7 @@ from calib.identification.ladders import ladders_of
 from calib.identification.levels import Level
 from calib.identification.model_choice import extended_by
 from calib.identification.prior import Prior, own_prior, weak_prior
+from calib.identification.row_ladders import travel_ladder
 from calib.measurement.observations import Measurements
 from calib.shown import Shown
 from calib.uncertainty.circumstances import Circumstances
@@ -40,8 +41,8 @@ class Rehearsals(Shown):
     links: Array
     """(k, 2) where the links alone are identified [m]."""
     joints: Array
-    """(k, 2) where sag and waves of the joints are identified as well, as of most arms; none of an
-    arm that has no such terms [m]."""
+    """(k, 2) where sag and waves of the joints and scales of slides are identified as well, as of
+    most arms; none if the links are not free [m]."""
 
     @property
     def medians(self) -> Array:
@@ -64,9 +65,9 @@ def rehearsed(
 
     The nominal robot is read with the stated noise, identified and judged as `identify` does it: a
     misfit that noise may hide is in the region, and so is the doubt of what the robot's file says
-    of how joints come back. Most arms sag and wave, so that `identify` adds joint errors to its
-    model. How much more uncertain it becomes depends on these numbers and their prior, not on what
-    they turn out to be: they are identified of the nominal robot, too.
+    of how joints come back. Most arms sag and wave, and slides travel too far, so that `identify`
+    adds joint errors to its model. How much more uncertain it becomes depends on these numbers and
+    their prior, not on what they turn out to be: they are identified of the nominal robot, too.
 
     Parameters
     ----------
@@ -86,7 +87,7 @@ def rehearsed(
         model, rng = bench.robot.model, stream(bench.scenario.seed, "plan", "rehearsal")
         held_out = replace(held_out, pose_id=held_out.pose_id + len(train))
         scatter = _joint_scatter(bench, train), _joint_scatter(bench, held_out)
-        levels, prior = usual_levels(model), links_prior(model, parameters)
+        levels, prior = usual_levels(model, train.q), links_prior(model, parameters)
         for _ in range(DRAWS):
             own, theirs = (_read(table, rng) for table in (train, held_out))
             read = own, theirs, scatter, errors
@@ -97,9 +98,13 @@ def rehearsed(
     return Rehearsals(*(_believed(radii) for radii in (links, joints)))
 
 
-def usual_levels(model: RobotModel) -> tuple[Level, ...]:
-    """The joint errors that a calibration mostly adds: the least level of sag and of waves."""
-    return tuple(each.levels[1] for each in ladders_of(model) if len(each.levels) > 1)
+def usual_levels(model: RobotModel, q: Array) -> tuple[Level, ...]:
+    """The joint errors that a calibration at joints q (m, n) mostly adds.
+
+    The least level of sag and of waves, and the scales of slides.
+    """
+    ladders = *ladders_of(model), travel_ladder(model, q)
+    return tuple(each.levels[1] for each in ladders if len(each.levels) > 1)
 
 
 def links_prior(model: RobotModel, parameters: Parameters) -> Prior | None:

@@ -15,16 +15,18 @@ from calib.uncertainty.statement.stated_point import widened
 from testbed.laboratory.bench import open_bench
 from testbed.plan.foresight import planned_rows
 from testbed.plan.plan import plan
-from testbed.plan.promises import promise
+from testbed.plan.promises import joint_words, promise
 from testbed.plan.rehearsal import DRAWS, links_prior, usual_levels
 from testbed.plan.results import plan_numbers
 from testbed.plan.words import headline_rows, terminal_text
 from testbed.units import micrometres
+from tests.calib.identification.test_offers import RAILS, travelled
 from tests.planned import QUICK, ROBOT, quick_plan, scenario
 from tests.reference import rigid_truth
 from tests.truth.measuring import measured
 
 CALIBRATIONS = 8
+TRACK = ("prismatic", *["revolute"] * 5)
 
 
 def stated_by_others(made, levels):
@@ -96,7 +98,7 @@ def by_joints(q, step=1e-6):
 @pytest.mark.parametrize("arm", ["links", "joints"])
 def test_the_radius_foretold_is_that_which_calibrations_of_other_robots_state(arm):
     made = quick_plan()
-    levels = usual_levels(ROBOT.model) if arm == "joints" else ()
+    levels = usual_levels(ROBOT.model, made.tour.q) if arm == "joints" else ()
     own, theirs = getattr(made.foresight.stated, arm), stated_by_others(made, levels)
     assert len(own) == DRAWS
     assert (np.diff(own[:, 0]) >= 0).all()
@@ -110,6 +112,37 @@ def test_the_radius_foretold_is_that_which_calibrations_of_other_robots_state(ar
 def test_joint_errors_that_are_identified_as_well_widen_what_is_stated():
     links, joints = quick_plan().foresight.stated.medians
     assert (joints > 1.1 * links).all()
+
+
+def test_slides_are_rehearsed_with_their_scales():
+    q, _ = travelled()
+    *_, travel = usual_levels(RAILS, q)
+    assert travel.names == ("scale1", "scale2", "scale3")
+    *_, travel = usual_levels(RAILS, q * [1, 0, 1])
+    assert travel.names == ("scale1", "scale3")
+    *_, travel = mixed = usual_levels(with_kinds(TRACK), q=np.eye(6))
+    assert travel.names == ("scale1",)
+    assert len(mixed) == 1 + len(usual_levels(ROBOT.model, np.eye(6)))
+
+
+@pytest.mark.parametrize(
+    ("kinds", "said"),
+    [
+        (("revolute",) * 6, "joints sag and wave"),
+        (TRACK, "joints sag and wave and slides travel too far"),
+        (("prismatic",) * 6, "slides travel too far"),
+    ],
+)
+def test_it_says_which_joint_errors_it_rehearsed(kinds, said):
+    made = replace(quick_plan(), nominal=with_kinds(kinds))
+    assert joint_words(made) == said
+    assert promise(made).endswith(f" µm if {said}.")
+    assert f"the same where {said}" in [what for what, *_ in headline_rows(made)]
+
+
+def with_kinds(kinds):
+    """The TX60 with some joints that slide."""
+    return replace(ROBOT.model, chain=replace(ROBOT.model.chain, kinds=kinds))
 
 
 def test_the_stated_scatter_of_joints_widens_what_is_stated():
