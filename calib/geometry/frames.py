@@ -38,9 +38,26 @@ def exp_so3(w: Array) -> Array:
     K = skew(w)
     # sinc keeps both factors exact down to angle = 0
     return np.asarray(
-        np.eye(3) + np.sinc(angle / np.pi) * K + 0.5 * np.sinc(angle / (2 * np.pi)) ** 2 * (K @ K),
+        np.eye(3) + _sinc(angle / np.pi) * K + 0.5 * _sinc(angle / (2 * np.pi)) ** 2 * (K @ K),
         dtype=np.float64,
     )
+
+
+def _sinc(x: Array) -> Array:
+    """As `numpy.sinc`, without its overhead for few."""
+    y = np.pi * x
+    y = np.where(y, y, 1e-30)
+    return np.asarray(np.sin(y) / y)
+
+
+def turn_angle(R: Array) -> Array:
+    """Angle (...,) in [0, pi] of a rotation matrix (..., 3, 3) [rad]: the length of its `log_so3`.
+
+    It comes from atan2 of sine and cosine, exact near 0 and near pi.
+    """
+    x, y, z = R[..., 2, 1] - R[..., 1, 2], R[..., 0, 2] - R[..., 2, 0], R[..., 1, 0] - R[..., 0, 1]
+    cosine = R[..., 0, 0] + R[..., 1, 1] + R[..., 2, 2] - 1
+    return np.asarray(np.arctan2(np.sqrt(x * x + y * y + z * z), cosine), dtype=np.float64)
 
 
 def log_so3(R: Array) -> Array:

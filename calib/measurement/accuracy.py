@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike
 
 from calib.arrays import Array, FloatOrNan, check
 from calib.errors import refuse
-from calib.geometry.frames import log_so3
+from calib.geometry.frames import turn_angle
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,7 +35,7 @@ def rotation_errors(T_true: ArrayLike, T_stated: ArrayLike) -> Array:
     """Angle (m,) [rad] of the rotation between true and stated poses (m, 4, 4)."""
     true, stated = check("m 4 4, m 4 4", T_true=T_true, T_stated=T_stated)
     turn = stated[:, :3, :3] @ np.swapaxes(true[:, :3, :3], -1, -2)
-    return np.asarray(np.linalg.norm(log_so3(turn), axis=1))
+    return turn_angle(turn)
 
 
 def error_statistics(errors: ArrayLike) -> Accuracy:

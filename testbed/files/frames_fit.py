@@ -8,16 +8,16 @@ import numpy as np
 
 from calib.arrays import Array, Index
 from calib.geometry.chain import Chain
-from calib.geometry.frames import exp_so3, log_so3, skew, target_points
+from calib.geometry.frames import exp_so3, length, log_so3, skew, target_points, turn_angle
 from calib.geometry.model import RobotModel
 from calib.identification.start.closed_forms import (
-    PointColumns,
     centroid,
     fitted_frame,
     hand_eye_rotations,
     lifted_rotation,
     tool_rotation,
 )
+from calib.identification.start.one_point import OnePoint
 from calib.measurement.observations import Measurements
 
 LEVER = 0.3
@@ -89,7 +89,7 @@ class Frames:
     def position_errors(self, F: Array, position: Array) -> Array:
         """(m,) distance between measured and predicted positions [m]."""
         predicted = target_points(F, self.arm) @ self.R.T + self.t
-        return np.asarray(np.linalg.norm(position - predicted, axis=1))
+        return length(position - predicted)
 
     def misfit(self, F: Array, position: Array, rotation: Array | None) -> Misfit:
         """Root mean squares of what the fit leaves."""
@@ -97,8 +97,7 @@ class Frames:
         if self.Y is None or rotation is None:
             return Misfit(left, 0.0)
         predicted = self.R @ F[:, :3, :3] @ self.Y
-        turns = log_so3(rotation @ np.swapaxes(predicted, 1, 2))
-        return Misfit(left, _rms(np.linalg.norm(turns, axis=1)))
+        return Misfit(left, _rms(turn_angle(rotation @ np.swapaxes(predicted, 1, 2))))
 
 
 def far_for(position: Array) -> float:
@@ -153,24 +152,23 @@ def _with_arm(arm: Array, F: Array, position: Array) -> Frames:
 def _closed_fit(F: Array, position: Array, rotation: Array | None) -> Frames:
     """Base and tool by linear algebra alone: near the least misfit where poses are many-sided."""
     one = np.zeros(len(F), dtype=np.int64)
-    free, about = np.zeros(1, dtype=np.bool_), np.zeros((1, 3))
-    X = lifted_rotation(F, position, one, about, free)
-    columns = PointColumns.of(F, one, free)
-    t, arm = columns.shift_and_arms(X, position, about)
+    X = lifted_rotation(F, position, one, np.zeros((1, 3)), np.zeros(1, dtype=np.bool_))
+    sums = OnePoint.of(F, position)
     for _ in range(ROUNDS):
-        known = target_points(F, arm[0])
-        X = fitted_frame(position, known, X)[:3, :3]
-        t, arm = columns.shift_and_arms(X, position, about)
-    if rotation is None:
-        return Frames(X, t, arm[0], None)
-    by_position = Frames(X, t, arm[0], tool_rotation(X, F, rotation))
-    turned = hand_eye_rotations(F, rotation)
+        X = sums.rotation(sums.arm(X), X)
+    by_position = _from(X, sums, F, rotation)
+    turned = None if rotation is None else hand_eye_rotations(F, rotation)
     if turned is None:
         return by_position
-    X = turned[0]
-    t, arm = columns.shift_and_arms(X, position, about)
-    by_rotation = Frames(X, t, arm[0], tool_rotation(X, F, rotation))
+    by_rotation = _from(turned[0], sums, F, rotation)
     return min(by_rotation, by_position, key=lambda fit: fit.misfit(F, position, rotation).score)
+
+
+def _from(X: Array, sums: OnePoint, F: Array, rotation: Array | None) -> Frames:
+    """Base and tool for a rotation X (3, 3) of the base."""
+    arm = sums.arm(X)
+    tool = None if rotation is None else tool_rotation(X, F, rotation)
+    return Frames(X, sums.shift(X, arm), arm, tool)
 
 
 def _least_misfit(
@@ -219,17 +217,15 @@ def _residuals(frames: Frames, F: Array, position: Array, rotation: Array | None
 
 def _derivatives(frames: Frames, F: Array, turned: bool) -> Array:
     """Of what the residuals lose: columns of a turn of the base, of the arm, and of the tool."""
-    m, R = len(F), frames.R @ F[:, :3, :3]
-    J: Array = np.zeros((m, 3, 6))
-    J[:, :, :3] = -skew(F[:, :3, 3] @ frames.R.T + R @ frames.arm)
-    J[:, :, 3:] = R
-    J = (J - centroid(J)).reshape(3 * m, 6)
-    if frames.Y is None or not turned:
-        return np.asarray(J)
-    K = np.zeros((m, 3, 9))
-    # of small turns: their logarithm adds
-    K[:, :, :3], K[:, :, 6:] = np.eye(3), R @ frames.Y
-    return np.vstack([np.pad(J, ((0, 0), (0, 3))), LEVER * K.reshape(3 * m, 9)])
+    m, R, Y = len(F), frames.R @ F[:, :3, :3], frames.Y if turned else None
+    J: Array = np.zeros((m if Y is None else 2 * m, 3, 6 if Y is None else 9))
+    J[:m, :, :3] = -skew(F[:, :3, 3] @ frames.R.T + R @ frames.arm)
+    J[:m, :, 3:6] = R
+    J[:m] -= centroid(J[:m])
+    if Y is not None:
+        # of small turns: their logarithm adds
+        J[m:, :, :3], J[m:, :, 6:] = LEVER * np.eye(3), LEVER * (R @ Y)
+    return J.reshape(-1, J.shape[2])
 
 
 def _moved(frames: Frames, step: Array, F: Array, position: Array) -> Frames:

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from calib.arrays import Array, Index, evenly
-from calib.geometry.frames import log_so3, target_points
+from calib.geometry.frames import target_points, turn_angle
 from calib.geometry.model import RobotModel
 from calib.measurement.observations import Measurements
 from testbed.files.frames_fit import (
@@ -185,7 +185,7 @@ def _errors(
     errors = np.linalg.norm(position[:, None] - known[at], axis=2)
     if rotation is not None and frames.Y is not None:
         turned = rotation[:, None] @ np.swapaxes(frames.R @ F[:, :3, :3] @ frames.Y, 1, 2)[at]
-        errors = np.hypot(errors, LEVER * np.linalg.norm(log_so3(turned), axis=2))
+        errors = np.hypot(errors, LEVER * turn_angle(turned))
     return np.where(inside, errors, np.inf)
 
 

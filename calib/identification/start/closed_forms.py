@@ -51,9 +51,13 @@ def fitted_frame(measured: Array, known: Array, about: Array) -> Array:
     Umeyama 1991 (Procrustes).
     """
     center, own = centroid(measured), centroid(known)
-    H = (measured - center).T @ (known - own)
-    R = nearest_rotation(H + NUDGE * max(float(np.abs(H).max()), 1e-12) * about)
+    R = turned_onto((measured - center).T @ (known - own), about)
     return transform(R, center - R @ own)
+
+
+def turned_onto(H: Array, about: Array) -> Array:
+    """The rotation of `fitted_frame` from the sum H (3, 3) of measured known', less their means."""
+    return nearest_rotation(H + NUDGE * max(float(np.abs(H).max()), 1e-12) * about)
 
 
 def hand_eye_rotations(F: Array, measured: Array) -> tuple[Array, Array] | None:
@@ -67,7 +71,9 @@ def hand_eye_rotations(F: Array, measured: Array) -> tuple[Array, Array] | None:
     (13): the largest singular pair of sum R_seen (x) R_F.
     """
     # maximize the sum of tr(X' R_seen Y' R_F'), bilinear in X and Z = Y'
-    K = np.einsum("jbc,jad->bacd", measured, F[:, :3, :3]).reshape(9, 9)
+    m = len(F)
+    K = measured.reshape(m, 9).T @ F[:, :3, :3].reshape(m, 9)
+    K = K.reshape(3, 3, 3, 3).swapaxes(1, 2).reshape(9, 9)
     U, s, Vt = np.linalg.svd(K)
     if s[1] > (1 - APART) * s[0]:
         return None
@@ -78,9 +84,7 @@ def hand_eye_rotations(F: Array, measured: Array) -> tuple[Array, Array] | None:
 
 def tool_rotation(X: Array, F: Array, measured: Array) -> Array:
     """Rotation Y (3, 3) with measured (m, 3, 3) = X R_F Y, X known: the chordal mean."""
-    return nearest_rotation(
-        np.einsum("jba,jbc->ac", F[:, :3, :3], np.einsum("ba,jbc->jac", X, measured))
-    )
+    return nearest_rotation(F[:, :3, :3].reshape(-1, 3).T @ (X.T @ measured).reshape(-1, 3))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -94,7 +98,7 @@ class PointColumns:
     free: Index
     """(u,) which of the k points are unknown."""
     factors: tuple[Array, Array, Array, Array] | None
-    """Factors of the columns after eliminating the shift; see `_factored`. None if none is free."""
+    """Factors of the columns after eliminating the shift; see `factored`. None if none is free."""
 
     @classmethod
     def of(cls, F: Array, target: Index, fixed: Bool) -> "PointColumns":
@@ -107,7 +111,7 @@ class PointColumns:
             A[target == k, :, column] = R[target == k]
         # eliminate the shift first: it takes what points could explain as well
         A = (A - centroid(A)).reshape(3 * m, -1)
-        return cls(F, target, free, _factored(A))
+        return cls(F, target, free, factored(A))
 
     def shift_and_arms(self, X: Array, measured: Array, about: Array) -> tuple[Array, Array]:
         """Shift t (3,) and points c (k, 3) with measured (m, 3) = X (R_F c + p_F) + t.
@@ -194,10 +198,10 @@ def lifted_arm(F: Array, distance: Array, anchor: Index, n_anchors: int) -> Arra
 
 def _least(A: Array, right: Array, faint: float) -> Array:
     """Least-squares solution of least norm; singular values of at most `faint` count as zero."""
-    return _solved(_factored(A), right, faint)
+    return _solved(factored(A), right, faint)
 
 
-def _factored(A: Array) -> tuple[Array, Array, Array, Array]:
+def factored(A: Array) -> tuple[Array, Array, Array, Array]:
     """Q, U, s and V' with A = Q U diag(s) V'."""
     Q, R = np.linalg.qr(A)
     U, s, Vt = np.linalg.svd(R, full_matrices=False)
