@@ -42,6 +42,8 @@ class Sources:
             raise refusal(toml, f"{key}.file", message, code="S37", fix=fix)
         path = self.data if name is None else self.root / name
         assert path is not None  # one of the two is there
+        if (path, sheet) in self.texts:
+            return self.texts[path, sheet]
         found = real(path, field=f"[{key}] file", code="R6", where=toml)
         if name is not None and not found.is_relative_to(self.root.resolve()):
             raise refusal(
@@ -49,10 +51,9 @@ class Sources:
                 code="R6", value=name, allowed="a file beside session.toml or in a folder below it",
                 fix="copy it there",
             )  # fmt: skip
-        if (path, sheet) not in self.texts:
-            where = str(path) if name is None else name
-            self.texts[path, sheet] = text_of(path, where, sheet=sheet, max_mb=self.max_mb)
-        return self.texts[path, sheet]
+        where = str(path) if name is None else name
+        text = self.texts[path, sheet] = text_of(path, where, sheet=sheet, max_mb=self.max_mb)
+        return text
 
     def require_data_read(self, toml: str) -> None:
         """Refuse a table that `toml` was to say how to read, while all that was read is its own.

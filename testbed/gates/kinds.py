@@ -3,6 +3,7 @@
 import re
 import shlex
 from collections.abc import Collection, Mapping, Sequence
+from functools import lru_cache
 from pathlib import Path
 from typing import Any, Literal
 
@@ -155,7 +156,12 @@ def require_table(path: Path, where: str) -> None:
 
 def program_of(lines: Sequence[str]) -> str:
     """Which of `PROGRAMS` some lines are; empty if they are none."""
-    first = lines[:FIRST]
+    return _program_of(tuple(lines[:FIRST]))
+
+
+@lru_cache(maxsize=8)
+def _program_of(first: tuple[str, ...]) -> str:
+    """The same by the first lines: those of one file are asked once for each of its readings."""
     found = (own for own, (_, line) in PROGRAMS.items() if any(map(line.match, first)))
     return next(found, "")
 
