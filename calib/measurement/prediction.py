@@ -7,7 +7,15 @@ import numpy as np
 from calib.arrays import Array, Bool, Index
 from calib.errors import refuse
 from calib.geometry.fixtures import Fixtures
-from calib.geometry.frames import inverse, log_so3, points_of_frames, right_jacobian_inverse, skew
+from calib.geometry.frames import (
+    inverse,
+    length,
+    log_so3,
+    points_of_frames,
+    right_jacobian_inverse,
+    skew,
+    turn_angle,
+)
 from calib.geometry.model import RobotModel
 from calib.measurement.observations import GIVEN, Measurements
 from calib.measurement.remembered import remembered
@@ -88,20 +96,21 @@ def predict_at(
         J[aimed, :3] -= skew(arm) @ J[aimed, 3:]
         _reflector_columns(J, R, first, measurements)
     far = np.flatnonzero(measurements.is_distance)
-    length = np.zeros(len(p))
+    reach = np.zeros(len(p))
     if len(far):
-        length[far] = _distance_rows(J, p, far, fixtures, first, measurements)
+        reach[far] = _distance_rows(J, p, far, fixtures, first, measurements)
     away = np.flatnonzero(measurements.station)
     if len(away):
         p, R = p.copy(), R.copy()
         _station_rows(J, p, R, away, fixtures, first, measurements)
     residual = np.concatenate([measurements.position - p, np.zeros((len(p), 3))], axis=1)
     pose = np.flatnonzero(measurements.is_pose)
-    e = log_so3(measurements.rotation[pose] @ np.swapaxes(R[pose], -1, -2))
-    residual[pose, 3:] = e
-    J[pose, 3:] = right_jacobian_inverse(e) @ J[pose, 3:]
+    if len(pose):
+        e = log_so3(measurements.rotation[pose] @ np.swapaxes(R[pose], -1, -2))
+        residual[pose, 3:] = e
+        J[pose, 3:] = right_jacobian_inverse(e) @ J[pose, 3:]
     residual[far] = 0.0
-    residual[far, 0] = measurements.distance[far] - length[far]
+    residual[far, 0] = measurements.distance[far] - reach[far]
     filled = np.arange(6) < measurements.equations[:, None]
     J[aimed, 3:] = 0.0
     J[far, 1:] = 0.0
@@ -149,7 +158,7 @@ def missed(
     S = model.fixtures.station_frames[measurements.station][:, :3, :3]
     turned = measurements.rotation @ np.swapaxes(T[:, :3, :3], 1, 2) @ S
     place = measurements.position - _positions(T, model, measurements)
-    turn = np.linalg.norm(log_so3(turned), axis=1)
+    turn = turn_angle(turned)
     return np.linalg.norm(place, axis=1), np.where(measurements.is_pose, turn, 0.0)
 
 
@@ -233,9 +242,9 @@ def mount(T: Array, J: Array, model: RobotModel, measurements: Measurements) -> 
 
 def _reflector_columns(J: Array, R: Array, first: int, measurements: Measurements) -> None:
     """Fill in the derivative of rows by the coordinates of their reflector: the tool's axes."""
-    for k in np.unique(measurements.reflector[measurements.reflector != GIVEN]):
-        rows = np.flatnonzero(measurements.reflector == k)
-        J[rows, :3, first + 3 * k : first + 3 * k + 3] = R[rows]
+    named = np.flatnonzero(measurements.reflector != GIVEN)
+    own = first + 3 * measurements.reflector[named, None] + np.arange(3)
+    J[named[:, None, None], np.arange(3)[:, None], own[:, None, :]] = R[named]
 
 
 def _distance_rows(
@@ -243,15 +252,13 @@ def _distance_rows(
 ) -> Array:
     """Turn rows of points into rows of distances, in place; return the predicted distances [m]."""
     from_anchor = p[far] - fixtures.anchors[measurements.anchor[far]]
-    length = np.linalg.norm(from_anchor, axis=1)
+    reach = length(from_anchor)
     # at the anchor itself no direction is right: the row then determines nothing
-    u = from_anchor / np.where(length > 0, length, 1.0)[:, None]
+    u = from_anchor / np.where(reach > 0, reach, 1.0)[:, None]
     J[far, 0] = (u[:, None, :] @ J[far, :3])[:, 0]
     start = first + 3 * len(fixtures.reflectors)
-    for k in np.unique(measurements.anchor[far]):
-        rows = measurements.anchor[far] == k
-        J[far[rows], 0, start + 3 * k : start + 3 * k + 3] = -u[rows]
-    return np.asarray(length)
+    J[far[:, None], 0, start + 3 * measurements.anchor[far, None] + np.arange(3)] = -u
+    return reach
 
 
 def _station_rows(

@@ -109,29 +109,38 @@ class Alignment:
         """The alignment after a step (12 + f,) [m, rad], as in `RobotModel.moved`."""
         return replace(
             self,
-            base=nearest_rigid(self.base @ step_transform(step[:6])),
-            tool=nearest_rigid(self.tool @ step_transform(step[6:12])),
+            base=_stepped(self.base, step[:6]),
+            tool=_stepped(self.tool, step[6:12]),
             fixtures=self.fixtures.moved(step[12:]),
         )
 
     def predict(self, measurements: Measurements) -> Prediction:
         """Residual and derivative by base, tool and fixtures of every row."""
         mounted = measurements.tool
-        T = self.base @ self.F @ np.concatenate([self.tool[None], self.fixtures.tools])[mounted]
+        several = bool(mounted.any())
+        tool = self.tool
+        if several:
+            tool = np.concatenate([tool[None], self.fixtures.tools])[mounted]
+        T = self.base @ self.F @ tool
         R = T[:, :3, :3]
         J = np.zeros((len(T), 6, 12 + self.fixtures.n_numbers))
         J[:, :3, :3] = J[:, 3:, 3:6] = self.base[:3, :3]
         J[:, :3, 3:6] = -skew(T[:, :3, 3] - self.base[:3, 3]) @ self.base[:3, :3]
-        for k in np.unique(mounted).tolist():
+        for k in np.unique(mounted).tolist() if several else (0,):
             # the tool of the chain, or a further one among the fixtures
             own = 12 + self.fixtures.first_tool + 6 * (k - 1) if k else 6
-            rows = mounted == k
+            rows = mounted == k if several else slice(None)
             J[rows, :3, own : own + 3] = J[rows, 3:, own + 3 : own + 6] = R[rows]
         return predict_at(T, J, self.fixtures, 12, measurements)
 
     def rows(self, which: Index) -> "Alignment":
         """The alignment at some of the poses."""
         return replace(self, F=self.F[which])
+
+
+def _stepped(T: Array, step: Array) -> Array:
+    """A frame (4, 4) after a step (6,) [m, rad]; one that is held stays as it is."""
+    return nearest_rigid(T @ step_transform(step)) if step.any() else T
 
 
 @dataclass(frozen=True, slots=True, eq=False)
