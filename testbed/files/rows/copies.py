@@ -58,7 +58,7 @@ def without_copies(part: TargetPart, *, fine: bool) -> tuple[TargetPart, list[st
         _, target = np.unique(np.array(readings.target, dtype=str), return_inverse=True)
         joints = () if readings.kind == "pose" else (part.joints.q,)
         keep, said = copied_rows(readings, target.ravel(), *joints)
-    alike = "the digits of earlier readings; whether they are copies is not certain, and they count"
+    alike = "the digits of earlier readings; that alone leaves none out, as good ones may be alike"
     odd = rows_said(readings.place, earlier & keep, alike, left="")
     index = np.flatnonzero(keep)
     return TargetPart(part.joints.rows(index), readings.rows(index), part.section), said, odd

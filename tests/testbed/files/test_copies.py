@@ -73,6 +73,18 @@ def test_copies_at_full_precision_are_left_out_with_their_joints(tmp_path):
     assert any(text.startswith("a.csv: 1 row (line 102): the dig") for text in session.warnings)
 
 
+def test_of_stale_readings_that_are_left_out_as_wrong_nothing_says_that_they_count(tmp_path):
+    table = columns(made(0, 40))
+    for name in LENGTHS:
+        table[name][[12, 25]] = table[name][[11, 24]]  # far from where these joints lead
+    session = read(tmp_path, table)
+    assert len(session.measurements) == 38
+    lines = {int(text.split(":")[1]) for text in session.masked}
+    assert lines == {14, 27}
+    (said,) = (text for text in session.warnings if "2 rows (lines 14, 27)" in text)
+    assert "count" not in said
+
+
 def test_coarse_ranges_are_coarse_whatever_their_angles(tmp_path):
     table = visited(4)
     x, y, z = (np.repeat(table[name][::5], 5) for name in LENGTHS)
