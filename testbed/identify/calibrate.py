@@ -247,7 +247,7 @@ def _calibrated(
         shared=shared,
         visits=session.visits,
         visit=session.visit,
-        moved=moved_in(session, (chosen, models[0]), measurements, used),
+        moved=moved_in(session, robot.model, (chosen, models[0]), measurements, used),
         handback=handback,
         warnings=(
             *model_words(shots, looking.train, chosen, called),

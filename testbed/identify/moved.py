@@ -1,4 +1,4 @@
-"""Whether a station, the base, a target, the tool or a joint moved once, in words."""
+"""Whether a station, the base, a target, the tool, a joint or the load changed once, in words."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -6,7 +6,10 @@ from dataclasses import replace
 import numpy as np
 
 from calib.arrays import Bool
-from calib.identification.outliers.moved import Moved, moved_once, targets_of
+from calib.geometry.gravity import DOWN
+from calib.geometry.model import RobotModel
+from calib.identification.outliers.changes import targets_of
+from calib.identification.outliers.moved import Moved, moved_once
 from calib.measurement.observations import GIVEN, Measurements
 from testbed.files.session import Session
 from testbed.identify.calibration import Calibration
@@ -15,11 +18,16 @@ from testbed.units import DEG, MM, UM, fixed, significant
 
 PART = {"tool": "tool", "target": "tool", "station": "base", "base": "base"}
 """The part of a [[session]] that is another's no more, by what moved."""
+ONE_SIDE = "from one side only"
 APART = "describe the rows from there on as a [[session]] of their own"
 
 
 def moved_in(
-    session: Session, models: Sequence[FittedModel], measurements: Measurements, used: Bool
+    session: Session,
+    nominal: RobotModel,
+    models: Sequence[FittedModel],
+    measurements: Measurements,
+    used: Bool,
 ) -> Moved | None:
     """What moved between two rows that identify, where something tells their order.
 
@@ -32,6 +40,8 @@ def moved_in(
     session : Session
         Whose rows. Of several visits it is asked what differs between one and the next: a tool or
         a base that is the same as another's only by the file, or the zero of a joint.
+    nominal : RobotModel
+        The robot as its file places it: how its base stands tells where gravity pulls.
     models : sequence of FittedModel
         The chosen one, then the simplest: the first whose residuals a step explains counts.
     measurements : Measurements
@@ -46,7 +56,8 @@ def moved_in(
     order = session.in_time[rows] if visit is None else visit[rows]
     table = measurements.rows(rows)
     fits = dict.fromkeys(model.identification for model in models)
-    steps = (moved_once(fit, table, order) for fit in fits)
+    gravity = nominal.chain.T_world_base[:3, :3].T @ DOWN
+    steps = (moved_once(fit, table, order, gravity=gravity) for fit in fits)
     found = next((step for step in steps if step is not None), None)
     if found is None:
         return None
@@ -72,6 +83,8 @@ def moved_words(calibration: Calibration) -> tuple[str, ...]:
     if calibration.visits and calibration.visit is not None:
         one, other = (calibration.visits[calibration.visit[k]] for k in (found.row, found.last))
         kinds = (found.what, *(kind for kind, _ in found.or_else))
+        if found.what == "load":
+            mend = "state the payload of both under [session.conditions]"
         parts = list(dict.fromkeys(PART[kind] for kind in kinds if kind in PART))
         if parts:
             free = " and ".join(f'{part} = "free"' for part in parts)
@@ -81,9 +94,14 @@ def moved_words(calibration: Calibration) -> tuple[str, ...]:
             f"{explains}; {mend}",
         )
     return (
-        f"Between pose {last} and pose {first} something moved: from there on {what}. "
+        f"Between pose {last} and pose {first} something {happened(found)}: from there on {what}. "
         f"{explains}; {mend}",
     )
+
+
+def happened(found: Moved) -> str:
+    """That it moved or changed, in a word."""
+    return "changed" if found.what in ("load", "robot") else "moved"
 
 
 def _said(calibration: Calibration, found: Moved) -> tuple[str, str]:
@@ -94,7 +112,13 @@ def _said(calibration: Calibration, found: Moved) -> tuple[str, str]:
         off = float(found.change[0])
         text = f"{off * UM:+.3g} um" if slides else f"{off * DEG:+.3g} deg"
         what = f"joint {found.number + 1} is {text} off (its zero slipped or was set again)"
-        return what, "correct that joint in the rows of one side, or identify from one side only"
+        return what, f"correct that joint in the rows of one side, or identify {ONE_SIDE}"
+    if found.what == "load":
+        what = f"the arm bends by {size} more or less than before (another payload or tool)"
+        return what, f"state payload_kg for each row, or identify {ONE_SIDE}"
+    if found.what == "robot":
+        what = f"the readings are {size} off, as those of another arm (one with links of its own, "
+        return f"{what}or one that was hit or mended)", f"identify {ONE_SIDE}"
     if found.what == "target":
         whole = calibration.measurements.rows(calibration.is_used)
         name = _target(calibration, whole, found.number)
@@ -131,6 +155,10 @@ def _or_else(calibration: Calibration, found: Moved) -> str:
             said.append(f"{_target(calibration, table, number)} came loose, or was remounted")
         elif kind == "tool":
             said.append("the tool slipped, or was remounted")
+        elif kind == "load":
+            said.append("the load changed")
+        elif kind == "robot":
+            said.append("it is another arm")
         elif kind == "base":
             said.append("the base of the robot was moved")
         elif len(calibration.set_up.stations) > 1:

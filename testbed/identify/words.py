@@ -15,7 +15,7 @@ from testbed.identify.frames import FRAMES_ALONE
 from testbed.identify.handback.delivered import GEOMETRIC, Delivered
 from testbed.identify.handback.states import hand_back_warnings, tool_words
 from testbed.identify.headline import deg, headline_cells, mm
-from testbed.identify.moved import moved_words
+from testbed.identify.moved import happened, moved_words
 from testbed.identify.shared import states_instrument
 from testbed.identify.unconfirmed import do_not_use, unconfirmed
 from testbed.identify.visits.report import judges_called, visit_words
@@ -190,8 +190,8 @@ def next_step(calibration: Calibration) -> str:
         )
     if calibration.moved is not None:
         return (
-            "First find out what moved, and separate the rows before it from those after it: the "
-            "radius now covers both."
+            f"First find out what {happened(calibration.moved)}, and separate the rows before it "
+            "from those after it: the radius now covers both."
         )
     if proof.belief is None or proof.point is None:
         if not calibration.converged:

@@ -1,41 +1,44 @@
 """Whether something moved between two readings, so that all later ones are displaced together.
 
 A tracker that was pushed, a robot that was shifted on its foot, a reflector that came loose, a tool
-that slipped with all of its reflectors and a joint whose zero slipped leave a step in the readings:
-from some row on they differ by a few numbers, which are the same in all later rows. Model misfit
-follows the poses instead, and thermal drift comes slowly.
+that slipped with all of its reflectors, a joint whose zero slipped, another load and another robot
+leave a step in the readings: from some row on they differ by a few numbers, which are the same in
+all later rows. Model misfit follows the poses instead, and thermal drift comes slowly.
 """
 
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import Annotated, Literal
+from typing import Annotated
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.special import fdtrc
 
 from calib.arrays import LATER, Array, Index, frozen
-from calib.geometry.frames import inverse, points_of_frames, skew
+from calib.geometry.gravity import DOWN
 from calib.identification.fit_statistics import RED
+from calib.identification.outliers.changes import What, changes
 from calib.identification.result import Identification
 from calib.information.rank import RANK_TOLERANCE
 from calib.measurement.observations import Measurements
-from calib.measurement.prediction import predict, predicted_positions, tool_poses
+from calib.measurement.prediction import predict
 from calib.measurement.residual import table_whiteners
 from calib.shown import Shown
 
-What = Literal["station", "base", "target", "tool", "joint"]
-"""The base is offered only with several stations, the tool only with several targets: with one, a
-motion of the base looks like one of the station, and of the tool like one of the target."""
 FEWEST = 8
 """Fewest poses on either side of a step; six numbers would fit fewer too well."""
 EXPLAINED = 0.8
 """Fraction of the chi-square beyond noise that a step must explain; misfit has no place in time."""
+BY_ANOTHER = 0.95
+"""The same of another robot, whose many numbers follow some misfit as well."""
+ENOUGH = 1.5
+"""Coordinates for each number of the change, on either side of the step."""
 SUDDEN = 20.0
 """Chi-square, in units of the rest per degree of freedom, by which a step must beat a slow change.
 """
 APART = 4.0
 """Standard errors between the means of a joint before and after the step, from which the poses lie
-elsewhere: there, model misfit looks like a step."""
+elsewhere: there, model misfit looks like a step. For a load and another robot, which follow the
+poses, between the mean squares, too."""
 ODDS = 20.0
 """Odds, by BIC, from which what moved is told from something else that may have."""
 TOLD = 1e-6
@@ -51,8 +54,7 @@ class Moved(Shown):
 
     what: What
     number: int
-    """Number of the station, of the target in `targets_of`, or of the joint, from 0; 0 for base and
-    tool."""
+    """Number of the station, of the target in `targets_of`, or of the joint, from 0; else 0."""
     last: int
     """Last row of the table before the step, in time."""
     row: int
@@ -62,7 +64,8 @@ class Moved(Shown):
     change: Annotated[Array, "k"]
     """(k,) shift [m] and rotation [rad] of station or base about the mean point; of the tool about
     the mean target, in its axes; shift of the target in these axes [m], and its rotation [rad] if
-    that was measured; change of the joint [rad, m]."""
+    that was measured; change of the joint [rad, m]; mass of a load times the compliance of each
+    joint [kg rad/(N m)]; change of all free numbers [m, rad]."""
     size: float
     """Root mean square displacement of those readings [m]."""
     explained: float
@@ -76,7 +79,9 @@ class Moved(Shown):
         return f"Moved({self.what} {self.number + 1}, {1e6 * self.size:.3g} um, row {self.row})"
 
 
-def moved_once(identification: Identification, table: Measurements, order: Index) -> Moved | None:
+def moved_once(
+    identification: Identification, table: Measurements, order: Index, *, gravity: ArrayLike = DOWN
+) -> Moved | None:
     """The one thing that moved between two rows of a table, if such a step explains the residuals.
 
     None otherwise, and with distances or fewer than twice `FEWEST` poses.
@@ -89,6 +94,8 @@ def moved_once(identification: Identification, table: Measurements, order: Index
         Poses and points.
     order : (m,) array
         Place of each row in time.
+    gravity : (3,) array_like
+        Acceleration of gravity in the frame of the base [m/s^2].
 
     References
     ----------
@@ -103,10 +110,12 @@ def moved_once(identification: Identification, table: Measurements, order: Index
     in_time = np.argsort(order, kind="stable")
     rows = table.rows(in_time)
     places = _places(rows)
-    fit = _Whitened.of(identification, rows)
-    kinds, alike = list(_changes(identification, rows)), len(rows) / rows.n_poses
+    free = _Whitened.of(identification, rows)
+    kinds, alike = list(changes(identification, rows, gravity)), len(rows) / rows.n_poses
     steps: list[tuple[float, Moved]] = []
     for what, number, plain in kinds:
+        # what an arm without springs bends by all the time is no step in its load
+        fit = free.beside(plain) if what == "load" else free
         gain, k, told, change = fit.step(plain, places)
         if gain <= 0 or not told:
             continue
@@ -117,12 +126,12 @@ def moved_once(identification: Identification, table: Measurements, order: Index
         scale = rest / freedom
         one = float(fdtrc(told, freedom / alike, gain / told / scale / alike))
         chance = one * len(places) * len(kinds)
-        count = fit.freedom / alike
-        worth = float(count * np.log(fit.square / rest) - told * np.log(count))
-        if chance >= RED or gain < EXPLAINED * excess:
+        count, numbers = free.freedom / alike, free.freedom - freedom
+        worth = float(count * np.log(free.square / rest) - numbers * np.log(count))
+        if chance >= RED or gain < (BY_ANOTHER if what == "robot" else EXPLAINED) * excess:
             continue
         sudden = SUDDEN * max(scale, 1.0) * alike
-        if gain - fit.slow(plain) < sudden or _elsewhere(rows, k):
+        if gain - fit.slow(plain) < sudden or _elsewhere(rows, k, spread=what in ("load", "robot")):
             continue
         by = plain[k:] @ change
         seen = np.abs(plain[k:]).max(axis=(1, 2)) > 0
@@ -138,58 +147,6 @@ def moved_once(identification: Identification, table: Measurements, order: Index
     near = best - 2 * np.log(ODDS)
     others = [one for worth, one in steps if worth > near and one is not found]
     return replace(found, or_else=tuple((one.what, one.number) for one in others))
-
-
-def targets_of(table: Measurements) -> tuple[Array, Index]:
-    """Distinct targets (t, k) of a table, as in `Measurements.target_key`, and each row's (m,)."""
-    targets, which = np.unique(table.target_key, axis=0, return_inverse=True)
-    return targets, which.ravel()
-
-
-def _changes(
-    identification: Identification, rows: Measurements
-) -> Iterator[tuple[What, int, Array]]:
-    """Things that may have moved: kind, number, and derivative (m, 6, k) of rows by its change."""
-    model = identification.model
-    m, n = len(rows), model.chain.n_joints
-    p, frames = predicted_positions(model, rows), model.fixtures.station_frames[rows.station]
-    T_station_tool = inverse(frames) @ tool_poses(model, rows)
-    R = T_station_tool[:, :3, :3]
-    full = rows.is_pose[:, None, None]
-    stations = np.unique(rows.station)
-
-    def piece(axes: Array, places: Array) -> Array:
-        """Derivative (m, 6, 6) of points (m, 3) of a rigid body by its shift and rotation."""
-        C = np.zeros((m, 6, 6))
-        C[:, :3, :3] = axes
-        C[:, :3, 3:] = -axes @ skew(places)
-        C[:, 3:, 3:] = full * axes
-        return C
-
-    for station in stations:
-        here = rows.station == station
-        C = piece(np.broadcast_to(np.eye(3), R.shape), p - p[here].mean(axis=0))
-        yield "station", int(station), np.where(here[:, None, None], C, 0.0)
-    if len(stations) > 1:
-        world = points_of_frames(frames, p)
-        axes = np.swapaxes(frames[:, :3, :3], 1, 2)
-        yield "base", 0, piece(axes, world - world.mean(axis=0))
-    targets, which = targets_of(rows)
-    for target in range(len(targets)):
-        C = np.zeros((m, 6, 6 if rows.is_pose[which == target].any() else 3))
-        C[:, :3, :3] = R
-        if C.shape[2] > 3:
-            C[:, 3:, 3:] = full * R
-        yield "target", target, np.where((which == target)[:, None, None], C, 0.0)
-    if len(targets) > 1:
-        from_origin = (p - T_station_tool[:, :3, 3])[:, :, None]
-        places = (np.swapaxes(R, 1, 2) @ from_origin)[..., 0]
-        yield "tool", 0, piece(R, places - places.mean(axis=0))
-    derivative = predict(model, rows).rows
-    names = identification.parameters.names
-    for joint in range(n):
-        own_name = f"{'d' if model.chain.prismatic[joint] else 'theta'}{joint + 1}"
-        yield "joint", joint, derivative[:, :, [names.index(own_name)]]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -217,6 +174,22 @@ class _Whitened:
         Q = U.reshape(len(rows), 6, -1)
         return cls(W, r.reshape(len(rows), 6), Q, float(r @ r), freedom)
 
+    def beside(self, plain: Array) -> "_Whitened":
+        """The same beside changes (m, 6, k) that all rows have."""
+        C, Q = (
+            self._scaled(plain)[0].reshape(-1, plain.shape[2]),
+            self.Q.reshape(-1, self.Q.shape[2]),
+        )
+        U, s, _ = np.linalg.svd(C - Q @ (Q.T @ C), full_matrices=False)
+        U = U[:, s > np.sqrt(TOLD)]
+        r = self.r.ravel()
+        r = r - U @ (U.T @ r)
+        both = np.hstack([Q, U]).reshape(*self.r.shape, -1)
+        return _Whitened(
+            self.whiteners, r.reshape(self.r.shape), both, float(r @ r),
+            self.freedom - U.shape[1],
+        )  # fmt: skip
+
     def step(self, plain: Array, places: Index) -> tuple[float, int, int, Array]:
         """Largest drop of chi-square by a step, its first row, its rank and its numbers (k,)."""
         C, size = self._scaled(plain)
@@ -228,6 +201,11 @@ class _Whitened:
                 np.einsum("mri,mr->mi", C, self.r),
             )
         ]
+        seen = np.cumsum((self.whiteners.any(axis=2)).sum(axis=1)[::-1])[::-1]
+        beside = np.minimum(seen[places], seen[0] - seen[places])
+        places = places[beside >= ENOUGH * min(plain.shape[2], self.Q.shape[2])]
+        if not len(places):
+            return 0.0, 0, 0, np.zeros(plain.shape[2])
         CC, CQ, b = (one[places] for one in after)
         S = CC - CQ @ np.swapaxes(CQ, 1, 2)
         values, axes = np.linalg.eigh(S)
@@ -270,12 +248,18 @@ def _places(rows: Measurements) -> Index:
     return np.asarray(first[(count >= FEWEST) & (len(first) + 1 - count >= FEWEST)])
 
 
-def _elsewhere(rows: Measurements, k: int) -> bool:
-    """Whether the mean of some joint differs between the poses before row k and those after."""
+def _elsewhere(rows: Measurements, k: int, *, spread: bool) -> bool:
+    """Whether the mean of some joint differs between the poses before row k and those after.
+
+    With `spread` also how far it goes from its mean: what follows the poses, as misfit does, would
+    look like that.
+    """
     q, first = np.unique(rows.q, axis=0, return_index=True)
+    if spread:
+        q = np.hstack([q, (q - q.mean(axis=0)) ** 2])
     before, after = q[first < k], q[first >= k]
     if min(len(before), len(after)) < 2:
         return True
-    spread = before.var(axis=0, ddof=1) / len(before) + after.var(axis=0, ddof=1) / len(after)
+    noise = before.var(axis=0, ddof=1) / len(before) + after.var(axis=0, ddof=1) / len(after)
     gap = np.abs(before.mean(axis=0) - after.mean(axis=0))
-    return bool((gap > APART * np.sqrt(spread)).any())
+    return bool((gap > APART * np.sqrt(noise)).any())

@@ -251,3 +251,26 @@ def test_a_zero_that_slipped_is_named_where_waves_of_the_joints_took_it_up():
     # forty readings of 10 um, some tenths of a meter from that joint
     assert np.degrees(found.moved.change) == pytest.approx(0.02, rel=0.05)
     assert next_step(found).startswith("First find out what moved")
+
+
+def test_a_payload_that_no_row_states_and_another_arm_are_told_as_such():
+    rng, q, true, second = (
+        np.random.default_rng(9),
+        pool_r(90, seed=9),
+        true_model(9),
+        true_model(10),
+    )
+    later = np.arange(90) >= 45
+    reach = 0.3 * np.sin(q[:, 1]) + 0.3 * np.sin(q[:, 1] + q[:, 2])
+    bends = later[:, None] * np.outer(2e-3 * reach, [0, 1, 0, 0, 0, 0])
+    for way, start, mend in (
+        (true.poses(q + bends), "the arm bends by ", "state payload_kg for each row"),
+        (np.where(later[:, None, None], second.poses(q), true.poses(q)), "the readings are ",
+         "identify from one side only"),
+    ):  # fmt: skip
+        xyz = way[:, :3, 3] + rng.normal(scale=10e-6, size=(90, 3))
+        found = calibrate(robot(), session_of(tables.points(q, xyz, sd=10e-6)), SPLIT)
+        said = reasons(found)[0]
+        assert "something changed: from there on " + start in said
+        assert mend in said
+        assert next_step(found).startswith("First find out what changed, and separate the rows")
