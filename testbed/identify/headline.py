@@ -1,6 +1,7 @@
-"""The table of errors of every model, before and after."""
+"""The table of errors of every model, before and after, and what its figures are called."""
 
 from calib.information.reduction import Reduction
+from calib.uncertainty.statement.stated_point import StatedPoint
 from testbed.identify.calibration import Calibration
 from testbed.identify.records import Figures
 from testbed.units import DEG, MM, decimals, fixed, significant
@@ -59,3 +60,15 @@ def mm(length: float) -> str:
 def deg(angle: float) -> str:
     """An angle [rad] in deg to a thousandth, or to its second digit if that is smaller."""
     return fixed(angle * DEG, max(3, decimals(angle * DEG, 2)))
+
+
+def r95(point: StatedPoint) -> str:
+    """What a radius is called, with its dimension and probability."""
+    held = 100 * point.probability
+    return f"R{held:g} (3-D radius, {held:g} %)"
+
+
+def kind(calibration: Calibration) -> str:
+    """What is missed."""
+    far = bool(calibration.measurements.is_distance.all())
+    return "mean distance error" if far else "mean position error"

@@ -8,10 +8,10 @@ from calib.arrays import Array, Index, evenly
 from calib.geometry.frames import inverse, points_of_frames
 from calib.measurement.prediction import targets, tool_poses
 from testbed.identify.calibration import Calibration
-from testbed.identify.headline import headline_rows, mm
+from testbed.identify.headline import headline_rows, mm, r95
 from testbed.identify.recording.regions import draw_regions, region_words, regions_at
 from testbed.identify.records import RowErrors
-from testbed.identify.words import mark, notice, r95, verdict
+from testbed.identify.words import mark, notice, verdict
 from testbed.recording import style
 from testbed.recording.cell import draw_beam, draw_station
 from testbed.recording.chart import Chart, Series, before_after, fit_chart

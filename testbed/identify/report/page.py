@@ -19,8 +19,9 @@ from testbed.identify.report.errors import (
 )
 from testbed.identify.report.parameters import parameter_section
 from testbed.identify.shared import shared_section
+from testbed.identify.to_do.next_step import next_step
 from testbed.identify.visits.report import visit_section
-from testbed.identify.words import mark, next_step, notice, reasons, verdict
+from testbed.identify.words import mark, notice, reasons, verdict
 from testbed.jobsheet.report import Row, job_rows, job_section
 from testbed.report.apart import left_nominal
 from testbed.report.glossary import glossary_section

@@ -15,7 +15,8 @@ from testbed.identify.calibrate import Options, calibrate
 from testbed.identify.handback.delivered import Delivered
 from testbed.identify.results import headline
 from testbed.identify.session import with_test
-from testbed.identify.words import next_step, reasons, verdict
+from testbed.identify.to_do.next_step import next_step
+from testbed.identify.words import reasons, verdict
 from tests.calibrated import robot, session_of, true_model
 from tests.reference import pool_r
 from tests.testbed.files.campaign import HEAD, session, table, visit, written

@@ -9,7 +9,8 @@ from calib.uncertainty.statement.conditions import Conditions, Tolerance
 from testbed.files.conditions import SetUp
 from testbed.identify.conditions import conditions_words, held_out_warnings, measured
 from testbed.identify.report.page import page_of
-from testbed.identify.words import next_step, terminal_text
+from testbed.identify.to_do.next_step import next_step
+from testbed.identify.words import terminal_text
 from testbed.jobsheet.sheet import Instrument, JobSheet
 from testbed.scenario.tolerance import Decision
 from testbed.units import plain

@@ -12,8 +12,10 @@ from calib.uncertainty.statement.distance import distance_radius
 from calib.uncertainty.statement.stated_point import widened
 from testbed.identify.calibrate import Options, calibrate
 from testbed.identify.frames import frames_of
+from testbed.identify.headline import kind
 from testbed.identify.session import with_test
-from testbed.identify.words import kind, next_step, verdict
+from testbed.identify.to_do.next_step import next_step
+from testbed.identify.words import verdict
 from tests.calibrated import robot, session_of, true_model
 from tests.reference import SIGMA_POSITION, pool_r
 

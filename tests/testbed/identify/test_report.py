@@ -26,6 +26,7 @@ from testbed.identify.report.errors import accuracy_section, residual_section
 from testbed.identify.report.page import page_of
 from testbed.identify.report.parameters import _cells, drawn_waves
 from testbed.identify.statements import statements_of
+from testbed.identify.to_do.next_step import next_step
 from testbed.identify.words import (
     ELSEWHERE,
     GUARDED,
@@ -34,7 +35,6 @@ from testbed.identify.words import (
     UNGUARDED,
     UNTESTED,
     mark,
-    next_step,
     notice,
     reasons,
     terminal_text,

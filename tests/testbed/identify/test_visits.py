@@ -17,10 +17,11 @@ from testbed.identify.calibration import Calibration
 from testbed.identify.frames import FRAMES_ALONE
 from testbed.identify.handback.delivered import Delivered
 from testbed.identify.results import headline, split_csv
+from testbed.identify.to_do.next_step import next_step
 from testbed.identify.visits.frames import own_frames
 from testbed.identify.visits.report import radius_there, visit_section, visit_words
 from testbed.identify.visits.split import split_of_session
-from testbed.identify.words import next_step, terminal_text, verdict
+from testbed.identify.words import terminal_text, verdict
 from testbed.store.npz import record_bytes, record_from
 from tests.testbed.files.campaign import HEAD, NOISE, TURN, place, session, visit, written
 from tests.testbed.files.made import ROBOT, made

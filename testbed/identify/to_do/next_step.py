@@ -1,0 +1,112 @@
+"""What a person should do now: what the strongest finding asks for."""
+
+import numpy as np
+
+from calib.held_out_counts import fewest_poses
+from calib.identification.fit_statistics import RED
+from testbed.identify.applies.beyond import far_step
+from testbed.identify.applies.targets import tool_words as target_words
+from testbed.identify.calibration import Calibration
+from testbed.identify.conditions import held_out_departs
+from testbed.identify.frames import FRAMES_ALONE
+from testbed.identify.handback.delivered import GEOMETRIC
+from testbed.identify.headline import kind, mm, r95
+from testbed.identify.moved import happened
+from testbed.identify.to_do.unconfirmed import do_not_use, unconfirmed
+from testbed.units import UM, significant
+
+LEARNT = 1.1
+"""Errors at held-out poses up to so many times those at training poses are all that is left."""
+
+
+def next_step(calibration: Calibration) -> str:
+    """What a person should do now."""
+    fit, proof = calibration.fit, calibration.proof
+    if fit.test is None:
+        return (
+            f"Measure at least {fewest_poses()} more poses where the robot will be used, and pass "
+            "them with --test: until then, only the fit itself supports this result."
+        )
+    gain = calibration.before_test.position.mean / fit.test.position.mean  # type: ignore[union-attr]  # both or none
+    if gain < 1 and calibration.choice.asked != FRAMES_ALONE:
+        return do_not_use(calibration)
+    use = _what_to_use(calibration)
+    if calibration.elsewhere:
+        used, judges = calibration.is_used, calibration.split.is_test
+        differ = held_out_departs(calibration.conditions, calibration.set_up, used, judges)
+        conditions = ", or what their conditions do" if differ else ""
+        return (
+            "First find out why the held-out poses are off as a whole: a base or a station that "
+            f"moved, another target, another tool{conditions}. Then measure them again."
+        )
+    if calibration.moved is not None:
+        return (
+            f"First find out what {happened(calibration.moved)}, and separate the rows before it "
+            "from those after it: the radius now covers both."
+        )
+    if proof.belief is None or proof.point is None:
+        if not calibration.converged:
+            use = (
+                "The fit did not converge. Before you use the identified robot with another tool, "
+                "measure poses that tell its numbers apart, or free fewer ([identification] free)."
+            )
+        if proof.conformal is None:
+            return f"{use} Do not quote an uncertainty. {_more_poses(calibration)}"
+        radius = f"{mm(proof.conformal.radius)} mm (95 % of measured points)"
+        return f"{use} Quote the held-out radius of {radius}, at poses like the held-out ones."
+    quote = f"{r95(proof.point)} = {significant(proof.point.radius_mean * UM)} um"
+    # the tool of the file is another point, known less well: what is stated at targets is of it
+    whose = " of the measured target" if target_words(calibration) else ""
+    text = f"{use} Quote {quote} for the mean of many moves{whose}"
+    if np.isfinite(proof.point.radius_move):
+        text += f" and {significant(proof.point.radius_move * UM)} um for a single move"
+    text += ", at poses like the held-out ones."
+    if first := far_step(calibration):
+        return f"{first}{text[0].lower()}{text[1:]}"
+    if not proof.belief.n_guards:
+        done = "guards" if proof.held_out is not None else "has tested"
+        return f"{text} State with it that no held-out pose {done} it. {_more_poses(calibration)}"
+    if proof.drifting is not None and proof.drifting.seen:
+        return (
+            f"{text} The readings drift: let the instrument and the arm settle, and measure nests "
+            "on the floor with them ([drift])."
+        )
+    if proof.tails is not None and not proof.tails.source:
+        return f"{text} Measure every pose twice, to tell noise with long tails from a misfit."
+    if calibration.refuted:
+        lack = fit.identification.lack_of_fit
+        if calibration.choice.asked == "geometric":
+            text = (
+                "Try --model choose: joint errors (sag, waves) may explain what is left. "
+                f"Otherwise: {text}"
+            )
+        elif asked_for := unconfirmed(calibration):
+            text += f" {asked_for}"
+        elif fit.test.position.mean > LEARNT * fit.train.position.mean:
+            text += " Errors are larger than at the training poses: more of these may help."
+        elif lack is not None and lack.p_value < RED:
+            text += " More poses will not reduce what is left: it is not noise."
+        else:
+            text += " Only repeated poses can show whether what is left is noise."
+    return text
+
+
+def _what_to_use(calibration: Calibration) -> str:
+    """Which file to load: joint terms are in robot.toml and corrected targets alone."""
+    if calibration.choice.chosen != "extended":
+        return "Load the identified robot from robot/, or send targets corrected by --program CSV."
+    plain = calibration.fits[0]
+    left = mm((plain.test or plain.train).position.mean)
+    return (
+        "Send targets corrected by --program CSV, or load robot/robot.toml: only these contain "
+        "the joint errors, and the figures quoted here are for them alone. Whatever reads URDF or "
+        f"MJCF should take {GEOMETRIC}/, whose {kind(calibration)} is {left} mm."
+    )
+
+
+def _more_poses(calibration: Calibration) -> str:
+    """How a guard is had."""
+    where = f"{fewest_poses()} held-out poses, drawn from where the robot is used"
+    if calibration.measurements.is_distance.all():
+        return f"Measure positions, not distances, of at least {where}."
+    return f"Measure at least {where}."
