@@ -13,6 +13,7 @@ from testbed.identify.moved import moved_words
 from testbed.identify.shared import states_instrument
 from testbed.identify.to_do.next_step import next_step
 from testbed.identify.visits.report import judges_called, visit_words
+from testbed.identify.visits.wide import wide_because, wide_words
 from testbed.report.page import SIMULATED
 from testbed.units import UM, counted, sentences, significant
 
@@ -87,6 +88,12 @@ def _or_conditions(calibration: Calibration) -> tuple[str, ...]:
 
 def believed_words(calibration: Calibration) -> str:
     """Whether a statement about the tool point can be believed, and its radius."""
+    said = _believed_words(calibration)
+    return f"{said} {wide}" if (wide := wide_because(calibration)) else said
+
+
+def _believed_words(calibration: Calibration) -> str:
+    """The same without what makes the radius wide."""
     point, belief = calibration.proof.point, calibration.proof.belief
     if point is None or belief is None:
         return "No statement about the true tool point can be believed."
@@ -129,7 +136,7 @@ def _remarks(calibration: Calibration) -> list[str]:
             "explains: U of the numbers is computed from their scatter between poses instead"
         )
     texts.append(f"Model: {calibration.choice.sentence}")
-    texts += [*simpler_words(calibration), *beyond_words(calibration)]
+    texts += [*wide_words(calibration), *simpler_words(calibration), *beyond_words(calibration)]
     out = int(calibration.gross.left_out.sum())
     if out:
         texts.append(f"{counted(out, 'row')} did not fit and took no part in it: see Outliers")

@@ -13,6 +13,7 @@ from testbed.identify.handback.delivered import GEOMETRIC
 from testbed.identify.headline import kind, mm, r95
 from testbed.identify.moved import happened
 from testbed.identify.to_do.unconfirmed import do_not_use, unconfirmed
+from testbed.identify.visits.wide import wide_step
 from testbed.units import UM, significant
 
 LEARNT = 1.1
@@ -61,7 +62,7 @@ def next_step(calibration: Calibration) -> str:
     if np.isfinite(proof.point.radius_move):
         text += f" and {significant(proof.point.radius_move * UM)} um for a single move"
     text += ", at poses like the held-out ones."
-    if first := far_step(calibration):
+    if first := far_step(calibration) or wide_step(calibration):
         return f"{first}{text[0].lower()}{text[1:]}"
     if not proof.belief.n_guards:
         done = "guards" if proof.held_out is not None else "has tested"

@@ -41,7 +41,17 @@ def visit(k: int, m: int, *, base: int | None = None, tool: int | None = None, s
     truth = replace(made().truth, chain=chain)
     lower, upper = ROBOT.limits.T
     q = rng.uniform(0.8 * lower, 0.8 * upper, (m, len(lower)))
-    T = truth.poses(q)
+    return _seen(q, truth, rng)
+
+
+def measured(data: Made, seed: int) -> Made:
+    """The same joints measured by new noise."""
+    return _seen(data.q, data.truth, np.random.default_rng(seed))
+
+
+def _seen(q, truth, rng) -> Made:
+    """Joints with the noisy poses that a robot takes there."""
+    T, m = truth.poses(q), len(q)
     T[:, :3, :3] = exp_so3(TURN * rng.standard_normal((m, 3))) @ T[:, :3, :3]
     T[:, :3, 3] += NOISE * rng.standard_normal((m, 3))
     return Made(q, T, truth)
