@@ -11,6 +11,7 @@ from testbed.identify.handback.states import hand_back_warnings, tool_words
 from testbed.identify.headline import deg, headline_cells, kind, mm, r95
 from testbed.identify.moved import moved_words
 from testbed.identify.shared import states_instrument
+from testbed.identify.to_do.change import NOTHING_LEFT, changes, nothing_left
 from testbed.identify.to_do.next_step import next_step
 from testbed.identify.visits.report import judges_called, visit_words
 from testbed.identify.visits.wide import wide_because, wide_words
@@ -48,9 +49,8 @@ def mark(calibration: Calibration) -> str:
 
 def verdict(calibration: Calibration) -> str:
     """How good the calibration is, on poses that it never saw, and what may be believed of it."""
-    before, after = calibration.before_test, calibration.fit.test
-    if before is None or after is None:
-        before, after = calibration.before_train, calibration.fit.train
+    after = calibration.fit.test or calibration.fit.train
+    if calibration.fit.test is None:
         poses = counted(calibration.measurements.rows(calibration.is_used).n_poses, "pose")
         where = f"at the {poses} it was fitted to (none is held out)"
     else:
@@ -65,17 +65,12 @@ def verdict(calibration: Calibration) -> str:
         if after.rotation is not None:
             text += f"; the orientation error is {deg(after.rotation.mean)} deg"
         return f"{text}. {believed_words(calibration)}"
-    goes = "falls" if after.position.mean < before.position.mean else "RISES"
-    text = (
-        f"The {kind(calibration)} {where} {goes} from {mm(before.position.mean)} to "
-        f"{mm(after.position.mean)} mm"
-    )
-    if before.rotation is not None and after.rotation is not None:
-        turns = "falls" if after.rotation.mean < before.rotation.mean else "RISES"
-        text += (
-            f"; the orientation error {turns} from {deg(before.rotation.mean)} to "
-            f"{deg(after.rotation.mean)} deg"
-        )
+    position, *rotation = changes(calibration)
+    text = f"The {kind(calibration)} {where} {position}"
+    if rotation:
+        text += f"; the orientation error {rotation[0]}"
+    if nothing_left(calibration):
+        text += f". {NOTHING_LEFT[:-1]}"
     return f"{text}. {believed_words(calibration)}"
 
 

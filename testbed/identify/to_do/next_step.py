@@ -12,6 +12,7 @@ from testbed.identify.frames import FRAMES_ALONE
 from testbed.identify.handback.delivered import GEOMETRIC
 from testbed.identify.headline import kind, mm, r95
 from testbed.identify.moved import happened
+from testbed.identify.to_do.change import NOTHING_LEFT, nothing_left
 from testbed.identify.to_do.unconfirmed import do_not_use, unconfirmed
 from testbed.identify.visits.wide import wide_step
 from testbed.units import UM, significant
@@ -28,10 +29,13 @@ def next_step(calibration: Calibration) -> str:
             f"Measure at least {fewest_poses()} more poses where the robot will be used, and pass "
             "them with --test: until then, only the fit itself supports this result."
         )
+    unchanged = nothing_left(calibration)
     gain = calibration.before_test.position.mean / fit.test.position.mean  # type: ignore[union-attr]  # both or none
-    if gain < 1 and calibration.choice.asked != FRAMES_ALONE:
+    if gain < 1 and not unchanged and calibration.choice.asked != FRAMES_ALONE:
         return do_not_use(calibration)
     use = _what_to_use(calibration)
+    if unchanged:
+        use = f"{NOTHING_LEFT} The robot can stay as it is described. {use}"
     if calibration.elsewhere:
         used, judges = calibration.is_used, calibration.split.is_test
         differ = held_out_departs(calibration.conditions, calibration.set_up, used, judges)

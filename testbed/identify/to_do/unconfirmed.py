@@ -4,6 +4,7 @@ import numpy as np
 
 from calib.identification.folds import FEWEST_TO_CONFIRM, FOLDS
 from testbed.identify.calibration import Calibration
+from testbed.identify.to_do.change import rises
 
 NEEDED = FOLDS * FEWEST_TO_CONFIRM
 """Training poses that can confirm a level of joint errors."""
@@ -28,7 +29,8 @@ def unconfirmed(calibration: Calibration) -> str:
 
 def do_not_use(calibration: Calibration) -> str:
     """What to do about a model that is worse than the nominal one."""
+    worse = "worse" if rises(calibration) else "no better"
     return (
-        "Do not use this model: on held-out poses it is worse than the nominal one. "
+        f"Do not use this model: on held-out poses it is {worse} than the nominal one. "
         f"{unconfirmed(calibration) or CHECK}"
     )

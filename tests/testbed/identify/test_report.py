@@ -201,8 +201,11 @@ def test_what_speaks_against_the_noise_is_said_on_the_terminal_and_what_to_do_ab
 
 def test_a_worse_model_is_not_said_to_fall_and_is_not_recommended():
     found = real()
-    worse = replace(found.fit, test=found.before_test)
-    turned = replace(found, before_test=found.fit.test, fits=(found.fits[0], worse))
+    worse = replace(found.fit, test=found.before_test, misses=found.before_misses)
+    turned = replace(
+        found, before_test=found.fit.test, before_misses=found.fit.misses,
+        fits=(found.fits[0], worse),
+    )  # fmt: skip
     assert " RISES from " in verdict(turned)
     assert next_step(turned).startswith("Do not use this model")
 

@@ -11,6 +11,7 @@ from calib.identification.climbing import ClimbStep
 from testbed.cli import app
 from testbed.files.read import read_session
 from testbed.identify.calibrate import Options, calibrate
+from testbed.identify.fit import figures_of
 from testbed.identify.splitting import with_poses_held_out
 from testbed.identify.to_do.next_step import next_step
 from testbed.identify.to_do.unconfirmed import CHECK, NEEDED, unconfirmed
@@ -106,9 +107,9 @@ def asking(**changes):
 
 def worse(found):
     """The same, as if its nominal robot were better on held-out poses."""
-    figures = found.before_test
-    position = replace(figures.position, mean=found.fit.test.position.mean / 2)
-    return replace(found, before_test=replace(figures, position=position))
+    better = replace(found.before_misses, position=found.fit.misses.position / 2)
+    figures = figures_of(better, found.measurements, found.split.is_test)
+    return replace(found, before_misses=better, before_test=figures)
 
 
 def test_a_model_that_lacks_joint_errors_is_not_blamed_on_the_file():
