@@ -224,7 +224,7 @@ def chi_square_notes(
         )
     if smaller and p_value > 1 - RED:
         return (
-            f"chi-square is {total / dof:.2f} per degree of freedom (p = {p_value:.4f}): the "
+            f"chi-square is {total / dof:.2f} per degree of freedom (p > {1 - RED:g}): the "
             "residuals are smaller than the stated noise; the intervals are too wide",
         )
     return ()

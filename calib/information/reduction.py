@@ -264,7 +264,7 @@ def _dependency(
     # 1e-6 of a meter per radian or the like is below what the projection test resolves
     terms = np.flatnonzero(np.abs(column) > KEEP_TOLERANCE)
     if not terms.size:
-        said = f"{name} has no effect on anything measured: no measurement can find it"
+        said = f"{name} has no effect on anything measured"
         return Dependency(name, ""), said
     # equal parts stay in the order of the numbers, whatever rounding made of them
     size = np.round(np.log(np.abs(column[terms])), 9)

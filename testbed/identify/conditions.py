@@ -26,9 +26,9 @@ def conditions_words(calibration: Calibration) -> str:
     if set_up.date:
         parts.append(f"{'from' if ' to ' in set_up.date else 'on'} {set_up.date}")
     said = [f"Measured {' '.join(parts)}."] if parts else []
-    if missing := [f"the {kind}" for kind in UNITS if kind not in rows.stated]:
+    if missing := [kind for kind in UNITS if kind not in rows.stated]:
         are, they = ("are", "they stay") if len(missing) > 1 else ("is", "it stays")
-        text = f"{listed(missing)} during the measurements {are} not stated"
+        text = f"{listed(missing)} {are} not stated"
         said.append(f"{text[0].upper()}{text[1:]}: the results hold as long as {they} the same.")
     return " ".join(said)
 

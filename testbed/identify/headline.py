@@ -7,8 +7,8 @@ from testbed.identify.records import Figures
 from testbed.units import DEG, MM, decimals, fixed, significant
 
 HEAD = (
-    "model", "mean mm", "median mm", "rms mm", "p95 mm", "max mm", "mean deg", "p95 deg", "max deg",
-    "training mean mm", "χ²/dof", "cond.", "rank",
+    "model", "mean mm", "rms mm", "p95 mm", "max mm", "mean deg", "max deg", "training mm",
+    "χ²/dof",
 )  # fmt: skip
 
 
@@ -22,7 +22,7 @@ def headline_cells(calibration: Calibration) -> tuple[tuple[str, ...], tuple[tup
 def headline_rows(calibration: Calibration) -> tuple[tuple[str, ...], ...]:
     """Before, and each model: figures at the held-out rows, else at the training rows."""
     before = _figures(calibration.before_test, calibration.before_train)
-    rows = [("nominal links, frames fitted", *before, *"–––")]
+    rows = [("nominal links, frames fitted", *before, "–")]
     for fit in calibration.fits:
         result = fit.identification
         chosen = fit is calibration.fit and len(calibration.fits) > 1
@@ -31,8 +31,6 @@ def headline_rows(calibration: Calibration) -> tuple[tuple[str, ...], ...]:
                 f"{fit.model} (chosen)" if chosen else fit.model,
                 *_figures(fit.test, fit.train),
                 significant(result.chi_square / result.dof, 3) if result.dof > 0 else "–",
-                condition(result.reduction) or "–",
-                str(result.reduction.rank),
             )
         )
     return tuple(rows)
@@ -42,8 +40,8 @@ def _figures(test: Figures | None, train: Figures) -> tuple[str, ...]:
     """Cells of one model."""
     shown = train if test is None else test
     p, r = shown.position, shown.rotation
-    turns = ("–",) * 3 if r is None else tuple(deg(v) for v in (r.mean, r.p95, r.maximum))
-    lengths = (p.mean, shown.median, p.rms, p.p95, p.maximum)
+    turns = ("–",) * 2 if r is None else (deg(r.mean), deg(r.maximum))
+    lengths = (p.mean, p.rms, p.p95, p.maximum)
     return (*(mm(value) for value in lengths), *turns, mm(train.position.mean))
 
 
@@ -53,8 +51,8 @@ def condition(reduction: Reduction) -> str:
 
 
 def mm(length: float) -> str:
-    """A length [m] in mm to a tenth of a micrometre."""
-    return fixed(length * MM, 4)
+    """A length [m] in mm to a micrometre, or to its second digit if that is smaller."""
+    return fixed(length * MM, max(3, decimals(length * MM, 2)))
 
 
 def deg(angle: float) -> str:

@@ -157,8 +157,8 @@ def bad_words(found: LookedAt, train: Measurements, name: list[str]) -> tuple[st
         there = tool_poses(shots.judge.model, train)  # whichever row stands at these joints
     return tuple(
         f"{name[row]} does not fit the others: the richest model offered, fitted without it, "
-        f"misses it by {_error(shots, train, row)}, where {_typical(shots, train, row)} is typical "
-        f"for other rows left out{_elsewhere(shots, train, row, name, there)}"
+        f"misses it by {_error(shots, train, row)}, where {_typical(shots, train, row)} is typical"
+        f"{_elsewhere(shots, train, row, name, there)}"
         for row in map(int, shots.bad)
     )
 
@@ -293,6 +293,6 @@ def _elsewhere(
     if train.is_pose[row]:
         fits &= turns < ELSEWHERE * _median(shots.turns, train, row)
     if not fits.any():
-        return "; measure it again or leave it out"
+        return "; measure it again"
     best = int(others[np.argmin(np.where(fits, misses, np.inf))])
     return f"; it fits the joints of {name[best]}: were they swapped?"

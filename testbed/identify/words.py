@@ -19,9 +19,9 @@ from testbed.report.page import SIMULATED
 from testbed.units import UM, counted, sentences, significant
 
 MEASURED = "MEASURED - a calibration report, not a certificate of traceability"
-GUARDED = "✓ The region of the tool point can be believed, and held-out poses guard it"
-UNGUARDED = "? The region of the tool point can be believed, but too few held-out poses guard it"
-UNTESTED = "? The region of the tool point can be believed, but no held-out pose has tested it"
+GUARDED = "✓ The stated radius can be believed"
+UNGUARDED = "? The stated radius was tested by too few held-out poses"
+UNTESTED = "? No held-out pose has tested the stated radius"
 ELSEWHERE = "✗ The held-out poses are off as a whole: they prove nothing until the cause is found"
 NOTHING = "✗ No statement about the tool point can be believed"
 LARGER = 1.2
@@ -134,7 +134,7 @@ def _remarks(calibration: Calibration) -> list[str]:
     texts += [*wide_words(calibration), *simpler_words(calibration), *beyond_words(calibration)]
     out = int(calibration.gross.left_out.sum())
     if out:
-        texts.append(f"{counted(out, 'row')} did not fit and took no part in it: see Outliers")
+        texts.append(f"{counted(out, 'row')} did not fit and took no part: see Outliers")
     if calibration.source.masked:
         masked = counted(len(calibration.source.masked), "note")
         texts.append(

@@ -26,9 +26,8 @@ def promise(plan: Plan) -> str:
     far = "noise and the tracker's systematic errors" if has_shared(plan) else "noise alone"
     return (
         f"{poses} will locate the mean tool point within {micrometres(seen.R95_over)} µm (3-D "
-        f"radius, 95{NARROW}%). This is over the goal, counting {far}; at the goal's worst posture "
-        f"the radius is {micrometres(seen.R95_worst)} µm. {_time_words(plan)}. Errors "
-        f"outside the model cannot be predicted: {misfit_words(plan)}."
+        f"radius, 95{NARROW}%). This is over the goal, counting {far}. {misfit_words(plan)}. "
+        f"{_time_words(plan)}."
     )
 
 
@@ -41,17 +40,15 @@ def _time_words(plan: Plan) -> str:
 
 
 def misfit_words(plan: Plan) -> str:
-    """Which misfit the measurements would show, what becomes of a smaller one, and the radius."""
+    """Up to which size errors outside the model stay hidden, and the radius that allows for it."""
     size, about = plan.foresight.misfit_seen, stated_words(plan)
     if not np.isfinite(size):
-        few = "these measurements are too few to show any misfit"
+        few = "These measurements are too few to show errors outside the model"
         return f"{few}, and the calibration will state {about}" if about else few
-    allowed = "the stated region will allow for it"
-    if about:
-        allowed = f"the calibration will allow for it and state {about}"
+    allowed = f"allow for it and state {about}" if about else "allow for it"
     return (
-        f"a misfit of {micrometres(size, 2)} µm per axis or more would show in these "
-        f"measurements; a smaller one may stay hidden, and {allowed}"
+        f"Errors outside the model may stay hidden below {micrometres(size, 2)} µm per axis: the "
+        f"calibration will {allowed}"
     )
 
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from calib.identification.climbing import ClimbStep, Offer
 from testbed.report.page import Table
-from testbed.units import MM, fixed
+from testbed.units import MM, decimals, fixed
 
 SAG = (
     " sag: waves, if gravity has that form. by torques: each joint gives way in proportion to the "
@@ -14,8 +14,6 @@ SAG = (
     "the moments of the links are estimated as well. on a tilted base: gravity may be a degree or "
     "two off its stated direction; compared with the same level upright."
 )
-PLACES = 4
-"""Of a mean miss in millimeters."""
 
 
 def choice_tables(offered: Sequence[Offer], steps: Sequence[ClimbStep]) -> list[Table]:
@@ -29,6 +27,7 @@ def choice_tables(offered: Sequence[Offer], steps: Sequence[ClimbStep]) -> list[
                 head=("cause", "level", "log evidence", "outcome"),
                 rows=tuple(rows),
                 align="llrl",
+                on_paper=0,
                 note="log evidence: natural logarithm of the odds that the training poses give "
                 "this level alone against geometry alone; 3.0, odds of 20 to 1, are required."
                 + SAG
@@ -66,4 +65,4 @@ def _odds(gain: float) -> str:
 
 def _miss(size: float) -> str:
     """A miss in millimeters, or a dash where no pose was left out."""
-    return "–" if np.isnan(size) else fixed(size * MM, PLACES)
+    return "–" if np.isnan(size) else fixed(size * MM, max(3, decimals(size * MM, 2)))

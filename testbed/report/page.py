@@ -160,10 +160,10 @@ class Page:
         for count, noun in (
             (sum(isinstance(block, Figure) and not block.on_paper for block in found), "figure"),
             (sum(table.on_paper == 0 for table in tables), "table"),
-            (sum(bool(table.left_out and table.on_paper) for table in tables), "end"),
+            (sum(bool(table.left_out and table.on_paper) for table in tables), "long table"),
         ):
             if count:
-                left.append(counted(count, noun) + " of long tables" * (noun == "end"))
+                left.append("the end of " * (noun == "long table") + counted(count, noun))
         return listed(left) if left else ""
 
     def opened(self) -> "Page":

@@ -120,7 +120,7 @@ class HiddenMisfit(Shown):
             return f"no test detects a misfit, yet one may hide behind the noise; per axis, {limit}"
         return (
             f"a misfit of {1e6 * self.detectable:.1f} um per axis or more would have been "
-            f"detected; a smaller one may hide behind the noise: {limit}"
+            f"detected; {limit}"
         )
 
     def _shown(self, few: bool) -> str:

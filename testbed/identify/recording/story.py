@@ -11,7 +11,7 @@ from testbed.identify.calibration import Calibration
 from testbed.identify.headline import headline_rows, mm, r95
 from testbed.identify.recording.regions import draw_regions, region_words, regions_at
 from testbed.identify.records import RowErrors
-from testbed.identify.words import mark, notice, verdict
+from testbed.identify.words import notice, verdict
 from testbed.recording import style
 from testbed.recording.cell import draw_beam, draw_station
 from testbed.recording.chart import Chart, Series, before_after, fit_chart
@@ -120,12 +120,10 @@ def summary(calibration: Calibration) -> str:
         "",
         verdict(calibration),
         "",
-        mark(calibration),
-        "",
     ]
     lines += [
-        f"- {row[0]}: mean {row[1]}, p95 {row[4]}, largest {row[5]} mm"
-        + (f"; mean {row[6]} deg" if row[6] != "–" else "")
+        f"- {row[0]}: mean {row[1]}, p95 {row[3]}, largest {row[4]} mm"
+        + (f"; mean {row[5]} deg" if row[5] != "–" else "")
         for row in headline_rows(calibration)
     ]
     return "\n".join(lines)

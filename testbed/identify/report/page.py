@@ -99,9 +99,8 @@ def headline(calibration: Calibration) -> Table:
         size="small",
         note="The errors include measuring noise. A pose with several rows counts once, by their "
         "root mean square, so the mean over the rows of split.csv may differ. First row: the "
-        "links as described, with base, tool and fixtures fitted to the training poses. training "
-        "mean: at the training rows. χ²/dof: residuals against the stated noise. cond.: condition "
-        "of the scaled Jacobian of the kept numbers. rank: directions that the data tell apart.",
+        "links as described, with base, tool and fixtures fitted to the training poses. training: "
+        "mean at the training rows. χ²/dof: residuals against the stated noise.",
     )
 
 
@@ -158,14 +157,15 @@ def data_section(calibration: Calibration) -> Section:
 
 def identifiable_section(calibration: Calibration) -> Section:
     """What the measurements can tell apart, in words."""
-    blocks: list[Block] = [Points(sentences(calibration.frames))]
-    for fit in calibration.fits:
-        result = fit.identification
-        shown = left_nominal(result.reduction) if fit is calibration.fits[0] else ()
-        texts = (*shown, *sentences(result.notes_of_fit))
-        blocks.append(Text(rank_words(fit)))
-        blocks += [Points(texts)] if texts else []
-    return Section("identifiable", "What can be identified", tuple(blocks))
+    fit = calibration.fit
+    result = fit.identification
+    texts = (
+        *sentences(calibration.frames),
+        rank_words(fit),
+        *left_nominal(result.reduction),
+        *sentences(result.notes_of_fit),
+    )
+    return Section("identifiable", "What can be identified", (Points(texts),))
 
 
 def rank_words(fit: FittedModel) -> str:
@@ -183,7 +183,7 @@ def rank_words(fit: FittedModel) -> str:
     if result.prior is not None:
         text += (
             f"{counted(len(result.prior.names), 'number')} of links and joints have a weak prior "
-            "and are all estimated, told apart or not. "
+            "and are estimated even if the data cannot tell them apart. "
         )
     if not reduction.dropped:
         return text + "All free numbers can be told apart."

@@ -10,7 +10,7 @@ from testbed.identify.calibration import Calibration
 from testbed.identify.conditions import held_out_departs
 from testbed.identify.frames import FRAMES_ALONE
 from testbed.identify.handback.delivered import GEOMETRIC
-from testbed.identify.headline import kind, mm, r95
+from testbed.identify.headline import kind, mm
 from testbed.identify.moved import happened
 from testbed.identify.to_do.change import NOTHING_LEFT, nothing_left
 from testbed.identify.to_do.unconfirmed import do_not_use, unconfirmed
@@ -59,7 +59,7 @@ def next_step(calibration: Calibration) -> str:
             return f"{use} Do not quote an uncertainty. {_more_poses(calibration)}"
         radius = f"{mm(proof.conformal.radius)} mm (95 % of measured points)"
         return f"{use} Quote the held-out radius of {radius}, at poses like the held-out ones."
-    quote = f"{r95(proof.point)} = {significant(proof.point.radius_mean * UM)} um"
+    quote = f"R{100 * proof.point.probability:g} = {significant(proof.point.radius_mean * UM)} um"
     # the tool of the file is another point, known less well: what is stated at targets is of it
     whose = " of the measured target" if target_words(calibration) else ""
     text = f"{use} Quote {quote} for the mean of many moves{whose}"
@@ -104,8 +104,8 @@ def _what_to_use(calibration: Calibration) -> str:
     left = mm((plain.test or plain.train).position.mean)
     return (
         "Send targets corrected by --program CSV, or load robot/robot.toml: only these contain "
-        "the joint errors, and the figures quoted here are for them alone. Whatever reads URDF or "
-        f"MJCF should take {GEOMETRIC}/, whose {kind(calibration)} is {left} mm."
+        "the joint errors, and the figures quoted hold for them alone. For URDF or MJCF take "
+        f"{GEOMETRIC}/, whose {kind(calibration)} is {left} mm."
     )
 
 

@@ -33,7 +33,7 @@ def headline_table(campaign: Campaign) -> Table:
     turns = campaign.scenario.tracker.measures == "pose"
     turned = [significant(float(first.rotation_before.mean() * DEG), 2)] * turns
     start = _statistics(first.accuracy_before, places)
-    rows = [("nominal model", "", "", *start, *turned, *[NONE] * 5)]
+    rows = [("nominal model", "", "", *start, *turned, *[NONE] * 4)]
     for trial, estimate in campaign.estimates:
         fit, seen = estimate.identification, estimate.comparison
         turned = [significant(float(seen.rotation_after.mean() * DEG), 2)] * turns
@@ -45,7 +45,6 @@ def headline_table(campaign: Campaign) -> Table:
                 str(len(trial.selection.indices)) if estimate is trial.estimates[0] else "",
                 *_statistics(seen.accuracy_after, places),
                 *turned,
-                fixed(seen.identification_after.mean * MM, places),
                 fixed(estimate.stated_u * MM, places),
                 percent(float(estimate.inside.mean())),
                 significant(fit.chi_square / fit.dof, 3) if tested(fit) else NONE,
@@ -57,17 +56,17 @@ def headline_table(campaign: Campaign) -> Table:
         caption=f"Tool position error on {counted(len(first.before), 'held-out pose')} against the "
         "noise-free truth, and the uncertainty that is stated",
         head=heads(
-            f"trial, estimator, poses, mean mm, p95 mm, max mm, {rotation}fitted mm, u mm, "
+            f"trial, estimator, poses, mean mm, p95 mm, max mm, {rotation}u mm, "
             "inside 95 %, χ²/dof, believable"
         ),
         rows=tuple(rows),
         align="ll" + "r" * (len(rows[0]) - 3) + "l",
         strong=(1,),
         on_paper=printed(len(rows)),
-        note="fitted: mean at the training poses, noise included. u: believed u of the mean tool "
-        "point (3-D, k = 1). inside: share of true points in the 95 % region. χ²/dof: residuals "
-        "against the stated noise. default: weighted rows, all distinguishable numbers. paper: 24 "
-        "numbers, base and tool assumed known, unweighted rows; u is what that fit claims.",
+        note="u: believed u of the mean tool point (3-D, k = 1). inside: share of true points in "
+        "the 95 % region. χ²/dof: residuals against the stated noise. default: weighted rows, all "
+        "distinguishable numbers. paper: 24 numbers, base and tool assumed known, unweighted rows; "
+        "u is what that fit claims.",
     )
 
 
@@ -88,8 +87,7 @@ def accuracy_is_not_belief(campaign: Campaign) -> str:
                 held = float(one.inside.mean())
                 share = f"only {percent(held)}" if held else "none"
                 return (
-                    'A "no" in the table is about the stated uncertainty, not about the accuracy: '
-                    f"with {trial.name} the {SHORT[one.mode]} estimator has the smaller mean error "
+                    f"With {trial.name} the {SHORT[one.mode]} estimator has the smaller mean error "
                     f"({mean * MM:.4f} against {other * MM:.4f} mm), but its 95 % regions contain "
                     f"{share} of the true points."
                 )

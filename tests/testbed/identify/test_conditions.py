@@ -24,8 +24,8 @@ WORDS = {
     "nothing": (
         Conditions(),
         SetUp(),
-        "The payload, the tool and the temperature during the measurements are not stated: the "
-        "results hold as long as they stay the same.",
+        "Payload, tool and temperature are not stated: the results hold as long as they stay the "
+        "same.",
     ),
     "all": (
         Conditions(PAYLOAD, TOOLS, WARMTH),
@@ -40,14 +40,14 @@ WORDS = {
     "a tool alone": (
         Conditions(tool=TOOLS),
         SetUp(),
-        "Measured with the tool probe. The payload and the temperature during the measurements are "
-        "not stated: the results hold as long as they stay the same.",
+        "Measured with the tool probe. Payload and temperature are not stated: the results hold as "
+        "long as they stay the same.",
     ),
     "all but warmth": (
         Conditions(PAYLOAD, TOOLS),
         SetUp(stations=("S1",)),
-        "Measured with a payload of 2.5 kg and the tool probe from station S1. The temperature "
-        "during the measurements is not stated: the results hold as long as it stays the same.",
+        "Measured with a payload of 2.5 kg and the tool probe from station S1. Temperature is "
+        "not stated: the results hold as long as it stays the same.",
     ),
 }
 

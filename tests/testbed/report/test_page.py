@@ -79,7 +79,7 @@ def test_print_says_what_it_leaves_to_the_file_and_says_nothing_where_it_leaves_
     )
     html = render(page(*sections))
     text = " ".join(read(html).text)
-    left = "Not printed, but in report.html: Bends, 1 figure, 1 table and 1 end of long tables."
+    left = "Not printed, but in report.html: Bends, 1 figure, 1 table and the end of 1 long table."
     assert left in text
     assert "and 20 more" in text
     assert html.count('class="more"') == 20
