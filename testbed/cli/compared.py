@@ -10,6 +10,7 @@ from testbed.report.text import table
 from testbed.store import layout
 from testbed.store.documents import read_json
 from testbed.store.manifest import CALIBRATION, CAMPAIGN
+from testbed.units import plain, significant
 
 NUMBERS = {PLAN: layout.PLAN, ISO9283: layout.RESULT, CALIBRATION: layout.RESULT}
 """Where the figures of a folder stand."""
@@ -69,7 +70,9 @@ def table_of(kind: str, found: Mapping[str, Mapping[str, Any]]) -> str:
         title = "Tool error on held-out poses"
         return f"{notice}\n{table(title, ('run', 'scenario', 'seed', *HEAD), cells)}"
     cells = [[name, *row] for name, row in zip(found, rows(kind, [*found.values()]), strict=True)]
-    return table(TITLES[kind], ("folder", *COLUMNS[kind]), cells)
+    head = ("folder", *COLUMNS[kind])
+    shown = [k for k in range(len(head)) if any(row[k] != NONE for row in cells)]
+    return table(TITLES[kind], [head[k] for k in shown], [[row[k] for k in shown] for row in cells])
 
 
 def rows(kind: str, found: Sequence[Mapping[str, Any]]) -> list[list[str]]:
@@ -108,5 +111,5 @@ def cell(value: object, head: str) -> str:
     if isinstance(value, bool):
         return "yes" if value else "no"
     if isinstance(value, float):
-        return f"{value:.4f}" if head.endswith(" mm") else f"{value:.4g}"
+        return f"{value:.4f}" if head.endswith(" mm") else plain(significant(value))
     return str(value)

@@ -83,12 +83,14 @@ def headline(result: CycleResult) -> Table:
                     "–" if limit is None else limit.word,
                 )
             )
+    head = ("figure", "where", "value", "95 % from", "to", "floor", "cycles", "unit", "limit",
+            "decision")  # fmt: skip
+    shown = len(head) if asked else head.index("limit")
     return Table(
         caption="The largest figure of each kind",
-        head=("figure", "where", "value", "95 % from", "to", "floor", "cycles", "unit", "limit",
-              "decision"),
-        rows=tuple(rows),
-        align="llrrrrrlrl",
+        head=head[:shown],
+        rows=tuple(row[:shown] for row in rows),
+        align="llrrrrrlrl"[:shown],
         size="small",
         note=LIMITS,
     )  # fmt: skip

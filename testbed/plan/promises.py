@@ -211,8 +211,8 @@ def _edge_reasons(seen: Applicability, edge: Bool, kinds: Sequence[str]) -> str:
     grown = edge & (np.maximum(seen.transfer, seen.leverage) > WARNED)
     if grown.any():
         said.append(
-            f"{int(grown.sum())} because unmodelled errors or noise have more than {WARNED:g} "
-            "times the variance that they have at the held-out poses, so that the region grows"
+            f"{int(grown.sum())} because the region grows (unmodelled errors or noise have more "
+            f"than {WARNED:g} times the variance of the held-out poses)"
         )
     beyond = seen.beyond & edge[:, None]
     far = beyond.any(axis=1)
@@ -227,5 +227,5 @@ def _edge_reasons(seen: Applicability, edge: Bool, kinds: Sequence[str]) -> str:
             f"held-out poses ({listed(joints)})"
         )
     if (grown & far).any():
-        said.append(f"{int((grown & far).sum())} of these for both reasons")
+        said.append(f"{int((grown & far).sum())} of them for both")
     return ", ".join(said)

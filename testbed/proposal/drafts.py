@@ -196,8 +196,8 @@ def _uncertainty(look: Found, section: str) -> tuple[Document, tuple[str, ...]]:
     scatter = [name for name in look.head if SCATTER.search(name) and name not in read]
     found = "is named so" if scatter else "has it"
     notes += [
-        f"uncertainty: no column {found}; {key} = {value} is assumed: your instrument's "
-        "certificate knows"
+        f"uncertainty: no column {found}; {key} = {value} is assumed; see your "
+        "instrument's certificate"
         for key, value in stated.items()
     ]
     if stated and scatter:

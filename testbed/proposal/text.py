@@ -50,12 +50,12 @@ def session_text(
     files = ", ".join(f"{look.called} ({counted(look.rows, 'row')})" for look in looks)
     lines = [f"# Proposed by truebed new session from {files}", f"# {proposed.tried}."]
     if proposed.assumed:
-        lines.append("# Not said in any file, and taken so here; change what is wrong:")
+        lines.append("# No file states these; change what is wrong:")
         lines += [f"#   {sentence}" for sentence in proposed.assumed]
     for title, told in (
         ("Not used", proposed.unused),
         ("Odd", proposed.odd),
-        (f"To be mended before {verb} takes these files", proposed.to_mend),
+        (f"To be corrected before {verb} takes these files", proposed.to_mend),
     ):
         if told:
             lines.append(f"# {title}:")

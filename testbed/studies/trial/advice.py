@@ -50,9 +50,8 @@ def next_step(campaign: Campaign) -> str:
         )
         return (
             f"The residuals are {significant(float(factor), 2)} times as large as the noise "
-            f"explains, so the model lacks something that the robot has. {wider}. Until then quote "
-            f"{quoted}. More poses do not help: they reduce the part of the noise, not what the "
-            "model lacks."
+            "explains: the model lacks something that the robot has, and more poses do not help. "
+            f"{wider}. Until then quote {quoted}."
         )
     return f"Quote {quoted}. {more_poses(statement)}"
 

@@ -266,9 +266,9 @@ def test_the_places_of_the_goal_are_a_partition_and_those_of_the_table(hand_made
     if hand_made:
         assert counts == {"inside": 3, "edge": 4, "outside": 1}
         assert "3 (38 %) of the goal's 8 postures lie inside" in words
-        assert "; 4 (50 %) at the edge: 2 because unmodelled errors or noise have" in words
+        assert "; 4 (50 %) at the edge: 2 because the region grows (unmodelled" in words
         assert ", 3 because a joint is more than 10 deg beyond" in words
-        assert "(joint 2 at 3 and joint 1 at 1), 1 of these for both reasons; 1 (12 %)" in words
+        assert "(joint 2 at 3 and joint 1 at 1), 1 of them for both; 1 (12 %)" in words
 
 
 @pytest.mark.parametrize(
