@@ -231,7 +231,7 @@ def _calibrated(
         gross=OutlierRows(
             noise_factor=shots.noise_factor,
             left_out=frozen(left_out, np.bool_),
-            sentences=bad_words(shots, looking.train, called),
+            sentences=bad_words(shots, looking.train, called, used=not left_out.any()),
             held_out_sentences=far_said,
             held_out_names=far_names,
             radius_without=None if without is None else without.radius_mean,

@@ -147,16 +147,18 @@ def second_look(looking: Looking, chosen: Fitted, before: LookedAt) -> LookedAt:
     return replace(before, asked=looking.asked(near), suspects=suspects)
 
 
-def bad_words(found: LookedAt, train: Measurements, name: list[str]) -> tuple[str, ...]:
+def bad_words(
+    found: LookedAt, train: Measurements, name: list[str], *, used: bool
+) -> tuple[str, ...]:
     """A sentence on each bad shot among the training rows, worst first; `name` calls each row."""
     shots = found.asked
     if shots is None:
         return ()
-    there = None
+    there, part = None, "" if used else " and took no part"
     if not train.tool.any() and not shots.judge.model.joint_errors.follow(train.conditions):
         there = tool_poses(shots.judge.model, train)  # whichever row stands at these joints
     return tuple(
-        f"{name[row]} does not fit the others: the richest model offered, fitted without it, "
+        f"{name[row]} does not fit the others{part}: the richest model offered, fitted without it, "
         f"misses it by {_error(shots, train, row)}, where {_typical(shots, train, row)} is typical"
         f"{_elsewhere(shots, train, row, name, there)}"
         for row in map(int, shots.bad)

@@ -116,13 +116,14 @@ def _believed_words(calibration: Calibration) -> str:
 
 def reasons(calibration: Calibration) -> tuple[str, ...]:
     """Why the verdict is what it is: what is believed and what is in it comes first."""
-    return sentences(
-        [*moved_words(calibration), *calibration.proof.trust.sentences, *_remarks(calibration)]
-    )
+    said = [*moved_words(calibration), *calibration.proof.trust.sentences]
+    if out := int(calibration.gross.left_out.sum()):
+        said.append(f"{counted(out, 'row')} did not fit and took no part: see Outliers")
+    return sentences([*said, *_remarks(calibration)])
 
 
 def _remarks(calibration: Calibration) -> list[str]:
-    """What else a person should know: the model, what took no part, what is in no figure."""
+    """What else a person should know: the model, rows not read, what is in no figure."""
     texts = list(unsaid_words(calibration))
     factor = calibration.fit.noise_factor
     if calibration.refuted and factor > LARGER:
@@ -132,9 +133,6 @@ def _remarks(calibration: Calibration) -> list[str]:
         )
     texts.append(f"Model: {calibration.choice.sentence}")
     texts += [*wide_words(calibration), *simpler_words(calibration), *beyond_words(calibration)]
-    out = int(calibration.gross.left_out.sum())
-    if out:
-        texts.append(f"{counted(out, 'row')} did not fit and took no part: see Outliers")
     if calibration.source.masked:
         masked = counted(len(calibration.source.masked), "note")
         texts.append(
@@ -179,11 +177,11 @@ def terminal_text(calibration: Calibration, delivered: Delivered) -> str:
         parts += ["Program:", *(f"  {text}" for text in sentences(delivered.program))]
     parts.append("Of note:")
     said = list(calibration.proof.trust.found) if believed else []
-    said += [*_remarks(calibration), *visit_words(calibration), conditions_words(calibration)]
     said += calibration.gross.sentences[:MOST_NAMED]
     more = len(calibration.gross.sentences) - MOST_NAMED
     if more > 0:
         said.append(f"The report lists {counted(more, 'more row')} that did not fit")
+    said += [*_remarks(calibration), *visit_words(calibration), conditions_words(calibration)]
     if believed:
         said.append("The report explains what the radius rests on and what each test found")
     parts += [f"  {text}" for text in sentences(said)]

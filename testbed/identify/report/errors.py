@@ -11,7 +11,7 @@ from testbed.report.choice import choice_tables
 from testbed.report.page import Block, Figure, Points, Section, Text
 from testbed.report.plots_joints import joint_maps
 from testbed.report.svg import HALF_WIDTH, WIDTH, on_phone
-from testbed.units import counted, sentences, significant
+from testbed.units import sentences, significant
 
 
 def accuracy_section(calibration: Calibration) -> Section:
@@ -92,15 +92,10 @@ def outlier_section(calibration: Calibration) -> Section:
     outliers = calibration.gross
     blocks: list[Block] = [Text("No training row is an outlier.")]
     if outliers.sentences:
-        rows = counted(len(outliers.sentences), "training row")
-        part = (
-            "They were left out of the identification; --loss squared keeps them."
-            if outliers.left_out.any()
-            else "They were used, weighted by the chosen loss."
-        )
-        do = "does" if len(outliers.sentences) == 1 else "do"
+        kept = "they were used, weighted by the chosen loss"
+        part = "--loss squared uses them" if outliers.left_out.any() else kept
         blocks = [
-            Text(f"{rows} {do} not fit the others, worst first. {part}"),
+            Text(f"Training rows that do not fit the others, worst first ({part}):"),
             Points(sentences(outliers.sentences)),
         ]
     if outliers.held_out_sentences:

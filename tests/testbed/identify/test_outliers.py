@@ -121,9 +121,11 @@ def test_a_good_shot_that_the_model_misses_is_told_as_the_models_fault():
     twice = replace(seen, q=q, position=place, rotation=turned)  # read again, and well
     (again,) = model_words(LookedAt(1.0, shots, [4, 9, 20]), twice, found.fit, names)
     assert again.endswith("; for pose P5, another reading of the same pose fits: check there first")
-    (bad,) = bad_words(LookedAt(1.0, shots, [4, 9]), seen, names)
+    (bad,) = bad_words(LookedAt(1.0, shots, [4, 9]), seen, names, used=True)
     assert bad.startswith("pose P10 does not fit the others: the richest model offered, fitted ")
     assert "misses it by 0.0100 mm and 0.0057 deg, where 0.010 mm and 0.0057 deg is typical" in bad
+    (left,) = bad_words(LookedAt(1.0, shots, [4, 9]), seen, names, used=False)
+    assert left.startswith("pose P10 does not fit the others and took no part: the richest model ")
     many = replace(shots, too_many=True)
     (told,) = model_words(LookedAt(1.0, many, [4]), seen, found.fit, names)
     assert told.startswith(f"1 of {len(train)} training poses do not fit (pose P5): too many")
@@ -133,7 +135,7 @@ def test_a_good_shot_that_the_model_misses_is_told_as_the_models_fault():
     assert told.endswith("none is left out; the model or the stated noise is wrong")
     for words in (
         model_words(LookedAt(1.0), seen, found.fit, names),
-        bad_words(LookedAt(1.0), seen, names),
+        bad_words(LookedAt(1.0), seen, names, used=True),
     ):
         assert words == ()
 
