@@ -94,7 +94,7 @@ def gravity_ladder(
     if quarters is None:
         silent += ("sag: waves of joints 2 and 3 are not what gravity does to this arm",)
     if not offered:
-        silent += ("tilted base: nothing gives way that could tell of it",)
+        silent += ("tilted base: nothing gives way that could show it",)
     return Ladder("gravity", tuple(levels), silent)
 
 

@@ -154,7 +154,7 @@ class Budget(Shown):
         """
         if model.names != self.parameters.names:
             sizes = f"{len(self.parameters.names)} numbers, the model has {model.n_numbers}"
-            allowed, message = "the model that the budget is of", f"the budget knows {sizes}"
+            allowed, message = "the model that the budget is of", f"the budget has {sizes}"
             raise refuse("model", allowed=allowed, code="A4", message=message)
         index = self.parameters.free_index
         parts = []

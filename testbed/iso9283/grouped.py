@@ -237,7 +237,7 @@ def _require_cycles(
     subject = "everything" if all_of_them else name
     times = "once" if count == 1 else f"{count} times, in whole cycles"
     raise refusal(
-        place, "cycle", f"{subject} was measured {times}: nothing tells how well it repeats",
+        place, "cycle", f"{subject} was measured {times}: nothing shows how well it repeats",
         code="M27", value=count, allowed=f"at least {FEWEST} cycles; ISO 9283 asks for {wanted}",
         fix="measure more cycles, or name them in the column cycle",
     )  # fmt: skip

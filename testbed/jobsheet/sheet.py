@@ -32,7 +32,7 @@ class Instrument:
             return ()
         if not day:
             return (
-                f"nothing tells whether {self.called} was valid: no date of measuring is stated "
+                f"nothing shows whether {self.called} was valid: no date of measuring is stated "
                 "under [conditions]",
             )
         # ISO days compare as texts

@@ -52,7 +52,7 @@ def drafts_of(
     heads = [look for look in looks if look.kind == "table"]
     if alone := [look for look in bare if look.rows < 2]:
         raise refusal(
-            str(alone[0].path), "file", "is one line of numbers: nothing tells what they are",
+            str(alone[0].path), "file", "is one line of numbers: nothing states what they are",
             code="M27", fix="give the file with all its rows, the columns named in the first line",
         )  # fmt: skip
     # names and numbers may be an export of points, or rows that begin with a name

@@ -42,7 +42,7 @@ def contradictions(scenario: Scenario) -> Iterator[str]:
         if trial.rows == "paper" and trial.criterion in NEEDS_GOALS:
             yield (
                 f'{place} criterion is "{trial.criterion}" and rows is "paper"; unweighted rows '
-                "know no noise, so they tell no uncertainty of the tool point; "
+                "ignore the noise, so they give no uncertainty of the tool point; "
                 'write rows = "whitened"'
             )
         if trial.rows == "paper" and point:

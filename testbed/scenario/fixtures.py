@@ -165,20 +165,20 @@ def _of_estimators_and_studies(scenario: Scenario) -> Iterator[str]:
 
 
 def _of_full_poses(scenario: Scenario) -> Iterator[str]:
-    """Contradictions with what knows full poses from one station."""
+    """Contradictions with what needs full poses from one station."""
     if "paper" in scenario.identification.estimators:
         yield (
-            '[identification] estimators has "paper", which knows full poses from one station; '
+            '[identification] estimators has "paper", which needs full poses from one station; '
             'remove [fixtures], or write estimators = ["whitened"]'
         )
     for trial in scenario.trial:
         if trial.rows == "paper":
             yield (
-                f'[[trial]] "{trial.name}" rows is "paper", which knows full poses from one '
+                f'[[trial]] "{trial.name}" rows is "paper", which needs full poses from one '
                 'station; remove [fixtures], or write rows = "whitened"'
             )
     if scenario.studies.tool_point:
         yield (
-            "[studies] tool_point knows full poses from one station; remove [fixtures], or write "
+            "[studies] tool_point needs full poses from one station; remove [fixtures], or write "
             "tool_point = false"
         )

@@ -45,7 +45,7 @@ def truth_contradictions(truth: TruthSettings, pose_s: float) -> Iterator[str]:
         )
     if truth.backlash_side == "posture" and (wrong := _outside_posture(truth.backlash_mdeg)):
         yield (
-            f'[truth] backlash_side is "posture", which knows joints 3 and 5 only; backlash_mdeg '
+            f'[truth] backlash_side is "posture", which covers joints 3 and 5 only; backlash_mdeg '
             f"has play at {wrong}; write 0 there, or choose another backlash_side"
         )
     yield from _of_motion(truth, pose_s)

@@ -411,7 +411,7 @@ def test_what_a_public_function_is_fed_is_taken_or_refused_in_words(name):
             lambda: uncertainty.budget(
                 FROZEN, [uncertainty.RowNoise("a", TRAIN.covariance)]
             ).at_tool(calib.RobotModel(calib.Chain(LINKS[:2])), Q[:, :2]),
-            "the budget knows 27 numbers, the model has 22; the model that the budget is of",
+            "the budget has 27 numbers, the model has 22; the model that the budget is of",
         ),
         (
             lambda: uncertainty.held_out(ARM, WIDE, TEST.rows([]), Q),

@@ -133,7 +133,7 @@ def inspect(
         Probability that a sound table has any suspect at all.
     """
     if result.mode != "whitened":
-        message = "an identification in paper mode cannot be inspected: it knows no noise"
+        message = "an identification in paper mode cannot be inspected: it ignores the noise"
         fix = 'identify in the mode "whitened"'
         raise refuse("result", result.mode, code="A3", message=message, fix=fix)
     stack = linearize(result.model, measurements)

@@ -180,7 +180,7 @@ def _origins(
             "the world"
         )
     if "tool" in held:
-        why = "no row speaks of its frame" if free_tool else "it was not to be looked for"
+        why = "no row depends on its frame" if free_tool else "it was not to be looked for"
         notes.append(f"the tool stays where the model has it: {why}")
     return tuple(notes)
 

@@ -173,7 +173,7 @@ def misfit(
     if identification.mode != "whitened":
         raise refuse(
             "identification", identification.mode, "an estimate by stated noise", code="A3",
-            message="the unweighted fit knows no noise behind which a misfit could hide",
+            message="the unweighted fit states no noise behind which a misfit could hide",
         )  # fmt: skip
     sound = sound_rows(identification, len(train))
     shape, rows = evidence_rows(

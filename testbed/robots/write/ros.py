@@ -79,7 +79,7 @@ def ros_files(robot: Robot) -> dict[str, tuple[str, str]]:
             f"# base_link_inertia in the world: {_numbers(base)}",
             f"# the tool in tool0: {_numbers(ends[KINEMATICS][1])}",
             "# The hash is made by a controller of its own calibration, and cannot be made here:",
-            "# put that of your robot there (ur_calibration tells it), or the driver says that it",
+            "# put that of your robot there (ur_calibration gives it), or the driver says that it",
             "# differs. The controller itself goes on moving by its own calibration.",
             "kinematics:",
         ]

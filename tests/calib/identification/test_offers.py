@@ -109,7 +109,7 @@ def test_arms_that_do_not_turn_or_do_not_give_way_are_told_so():
         (),
         (
             BENDS(1, "x"), BENDS(1, "y"), TURNS(1), CLOSED,
-            "tilted base: nothing gives way that could tell of it",
+            "tilted base: nothing gives way that could show it",
         ),
     )  # fmt: skip
 

@@ -326,6 +326,6 @@ def test_unknown_losses_and_robust_paper_mode_are_refused():
         identify(tx60(), table, parameters, mode="paper", loss="huber")
     assert caught.value.field == "loss"
     paper = identify(tx60(), table, parameters, mode="paper")
-    with pytest.raises(InputError, match="knows no noise") as caught:
+    with pytest.raises(InputError, match="ignores the noise") as caught:
         inspect(tx60(), paper, table)
     assert caught.value.field == "result"

@@ -250,11 +250,11 @@ def test_nothing_is_written_over_another_or_where_nothing_is_understood(tmp_path
     assert "export the X Y Z of the same points" in said
     assert "beside Hz [gon], name one azimuth" in said
     (folder / "b.csv").write_text("1,2,3,4,5,6,7,8,9\n")
-    assert "b.csv: is one line of numbers: nothing tells" in refused(
+    assert "b.csv: is one line of numbers: nothing states" in refused(
         tmp_path, file, folder / "b.csv"
     )
     (folder / "c.csv").write_text("1,2,3\n")
-    assert "c.csv: is one line of numbers: nothing tells" in refused(tmp_path, folder / "c.csv")
+    assert "c.csv: is one line of numbers: nothing states" in refused(tmp_path, folder / "c.csv")
     assert "is a folder" in refused(tmp_path, folder)
     assert "does not exist" in refused(tmp_path, tmp_path / "c.csv")
     assert 'there is no robot "tx60"' in refused(tmp_path, file, "--robot", "tx60")

@@ -24,7 +24,7 @@ DESIGNED = {"name": "a", "poses": 20, "method": "exchange"}
             "paper_budget needs the paper's estimator",
         ),
         ("quick", {"studies.paper_budget": True, "trial": RANDOM}, "every .* is random"),
-        ("quick", {"trial": [DESIGNED | {"criterion": "V", "rows": "paper"}]}, "know no noise"),
+        ("quick", {"trial": [DESIGNED | {"criterion": "V", "rows": "paper"}]}, "ignore the noise"),
         ("quick", {"trial": [DESIGNED | {"criterion": "G", "rows": "paper"}]}, 'is "G" and rows'),
         ("quick", {"uncertainty.replications": 1}, "replications is 1; 0 skips it"),
         ("quick", {"studies.random_sets": 1}, "random_sets is 1; 0 skips it"),

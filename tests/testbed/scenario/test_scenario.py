@@ -192,7 +192,7 @@ TAKEN = (*RESERVED, *(key for table in declared_tables(()).values() for key in t
         ([TRIAL | {"poses": 2000}], "poses is 2000; [pool] size is 1000"),
         ([TRIAL | {"method": "detmx"}], 'did you mean "detmax"?'),
         ([TRIAL | {"criterion": "T"}], 'criterion is "T"; allowed are "D", "A", "V", "G"'),
-        ([TRIAL | {"criterion": "V", "rows": "paper"}], "unweighted rows know no noise"),
+        ([TRIAL | {"criterion": "V", "rows": "paper"}], "unweighted rows ignore the noise"),
         ([TRIAL | {"pose": 3}], '[[trial]] "a" has no key "pose"; did you mean "poses"?'),
         ([{"name": "a", "poses": 3}], '[[trial]] "a" method is missing; add method = "detmax"'),
         ([TRIAL, {"poses": 3, "method": "random"}], "[[trial]] 2 name is missing"),

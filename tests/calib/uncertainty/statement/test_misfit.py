@@ -472,7 +472,7 @@ def test_the_unweighted_fit_has_no_noise_to_hide_behind():
     rng = np.random.default_rng(14)
     train = visit(rng, 20)
     fit = identify(TX60, train, fitted(train).parameters, mode="paper")
-    with pytest.raises(InputError, match="knows no noise"):
+    with pytest.raises(InputError, match="states no noise"):
         misfit(fit, train)
 
 
