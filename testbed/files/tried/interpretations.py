@@ -151,9 +151,8 @@ class Probe:
                 self.where, "ROBOT",
                 self._absurd(stated, least), code="M32",
                 value=stated.position,
-                allowed=f"those of a {self.robot} would miss it by a few mm, or by what links "
-                f"explain that are {FARTHEST * LENGTH * 1e3:.0f} mm and "
-                f"{np.degrees(FARTHEST * ANGLE):.0f} deg from nominal at most",
+                allowed=f"links of a {self.robot} that are up to {FARTHEST * LENGTH * 1e3:.0f} mm "
+                f"and {np.degrees(FARTHEST * ANGLE):.0f} deg from nominal do not explain that",
                 fix="is this the robot that was measured? if so, state in [prior] how far its "
                 "links may be off",
             )  # fmt: skip
