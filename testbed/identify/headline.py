@@ -7,8 +7,7 @@ from testbed.identify.records import Figures
 from testbed.units import DEG, MM, decimals, fixed, significant
 
 HEAD = (
-    "model", "mean mm", "rms mm", "p95 mm", "max mm", "mean deg", "max deg", "training mm",
-    "χ²/dof",
+    "model", "mean mm", "p95 mm", "max mm", "mean deg", "max deg", "training mm", "χ²/dof",
 )  # fmt: skip
 
 
@@ -22,7 +21,7 @@ def headline_cells(calibration: Calibration) -> tuple[tuple[str, ...], tuple[tup
 def headline_rows(calibration: Calibration) -> tuple[tuple[str, ...], ...]:
     """Before, and each model: figures at the held-out rows, else at the training rows."""
     before = _figures(calibration.before_test, calibration.before_train)
-    rows = [("nominal links, frames fitted", *before, "–")]
+    rows = [("nominal, frames fitted", *before, "–")]
     for fit in calibration.fits:
         result = fit.identification
         chosen = fit is calibration.fit and len(calibration.fits) > 1
@@ -41,7 +40,7 @@ def _figures(test: Figures | None, train: Figures) -> tuple[str, ...]:
     shown = train if test is None else test
     p, r = shown.position, shown.rotation
     turns = ("–",) * 2 if r is None else (deg(r.mean), deg(r.maximum))
-    lengths = (p.mean, p.rms, p.p95, p.maximum)
+    lengths = (p.mean, p.p95, p.maximum)
     return (*(mm(value) for value in lengths), *turns, mm(train.position.mean))
 
 

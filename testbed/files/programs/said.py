@@ -21,8 +21,8 @@ LEFT: Mapping[str, str] = {
     "out of reach": "left as written: the robot does not reach it from a posture near this one",
 }
 """Why a target is not corrected."""
-LEAST_MM = 1e-6
-"""Smaller remaining errors are rounding [mm]."""
+LEAST_MM = 1e-3
+"""Smaller remaining errors are not said [mm]."""
 MOST_NAMED, LONGEST = 10, 40
 """Targets and columns named in one sentence, and letters of one of them."""
 
@@ -41,12 +41,12 @@ def outcome_words(corrected: Bool, before: Array, left: Array, names: Sequence[s
     text = f"{changed} of {counted(count, 'target')} corrected{aside}"
     if not changed:
         return text
-    whose = f"all {count}" if changed == count else f"the {changed} corrected"
     after = 1e3 * float(left[corrected].mean())
+    whose = f"all {count}" if changed == count else f"the {changed} corrected"
+    still = f" and by {significant(after)} mm as corrected" if after >= LEAST_MM else ""
     return (
-        f"{text}: by the identified model, the mean error of {whose} is "
-        f"{1e3 * before[corrected].mean():.3f} mm before and "
-        + (f"{significant(after)} mm after" if after >= LEAST_MM else "less than 0.000001 mm after")
+        f"{text}: by the identified model, the tool misses {whose} by "
+        f"{1e3 * before[corrected].mean():.3f} mm on average as written{still}"
     )
 
 

@@ -122,8 +122,8 @@ def summary(calibration: Calibration) -> str:
         "",
     ]
     lines += [
-        f"- {row[0]}: mean {row[1]}, p95 {row[3]}, largest {row[4]} mm"
-        + (f"; mean {row[5]} deg" if row[5] != "–" else "")
+        f"- {row[0]}: mean {row[1]}, p95 {row[2]}, largest {row[3]} mm"
+        + (f"; mean {row[4]} deg" if row[4] != "–" else "")
         for row in headline_rows(calibration)
     ]
     return "\n".join(lines)

@@ -68,7 +68,7 @@ def test_joint_targets_bring_the_real_robot_where_the_program_meant(tmp_path, re
     assert "3 of 3 targets corrected" in found.sentences[0]
     # searches end at rounding, which is no figure to print
     assert found.left.max() < 1e-9
-    assert found.sentences[0].endswith(" mm before and less than 0.000001 mm after")
+    assert found.sentences[0].endswith(" mm on average as written")
 
 
 def test_errors_are_those_of_the_targets_that_were_corrected(tmp_path, real):
@@ -89,10 +89,10 @@ def test_errors_are_those_of_the_targets_that_were_corrected(tmp_path, real):
     assert found.status == ("reached", "out of reach", "reached", "reached")
     assert found.before[1] > 1.0
     said = '3 of 4 targets corrected; 1 left as written (target 2 "far"): by the identified model, '
-    assert found.sentences[0].startswith(f"{said}the mean error of the 3 corrected is ")
+    assert found.sentences[0].startswith(f"{said}the tool misses the 3 corrected by ")
     # searches end at rounding: before is what it is without the fourth
-    figures = found.sentences[0].partition(" corrected is ")[2]
-    assert figures == alone.sentences[0].partition(" of all 3 is ")[2]
+    figures = found.sentences[0].partition(" 3 corrected by ")[2]
+    assert figures == alone.sentences[0].partition(" all 3 by ")[2]
     none = written(tmp_path / "n.csv", head, rows[1:2])
     (first, *_) = correct_program(none, ROBOT, real, tmp_path / "none.csv").sentences
     assert first == '0 of 1 target corrected; 1 left as written (target 1 "far")'

@@ -117,11 +117,7 @@ def test_the_verdict_and_the_headline_are_the_held_out_figures():
     for value in (before.rotation.mean, after.rotation.mean):
         assert f"{np.degrees(value):.3f}" in shown.verdict
     rows = shown.headline.rows
-    assert [row[0] for row in rows] == [
-        "nominal links, frames fitted",
-        "geometric",
-        "extended (chosen)",
-    ]
+    assert [row[0] for row in rows] == ["nominal, frames fitted", "geometric", "extended (chosen)"]
     assert shown.headline.strong == (2,)
     assert rows[2][1] == f"{after.position.mean * 1e3:.3f}"
 
