@@ -136,7 +136,7 @@ def test_slides_are_rehearsed_with_their_scales():
 def test_it_says_which_joint_errors_it_rehearsed(kinds, said):
     made = replace(quick_plan(), nominal=with_kinds(kinds))
     assert joint_words(made) == said
-    assert promise(made).endswith(f" µm if {said}.")
+    assert f" µm if {said}. All 14 poses" in promise(made)
     assert f"the same where {said}" in [what for what, *_ in headline_rows(made)]
 
 
