@@ -2,12 +2,15 @@
 
 import csv
 import io
+from contextlib import contextmanager
 from dataclasses import replace
 from functools import cache
 from typing import Any
+from unittest.mock import patch
 
 import numpy as np
 
+from testbed.plan import rehearsal
 from testbed.plan.plan import plan
 from testbed.plan.results import plan_csv
 from testbed.robots.catalog import load_robot
@@ -45,6 +48,13 @@ BARE: dict[str, Any] = QUICK | {"plan.held_out": 0}
 def scenario(changes=None, **more):
     """The scene plan_tx60, made small, with further changes."""
     return changed(load_scenario("plan_tx60"), (SMALL if changes is None else changes) | more)
+
+
+@contextmanager
+def few_rehearsals():
+    """Two of each kind in plans made within: for files, which do not depend on how many."""
+    with patch.object(rehearsal, "DRAWS", 2):
+        yield
 
 
 @cache

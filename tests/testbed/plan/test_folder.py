@@ -25,6 +25,7 @@ from testbed.studies import load_scenario
 from tests.planned import (
     QUICK,
     ROBOT,
+    few_rehearsals,
     joints,
     legs,
     rows_of,
@@ -42,7 +43,8 @@ FILES = {
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     path = tmp_path_factory.mktemp("plan") / "out"
-    play_plan(scenario(QUICK), path)
+    with few_rehearsals():
+        play_plan(scenario(QUICK), path)
     return path
 
 
@@ -60,7 +62,8 @@ def test_a_plan_has_its_files_and_a_second_one_the_same_bytes(folder, tmp_path):
     again = tmp_path / "again"
     file = tmp_path / "mine.toml"
     file.write_text(dump_scenario(scenario(QUICK)), encoding="utf-8")
-    result = truebed("plan", file, "--out", again, "--quiet")
+    with few_rehearsals():
+        result = truebed("plan", file, "--out", again, "--quiet")
     assert (result.exit_code, result.output) == (0, "")
     assert content(again) == content(folder)
     assert load_scenario(again / "scenario.toml") == scenario(QUICK)
@@ -288,7 +291,8 @@ def test_overwrite_renames_the_old_plan_and_another_seed_gives_another(folder, t
     out.mkdir()
     for path in folder.iterdir():
         (out / path.name).write_bytes(path.read_bytes())
-    result = truebed("plan", file, "--out", out, "--overwrite", "--seed", 8, "--json")
+    with few_rehearsals():
+        result = truebed("plan", file, "--out", out, "--overwrite", "--seed", 8, "--json")
     assert result.exit_code == 0
     assert json.loads(result.stdout) == json.loads((out / "plan.json").read_bytes())
     assert content(tmp_path / "out.old-1") == content(folder)

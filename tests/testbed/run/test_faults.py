@@ -250,6 +250,8 @@ def test_f7_a_real_run_needs_no_home_and_writes_nothing_outside_its_folder(tmp_p
     changes = {
         "pool.size": 60,
         "test.poses": 10,
+        "identification.estimators": ["whitened"],
+        "uncertainty.repeats": 2,
         "uncertainty.replications": 2,
         "studies.random_sets": 2,
         "trial": [{"name": "one", "poses": 12, "method": "detmax"}],

@@ -335,7 +335,10 @@ REAL = {
     "pool": {"size": 80},
     "test": {"poses": 8},
     "uncertainty": {"repeats": 2, "replications": 10, "draws": 2000},
-    "studies": {"pose_count": True, "pose_count_max": 40, "random_sets": 5, "tool_point": True},
+    "studies": {
+        "pose_count": True, "pose_count_max": 40, "random_sets": 5, "tool_point": True,
+        "paper_budget": True,
+    },
     "trial": [
         {"name": "best", "poses": 16, "method": "detmax"},
         {"name": "greedy", "poses": 16, "method": "greedy"},

@@ -31,8 +31,9 @@ from tests.reported import VERSIONS, played, printed_pages, read
 
 ROBOTS, SIZES = 6, (15, 29)
 SMALLER = {
-    "pool.size": 120,
+    "pool.size": 80,
     "test.poses": 15,
+    "uncertainty.repeats": 2,
     "uncertainty.replications": 0,
     "studies.random_sets": 20,
     "studies.population": ROBOTS,

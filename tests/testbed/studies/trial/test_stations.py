@@ -94,7 +94,7 @@ def shares(count):
 
 
 def test_the_region_of_all_parameters_holds_the_truth_as_often_as_it_says():
-    count = 80
+    count = 40
     share, numbers = shares(count)
     low, high = binom.ppf([0.0005, 0.9995], count, 0.95) / count
     assert low <= share <= high
