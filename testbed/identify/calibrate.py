@@ -12,6 +12,7 @@ from testbed.files.rows.terms import row_terms
 from testbed.files.session import Session
 from testbed.files.tried.interpretations import Probe
 from testbed.files.visits.probing import probed
+from testbed.identify.applies.coupling import coupling_words
 from testbed.identify.applies.mounting import mounting_words
 from testbed.identify.applies.poses import coarse_joints, scatter_told, warnings_of
 from testbed.identify.applies.stated_frames import stated_frame_words
@@ -267,7 +268,8 @@ def _calibrated(
     )
     hangs = mounting_words(found, replace(looking, train=train), clean.plain.model)
     scales = travel_words(chosen.identification, found.covariance)
-    return replace(found, warnings=(*found.warnings, *scales, *hangs))
+    turned = coupling_words(found, robot)
+    return replace(found, warnings=(*found.warnings, *scales, *hangs, *turned))
 
 
 def loss_of(option: str) -> Loss:

@@ -17,11 +17,9 @@ from calib.arrays import LATER, Array, Index, frozen
 from calib.geometry.gravity import DOWN
 from calib.identification.fit_statistics import RED
 from calib.identification.outliers.changes import What, changes
+from calib.identification.outliers.whitened import WhitenedRows
 from calib.identification.result import Identification
-from calib.information.rank import RANK_TOLERANCE
 from calib.measurement.observations import Measurements
-from calib.measurement.prediction import predict
-from calib.measurement.residual import table_whiteners
 from calib.shown import Shown
 
 FEWEST = 8
@@ -30,8 +28,6 @@ EXPLAINED = 0.8
 """Fraction of the chi-square beyond noise that a step must explain; misfit has no place in time."""
 BY_ANOTHER = 0.95
 """The same of another robot, whose many numbers follow some misfit as well."""
-ENOUGH = 1.5
-"""Coordinates for each number of the change, on either side of the step."""
 SUDDEN = 20.0
 """Chi-square, in units of the rest per degree of freedom, by which a step must beat a slow change.
 """
@@ -41,8 +37,6 @@ elsewhere: there, model misfit looks like a step. For a load and another robot, 
 poses, between the mean squares, too."""
 ODDS = 20.0
 """Odds, by BIC, from which what moved is told from something else that may have."""
-TOLD = 1e-6
-"""Squared part of a change that must remain beside the free numbers to tell it from theirs."""
 ROUNDING = 1e-10
 """Part of chi-square below which its rest after a step is rounding, which may be below zero: sums
 and projections of squares lose a few of sixteen digits."""
@@ -110,7 +104,7 @@ def moved_once(
     in_time = np.argsort(order, kind="stable")
     rows = table.rows(in_time)
     places = _places(rows)
-    free = _Whitened.of(identification, rows)
+    free = WhitenedRows.of(identification, rows)
     kinds, alike = list(changes(identification, rows, gravity)), len(rows) / rows.n_poses
     steps: list[tuple[float, Moved]] = []
     for what, number, plain in kinds:
@@ -147,97 +141,6 @@ def moved_once(
     near = best - 2 * np.log(ODDS)
     others = [one for worth, one in steps if worth > near and one is not found]
     return replace(found, or_else=tuple((one.what, one.number) for one in others))
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Whitened:
-    """Whitened rows in order of time, projected off the free numbers."""
-
-    whiteners: Array
-    r: Array
-    """(m, 6) residuals orthogonal to the columns of the free numbers, whose prior is not used."""
-    Q: Array
-    """(m, 6, f) orthonormal basis of these columns over all rows."""
-    square: float
-    freedom: int
-
-    @classmethod
-    def of(cls, identification: Identification, rows: Measurements) -> "_Whitened":
-        seen, parameters = predict(identification.model, rows), identification.parameters
-        W = np.where(seen.filled[:, :, None], table_whiteners(rows), 0.0)
-        A = W @ (seen.rows[:, :, parameters.free_index] * parameters.free_scale)
-        U, s, _ = np.linalg.svd(A.reshape(-1, A.shape[2]), full_matrices=False)
-        U = U[:, s > RANK_TOLERANCE * s.max(initial=0.0)]
-        r = (W @ seen.residual[:, :, None]).ravel()
-        r = r - U @ (U.T @ r)
-        freedom = int(seen.filled.sum()) - U.shape[1]
-        Q = U.reshape(len(rows), 6, -1)
-        return cls(W, r.reshape(len(rows), 6), Q, float(r @ r), freedom)
-
-    def beside(self, plain: Array) -> "_Whitened":
-        """The same beside changes (m, 6, k) that all rows have."""
-        C, Q = (
-            self._scaled(plain)[0].reshape(-1, plain.shape[2]),
-            self.Q.reshape(-1, self.Q.shape[2]),
-        )
-        U, s, _ = np.linalg.svd(C - Q @ (Q.T @ C), full_matrices=False)
-        U = U[:, s > np.sqrt(TOLD)]
-        r = self.r.ravel()
-        r = r - U @ (U.T @ r)
-        both = np.hstack([Q, U]).reshape(*self.r.shape, -1)
-        return _Whitened(
-            self.whiteners, r.reshape(self.r.shape), both, float(r @ r),
-            self.freedom - U.shape[1],
-        )  # fmt: skip
-
-    def step(self, plain: Array, places: Index) -> tuple[float, int, int, Array]:
-        """Largest drop of chi-square by a step, its first row, its rank and its numbers (k,)."""
-        C, size = self._scaled(plain)
-        after = [
-            np.cumsum(one[::-1], axis=0)[::-1]
-            for one in (
-                np.einsum("mri,mrj->mij", C, C),
-                np.einsum("mri,mrf->mif", C, self.Q),
-                np.einsum("mri,mr->mi", C, self.r),
-            )
-        ]
-        seen = np.cumsum((self.whiteners.any(axis=2)).sum(axis=1)[::-1])[::-1]
-        beside = np.minimum(seen[places], seen[0] - seen[places])
-        places = places[beside >= ENOUGH * min(plain.shape[2], self.Q.shape[2])]
-        if not len(places):
-            return 0.0, 0, 0, np.zeros(plain.shape[2])
-        CC, CQ, b = (one[places] for one in after)
-        S = CC - CQ @ np.swapaxes(CQ, 1, 2)
-        values, axes = np.linalg.eigh(S)
-        along = (np.swapaxes(axes, 1, 2) @ b[:, :, None])[..., 0]
-        told = values > TOLD
-        inverse = np.where(told, 1 / np.where(told, values, 1.0), 0.0)
-        gain = (along**2 * inverse).sum(axis=1)
-        best = int(np.argmax(gain))
-        change = axes[best] @ (inverse[best] * along[best])
-        return float(gain[best]), int(places[best]), int(told[best].sum()), change * size
-
-    def slow(self, plain: Array) -> float:
-        """Largest drop of chi-square by the same change if it comes slowly: linear, or settling."""
-        C, _ = self._scaled(plain)
-        share = np.linspace(0, 1, len(C))
-        gains = []
-        for shape in (share, *(1 - np.exp(-share / life) for life in (0.1, 0.3))):
-            grown = C * shape[:, None, None]
-            flat = grown.reshape(-1, C.shape[2])
-            CQ = flat.T @ self.Q.reshape(len(flat), -1)
-            values, axes = np.linalg.eigh(flat.T @ flat - CQ @ CQ.T)
-            along = axes.T @ (flat.T @ self.r.ravel())
-            told = values > TOLD
-            gains.append(float((along[told] ** 2 / values[told]).sum()))
-        return max(gains)
-
-    def _scaled(self, plain: Array) -> tuple[Array, Array]:
-        """Whitened columns of length one over all rows, and the factors (k,) that scale them."""
-        C = self.whiteners @ plain
-        size = np.sqrt((C**2).sum(axis=(0, 1)))
-        size = np.where(size > 0, 1 / np.where(size > 0, size, 1.0), 0.0)
-        return C * size, size
 
 
 def _places(rows: Measurements) -> Index:

@@ -1,0 +1,112 @@
+"""Residuals of a fit off its free numbers, and what a further change would take from them."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from calib.arrays import Array, Index
+from calib.identification.result import Identification
+from calib.information.rank import RANK_TOLERANCE
+from calib.measurement.observations import Measurements
+from calib.measurement.prediction import predict
+from calib.measurement.residual import table_whiteners
+
+TOLD = 1e-6
+"""Squared part of a change that must remain beside the free numbers to tell it from theirs."""
+ENOUGH = 1.5
+"""Coordinates for each number of the change, on either side of the step."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class WhitenedRows:
+    """Whitened rows in order of time, projected off the free numbers."""
+
+    whiteners: Array
+    r: Array
+    """(m, 6) residuals orthogonal to the columns of the free numbers, whose prior is not used."""
+    Q: Array
+    """(m, 6, f) orthonormal basis of these columns over all rows."""
+    square: float
+    freedom: int
+
+    @classmethod
+    def of(cls, identification: Identification, rows: Measurements) -> "WhitenedRows":
+        """Those of rows that a fit is of."""
+        seen, parameters = predict(identification.model, rows), identification.parameters
+        W = np.where(seen.filled[:, :, None], table_whiteners(rows), 0.0)
+        A = W @ (seen.rows[:, :, parameters.free_index] * parameters.free_scale)
+        U, s, _ = np.linalg.svd(A.reshape(-1, A.shape[2]), full_matrices=False)
+        U = U[:, s > RANK_TOLERANCE * s.max(initial=0.0)]
+        r = (W @ seen.residual[:, :, None]).ravel()
+        r = r - U @ (U.T @ r)
+        freedom = int(seen.filled.sum()) - U.shape[1]
+        Q = U.reshape(len(rows), 6, -1)
+        return cls(W, r.reshape(len(rows), 6), Q, float(r @ r), freedom)
+
+    def beside(self, plain: Array) -> "WhitenedRows":
+        """The same beside changes (m, 6, k) that all rows have."""
+        C, Q = (
+            self._scaled(plain)[0].reshape(-1, plain.shape[2]),
+            self.Q.reshape(-1, self.Q.shape[2]),
+        )
+        U, s, _ = np.linalg.svd(C - Q @ (Q.T @ C), full_matrices=False)
+        U = U[:, s > np.sqrt(TOLD)]
+        r = self.r.ravel()
+        r = r - U @ (U.T @ r)
+        both = np.hstack([Q, U]).reshape(*self.r.shape, -1)
+        return WhitenedRows(
+            self.whiteners, r.reshape(self.r.shape), both, float(r @ r),
+            self.freedom - U.shape[1],
+        )  # fmt: skip
+
+    def step(self, plain: Array, places: Index) -> tuple[float, int, int, Array]:
+        """Largest drop of chi-square by a step, its first row, its rank and its numbers (k,)."""
+        C, size = self._scaled(plain)
+        after = [
+            np.cumsum(one[::-1], axis=0)[::-1]
+            for one in (
+                np.einsum("mri,mrj->mij", C, C),
+                np.einsum("mri,mrf->mif", C, self.Q),
+                np.einsum("mri,mr->mi", C, self.r),
+            )
+        ]
+        seen = np.cumsum((self.whiteners.any(axis=2)).sum(axis=1)[::-1])[::-1]
+        beside = np.minimum(seen[places], seen[0] - seen[places])
+        places = places[beside >= ENOUGH * min(plain.shape[2], self.Q.shape[2])]
+        if not len(places):
+            return 0.0, 0, 0, np.zeros(plain.shape[2])
+        CC, CQ, b = (one[places] for one in after)
+        S = CC - CQ @ np.swapaxes(CQ, 1, 2)
+        values, axes = np.linalg.eigh(S)
+        along = (np.swapaxes(axes, 1, 2) @ b[:, :, None])[..., 0]
+        told = values > TOLD
+        inverse = np.where(told, 1 / np.where(told, values, 1.0), 0.0)
+        gain = (along**2 * inverse).sum(axis=1)
+        best = int(np.argmax(gain))
+        change = axes[best] @ (inverse[best] * along[best])
+        return float(gain[best]), int(places[best]), int(told[best].sum()), change * size
+
+    def slow(self, plain: Array) -> float:
+        """Largest drop of chi-square by the same change if it comes slowly: linear, or settling."""
+        share = np.linspace(0, 1, len(plain))
+        shapes = (share, *(1 - np.exp(-share / life) for life in (0.1, 0.3)))
+        return max(self.drop(plain * shape[:, None, None])[0] for shape in shapes)
+
+    def drop(self, plain: Array) -> tuple[float, int, Array]:
+        """Drop of chi-square by a change (m, 6, k) of all rows, its rank and its numbers (k,)."""
+        C, size = self._scaled(plain)
+        flat = C.reshape(-1, C.shape[2])
+        CQ = flat.T @ self.Q.reshape(len(flat), -1)
+        values, axes = np.linalg.eigh(flat.T @ flat - CQ @ CQ.T)
+        along = axes.T @ (flat.T @ self.r.ravel())
+        told = values > TOLD
+        inverse = np.where(told, 1 / np.where(told, values, 1.0), 0.0)
+        change = axes @ (inverse * along)
+        return float((along**2 * inverse).sum()), int(told.sum()), change * size
+
+    def _scaled(self, plain: Array) -> tuple[Array, Array]:
+        """Whitened columns of length one over all rows, and the factors (k,) that scale them."""
+        C = self.whiteners @ plain
+        size = np.sqrt((C**2).sum(axis=(0, 1)))
+        size = np.where(size > 0, 1 / np.where(size > 0, size, 1.0), 0.0)
+        return C * size, size
