@@ -22,11 +22,15 @@ NOTHING_LEFT = "Nothing is left to calibrate: the readings do not show that any 
 def changes(calibration: Calibration) -> tuple[str, ...]:
     """How the mean error of positions and, of poses, that of orientations goes, in words.
 
-    A rise that is no more than chance makes of poses like these is not called one.
+    A rise that is no more than chance makes of poses like these is not called one, nor what noise
+    alone does to numbers that are right.
     """
     position, rotation = _before_after(calibration)
-    found = [f"{_goes(*position, mm)} mm"]
-    return (*found, f"{_goes(*rotation, deg)} deg") if len(rotation[0]) else tuple(found)
+    sound = nothing_left(calibration)
+    found = [f"{_goes(*position, mm, sound=sound)} mm"]
+    if len(rotation[0]):
+        found.append(f"{_goes(*rotation, deg, sound=sound)} deg")
+    return tuple(found)
 
 
 def rises(calibration: Calibration) -> bool:
@@ -73,11 +77,13 @@ def _before_after(calibration: Calibration) -> tuple[tuple[Array, Array], tuple[
     return (before, after), (turned, turns_after)
 
 
-def _goes(before: Array, after: Array, shown: Callable[[float], str]) -> str:
+def _goes(before: Array, after: Array, shown: Callable[[float], str], *, sound: bool) -> str:
     """From where to where the mean goes."""
     one, other = (shown(float(each.mean())) for each in (before, after))
     if one == other:
         return f"stays at {other}"
+    if sound:
+        return f"goes from {one} to {other}"
     if after.mean() < before.mean():
         return f"falls from {one} to {other}"
     if _surely_more(before, after):

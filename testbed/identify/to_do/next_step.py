@@ -35,7 +35,10 @@ def next_step(calibration: Calibration) -> str:
         return do_not_use(calibration)
     use = _what_to_use(calibration)
     if unchanged:
-        use = f"{NOTHING_LEFT} The robot can stay as it is described. {use}"
+        use = (
+            f'{NOTHING_LEFT} Keep the robot as it is described ([identification] free = "frames" '
+            f"then states its R95). This is of the one in robot/, whose numbers were fitted anew."
+        )
     if calibration.elsewhere:
         used, judges = calibration.is_used, calibration.split.is_test
         differ = held_out_departs(calibration.conditions, calibration.set_up, used, judges)
@@ -87,6 +90,8 @@ def next_step(calibration: Calibration) -> str:
             )
         elif asked_for := unconfirmed(calibration):
             text += f" {asked_for}"
+        elif unchanged:
+            return text
         elif fit.test.position.mean > LEARNT * fit.train.position.mean:
             text += " Errors are larger than at the training poses: more of these may help."
         elif lack is not None and lack.p_value < RED:

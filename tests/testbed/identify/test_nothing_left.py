@@ -36,16 +36,21 @@ def test_the_robot_handed_back_and_the_same_readings_leave_nothing_to_calibrate(
     assert "RISES" not in said
     assert NOTHING_LEFT[:-1] in said
     step = next_step(again)
-    assert step.startswith(f"{NOTHING_LEFT} The robot can stay as it is described. ")
+    assert step.startswith(f"{NOTHING_LEFT} Keep the robot as it is described ")
     assert "Do not use" not in step
     assert "Check the robot's description" not in step
-    assert "Quote R95" in step
+    assert "Quote R95" in step or "quote R95" in step
+    assert "may help" not in step
 
 
 def test_new_readings_of_a_robot_that_is_as_described_leave_nothing_to_calibrate():
     described = replace(BARE, model=true_model(own_frames=True))
     table = table_of(true_model(), pool_r(70), seed=11)
-    assert nothing_left(calibrate(described, session_of(table), Options(seed=1)))
+    found = calibrate(described, session_of(table), Options(seed=1))
+    assert nothing_left(found)
+    # what noise does to numbers that were right
+    assert found.fit.test.position.mean > found.before_test.position.mean
+    assert "RISES" not in verdict(found)
 
 
 def errors(found, before, after):
