@@ -36,6 +36,7 @@ from testbed.identify.moved import moved_in
 from testbed.identify.order import order_words, require_order
 from testbed.identify.outliers import Looking, bad_words, first_look, model_words
 from testbed.identify.proof import (
+    drift_of_repeats,
     guard_warnings,
     of_the_lead,
     proof_of,
@@ -177,7 +178,10 @@ def _calibrated(
         models = tuple(with_own_frames(each, own, measurements, used, split) for each in models)
     chosen = next(each for each in models if each.model == clean.choice.chosen)
     report(STEPS[3], 3, len(STEPS))
-    comes_back = repeatability(chosen.identification.model, robot, session, measurements, ~left_out)
+    drifts = drift_of_repeats(chosen.identification.model, session, measurements, ~left_out)
+    comes_back = repeatability(
+        chosen.identification.model, robot, session, measurements, ~left_out, drifts
+    )
     result, rows = chosen.identification, used
     if own is not None:
         result, rows = own.weighed(result, used), used | own.rows
@@ -249,8 +253,10 @@ def _calibrated(
         visits=session.visits,
         visit=session.visit,
         moved=moved_in(session, robot.model, (chosen, models[0]), measurements, used),
+        repeats_drift=drifts,
         handback=handback,
         warnings=(
+            *(() if drifts is None else (drifts.sentence,)),
             *model_words(shots, looking.train, chosen, called),
             *warnings_of(models[0], chosen, train, scatter_told(robot, session)),
             *coarse_joints(session, chosen, train),

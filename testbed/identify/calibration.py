@@ -13,6 +13,7 @@ from calib.identification.outliers.moved import Moved
 from calib.measurement.observations import Measurements
 from calib.measurement.tool_target import ToolTarget
 from calib.shown import ResultTable, Shown
+from calib.uncertainty.drift.between_repeats import RepeatDrift
 from calib.uncertainty.judgement import Judgement
 from calib.uncertainty.statement.conditions import Conditions
 from calib.uncertainty.statement.shared import SharedErrors
@@ -90,6 +91,8 @@ class Calibration(Shown):
     """(m,) which of them each row is of."""
     moved: Moved | None = None
     """What moved once between two rows that identify, if that explains their residuals."""
+    repeats_drift: RepeatDrift | None = None
+    """A drift that visits of the same poses show."""
 
     def __post_init__(self) -> None:
         rows = len(self.measurements)

@@ -11,6 +11,7 @@ from calib.identification.fit_statistics import RED
 from calib.identification.identify import Identification
 from calib.measurement.observations import GIVEN, Measurements
 from calib.measurement.tool_target import ToolTarget, places_are_found
+from calib.uncertainty.drift.between_repeats import RepeatDrift, repeat_drift
 from calib.uncertainty.judgement import Circumstances, Judgement, judge
 from calib.uncertainty.statement.repeats import FEWEST_FREEDOM, joint_scatter, repeated
 from calib.uncertainty.tool_point import tool_statement
@@ -217,13 +218,29 @@ def stated_target(measurements: Measurements, result: Identification) -> ToolTar
     return ToolTarget.of(places[0])
 
 
+def drift_of_repeats(
+    model: RobotModel, session: Session, measurements: Measurements, visits: Bool
+) -> RepeatDrift | None:
+    """A drift that rows `visits` (m,) of the same poses show; None without one, or an order."""
+    some = np.flatnonzero(visits & ~measurements.is_distance)
+    if not len(some) or session.wanted.order == "unknown":
+        return None
+    return repeat_drift(model, measurements.rows(some), session.in_time[some])
+
+
 def repeatability(
-    model: RobotModel, robot: Robot, session: Session, measurements: Measurements, visits: Bool
+    model: RobotModel,
+    robot: Robot,
+    session: Session,
+    measurements: Measurements,
+    visits: Bool,
+    drift: RepeatDrift | None = None,
 ) -> tuple[Array, str]:
     """Standard deviation (n,) with which each joint comes back [rad, m], and what tells it.
 
     Repeats of poses tell it where there are enough, and where the scatter of the joints is known
-    apart from that of the instrument: then their upper 95 % limit is taken.
+    apart from that of the instrument: then their upper 95 % limit is taken. What they differ by
+    through a drift, joints do not make.
     """
     stated, said, by = robot.repeatability, "the robot's description", "the robot's description"
     if robot.scatter_is_assumed:
@@ -234,15 +251,19 @@ def repeatability(
     if not session.joint_scatter.any() or freedom < FEWEST_FREEDOM:
         return stated, said
     own = session.measurements.covariance[some, :3, :3]
-    found = joint_scatter(model, seen, own, measurements.covariance[some, :3, :3] - own)
+    found = joint_scatter(
+        model, seen, own, measurements.covariance[some, :3, :3] - own,
+        None if drift is None else drift.shift,
+    )  # fmt: skip
     if found is None:
         return stated, said
     best, upper = found
     if upper < 1 and one_after_another(session):
         return stated, f"{said}, as repeats without another pose between them show less than that"
     found_of_it = f"{best:.2g} times" if best > 0 else "none of"
+    beside = "" if drift is None else "beside a drift, "
     told = (
-        f"repeats show {found_of_it} what {by} states, and allow for {upper:.2g} times as much, "
-        "which is used"
+        f"{beside}repeats show {found_of_it} what {by} states, and allow for {upper:.2g} times as "
+        "much, which is used"
     )
     return frozen(upper * stated), told

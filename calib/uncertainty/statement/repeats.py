@@ -106,7 +106,7 @@ def sound(residual: Array, covariance: Array, groups: list[Index]) -> list[Index
 
 
 def joint_scatter(
-    model: RobotModel, visits: Measurements, own: Array, shape: Array
+    model: RobotModel, visits: Measurements, own: Array, shape: Array, drift: Array | None = None
 ) -> tuple[float, float] | None:
     """Factor on the stated repeatability of the joints, and its upper 95 % limit, from repeats.
 
@@ -120,6 +120,8 @@ def joint_scatter(
         Covariance of the instrument alone in each row [m^2].
     shape : (m, 3, 3) array
         Covariance of each row that the stated repeatability makes [m^2].
+    drift : (m, 3) array, optional
+        What the positions have of a drift, which joints do not make [m].
 
     References
     ----------
@@ -133,6 +135,8 @@ def joint_scatter(
     keep = ~visits.is_distance
     own, shape = own[keep], shape[keep]
     residual = predict(model, points).residual[:, :3]
+    if drift is not None:
+        residual = residual - drift[keep]
     groups = sound(residual, own + shape, groups)
     factors = np.concatenate([[0.0], np.geomspace(0.02, 50.0, 320)])
     value = np.array([_of_differences(residual, own + f**2 * shape, groups) for f in factors])

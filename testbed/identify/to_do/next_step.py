@@ -74,7 +74,10 @@ def next_step(calibration: Calibration) -> str:
     if not proof.belief.n_guards:
         done = "guards" if proof.held_out is not None else "has tested"
         return f"{text} State with it that no held-out pose {done} it. {_more_poses(calibration)}"
-    if proof.drifting is not None and proof.drifting.seen:
+    slow = calibration.repeats_drift
+    if slow is not None and slow.of_tool and not slow.or_else:
+        return f"{text} The tool drifts on the flange: fasten it, and measure again."
+    if slow is not None or (proof.drifting is not None and proof.drifting.seen):
         return (
             f"{text} The readings drift: let the instrument and the arm settle, and measure nests "
             "on the floor with them ([drift])."
