@@ -116,11 +116,14 @@ def probe(robot: Robot, session: Session) -> Probe:
         if turned is not None:
             tried.append((Tried(turned[0], misfit_of(robot.model, turned[1])), turned[1]))
     tried.sort(key=lambda one: one[0].misfit.score)
+    exact = exactness(robot.model, session, some, stated)
+    odd = (exact, *_warnings(robot, session, some, stated), *_others(robot, session, groups, rows))
     found = replace(
         plain,
         stated=stated,
         tried=tuple(one for one, _ in tried),
-        warnings=(*_warnings(robot, session, some, stated), *_others(robot, session, groups, rows)),
+        exact=bool(exact),
+        warnings=tuple(filter(None, odd)),
         no_target=not_on_one_tool(session, groups),
     )
     found = _with_links(found, robot, session, read, [one for _, one in tried])
@@ -223,17 +226,15 @@ def _extent(points: Array) -> float:
 
 def _warnings(robot: Robot, session: Session, rows: Index, stated: Misfit) -> tuple[str, ...]:
     """What looks odd though the reading is right."""
-    warnings = [exact] if (exact := exactness(robot.model, session, rows, stated)) else []
-    if session.read_back is not None:
-        other = replace(as_read(session, rows), q=session.read_back[rows])
-        left = misfit_of(robot.model, other)
-        if left.position < BETTER * stated.position:
-            name = "commanded" if session.joint_source == "read-back" else "read-back"
-            warnings.append(
-                f"the {name} joints fit better: base+tool leave {left.shown} instead of "
-                f"{stated.shown}"
-            )
-    return tuple(warnings)
+    if session.read_back is None:
+        return ()
+    other = replace(as_read(session, rows), q=session.read_back[rows])
+    left = misfit_of(robot.model, other)
+    if left.position >= BETTER * stated.position:
+        return ()
+    name = "commanded" if session.joint_source == "read-back" else "read-back"
+    said = f"the {name} joints fit better: base+tool leave {left.shown} instead of {stated.shown}"
+    return (said,)
 
 
 def _probe_distances(plain: Probe, robot: Robot, session: Session) -> Probe:

@@ -17,7 +17,7 @@ from testbed.identify.applies.mounting import mounting_words
 from testbed.identify.applies.poses import coarse_joints, scatter_told, warnings_of
 from testbed.identify.applies.stated_frames import stated_frame_words
 from testbed.identify.applies.travel import travel_words
-from testbed.identify.calibration import Calibration
+from testbed.identify.calibration import FRAMES, MOUNTING, Calibration
 from testbed.identify.clean_fit import clean_fit
 from testbed.identify.conditions import held_out_warnings
 from testbed.identify.far_off import far_held_out, held_out_outliers
@@ -213,7 +213,7 @@ def _calibrated(
         stated.q[np.unique(stated.pose_id, return_index=True)[1]],
         target=target, repeatability=comes_back[0],
     )  # fmt: skip
-    misses = row_errors(before, measurements)
+    misses, placed = row_errors(before, measurements), stated_frame_words(session, before, train)
     found = Calibration(
         source=origin_of(robot, session, probes),
         nominal=robot.model,
@@ -260,7 +260,7 @@ def _calibrated(
             *model_words(shots, looking.train, chosen, called),
             *warnings_of(models[0], chosen, train, scatter_told(robot, session)),
             *coarse_joints(session, chosen, train),
-            *stated_frame_words(session, before, train),
+            *placed,
             *guard_warnings(session, measurements.rows(split.is_test)),
             *standing_warnings(session, chosen.identification),
             *turn_warnings(session, measurements, chosen.identification.model.fixtures.anchors),
@@ -275,7 +275,9 @@ def _calibrated(
     hangs = mounting_words(found, replace(looking, train=train), clean.plain.model)
     scales = travel_words(chosen.identification, found.covariance)
     turned = coupling_words(found, robot)
-    return replace(found, warnings=(*found.warnings, *scales, *hangs, *turned))
+    doubted = tuple(name for name, said in ((FRAMES, placed), (MOUNTING, hangs)) if said)
+    said = (*found.warnings, *scales, *hangs, *turned)
+    return replace(found, warnings=said, doubted=doubted)
 
 
 def loss_of(option: str) -> Loss:

@@ -32,6 +32,8 @@ from testbed.identify.records import (
 from testbed.robots.robot import Reflector
 from testbed.scenario.tolerance import Decision
 
+FRAMES, MOUNTING = "frames", "mounting"
+
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Calibration(Shown):
@@ -93,6 +95,8 @@ class Calibration(Shown):
     """What moved once between two rows that identify, if that explains their residuals."""
     repeats_drift: RepeatDrift | None = None
     """A drift that visits of the same poses show."""
+    doubted: tuple[str, ...] = ()
+    """What the readings contradict of the description: `FRAMES`, `MOUNTING`."""
 
     def __post_init__(self) -> None:
         rows = len(self.measurements)

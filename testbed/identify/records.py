@@ -38,6 +38,8 @@ class Origin(Shown):
     probe: tuple[str, ...]
     """What the reading was tested against."""
     warnings: tuple[str, ...]
+    exact: bool = False
+    """Whether the nominal robot explains them as no robot that was measured."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)

@@ -164,6 +164,7 @@ def origin_of(robot: Robot, session: Session, probes: Sequence[Probe]) -> Origin
         warnings=_without_folders(
             session, (*session.warnings, *(text for one in probes for text in one.warnings))
         ),
+        exact=any(one.exact for one in probes),
     )
 
 

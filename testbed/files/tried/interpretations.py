@@ -58,6 +58,8 @@ class Probe:
     """Links that explain what base and tool alone leave of the stated reading."""
     moved_at: str = ""
     """Row from which on it has frames of its own, where that explains it."""
+    exact: bool = False
+    """Whether base and tool explain it as exactly as a controller's own poses."""
 
     @property
     def best(self) -> Tried | None:

@@ -48,7 +48,7 @@ def nothing_left(calibration: Calibration) -> bool:
     """
     fit, table = calibration.fit.identification, calibration.measurements.rows(calibration.is_used)
     plain = fit.mode == "whitened" and fit.loss == "squared"
-    if calibration.choice.asked == FRAMES_ALONE or not plain:
+    if calibration.choice.asked == FRAMES_ALONE or not plain or calibration.moved is not None:
         return False
     before, after = _before_after(calibration)[0]
     if _surely_more(after, before):

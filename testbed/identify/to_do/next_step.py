@@ -7,13 +7,12 @@ from calib.identification.fit_statistics import RED
 from testbed.identify.applies.beyond import far_step
 from testbed.identify.applies.targets import tool_words as target_words
 from testbed.identify.calibration import Calibration
-from testbed.identify.conditions import held_out_departs
 from testbed.identify.frames import FRAMES_ALONE
 from testbed.identify.handback.delivered import GEOMETRIC
 from testbed.identify.headline import kind, mm
-from testbed.identify.moved import happened
+from testbed.identify.to_do.causes import description_step, do_not_use, drift_step, first_of_all
 from testbed.identify.to_do.change import NOTHING_LEFT, nothing_left
-from testbed.identify.to_do.unconfirmed import do_not_use, unconfirmed
+from testbed.identify.to_do.unconfirmed import unconfirmed
 from testbed.identify.visits.wide import wide_step
 from testbed.units import UM, significant
 
@@ -24,33 +23,22 @@ LEARNT = 1.1
 def next_step(calibration: Calibration) -> str:
     """What a person should do now."""
     fit, proof = calibration.fit, calibration.proof
+    if first := first_of_all(calibration):
+        return first
     if fit.test is None:
         return (
             f"Measure at least {fewest_poses()} more poses where the robot will be used, and pass "
             "them with --test: until then, only the fit itself supports this result."
         )
-    unchanged = nothing_left(calibration)
+    unchanged, far = nothing_left(calibration), far_step(calibration)
     gain = calibration.before_test.position.mean / fit.test.position.mean  # type: ignore[union-attr]  # both or none
-    if gain < 1 and not unchanged and calibration.choice.asked != FRAMES_ALONE:
+    if gain < 1 and not unchanged and not far and calibration.choice.asked != FRAMES_ALONE:
         return do_not_use(calibration)
     use = _what_to_use(calibration)
     if unchanged:
         use = (
             f'{NOTHING_LEFT} Keep the robot as it is described ([identification] free = "frames" '
             f"then states its R95). This is of the one in robot/, whose numbers were fitted anew."
-        )
-    if calibration.elsewhere:
-        used, judges = calibration.is_used, calibration.split.is_test
-        differ = held_out_departs(calibration.conditions, calibration.set_up, used, judges)
-        conditions = ", or what their conditions do" if differ else ""
-        return (
-            "First find out why the held-out poses are off as a whole: a base or a station that "
-            f"moved, another target, another tool{conditions}. Then measure them again."
-        )
-    if calibration.moved is not None:
-        return (
-            f"First find out what {happened(calibration.moved)}, and separate the rows before it "
-            "from those after it: the radius now covers both."
         )
     if proof.belief is None or proof.point is None:
         if not calibration.converged:
@@ -69,19 +57,13 @@ def next_step(calibration: Calibration) -> str:
     if np.isfinite(proof.point.radius_move):
         text += f" and {significant(proof.point.radius_move * UM)} um for a single move"
     text += ", at poses like the held-out ones."
-    if first := far_step(calibration) or wide_step(calibration):
+    if first := description_step(calibration) or far or wide_step(calibration):
         return f"{first}{text[0].lower()}{text[1:]}"
     if not proof.belief.n_guards:
         done = "guards" if proof.held_out is not None else "has tested"
         return f"{text} State with it that no held-out pose {done} it. {_more_poses(calibration)}"
-    slow = calibration.repeats_drift
-    if slow is not None and slow.of_tool and not slow.or_else:
-        return f"{text} The tool drifts on the flange: fasten it, and measure again."
-    if slow is not None or (proof.drifting is not None and proof.drifting.seen):
-        return (
-            f"{text} The readings drift: let the instrument and the arm settle, and measure nests "
-            "on the floor with them ([drift])."
-        )
+    if drifts := drift_step(calibration):
+        return f"{text} {drifts}"
     if proof.tails is not None and not proof.tails.source:
         return f"{text} Measure every pose twice, to tell noise with long tails from a misfit."
     if calibration.refuted:

@@ -4,11 +4,9 @@ import numpy as np
 
 from calib.identification.folds import FEWEST_TO_CONFIRM, FOLDS
 from testbed.identify.calibration import Calibration
-from testbed.identify.to_do.change import rises
 
 NEEDED = FOLDS * FEWEST_TO_CONFIRM
 """Training poses that can confirm a level of joint errors."""
-CHECK = "Check the robot's description, the units, and which reading belongs to which joints."
 
 
 def unconfirmed(calibration: Calibration) -> str:
@@ -24,13 +22,4 @@ def unconfirmed(calibration: Calibration) -> str:
     return (
         f"Joint errors ({step.level}, log evidence {step.gain:+.1f}) may explain what is left: "
         f"identify from {NEEDED} poses or more, which can confirm them ({how})."
-    )
-
-
-def do_not_use(calibration: Calibration) -> str:
-    """What to do about a model that is worse than the nominal one."""
-    worse = "worse" if rises(calibration) else "no better"
-    return (
-        f"Do not use this model: on held-out poses it is {worse} than the nominal one. "
-        f"{unconfirmed(calibration) or CHECK}"
     )

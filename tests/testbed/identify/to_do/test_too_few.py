@@ -13,8 +13,9 @@ from testbed.files.read import read_session
 from testbed.identify.calibrate import Options, calibrate
 from testbed.identify.fit import figures_of
 from testbed.identify.splitting import with_poses_held_out
+from testbed.identify.to_do.causes import CHECK
 from testbed.identify.to_do.next_step import next_step
-from testbed.identify.to_do.unconfirmed import CHECK, NEEDED, unconfirmed
+from testbed.identify.to_do.unconfirmed import NEEDED, unconfirmed
 from tests.calibrated import sound
 from tests.testbed.files.made import ROBOT, columns, csv, made, with_spread
 

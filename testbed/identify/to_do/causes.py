@@ -1,0 +1,79 @@
+"""What has to be settled before anything else, strongest first."""
+
+from testbed.identify.applies.beyond import beyond_words, far_words
+from testbed.identify.calibration import FRAMES, MOUNTING, Calibration
+from testbed.identify.conditions import held_out_departs
+from testbed.identify.moved import happened
+from testbed.identify.to_do.change import rises
+from testbed.identify.to_do.unconfirmed import unconfirmed
+
+CHECK = "Check the robot's description, the units, and which reading belongs to which joints."
+
+
+def first_of_all(calibration: Calibration) -> str:
+    """What leaves no number of this calibration to be used as it is; else empty."""
+    if calibration.source.exact:
+        return (
+            "First find out whether these are measurements: poses that a controller computed "
+            "itself calibrate nothing. Measure them with an instrument."
+        )
+    if calibration.elsewhere:
+        used, judges = calibration.is_used, calibration.split.is_test
+        differ = held_out_departs(calibration.conditions, calibration.set_up, used, judges)
+        conditions = ", or what their conditions do" if differ else ""
+        return (
+            "First find out why the held-out poses are off as a whole: a base or a station that "
+            f"moved, another target, another tool{conditions}. Then measure them again."
+        )
+    if calibration.moved is not None:
+        return (
+            f"First find out what {happened(calibration.moved)}, and separate the rows before it "
+            "from those after it: the radius now covers both."
+        )
+    return ""
+
+
+def description_step(calibration: Calibration) -> str:
+    """What the readings contradict in the description, before its robot is used; else empty."""
+    if FRAMES in calibration.doubted:
+        return (
+            "First settle where base and tool are, which the readings have elsewhere than the "
+            "robot's file: correct it, or free them under [identification]. Until then, "
+        )
+    if MOUNTING in calibration.doubted:
+        return (
+            "First find out whether the arm hangs on a wall or ceiling, and state it in robot.toml "
+            "([base] rotation_vector_deg). Until then, "
+        )
+    return ""
+
+
+def drift_step(calibration: Calibration) -> str:
+    """What to do about a drift that the readings show; else empty."""
+    slow, order = calibration.repeats_drift, calibration.proof.drifting
+    if slow is not None and slow.of_tool and not slow.or_else:
+        return "The tool drifts on the flange: fasten it, and measure again."
+    if slow is not None or (order is not None and order.seen):
+        return (
+            "The readings drift: let the instrument and the arm settle, and measure nests on the "
+            "floor with them ([drift])."
+        )
+    return ""
+
+
+def do_not_use(calibration: Calibration) -> str:
+    """What to do about a model that is no better than the nominal one."""
+    worse = "worse" if rises(calibration) else "no better"
+    why = description_step(calibration).removesuffix(" Until then, ") or unconfirmed(calibration)
+    if not why and not calibration.converged:
+        why = (
+            "The fit did not converge: measure poses that tell its numbers apart, or free fewer "
+            "([identification] free)."
+        )
+    if not why and len(beyond_words(calibration)) > len(far_words(calibration)):
+        why = (
+            "Add training poses where the held-out ones lie, or find out whether the robot had "
+            "changed by then."
+        )
+    why = why or drift_step(calibration) or CHECK
+    return f"Do not use this model: on held-out poses it is {worse} than the nominal one. {why}"
