@@ -15,7 +15,7 @@ from testbed.files.dialects.tables import (
 )
 from testbed.files.nests.drift import without_drift
 from testbed.files.observed import misspelt_columns, read_observed, section_of
-from testbed.files.readings import Readings, lost_readings
+from testbed.files.readings import Readings, lost_readings, lost_targets
 from testbed.files.reflectors.own_files import of_reflector
 from testbed.files.refusal import no_rows
 from testbed.files.rows.copies import is_fine
@@ -106,6 +106,7 @@ def _cleaned(
     if reflector:
         readings = of_reflector(readings, reflector, called)
     good, masked = lost_readings(readings, called)
+    warnings += lost_targets(readings, good)
     readings, drift = readings.rows(good), None
     fine = is_fine(readings)
     if settings.drift is not None:

@@ -145,7 +145,7 @@ def by_pose(
     if lost and not drop:
         raise _mismatch(where, "there is no reading of", lost, " or add --drop-invalid")
     warnings = [f"{where}: there is no reading of {_listed(lost)}; left out"] if lost else []
-    if apart := {key[0] for key in missing if key[0] in others}:
+    if measured and (apart := {key[0] for key in missing if key[0] in others}):
         warnings.append(f"{where}: {len(apart)} poses are in other files only")
     rows = np.array([at[key] for key in measured], dtype=np.int64)
     return Match(rows, np.arange(len(measured)), tuple(warnings))

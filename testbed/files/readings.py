@@ -128,6 +128,17 @@ def lost_readings(readings: Readings, nests: Sequence[str]) -> tuple[Bool, list[
     return ~lost, rows_said(readings.place, lost, f"missed shots, written as {written}")
 
 
+def lost_targets(readings: Readings, good: Bool) -> list[str]:
+    """A sentence on each target none of whose rows is among the good ones (m,)."""
+    left = {name for name, one in zip(readings.target, good, strict=True) if one}
+    return [
+        f"{readings.where}: all {counted(readings.target.count(name), 'shot')} of "
+        f"{f'target {name}' if name else 'this file'} were missed, so it takes no part"
+        for name in dict.fromkeys(readings.target)
+        if name not in left
+    ]
+
+
 def copied_rows(readings: Readings, *beside: Array | Index) -> tuple[Bool, list[str]]:
     """Rows (m,) without those that repeat the digits of an earlier one, and a sentence on them.
 

@@ -291,3 +291,27 @@ def test_nests_in_the_file_of_a_reflector_are_no_other_reflector(tmp_path):
     assert found.reflector_names == ("A", "B", "C")
     with pytest.raises(InputError, match=r"fixed points that .* belong under \[drift\] nests"):
         read(tmp_path, table)
+
+
+@pytest.mark.parametrize("wide", [False, True])
+def test_a_reflector_all_of_whose_shots_were_missed_is_named(wide, tmp_path):
+    """It was gone without a word on the first page, and its poses were "in other files only"."""
+    points, (a, b, c) = FILES, seen()
+    tables = apart(a, b, np.zeros_like(c))
+    if wide:
+        columns = {f"{name}_{x}_mm": xyz[:, k] for name, xyz in zip("ABC", (a, b, 0 * c), strict=True)
+                   for k, x in enumerate("xyz")}  # fmt: skip
+        tables = {"joints": tables["joints"], "a": {"pose_id": NAMES} | columns}
+        targets = ", ".join(f"{name} = {[f'{name}_{x}_mm' for x in 'xyz']}" for name in "ABC")
+        points = f'file = "a.csv"\ntargets = {{ {targets} }}\n'
+    found = read(tmp_path, tables, points)
+    assert found.reflector_names == ("A", "B")
+    (said,) = found.warnings
+    file = "a.csv" if wide else "c.csv"
+    assert said.endswith(f"{file}: all 30 shots of target C were missed, so it takes no part")
+    if not wide:  # one that was met once is no such target
+        c = 0 * c
+        c[4] = seen()[2][4]
+        few = read(tmp_path, apart(a, b, c))
+        assert few.reflector_names == ("A", "B", "C")
+        assert not any("takes no part" in text for text in few.warnings)
