@@ -5,7 +5,7 @@ from typing import Annotated
 
 import numpy as np
 
-from calib.arrays import Array, Bool, Index, wrong_shape
+from calib.arrays import LATER, Array, Bool, Index, wrong_shape
 from calib.geometry.model import RobotModel
 from calib.identification.fit_statistics import RED
 from calib.identification.identify import Status
@@ -93,9 +93,9 @@ class Calibration(Shown):
     """(m,) which of them each row is of."""
     moved: Moved | None = None
     """What moved once between two rows that identify, if that explains their residuals."""
-    repeats_drift: RepeatDrift | None = None
+    repeats_drift: Annotated[RepeatDrift | None, LATER] = None
     """A drift that visits of the same poses show."""
-    doubted: tuple[str, ...] = ()
+    doubted: Annotated[tuple[str, ...], LATER] = ()
     """What the readings contradict of the description: `FRAMES`, `MOUNTING`."""
 
     def __post_init__(self) -> None:

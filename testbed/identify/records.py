@@ -38,7 +38,7 @@ class Origin(Shown):
     probe: tuple[str, ...]
     """What the reading was tested against."""
     warnings: tuple[str, ...]
-    exact: bool = False
+    exact: Annotated[bool, LATER] = False
     """Whether the nominal robot explains them as no robot that was measured."""
 
 

@@ -299,8 +299,8 @@ def test_a_reflector_all_of_whose_shots_were_missed_is_named(wide, tmp_path):
     points, (a, b, c) = FILES, seen()
     tables = apart(a, b, np.zeros_like(c))
     if wide:
-        columns = {f"{name}_{x}_mm": xyz[:, k] for name, xyz in zip("ABC", (a, b, 0 * c), strict=True)
-                   for k, x in enumerate("xyz")}  # fmt: skip
+        three = {"A": a, "B": b, "C": 0 * c}
+        columns = {f"{n}_{x}_mm": three[n][:, k] for n in "ABC" for k, x in enumerate("xyz")}
         tables = {"joints": tables["joints"], "a": {"pose_id": NAMES} | columns}
         targets = ", ".join(f"{name} = {[f'{name}_{x}_mm' for x in 'xyz']}" for name in "ABC")
         points = f'file = "a.csv"\ntargets = {{ {targets} }}\n'
