@@ -16,18 +16,10 @@ from calib.uncertainty.statement.shared import (
 )
 from testbed.files.session import Session
 from testbed.identify.calibration import Calibration
-from testbed.report.page import Block, Section, Table, Text
+from testbed.report.page import Section, Table
 from testbed.scenario.instrument import beam_of, errors_of
 from testbed.store.quantities import METRE, Quantity, below
 from testbed.units import UM, fixed, percent
-
-UNSTATED = (
-    "The session states no systematic errors of its instrument. No figure here includes its errors "
-    "that all readings share (a wrong scale, eccentric encoder circles, a target off its place), "
-    "and no held-out pose measured by the same instrument can show them: state them under "
-    "[uncertainty.systematic] in session.toml."
-)
-
 
 OF_NESTS = "nests that the drift was taken off by"
 """Name of their source."""
@@ -71,34 +63,33 @@ def states_instrument(found: SharedErrors | None) -> bool:
     return found is not None and found.names != (OF_NESTS,)
 
 
-def shared_section(calibration: Calibration) -> Section:
+def shared_section(calibration: Calibration) -> Section | None:
     """Each source with what it leaves at the tool, and what a held-out pose can show."""
     found = calibration.shared
-    blocks: list[Block] = [] if states_instrument(found) else [Text(UNSTATED)]
-    if found is not None:
-        held = calibration.split.is_test.any()
-        rows = [
-            (name, fixed(at_tool * UM, 2), fixed(seen * UM, 2), words)
-            for name, at_tool, seen, words in zip(
-                found.names, found.at_tool, found.seen, found.shown, strict=True
-            )
-        ]
-        whole = ("all together", fixed(found.combined * UM, 2), "", "")
-        table = Table(
-            caption="Standard uncertainty that all readings share, 3-D, root mean square over "
-            + ("the held-out poses" if held else "the poses identified from"),
-            head=("source", "at the tool µm", "seen µm", "enough to see it"),
-            rows=(*rows, whole),
-            align="lrrl",
-            note="All readings are assumed to come from one instrument. At the tool: the part "
-            "that the estimate takes over, by which the predicted tool point is wrong; a believed "
-            "region includes it, and more poses do not reduce it. Seen: the part that the "
-            f"residuals show. no: less than {HIDDEN:g} of what is left at the tool. negligible: "
-            f"less than {percent(NOTHING)} of the whole is left there. The level of a station "
-            "counts only for positions relative to gravity.",
+    if found is None:
+        return None
+    held = calibration.split.is_test.any()
+    rows = [
+        (name, fixed(at_tool * UM, 2), fixed(seen * UM, 2), words)
+        for name, at_tool, seen, words in zip(
+            found.names, found.at_tool, found.seen, found.shown, strict=True
         )
-        blocks.append(table)
-    return Section("shared", "Errors that all readings share", tuple(blocks))
+    ]
+    whole = ("all together", fixed(found.combined * UM, 2), "", "")
+    table = Table(
+        caption="Standard uncertainty that all readings share, 3-D, root mean square over "
+        + ("the held-out poses" if held else "the poses identified from"),
+        head=("source", "at the tool µm", "seen µm", "enough to see it"),
+        rows=(*rows, whole),
+        align="lrrl",
+        note="All readings are assumed to come from one instrument. At the tool: the part that "
+        "the estimate takes over, by which the predicted tool point is wrong; a believed region "
+        "includes it, and more poses do not reduce it. Seen: the part that the residuals show. "
+        f"no: less than {HIDDEN:g} of what is left at the tool. negligible: less than "
+        f"{percent(NOTHING)} of the whole is left there. The level of a station counts only for "
+        "positions relative to gravity.",
+    )
+    return Section("shared", "Errors that all readings share", (table,))
 
 
 def shared_numbers(found: SharedErrors | None) -> Iterator[Quantity]:

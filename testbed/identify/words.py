@@ -139,10 +139,11 @@ def _remarks(calibration: Calibration) -> list[str]:
             "Rows were left out while reading, before poses were held out, so no figure contains "
             f"them: see {masked} under The data"
         )
-    if not states_instrument(calibration.shared) and calibration.proof.belief is not None:
+    if not states_instrument(calibration.shared):
         texts.append(
-            "No figure includes systematic errors of the instrument, because the session states "
-            "none ([uncertainty.systematic])"
+            "No figure includes systematic errors of the instrument (a wrong scale, eccentric "
+            "encoders, a target off its place), because the session states none "
+            "([uncertainty.systematic]); held-out poses of the same instrument cannot show them"
         )
     texts += [*hand_back_warnings(calibration), *tool_words(calibration)]
     texts += calibration.warnings

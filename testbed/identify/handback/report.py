@@ -13,9 +13,10 @@ SPRUNG = (
 )
 
 
-def hand_back_section(calibration: Calibration) -> Section:
-    """Which of all equivalent robots leaves, what holds its numbers, and the tool in use."""
+def hand_back_section(calibration: Calibration, files: tuple[Block, ...]) -> Section:
+    """Files, which of all equivalent robots they hold, what holds its numbers, the tool in use."""
     blocks: list[Block] = [
+        *files,
         Points(hand_back_words(calibration)),
         Text(
             "held by: measurements, if the readings determine the number to within U; prior, if "

@@ -20,9 +20,9 @@ def accuracy_section(calibration: Calibration) -> Section:
     again = calibration.measurements.rows(calibration.is_judged)
     several = " (root mean square if a pose has several rows)" * (len(again) > again.n_poses)
     caption = (
-        f"{poses} by the size of their error{several}, which includes the noise of the reading. "
-        "Dashed: the means. R95: the believed radius, of the mean tool point without that noise. "
-        "The outer bar counts all that lies beyond the axis."
+        f"{poses} by the size of their error{several}, with the noise of the reading. Dashed: "
+        "means. R95: the believed radius, of the mean tool point without that noise. Outer bars "
+        "count what lies beyond the axis."
     )
     drawn = plots.histogram(calibration)
     figure = Figure(caption, drawn, phone=on_phone(plots.histogram, calibration))

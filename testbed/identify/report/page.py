@@ -58,9 +58,8 @@ def page_of(calibration: Calibration, delivered: Delivered, versions: Mapping[st
         residual_section(calibration),
         outlier_section(calibration),
         parameter_section(calibration),
-        hand_back_section(calibration),
+        hand_back_section(calibration, delivered_blocks(delivered)),
         identifiable_section(calibration),
-        delivered_section(delivered),
         data_section(calibration),
         job_section(sheet_rows(calibration, delivered)),
         glossary_section(),
@@ -104,7 +103,7 @@ def headline(calibration: Calibration) -> Table:
     )
 
 
-def delivered_section(delivered: Delivered) -> Section:
+def delivered_blocks(delivered: Delivered) -> tuple[Block, ...]:
     """The files to use, each with its proof."""
     blocks: list[Block] = [
         Text(
@@ -118,7 +117,7 @@ def delivered_section(delivered: Delivered) -> Section:
     ]
     if delivered.program:
         blocks += [Text("Corrected program:"), Points(sentences(delivered.program))]
-    return Section("files", "Files that come with this report", tuple(blocks))
+    return tuple(blocks)
 
 
 def data_section(calibration: Calibration) -> Section:

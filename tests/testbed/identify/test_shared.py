@@ -19,6 +19,7 @@ from testbed.identify.handback.delivered import Delivered
 from testbed.identify.results import headline
 from testbed.identify.session import with_test
 from testbed.identify.shared import OF_NESTS, shared_of, shared_section
+from testbed.identify.words import reasons, terminal_text
 from testbed.laboratory.truth.laboratory import open_laboratory
 from testbed.robots.catalog import load_robot
 from testbed.run.export import export_campaign
@@ -120,7 +121,10 @@ def test_the_report_and_the_results_have_both_columns_and_the_words():
 
 def test_a_session_that_states_none_is_told_that_none_is_counted():
     none = replace(calibrated(), shared=None)
-    assert "states no systematic errors" in shared_section(none).blocks[0].text
+    assert shared_section(none) is None
+    said = "because the session states none ([uncertainty.systematic]); held-out poses of the same "
+    assert any(said in text for text in reasons(none))
+    assert said in terminal_text(none, NOTHING)
     assert "shared" not in headline(none, NOTHING)
     plain = session_of(table_of(true_model(), pool_r(30)))
     assert plain.systematic is None
@@ -145,8 +149,8 @@ def test_what_nests_leave_is_a_source_of_its_own():
     assert with_parts.names == (*parts.names, OF_NESTS)
     np.testing.assert_allclose(with_parts.covariance, parts.covariance + alone.covariance)
     assert with_parts.combined == pytest.approx(np.hypot(parts.combined, alone.combined))
-    unstated, table = shared_section(replace(found, shared=alone)).blocks
-    assert "states no systematic errors" in unstated.text
+    assert any("the session states none" in one for one in reasons(replace(found, shared=alone)))
+    (table,) = shared_section(replace(found, shared=alone)).blocks
     assert table.rows[0][:2] == (OF_NESTS, f"{1e6 * alone.at_tool[0]:.2f}")
     (table,) = shared_section(replace(found, shared=with_parts)).blocks
     assert table.rows[-2][0] == OF_NESTS

@@ -79,7 +79,7 @@ def test_the_tip_stands_in_table_result_and_report_and_comes_back():
     assert document["tool_in_use"]["R95_mean_um"] == pytest.approx(1e6 * stated.radius_mean)
     assert document["tool_in_use"]["point_mm"] == pytest.approx([0.0, 0.0, 150.0])
     assert document["links_held_because"] == found.handback.why
-    section = hand_back_section(found)
+    section = hand_back_section(found, ())
     (table,) = (block for block in section.blocks if isinstance(block, Table))
     assert [row[0] for row in table.rows] == ["measured target", "gripper"]
     assert tool_words(found)[0].startswith("for gripper, at (0, 0, 150) mm in the flange")
@@ -135,7 +135,7 @@ def test_numbers_of_springs_have_no_uncertainty_of_their_own():
         assert numbers[name].row.expanded is None
         assert told[name] == ("", TOGETHER)
     assert float(told["a2"][0]) > 0
-    text = [block.text for block in hand_back_section(found).blocks if isinstance(block, Text)]
+    text = [block.text for block in hand_back_section(found, ()).blocks if isinstance(block, Text)]
     assert SPRUNG in " ".join(text)
     summary = found.fit.identification.summary()
     lines = {line.split()[0]: line for line in summary.splitlines() if line}
