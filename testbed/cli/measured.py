@@ -47,7 +47,7 @@ def identify(
         str | None, typer.Option(help="geometric, extended or choose [as the session says].")
     ] = None,
     loss: Annotated[
-        str, typer.Option(help="auto (no gross errors), squared, huber or cauchy.")
+        str, typer.Option(help="auto (leaves gross errors out), squared, huber or cauchy.")
     ] = "auto",
     program: Annotated[
         Path | None, typer.Option(metavar="CSV", help="Joint or Cartesian targets to correct.")

@@ -152,3 +152,17 @@ def test_a_screen_reader_is_told_of_which_row_a_number_is_and_a_caption_once():
     assert '<th scope="row" class="l">one</th><td class="r">1</td>' in html
     assert '<td class="l"></td><td class="r">2</td>' in html  # goes on with the row above
     assert html.count("A curve.") == 1
+
+
+@pytest.mark.parametrize(
+    ("mark", "believable", "look"),
+    [
+        ("✓ Believed", True, "good"),
+        ("? Tested by nothing", True, "open"),
+        ("? Tested by nothing", False, "bad"),
+        ("✗ Refuted", True, "bad"),
+    ],
+)
+def test_what_nothing_has_tested_does_not_look_like_what_was(mark, believable, look):
+    html = render(replace(page(), mark=mark, believable=believable))
+    assert f'<section class="verdict {look}">' in html
