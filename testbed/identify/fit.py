@@ -1,6 +1,6 @@
 """The fits of a calibration with their errors, by row and in figures; which is handed out."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -13,7 +13,7 @@ from calib.identification.identify import Identification, identify
 from calib.identification.joint_models import extended_model, extended_parameters
 from calib.identification.larger_noise import HONEST, noise_factor, under_noise
 from calib.identification.levels import Ladder
-from calib.identification.model_choice import choose, identify_extended
+from calib.identification.model_choice import ModelChoice, choose, extended_by, identify_extended
 from calib.identification.prior import Prior, own_prior, prior_rows, weak_prior
 from calib.identification.robust import Loss
 from calib.identification.row_ladders import NOTHING_KNOWN, RowTerms, row_ladders
@@ -26,13 +26,15 @@ from calib.uncertainty.statement.stops import judged_by_stops
 from testbed.identify.frames import FRAMES_ALONE, is_frame
 from testbed.identify.records import Choice, Figures, FittedModel, ModelName, RowErrors
 from testbed.streams import stream
-from testbed.units import either
+from testbed.units import DEG, MM, either, significant, unit_of
 
 MODELS = ("geometric", "extended", "choose")
 Fitted = tuple[ModelName, RobotModel, Identification]
 """A model, where its fit began, and what was identified of it."""
 WIDE = 100.0
 """How many times wider than usual frames may lie from their start while models compete."""
+ASTRAY = 5.0
+"""Of these widths: so far from where geometry alone has them are frames no better explanation."""
 
 
 def fit(
@@ -86,27 +88,56 @@ def fit(
         )
         choice = _unasked("extended", model, "extended, as requested")
         return (first, ("extended", extended_model(start, mounted), extended)), choice
+    wide = wide_prior(parameters, start, links)
     found = choose(
-        start,
-        train,
-        parameters,
-        prior=wide_prior(parameters, start, links),
-        own_prior=links,
-        loss=loss,
-        mounted=mounted,
+        start, train, parameters, prior=wide, own_prior=links, loss=loss, mounted=mounted,
         ladders=None if ladders is None else (*ladders, *row_ladders(start, train, known)),
-        known=known,
-        rng=stream(seed, "confirm"),
-    )
+        known=known, rng=stream(seed, "confirm"),
+    )  # fmt: skip
     climbed = found.climb
+    extended, held_words = _held_frames(
+        found, start, geometric, wide,
+        lambda held: extended_by(
+            start, train, parameters, climbed.taken, loss=loss, start=climbed.near,
+            prior=held if links is None else links.joined(held), factor=climbed.noise_factor,
+        )[1],
+    )  # fmt: skip
     choice = Choice(
         found.chosen, model, found.log_evidence,
         frozen([climbed.before, climbed.after] if climbed.confirmed else []),
-        found.sentence, climbed.steps, climbed.offered,
+        found.sentence + held_words, climbed.steps, climbed.offered,
     )  # fmt: skip
     if climbed.best is None:
         return (first,), choice
-    return (first, ("extended", found.starts[1], found.identifications[1])), choice
+    return (first, ("extended", found.starts[1], extended)), choice
+
+
+def _held_frames(
+    found: ModelChoice,
+    start: RobotModel,
+    geometric: Identification,
+    wide: Prior,
+    again: Callable[[Prior], Identification],
+) -> tuple[Identification, str]:
+    """The extended fit; if its frames went astray, `again`, under a prior that holds them; words.
+
+    Where poses do not tell how far the target is from the flange, joint errors that are believed to
+    be small do as much as they like at a target that is far enough away.
+    """
+    ends = [one.model.chain for one in (geometric, found.identifications[1])]
+    step = np.abs(np.subtract(*(start.chain.step_to(end) for end in ends))).tolist()
+    far = {name: size for name, size in zip(start.names, step, strict=False) if is_frame(name)}
+    sd = {n: s for n, s in zip(wide.names, wide.sd.tolist(), strict=True) if n in far}
+    off = max(sd, key=lambda name: far[name] / sd[name], default="")
+    if not found.climb.taken or not off or far[off] < ASTRAY * sd[off]:
+        return found.identifications[1], ""
+    turns = off.rpartition(".")[2].startswith("r")
+    size = f"{significant(far[off] * (DEG if turns else MM))} {unit_of(not turns)}"
+    return again(Prior(np.zeros(len(sd)), list(sd.values()), list(sd))), (
+        f"; these poses do not tell {off}, which joint errors carried {size} away from where "
+        "geometry alone has it: base and tool are held near their start; turn the tool about "
+        "more axes"
+    )
 
 
 def _unasked(chosen: ModelName, asked: str, sentence: str) -> Choice:

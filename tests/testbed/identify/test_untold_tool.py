@@ -1,0 +1,90 @@
+"""A target whose distance from the flange no pose tells: joint errors must not run away with it."""
+
+import numpy as np
+
+from calib.geometry.parameters import parameters_of
+from calib.measurement import tables
+from calib.measurement.prediction import predicted_positions
+from testbed.identify.fit import fit
+from testbed.robots.catalog import load_robot
+
+LINKS = (
+    *((0.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0, -90.0), (-90.0, 0.0, 290.0, 0.0)),
+    *((90.0, 20.0, 0.0, 90.0), (0.0, 310.0, 0.0, -90.0), (0.0, 0.0, 0.0, 90.0)),
+    (0.0, 70.0, 0.0, 0.0),
+)
+"""theta [deg], d, a [mm] and alpha [deg]: a column that lifts an arm of six axes."""
+
+
+def lifted(folder):
+    tables_of = [
+        f'[[joints]]\nkind = "{kind}"\ntheta_deg = {theta}\nd_mm = {d}\na_mm = {a}\n'
+        f"alpha_deg = {alpha}\nlower_{unit} = {low}\nupper_{unit} = {high}\n"
+        for (theta, d, a, alpha), (kind, unit, low, high) in zip(
+            LINKS, [("prismatic", "mm", 0, 4000), *[("revolute", "deg", -200, 200)] * 6],
+            strict=True,
+        )
+    ]  # fmt: skip
+    file = folder / "lift.toml"
+    file.write_text('format = 1\nname = "lift"\n' + "".join(tables_of))
+    return load_robot(str(file))
+
+
+def upright(n, seed, off):
+    """Poses (n, 7) whose flange points up within `off` [rad]."""
+    rng = np.random.default_rng(seed)
+    q = np.zeros((n, 7))
+    q[:, 0] = rng.choice([0.5, 1.5, 2.5], n)
+    q[:, 1], q[:, 2] = rng.uniform(-2, 2, n), rng.uniform(-0.9, 0.9, n)
+    q[:, 3] = rng.uniform(0.3, 2, n)
+    q[:, 5] = -q[:, 2] - q[:, 3] + off * rng.standard_normal(n)
+    q[:, 6] = rng.uniform(-3, 3, n)
+    return q
+
+
+def where(model, q):
+    return predicted_positions(model, tables.points(q, np.zeros((len(q), 3)), sd=1e-3))
+
+
+def leaning(model, q, lean):
+    """Points (n, 3) of an arm whose column bends under it, and whose gears wobble by 0.15 deg."""
+    real = q.copy()
+    real[:, 1:] += np.radians(0.15) * np.sin(7 * q[:, 1:] + np.arange(6))
+    p = where(model, real)
+    tilt = np.stack([-p[:, 1], p[:, 0], 0 * p[:, 0]], axis=1) * (1 + q[:, :1]) / 2
+    return p + np.cross(lean * tilt, p)
+
+
+LEAN = 0.015
+
+
+def fitted(model, off):
+    """Fits of 52 such poses, each with its errors at 200 others [m], and the choice."""
+    q, noise = upright(52, 2, off), 3e-4
+    seen = leaning(model, q, LEAN)
+    seen += noise * np.random.default_rng(0).standard_normal(seen.shape)
+    pairs, choice = fit(
+        model, tables.points(q, seen, sd=noise), parameters_of(model),
+        model="choose", loss="squared", seed=0,
+    )  # fmt: skip
+    new = upright(200, 52, off)
+    truth = leaning(model, new, LEAN)
+    found = {name: one.model for name, _, one in pairs}
+    left = {name: np.linalg.norm(where(one, new) - truth, axis=1).mean() for name, one in
+            found.items()}  # fmt: skip
+    return found, left, choice
+
+
+def test_a_target_is_not_carried_off_by_joint_errors(tmp_path):
+    start = lifted(tmp_path).model
+    found, left, choice = fitted(start, 0.002)
+    assert choice.chosen == "extended"
+    away = dict(zip(start.names, start.chain.step_to(found["extended"].chain), strict=True))
+    assert max(abs(away["tool.z"]), abs(away["base.z"])) < 0.5
+    assert "these poses do not tell" in choice.sentence
+    assert left["extended"] < left["geometric"]
+
+
+def test_nothing_is_held_where_poses_tell_where_the_target_is(tmp_path):
+    _, _, choice = fitted(lifted(tmp_path).model, 0.4)
+    assert "these poses do not tell" not in choice.sentence
