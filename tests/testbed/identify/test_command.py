@@ -94,7 +94,7 @@ def test_report_record_and_compare_know_the_folder(done, tmp_path):
     figures = json.loads((out / "result.json").read_bytes())
     after = figures["models"][figures["model"]]["held_out"]["mean_mm"]
     assert f"{after:.4f}" in compared.stdout
-    assert f"{figures['statements']['R95_mean_um']:.4g}" in compared.stdout
+    assert f"{figures['statements']['R95_mean_um']:.3g}" in compared.stdout
 
 
 def test_bad_words_end_with_code_2_and_leave_nothing(exported, done, tmp_path):

@@ -336,7 +336,10 @@ REAL = {
     "test": {"poses": 8},
     "uncertainty": {"repeats": 2, "replications": 10, "draws": 2000},
     "studies": {
-        "pose_count": True, "pose_count_max": 40, "random_sets": 5, "tool_point": True,
+        "pose_count": True,
+        "pose_count_max": 40,
+        "random_sets": 5,
+        "tool_point": True,
         "paper_budget": True,
     },
     "trial": [

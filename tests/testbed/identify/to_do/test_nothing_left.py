@@ -72,8 +72,8 @@ def test_only_a_rise_that_chance_does_not_make_is_called_one():
     spread = 2e-5 * np.random.default_rng(0).standard_normal(len(before))
     spread -= spread.mean()
     sd = float(spread.std(ddof=1)) / np.sqrt(len(spread))
-    for size, word in ((0.0, "stays at 0.1000"), (1.9, "goes, by no more than chance, from 0.1000"),
-                       (2.1, "RISES from 0.1000"), (-2.1, "falls from 0.1000")):  # fmt: skip
+    for size, word in ((0.0, "stays at 0.100"), (1.9, "goes, by no more than chance, from 0.100"),
+                       (2.1, "RISES from 0.100"), (-2.1, "falls from 0.100")):  # fmt: skip
         turned = errors(found, before, before + spread + size * sd)
         assert changes(turned)[0].startswith(word)
         # what its residuals show of the links does not hang on them
