@@ -224,7 +224,7 @@ def test_stated_covariances_are_how_readings_scatter(kinds):
     lab = laboratory(*kinds)
     still = replace(lab.setting, true=replace(lab.setting.nominal))
     lab = open_laboratory(lab.scenario, still)
-    q, ids, visits = lab.pool_q[:8], np.arange(8), 100
+    q, ids, visits = lab.pool_q[:8], np.arange(8), 50
     tables = [lab.measure(q, ids, "scatter", repeat=k) for k in range(visits)]
     for one in lab.rounds:
         rows = one.rows_in(tables[0])

@@ -12,7 +12,7 @@ from testbed.plan.plan import plan
 from testbed.plan.reached import ANEW, CUT_OFF, Made, elsewhere, reached
 from testbed.plan.report import plan_report_html
 from testbed.plan.results import plan_numbers
-from tests.planned import QUICK, ROBOT, quick_plan, scenario
+from tests.planned import QUICK, ROBOT, few_rehearsals, quick_plan, scenario
 
 
 @pytest.fixture
@@ -30,7 +30,8 @@ def wall(monkeypatch):
 
 
 def test_no_pose_of_a_plan_lies_where_no_way_leads(wall):
-    made = plan(scenario(QUICK))
+    with few_rehearsals():
+        made = plan(scenario(QUICK))
     tour, pool = made.tour, made.pool
     assert (quick_plan().tour.q[:, 0] > wall).any()
     assert (np.append(tour.q[:, 0], tour.start[0]) < wall).all()

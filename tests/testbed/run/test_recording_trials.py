@@ -32,7 +32,6 @@ from testbed.studies import load_scenario
 from testbed.studies.protocol import Records
 from testbed.studies.trial.recording_cell import beam, predicted_places, seen_places, show
 from testbed.studies.trial.recording_others import other_windows, own_timeline
-from tests import campaign as tests_campaign
 from tests import recorded, viewed
 from tests.recorded import (
     column,
@@ -317,10 +316,9 @@ def test_a_trial_alone_has_the_one_window(tmp_path):
     assert other_windows(alone, recorded.shown(alone), load_robot("staubli_tx60"), {}) == ()
 
 
-def test_each_window_has_words_curves_and_parameters_of_its_own(tmp_path):
+def test_each_window_has_words_curves_and_parameters_of_its_own(folder, tmp_path):
     """By the numbers of its trial, on the steps at which its own robot is at its poses."""
-    scenario = changed(load_scenario("quick"), {**SMALL, **TWO})
-    campaign = tests_campaign.played(scenario)
+    campaign = load_run(folder)
     one, other = campaign.trials
     path = record(tmp_path / "two.rrd", campaign)
     opened, lines = store(path), recorded.timeline(campaign)
@@ -405,10 +403,9 @@ def column_static(opened, entity, component):
     return found
 
 
-def test_in_its_window_the_robot_goes_through_the_trials_own_poses(tmp_path):
+def test_in_its_window_the_robot_goes_through_the_trials_own_poses(folder, tmp_path):
     """Sets of unequal size: each pose has its turn in the measuring phase of the first trial."""
-    scenario = changed(load_scenario("quick"), {**SMALL, **TWO})
-    campaign = tests_campaign.played(scenario)
+    campaign = load_run(folder)
     setting = campaign.setting
     other, lines = campaign.trials[1].measurements, recorded.timeline(campaign)
     shown = show(campaign, campaign.trials[1])

@@ -118,8 +118,8 @@ def test_bands_are_those_of_scipy(count, probability):
 
 
 def test_an_interval_by_five_repeats_holds_the_numbers_of_another_calibration_in_95_percent():
-    """600 virtual laboratories repeat five times each; the normal factor would hold 88 %."""
-    bench, groups, repeats = bench_of(), 600, 5
+    """300 virtual laboratories repeat five times each; the normal factor would hold 88 %."""
+    bench, groups, repeats = bench_of(), 300, 5
     free, first = bench.free("paper"), np.arange(29)
     tables = bench.visits(
         bench.setting.pool_q[first][None], "test", "repeats", count=groups * repeats
