@@ -20,6 +20,7 @@ from calib.geometry.frames import (
     slide,
     step_transform,
     transform_step,
+    turn_angle,
 )
 
 directions = st.tuples(*[st.floats(-1, 1) for _ in range(3)]).filter(
@@ -42,6 +43,8 @@ def test_log_is_the_inverse_of_exp_up_to_a_half_turn(direction, angle):
     w = vector(direction, angle)
     # rounding of R (1e-16) divided by the sine of the angle between axis and its image
     assert np.abs(log_so3(exp_so3(w)) - w).max() < 1e-11
+    # the angle has no axis
+    assert abs(turn_angle(exp_so3(w)) - angle) < 1e-15 * 10
 
 
 @given(directions, angles)
