@@ -1,7 +1,7 @@
 """Joint springs that are observable under gravity: their load varies over the joint limits."""
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 from calib.arrays import Array, check
 from calib.errors import refuse
 from calib.geometry.chain import Chain, joint_vectors
-from calib.geometry.gravity import AXES, Axis, Weight, axis_places
+from calib.geometry.gravity import AXES, Axis, Weight, axis_places, gravity_regressor
 from calib.geometry.springs import SprungJoints, across
 
 POSTURES = 500
@@ -75,29 +75,65 @@ def felt_springs(
     InputError
         A3: `tilt` is negative, or `axes` names another axis.
     """
-    if not tilt >= 0:
-        raise refuse("tilt", tilt, "0 rad or more", code="A3", message=f"tilt is {tilt:g}")
-    loads = weight.torques(q)[None]
-    if tilt:  # torques are linear in gravity, and the axes lie across it
+    return Felt.of(weight, q, tilt=tilt).springs(axes, free_moments=free_moments, passes=passes)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Felt:
+    """What gravity does about all axes of an arm at some postures: its springs are a part of it."""
+
+    weight: Weight
+    """What loads the springs."""
+    q: Array
+    """(m, n) postures [rad, m]."""
+    G: Array
+    """(m, n, 3, n + 1, 4) regressor of the torques there, as the arm stands."""
+    tilt: float
+    """As in `felt_springs` [rad]."""
+    loads: Array
+    """(k, m, n, 3) torques as the arm stands and, with a tilt, as it may stand [N m or N]."""
+
+    @classmethod
+    def of(cls, weight: Weight, q: ArrayLike, *, tilt: float = 0.0) -> "Felt":
+        """What is felt at postures q (m, n) [rad, m]; raises as `felt_springs`."""
+        q = joint_vectors(weight.chain, q)
+        G = gravity_regressor(weight.chain, q, gravity=weight.gravity)
+        upright = cls(weight, q, G, 0.0, weight.torques_by(G)[None])
+        return upright.leaning(tilt) if tilt != 0 else upright
+
+    def leaning(self, tilt: float) -> "Felt":
+        """The same where the arm may lean by a tilt [rad] in any direction."""
+        if not tilt >= 0:
+            raise refuse("tilt", tilt, "0 rad or more", code="A3", message=f"tilt is {tilt:g}")
+        weight, upright = self.weight, self.loads[:1]
+        # torques are linear in gravity, and the axes lie across it
         turned = [np.cross(axis, weight.gravity) for axis in across(weight.gravity)]
-        more = np.array([replace(weight, gravity=each).torques(q) for each in turned])
-        sides = (np.cos(tilt) * loads + side * np.sin(tilt) * more for side in (1, -1))
-        loads = np.concatenate([loads, *sides])
-    largest = np.abs(loads).max(axis=(0, 1), initial=0.0)
-    changes = np.ptp(loads, axis=(0, 1)) > FELT * largest.max()
-    felt, wanted = largest > FELT * largest.max(), np.isin(range(3), axis_places(axes))
-    verb = np.tile(["bends", "bends", "turns"], (len(largest), 1)).astype("U11")
-    verb[weight.chain.prismatic > 0, 2] = "pulls along"
-    silent = tuple(
-        f"joint {i + 1} {AXES[a]}: gravity {'always' if felt[i, a] else 'never'} {verb[i, a]} it"
-        + " alike, as an offset would" * bool(felt[i, a])
-        for i, a in np.argwhere(wanted & ~(felt & changes))
-    )
-    joint, axis = np.nonzero(wanted & felt & changes)
-    stated = np.zeros(weight.moments.shape, dtype=bool)
-    springs = SprungJoints(weight, joint, axis, largest[joint, axis], stated, passes, tilt > 0)
-    if free_moments:
-        shares = np.abs(springs.shares(joint_vectors(weight.chain, q), weight.gravity, None))
-        pull = shares.max(axis=(0, 1), initial=0.0).reshape(-1, 4)[:-1]
-        springs = replace(springs, free=pull > FELT * pull.max())
-    return springs, silent
+        more = np.array([replace(weight, gravity=each).torques(self.q) for each in turned])
+        sides = (np.cos(tilt) * upright + side * np.sin(tilt) * more for side in (1, -1))
+        return replace(self, tilt=tilt, loads=np.concatenate([upright, *sides]))
+
+    def springs(
+        self, axes: Sequence[Axis] = AXES, *, free_moments: bool = False, passes: int = 1
+    ) -> tuple[SprungJoints, tuple[str, ...]]:
+        """Springs about some axes, and a sentence for each other, as of `felt_springs`."""
+        weight, loads = self.weight, self.loads
+        largest = np.abs(loads).max(axis=(0, 1), initial=0.0)
+        changes = np.ptp(loads, axis=(0, 1)) > FELT * largest.max()
+        felt, wanted = largest > FELT * largest.max(), np.isin(range(3), axis_places(axes))
+        verb = np.tile(["bends", "bends", "turns"], (len(largest), 1)).astype("U11")
+        verb[weight.chain.prismatic > 0, 2] = "pulls along"
+        silent = tuple(
+            f"joint {i + 1} {AXES[a]}: gravity {'always' if felt[i, a] else 'never'} "
+            f"{verb[i, a]} it" + " alike, as an offset would" * bool(felt[i, a])
+            for i, a in np.argwhere(wanted & ~(felt & changes))
+        )
+        joint, axis = np.nonzero(wanted & felt & changes)
+        stated = np.zeros(weight.moments.shape, dtype=bool)
+        springs = SprungJoints(
+            weight, joint, axis, largest[joint, axis], stated, passes, self.tilt > 0
+        )
+        if free_moments:
+            shares = np.abs(springs.shares_by(self.G))
+            pull = shares.max(axis=(0, 1), initial=0.0).reshape(-1, 4)[:-1]
+            springs = replace(springs, free=pull > FELT * pull.max())
+        return springs, silent

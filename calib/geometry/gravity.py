@@ -169,6 +169,10 @@ class Weight:
             Bends of the arm at which the torques are taken [rad, m].
         """
         G = gravity_regressor(self.chain, q, gravity=self.gravity, bends=bends)
+        return self.torques_by(G, payload)
+
+    def torques_by(self, G: Array, payload: ArrayLike | None = None) -> Array:
+        """The same from the regressor G (m, n, 3, n + 1, 4) of `gravity_regressor`."""
         load = np.broadcast_to(self.payload, (len(G), 4))
         if payload is not None:
             (load,) = check(f"{len(G)} 4", payload=payload)

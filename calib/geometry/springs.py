@@ -225,7 +225,10 @@ class SprungJoints(Shown):
 
         Gravity is (3,) in the frame of the base [m/s^2], `bends` (m, n, 3) as in `bodies`.
         """
-        G = gravity_regressor(self.weight.chain, q, gravity=gravity, bends=bends)
+        return self.shares_by(gravity_regressor(self.weight.chain, q, gravity=gravity, bends=bends))
+
+    def shares_by(self, G: Array) -> Array:
+        """The same from the regressor G (m, n, 3, n + 1, 4) of `gravity_regressor`."""
         own = G.reshape(*G.shape[:3], -1)[:, self.joint, self.axis]
         return np.asarray(own / self.load[:, None])
 

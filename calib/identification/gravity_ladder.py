@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 from calib.arrays import Array
 from calib.geometry.bodies import X, Y, Z
 from calib.geometry.chain import Chain
-from calib.geometry.felt_springs import felt_springs, postures
+from calib.geometry.felt_springs import Felt, postures
 from calib.geometry.gravity import weight_of
 from calib.geometry.joint_errors import JointErrors, gravity_terms
 from calib.geometry.model import RobotModel
@@ -46,9 +46,9 @@ def gravity_ladder(
         return Ladder("gravity", (NOTHING,), ("sag: the model has it already",))
     stands = chain if mounted is None else mounted
     weight = weight_of(chain, stands, moments, payload)
-    q = postures(chain, limits)
-    across, silent = felt_springs(weight, q, free_moments=True)
-    along, _ = felt_springs(weight, q, axes=("z",), free_moments=True)
+    felt = Felt.of(weight, postures(chain, limits))
+    across, silent = felt.springs(free_moments=True)
+    along, _ = felt.springs(("z",), free_moments=True)
     levels = [NOTHING]
     quarters = gravity_quarters(stands)
     if quarters is not None:
@@ -86,7 +86,7 @@ def gravity_ladder(
             levels.append(level(small, springs, SMALL_BEARING))
         alone = name == "sag by torques" and quarters is None
         levels.append(level(name, springs, moments=free, usual=alone))
-    wide, _ = felt_springs(weight, q, tilt=LYING)
+    wide, _ = felt.leaning(LYING).springs()
     for name, springs, free in offered:
         lying = _leaning(springs, wide, [Z] if springs is along else [X, Y, Z])
         tilted = level(f"{name} on a tilted base", lying, moments=free)

@@ -1,6 +1,7 @@
 """The fits of a calibration with their errors, by row and in figures; which is handed out."""
 
 from collections.abc import Callable, Sequence
+from functools import lru_cache
 
 import numpy as np
 
@@ -11,6 +12,7 @@ from calib.geometry.model import RobotModel
 from calib.geometry.parameters import Parameters
 from calib.identification.identify import Identification, identify
 from calib.identification.joint_models import extended_model, extended_parameters
+from calib.identification.ladders import ladders_of
 from calib.identification.larger_noise import HONEST, noise_factor, under_noise
 from calib.identification.levels import Ladder
 from calib.identification.model_choice import ModelChoice, choose, extended_by, identify_extended
@@ -25,6 +27,7 @@ from calib.measurement.residual import linearize
 from calib.uncertainty.statement.stops import judged_by_stops
 from testbed.identify.frames import FRAMES_ALONE, is_frame
 from testbed.identify.records import Choice, Figures, FittedModel, ModelName, RowErrors
+from testbed.robots.robot import Robot
 from testbed.streams import stream
 from testbed.units import DEG, MM, either, significant, unit_of
 
@@ -188,6 +191,19 @@ def plain_fit(
     if own is None or (factor := noise_factor(found.model, train)) <= HONEST:
         return found
     return under_noise(start, train, parameters, own, factor, loss=loss)
+
+
+@lru_cache(maxsize=2)
+def bends_of(
+    start: RobotModel, robot: Robot, payload: tuple[float, ...] | None
+) -> tuple[Ladder, ...]:
+    """Ladders of what bends an arm, for which several looks at one session ask.
+
+    `payload` are the mean moments of what rows state to hang on it [kg, kg m].
+    """
+    carried = None if payload is None else np.array(payload)
+    stands, limits = robot.model.chain, robot.limits
+    return ladders_of(start, stands, moments=robot.moments, limits=limits, payload=carried)
 
 
 def wide_prior(parameters: Parameters, start: RobotModel, links: Prior | None = None) -> Prior:

@@ -10,7 +10,6 @@ from calib.geometry.chain import Chain
 from calib.geometry.model import RobotModel
 from calib.identification.folds import parts_of, some_poses
 from calib.identification.identify import Identification, identify
-from calib.identification.ladders import ladders_of
 from calib.identification.levels import Ladder
 from calib.identification.link_widths import USUAL, LinkWidths, link_widths
 from calib.identification.outliers.bad_shots import CHANCE, BadShots, bad_shots, excess_of
@@ -18,7 +17,7 @@ from calib.identification.outliers.search import search_outliers
 from calib.identification.row_ladders import RowTerms, row_ladders
 from calib.measurement.observations import Measurements
 from calib.measurement.prediction import missed, predict, tool_poses
-from testbed.identify.fit import Fitted, plain_fit, wide_prior
+from testbed.identify.fit import Fitted, bends_of, plain_fit, wide_prior
 from testbed.identify.frames import StartFrames
 from testbed.identify.records import FittedModel
 from testbed.robots.robot import Robot
@@ -78,14 +77,9 @@ class Looking:
     @property
     def bends(self) -> tuple[Ladder, ...]:
         """Ladders of what bends the arm, whatever the rows say."""
-        robot = self.robot
-        return ladders_of(
-            self.frames.start,
-            self.mounted,
-            moments=robot.moments,
-            limits=robot.limits,
-            payload=self.train.conditions.usual_payload,
-        )
+        payload = self.train.conditions.usual_payload
+        stated = None if payload is None else tuple(payload.tolist())
+        return bends_of(self.frames.start, self.robot, stated)
 
     def asked(self, near: RobotModel) -> BadShots:
         """What richer models say of the rows, about a fit of geometry."""
