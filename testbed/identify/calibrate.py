@@ -262,7 +262,7 @@ def _calibrated(
             *coarse_joints(session, chosen, train),
             *placed,
             *guard_warnings(session, measurements.rows(split.is_test)),
-            *standing_warnings(session, chosen.identification),
+            *standing_warnings(session, chosen.identification, proof.belief),
             *turn_warnings(session, measurements, chosen.identification.model.fixtures.anchors),
             *(
                 ()

@@ -13,7 +13,13 @@ from calib.measurement.observations import GIVEN, Measurements
 from calib.measurement.tool_target import ToolTarget, places_are_found
 from calib.uncertainty.drift.between_repeats import RepeatDrift, repeat_drift
 from calib.uncertainty.judgement import Circumstances, Judgement, judge
-from calib.uncertainty.statement.repeats import FEWEST_FREEDOM, joint_scatter, repeated
+from calib.uncertainty.statement.belief import Belief
+from calib.uncertainty.statement.repeats import (
+    FEWEST_FREEDOM,
+    joint_scatter,
+    noise_repeats,
+    repeated,
+)
 from calib.uncertainty.tool_point import tool_statement
 from testbed.files.session import Session
 from testbed.robots.robot import Robot
@@ -24,6 +30,9 @@ REPLICATES = 400
 """Virtual calibrations that check whether linear propagation holds; 4 % in each deviation."""
 MOST_ROWS = 300
 """Larger tables are not replicated: their linear intervals are tight enough to be linear."""
+QUIET = 0.3
+"""Repeats that scatter by less than this part of the noise of one reading are no readings anew, or
+the noise is stated much too large."""
 ON_LINE = 1e-3
 """Part of their spread by which points lie off a line at most: places are known to some tenths of a
 millimeter over meters, so that these errors would tell the turn about it, and no reading."""
@@ -162,11 +171,26 @@ def turn_warnings(session: Session, measurements: Measurements, anchors: Array) 
     )
 
 
-def standing_warnings(session: Session, result: Identification) -> tuple[str, ...]:
-    """That repeats may be readings of one stop, which make a misfit of how joints come back."""
+def standing_warnings(
+    session: Session, result: Identification, belief: Belief | None
+) -> tuple[str, ...]:
+    """That repeats may be readings of one stop, which make a misfit of how joints come back.
+
+    Copies with other last digits, or one stop that is found twice in a file, make one of all noise.
+    """
     lack = result.lack_of_fit
     if lack is None or lack.p_value >= RED or not one_after_another(session):
-        return ()
+        if belief is None or belief.misfit.p_value >= RED:
+            return ()
+        again = noise_repeats(result.model, session.measurements)
+        quiet = 1.0 if again is None else float(np.exp(again.log_scale))
+        if quiet >= QUIET:
+            return ()
+        return (
+            f"rows of one pose agree within {quiet:.2g} times the stated noise of a reading: if "
+            "they are copies, or shots at one stop, noise that they share counts as misfit; keep "
+            "one row of each stop, or approach the poses again in a second round",
+        )
     return (
         "the rows of a pose follow each other directly: if the arm stood still between them, they "
         "do not show how well its joints come back, and that scatter counts as misfit; write one "

@@ -107,6 +107,24 @@ def test_a_misfit_that_readings_at_one_stop_make_is_said_to_be_theirs_perhaps():
         assert not any(text.startswith(said) for text in fine.warnings)
 
 
+def test_a_misfit_that_copies_with_other_last_digits_make_is_said_to_be_theirs_perhaps():
+    """Forty poses that all come again at the end of the file, off by a hundredth of noise."""
+    said = "rows of one pose agree within 0.0"
+    rng, q, again = np.random.default_rng(10), pool_r(40), np.tile(np.arange(40), 2)
+    plain = table_of(true_model(), q, seed=61)
+    copied = replace(
+        plain.rows(again), pose_id=again, repeat=np.repeat([0, 1], 40),
+        position=plain.position[again] + 0.01 * SIGMA_POSITION * rng.normal(size=(80, 3)),
+    )  # fmt: skip
+    found = calibrate(robot(), session_of(copied), Options(train=25))
+    assert found.proof.belief.misfit.p_value < 1e-3
+    assert sum(text.startswith(said) for text in found.warnings) == 1
+    anew = table_of(true_model(), q[again], seed=62, pose_id=again, repeat=np.repeat([0, 1], 40))
+    for fine in (anew, plain):
+        found = calibrate(robot(), session_of(fine), Options(train=20))
+        assert not any(text.startswith("rows of one pose agree") for text in found.warnings)
+
+
 def test_rows_stand_in_the_order_of_their_times_or_of_the_file():
     session = sound_session()
     assert session.in_time.tolist() == list(range(80))
