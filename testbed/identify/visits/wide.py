@@ -15,7 +15,8 @@ from testbed.identify.visits.report import of
 from testbed.units import DEG, MM, UM, counted, listed, significant
 
 TIMES = 2.0
-"""So many times as wide as with known frames must a radius be, to say so."""
+"""So many times as wide as with known frames must a radius be, to say so: of 130 campaigns of two
+sessions with 20 to 59 poses each it never was; the largest of 50 of them was 1.5."""
 ALONE = 1.25
 """A part alone is the cause if knowing it leaves at most so many times what knowing both does."""
 NARROWER = 0.5
