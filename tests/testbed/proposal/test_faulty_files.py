@@ -156,7 +156,7 @@ def test_what_identify_will_refuse_stands_in_the_session(name, tmp_path):
     assert told in line
     assert "a.csv: " in line
     text = out.read_text()
-    assert "# To be mended before identify takes these files:" in text
+    assert "# To be corrected before identify takes these files:" in text
     assert line.removeprefix("  to fix   ") in text
     tomllib.loads(text)
     refused = CliRunner().invoke(app, ["check", str(out), *TX60])
