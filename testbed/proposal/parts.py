@@ -15,16 +15,14 @@ from testbed.proposal.names import Meaning
 from testbed.proposal.naming.plain import without_unit
 from testbed.proposal.naming.targets import targets_in_a_row
 from testbed.proposal.polar.parts import is_polar, polar_ways
-from testbed.proposal.rows.markers import COUNTERS, markers_in
-from testbed.proposal.sizes import by_size, signed
+from testbed.proposal.rows.markers import beside_joints, marker_parts
+from testbed.proposal.sizes import REACH, by_size, signed
 from testbed.proposal.turns import turn_columns, turnings
 
 TARGET = ("command_x", "command_y", "command_z")
 DIFFERENCE = ("difference_x", "difference_y", "difference_z")
 TURN = 6.4
 """Size of joint values above which they cannot be in radians [rad]."""
-REACH = 20.0
-"""Size of positions above which they cannot be in meters [m]."""
 BESIDE_JOINTS = ("pose_id", "temperature_degC", "payload_kg", "order", "time", "time_s")
 """Other columns that a file of joints may have."""
 BOTH_JOINTS = (
@@ -43,7 +41,9 @@ def joint_parts(
     if look.kind == "program":
         yield look, {"format": look.language}, look.notes, ""
     elif look.kind == "bare":
-        for layout in layouts(look, len(own)):
+        marked = beside_joints(look, len(own))
+        jointed = [Layout("both markers", joints=marked[0])] if marked else None
+        for layout in jointed or layouts(look, len(own)):
             if not (names := layout.joints):
                 continue
             for units, said in _each_unit(look, dict(zip(own, names, strict=True)), slides):
@@ -111,7 +111,7 @@ def seen_parts(look: Found, own: tuple[int, ...]) -> Iterator[Part]:
     n = own[-1]
     if look.kind in ("points", "frames"):
         yield from exported_parts(look)
-    elif look.kind == "bare" and (certain := list(_markers(look))):
+    elif look.kind == "bare" and (certain := list(marker_parts(look, len(own)))):
         yield from certain
     elif look.kind == "bare":
         for layout in layouts(look, len(own)):
@@ -141,22 +141,6 @@ def seen_parts(look: Found, own: tuple[int, ...]) -> Iterator[Part]:
             yield from _targets(look, n)
         if look.has("distance") and not polar and (not place or look.has("anchor")):
             yield from _distances(look, n)
-
-
-def _markers(look: Found) -> Iterator[Part]:
-    """[points] of rows that are nothing but several markers on one tool, for each possible unit."""
-    columns = [str(k + 1) for k in range(look.names, look.names + look.width)]
-    for unit in by_size(look, columns[COUNTERS:], REACH, ("mm", "m")):
-        if found := markers_in(look, unit):
-            first, last = (next(iter(each)) for each in (found.values(), reversed(found.values())))
-            said = (
-                f"positions: columns {first[0]} to {last[-1]}, taken as {len(found)} markers: they "
-                "stay as far from each other in all rows",
-                f"positions: no column states its unit; assumed: {unit}",
-            )
-            targets = {name: list(own) for name, own in found.items()}
-            keys: Document = {"section": "points", "length": unit, "targets": targets}
-            yield look, keys, said, "readings"
 
 
 def _targets(look: Found, n: int) -> Iterator[Part]:

@@ -10,6 +10,8 @@ from testbed.proposal.data import Found
 
 FEW = 300
 """Number of rows that are used."""
+REACH = 20.0
+"""Size of positions above which they cannot be in meters [m]."""
 
 
 def by_size(

@@ -1,14 +1,16 @@
 """Several markers in each row of a file without names: they stay as far from each other."""
 
-from itertools import combinations
+from collections.abc import Iterator, Sequence
+from itertools import combinations, product
 
 import numpy as np
 
 from calib.arrays import Array
 from testbed.bounds import FACTORS
+from testbed.files.dialects.numbers import number_of
 from testbed.files.reflectors.one_tool import apart_or_alike
-from testbed.proposal.data import Found
-from testbed.proposal.sizes import signed
+from testbed.proposal.data import Document, Found, Part
+from testbed.proposal.sizes import REACH, by_size, signed
 
 AXES = 3
 COUNTERS = 2
@@ -21,28 +23,69 @@ Numbers that have nothing to do with each other vary by about half of it.
 """
 
 
+def marker_parts(look: Found, n: int) -> Iterator[Part]:
+    """[points] of rows of several markers on one tool, alone or with `n` joints, for each unit."""
+    columns = [str(k + 1) for k in range(look.names, look.names + look.width)]
+    marked = beside_joints(look, n)
+    units = marked[2:] if marked else by_size(look, columns[COUNTERS:], REACH, ("mm", "m"))
+    for unit in units:
+        if found := marked[1] if marked else markers_in(look, unit):
+            first, last = (next(iter(each)) for each in (found.values(), reversed(found.values())))
+            said = (
+                f"positions: columns {first[0]} to {last[-1]}, taken as {len(found)} markers: they "
+                "stay as far from each other in all rows",
+                f"positions: no column states its unit; assumed: {unit}",
+            )
+            targets = {name: list(own) for name, own in found.items()}
+            keys: Document = {"section": "points", "length": unit, "targets": targets}
+            yield look, keys, said, "both markers" if marked else "readings"
+
+
 def markers_in(look: Found, unit: str) -> dict[str, tuple[str, ...]]:
     """Columns of the markers on one rigid tool, by name; none where it is not certain.
 
     A rotation beside a place, or a transform, has no three numbers that stay as far as that from
     all others.
     """
-    for skip in range(COUNTERS + 1):
-        count, rest = divmod(look.width - skip, AXES)
-        if rest or count < FEWEST:
-            continue
-        at = look.names + skip
-        found = {
-            f"marker {k + 1}": tuple(str(at + AXES * k + axis + 1) for axis in range(AXES))
-            for k in range(count)
-        }
-        places = [FACTORS[unit] * signed(look, columns).T for columns in found.values()]
-        if all(
-            _stay(one, other) and not apart_or_alike(one, other)
-            for one, other in combinations(places, 2)
-        ):
-            return found
-    return {}
+    every = [str(k + 1) for k in range(look.names, look.names + look.width)]
+    return next(
+        (found for skip in range(COUNTERS + 1) if (found := _of(look, every[skip:], unit))), {}
+    )
+
+
+def beside_joints(
+    look: Found, n: int
+) -> tuple[tuple[str, ...], dict[str, tuple[str, ...]], str] | None:
+    """Columns of `n` joints, those of the markers beside them, and the unit of these.
+
+    None where it is not certain. A number of the row may stand before them, and columns that never
+    change anywhere: they say nothing of a pose.
+    """
+    moving = moving_columns(look)
+    for skip, unit in product((0, 1), ("mm", "m")):
+        left = moving[skip:]
+        for joints, places in ((left[:n], left[n:]), (left[-n:], left[:-n])):
+            if len(joints) == n and (found := _of(look, places, unit)):
+                return tuple(joints), found, unit
+    return None
+
+
+def moving_columns(look: Found) -> list[str]:
+    """Names of the columns of numbers that are not the same number in all rows."""
+    every = [str(k + 1) for k in range(look.names, look.names + look.width)]
+    return [name for name in every if len({number_of(cell) for cell in look.column(name)}) > 1]
+
+
+def _of(look: Found, columns: Sequence[str], unit: str) -> dict[str, tuple[str, ...]]:
+    """Three columns of each marker, if all of these columns are of markers on one tool."""
+    count, rest = divmod(len(columns), AXES)
+    if rest or count < FEWEST:
+        return {}
+    found = {f"marker {k + 1}": tuple(columns[AXES * k : AXES * (k + 1)]) for k in range(count)}
+    places = [FACTORS[unit] * signed(look, own).T for own in found.values()]
+    pairs = combinations(places, 2)
+    alone = all(_stay(one, other) and not apart_or_alike(one, other) for one, other in pairs)
+    return found if alone else {}
 
 
 def _stay(one: Array, other: Array) -> bool:

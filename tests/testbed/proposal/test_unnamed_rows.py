@@ -209,3 +209,31 @@ def test_joints_of_a_small_arm_and_a_place_in_a_row_are_no_markers(behind, tmp_p
     (tmp_path / "a.csv").write_text(text(joints, places, np.tile(behind, (M, 1)), mark=","))
     (look,) = look_at([tmp_path / "a.csv"], tmp_path)
     assert not markers_in(look, "mm")
+
+
+ALL_THREE = (FLANGE[:, None] + np.einsum("mij,kj->mki", MANY.T[:, :3, :3], PLACES)).reshape(36, 9)
+EMPTY = np.zeros((36, 6))
+
+
+@pytest.mark.parametrize(
+    "rows",
+    [
+        text(ALL_THREE, EMPTY, JOINTS),
+        text(JOINTS, ALL_THREE, mark=","),
+        text(np.arange(36)[:, None], JOINTS, EMPTY, ALL_THREE),
+        text(np.radians(JOINTS), ALL_THREE / 1e3),
+    ],
+    ids=["empty columns between", "joints first", "a number before", "in radians and meters"],
+)
+def test_reflectors_beside_joints_need_no_names(rows, tmp_path):
+    said, session = of_targets(tmp_path, rows)
+    assert "to fix" not in said
+    assert "taken as 3 markers" in said
+    table = session.measurements
+    assert len(table) == 3 * 36
+    for k in range(3):
+        own = table.rows(table.reflector == k)
+        np.testing.assert_allclose(own.q, MANY.q, rtol=0, atol=1e-11)
+        np.testing.assert_allclose(
+            own.position, ALL_THREE[:, 3 * k : 3 * k + 3] / 1e3, rtol=0, atol=1e-10
+        )
