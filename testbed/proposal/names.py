@@ -64,7 +64,9 @@ def meanings(head: Sequence[str], units: Sequence[str] = ()) -> tuple[Meaning, .
     """
     found, shifted, turns = [], _from_zero(head), _of_this_head(head)
     texts = {without_unit(name)[0] for name in head}
-    if "q0" in {name.strip().lower() for name in head if name not in shifted}:
+    if _has_scalar(head):
+        turns = turns | {"q0": QUATERNION[0]}
+    elif "q0" in {name.strip().lower() for name in head if name not in shifted}:
         # beside q0, which is no joint, q1 is no joint either
         turns = turns | {f"q{k}": stem for k, stem in enumerate(QUATERNION)}
     for name, unit in zip(head, units or [""] * len(head), strict=True):
@@ -134,7 +136,7 @@ def _of_one(place: str, turn: str) -> bool:
 def _from_zero(head: Sequence[str]) -> dict[str, str]:
     """Joints counted from 0, with their names when counted from 1."""
     families: dict[str, dict[int, str]] = {}
-    for name in head:
+    for name in [name for name in head if not (_has_scalar(head) and _small(name) == "q0")]:
         if (joint := FROM_ZERO.fullmatch(_joint_alone(without_unit(name)[0]))) is not None:
             families.setdefault(joint[1], {})[int(joint[2])] = name
     shifted = {}
@@ -147,6 +149,16 @@ def _from_zero(head: Sequence[str]) -> dict[str, str]:
                 before, _, after = name.rpartition(str(number))
                 shifted[name] = f"{before}{number + 1}{after}"
     return shifted
+
+
+def _has_scalar(head: Sequence[str]) -> bool:
+    """Whether q0 is the scalar of a quaternion, beside qx, qy and qz."""
+    names = {_small(name) for name in head}
+    return names >= {"q0", *QUATERNION[1:]} and QUATERNION[0] not in names
+
+
+def _small(name: str) -> str:
+    return name.strip().lower()
 
 
 def is_wished(name: str) -> bool:

@@ -11,13 +11,18 @@ from testbed.files.rotations import MENDED
 
 TRANSFORM = re.compile(r"([a-z]) ?([0-4]) ?([0-4])")
 """T11 ... T34, m_00 ... m_23."""
+OF_PAUL = {f"{c}{a}": f"r{i}{j}" for j, c in enumerate("noa", 1) for i, a in enumerate("xyz", 1)}
+"""Normal, orientation and approach of a hand (Paul 1981): the columns of its rotation."""
 
 
 def entry_of(text: str, others: Collection[str]) -> str:
     """The stem of an entry, x or r12, if all entries of its letter exist; else empty.
 
-    There are twelve entries, or nine for the letter r; the last row of a transform has none.
+    There are twelve entries, or nine for the letter r; the last row of a transform has none. The
+    nine of a rotation may also be called nx ... az.
     """
+    if text in OF_PAUL and OF_PAUL.keys() <= set(others):
+        return OF_PAUL[text]
     entry = TRANSFORM.fullmatch(text)
     if entry is None:
         return ""

@@ -20,6 +20,8 @@ AXES = {"x", "y", "z", "rx", "ry", "rz"}
 """Words of coordinates, whose numbers are those of targets."""
 COUNT = re.compile(r"(?<!\d)\d{1,2}(?!\d)")
 """What may be the number of a joint."""
+COUNTED = re.compile(r"[一二三四五六七](?=[轴軸关関])|(?<=[轴軸节節第])[一二三四五六七]")
+"""The number of a joint, written as a word in Chinese or Japanese."""
 MOST = 8
 """Families of columns that are tried, and numbers of a name that may be those of joints."""
 
@@ -70,7 +72,8 @@ def _with(look: Found, chosen: Family, families: Sequence[Family], own: Sequence
 
 def _words(name: str) -> str:
     """A name in small words, its digits as on a keyboard."""
-    return without_unit(normalize("NFKC", name))[0]
+    text = COUNTED.sub(lambda hit: str("一二三四五六七".index(hit[0]) + 1), normalize("NFKC", name))
+    return without_unit(text)[0]
 
 
 def _ends(family: Mapping[int, str], own: Sequence[int]) -> str:
