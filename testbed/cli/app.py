@@ -40,6 +40,9 @@ Plain = Annotated[
     typer.Option("--plain", help="For screen readers: no drawn lines, no bar, one fact per line."),
 ]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")]
+Tip = Annotated[
+    str | None, typer.Option(metavar="LINK", help="Last link, if the file has several ends.")
+]
 Run = Annotated[Path, typer.Argument(metavar="RUN", help="A run folder.")]
 
 

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from testbed.cli.app import Debug, Json, Plain, Quiet, app, robots_like
+from testbed.cli.app import Debug, Json, Plain, Quiet, Tip, app, robots_like
 from testbed.cli.campaign import Overwrite
 from testbed.cli.exit_codes import SOME_FAILED, exit_codes
 from testbed.cli.output import say, say_found, say_json, say_next
@@ -56,9 +56,7 @@ def identify(
         str | None,
         typer.Option(metavar="NAME", help="ROS package that will hold the URDF's meshes."),
     ] = None,
-    tip: Annotated[
-        str | None, typer.Option(metavar="LINK", help="Last link, if the file has several ends.")
-    ] = None,
+    tip: Tip = None,
     mesh_root: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Folder that holds all meshes.")
     ] = None,

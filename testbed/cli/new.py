@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from testbed.cli.app import Debug, Json, Plain, Quiet, app, robots_like
+from testbed.cli.app import Debug, Json, Plain, Quiet, Tip, app, robots_like
 from testbed.cli.exit_codes import exit_codes
 from testbed.cli.output import say, say_found, say_json, say_next
 
@@ -33,6 +33,7 @@ def session(
             autocompletion=robots_like,
         ),
     ] = None,
+    tip: Tip = None,
     out: Out = Path("session.toml"),
     quiet: Quiet = False,
     plain: Plain = False,
@@ -48,11 +49,11 @@ def session(
         from testbed.schemas.editor import schema_beside
 
         require_folder(out)
-        arm = load_robot(robot) if robot is not None else None
+        arm = load_robot(robot, tip=tip) if robot is not None else None
         looks = look_at(data, out.parent)
         require_new(out)
         proposed = propose_session(looks, arm, out.parent)
-        text = session_text(proposed, looks, str(out), robot, arm.name if arm else None)
+        text = session_text(proposed, looks, str(out), robot, arm.name if arm else None, tip)
         write_new(out, (line := schema_beside(out, "session")) + text)
         if not quiet:
             say_found(f"{proposed.tried}.")
@@ -67,7 +68,7 @@ def session(
             say()
             say(f"Session    {out}")
             tell_schema(out, line)
-            say(f"Next       {next_command(proposed, str(out), robot)}")
+            say(f"Next       {next_command(proposed, str(out), robot, tip)}")
 
 
 @new.command()
@@ -153,6 +154,7 @@ def check(
             autocompletion=robots_like,
         ),
     ] = None,
+    tip: Tip = None,
     as_json: Json = False,
     plain: Plain = False,
     debug: Debug = False,
@@ -161,7 +163,7 @@ def check(
     with exit_codes(debug=debug, plain=plain, as_json=as_json):
         from testbed.proposal.check import checked
 
-        said = checked(file, robot)
+        said = checked(file, robot, tip)
         if as_json:
             import json
 

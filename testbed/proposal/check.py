@@ -30,7 +30,7 @@ from testbed.units import counted
 SCENARIO_FILE = "scenario.toml"
 
 
-def checked(file: Path, robot: str | None) -> list[str]:
+def checked(file: Path, robot: str | None, tip: str | None = None) -> list[str]:
     """Sentences on a file: what it is, and what is odd about it.
 
     Parameters
@@ -39,6 +39,8 @@ def checked(file: Path, robot: str | None) -> list[str]:
         A session.toml, a scenario, a robot.toml, URDF or MJCF, a tracker.toml or a table.
     robot : str or None
         For sessions and tables: the robot whose joints these are.
+    tip : str, optional
+        Last link of the robot, if its file has several ends.
 
     Raises
     ------
@@ -59,10 +61,10 @@ def checked(file: Path, robot: str | None) -> list[str]:
         fix = "check the path" if at.exists() else _named(file)
         raise refuse("FILE", str(file), code="S37", message=message, fix=fix, where=str(file))
     if kind_of_name(file) == "description":
-        return _robot(load_robot(file), "a robot description", str(file))
+        return _robot(load_robot(file, tip=tip), "a robot description", str(file))
     if file.suffix.lower() == ".toml":
-        return _toml(file, robot)
-    arm = load_robot(robot) if robot is not None else None
+        return _toml(file, robot, tip)
+    arm = load_robot(robot, tip=tip) if robot is not None else None
     return _table(file, arm)
 
 
@@ -74,7 +76,7 @@ def _named(file: Path) -> str:
     return near(file)
 
 
-def _toml(file: Path, robot: str | None) -> list[str]:
+def _toml(file: Path, robot: str | None, tip: str | None) -> list[str]:
     """Sentences on a TOML file of truebed, by its contents."""
     where = str(file)
     document = toml_document(read_toml_bytes(file, where), where)
@@ -85,7 +87,7 @@ def _toml(file: Path, robot: str | None) -> list[str]:
         return [f"a drawn instrument, {read_toml(file, TrackerFile, 'tracker').name}"]
     if kind == "scenario" or len(keys & OF_SCENARIOS) > len(keys & OF_SESSIONS):
         return _scenario(file)
-    return _session(file, document, robot)
+    return _session(file, document, robot, tip)
 
 
 def _robot(robot: Robot, what: str, where: str) -> list[str]:
@@ -123,7 +125,7 @@ def _scenario(file: Path) -> list[str]:
     return [f"a scenario, {scenario.name}, for {arm.name}; trials: {trials}", *odd]
 
 
-def _session(file: Path, document: dict[str, Any], robot: str | None) -> list[str]:
+def _session(file: Path, document: dict[str, Any], robot: str | None, tip: str | None) -> list[str]:
     """Sentences on a session, and on its files if the robot is known."""
     settings = validated(document, CampaignFile, str(file))
     tables = [table.name for table in settings.observed]
@@ -143,7 +145,7 @@ def _session(file: Path, document: dict[str, Any], robot: str | None) -> list[st
     named = robot or (settings.robot if settings.robot in robot_names() else None)
     if named is None:
         return [said, "its files were not read: name the robot with --robot"]
-    arm = load_robot(named)
+    arm = load_robot(named, tip=tip)
     return [said, *_read(file, arm)]
 
 

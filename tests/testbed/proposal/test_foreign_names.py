@@ -5,9 +5,10 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from testbed.files.read import read_session
+from testbed.robots.catalog import load_robot
 from tests.testbed.files.made import made
 from tests.testbed.proposal.test_odd_files import UR10
-from tests.testbed.proposal.test_session import proposed
+from tests.testbed.proposal.test_session import call, proposed
 
 M = 16
 DATA = made(5, M, robot=UR10)
@@ -43,3 +44,45 @@ def test_columns_are_what_their_names_say(head, blocks, tmp_path):
     assert table.is_pose.all() == (len(blocks) == 3)
     if len(blocks) == 3:
         np.testing.assert_allclose(table.rotation, TURNED, rtol=0, atol=1e-9)
+
+
+def forked(folder):
+    """A URDF of two ends, and measurements of a point at one of them."""
+    joints = ["base", *(f"link{k}" for k in range(1, 4))]
+    text = "".join(f'<link name="{name}"/>' for name in (*joints, "probe", "lamp"))
+    axes, places = ("0 0 1", "0 1 0", "0 1 0"), ("0 0 0.3", "0 0 0.2", "0.4 0 0")
+    for k, (axis, place) in enumerate(zip(axes, places, strict=True)):
+        text += (
+            f'<joint name="j{k + 1}" type="revolute"><parent link="{joints[k]}"/>'
+            f'<child link="{joints[k + 1]}"/><origin xyz="{place}"/><axis xyz="{axis}"/>'
+            '<limit lower="-3" upper="3" effort="1" velocity="1"/></joint>'
+        )
+    for end in ("probe", "lamp"):
+        text += (
+            f'<joint name="to_{end}" type="fixed"><parent link="link3"/><child link="{end}"/>'
+            f'<origin xyz="0.3 0 {0.05 if end == "lamp" else 0}"/></joint>'
+        )
+    (folder / "arm.urdf").write_text(f'<robot name="forked">{text}</robot>')
+    arm = load_robot(str(folder / "arm.urdf"), tip="probe")
+    q = np.random.default_rng(3).uniform(-1, 1, (20, 3))
+    rows = np.hstack([np.degrees(q), 1e3 * arm.model.poses(q)[:, :3, 3]])
+    lines = [",".join(f"{v:.9f}" for v in row) for row in rows]
+    (folder / "a.csv").write_text("\n".join(["j1,j2,j3,x,y,z", *lines]))
+    return folder / "arm.urdf", folder / "a.csv"
+
+
+def test_an_arm_of_several_ends_is_told_apart_by_its_tip(tmp_path):
+    arm, data = forked(tmp_path)
+    out = tmp_path / "session.toml"
+    done = call("new", "session", data, "--robot", arm, "--out", out)
+    assert done.exit_code == 2
+    assert "--tip LINK" in done.stderr
+    said, text = proposed(tmp_path, [data], "--robot", arm, "--tip", "probe")
+    for told in (said, text):
+        assert "session.toml --tip probe" in " ".join(told.replace("#", "").split())
+    for file, more in ((arm, ()), (out, ("--robot", arm))):
+        done = call("check", file, *more)
+        assert done.exit_code == 2
+        assert "--tip LINK" in done.stderr
+        done = call("check", file, *more, "--tip", "probe")
+        assert done.exit_code == 0, done.stderr
