@@ -9,6 +9,7 @@ from testbed.files.dialects.controllers.read import READERS
 from testbed.files.dialects.marker_names import with_marker_columns
 from testbed.files.dialects.numbers import with_bare_numbers
 from testbed.files.dialects.records import is_records, read_records
+from testbed.files.dialects.squares import with_square_rows
 from testbed.files.refusal import how_to_read, no_session, refusal
 from testbed.files.session_toml import SESSION_FILE
 from testbed.files.visits.tables import CampaignFile
@@ -81,7 +82,7 @@ def text_of(path: Path, where: str, *, sheet: str | None, max_mb: float) -> File
     """Lines of a text file, or of a sheet of a workbook."""
     require_table(path, where)
     if is_workbook(path):
-        return read_workbook(path, where, sheet=sheet, max_mb=max_mb)
+        return with_square_rows(read_workbook(path, where, sheet=sheet, max_mb=max_mb))
     if is_records(path) and path.is_file():
         return read_records(path, where, max_mb=max_mb)
     if sheet is not None:
@@ -89,7 +90,7 @@ def text_of(path: Path, where: str, *, sheet: str | None, max_mb: float) -> File
         raise refusal(where, "sheet", message, code="S37", fix=fix)
     text = read_text(path, where, max_mb=max_mb, markup=path.suffix.lower() in APPLICATIONS)
     require_no_program(text.lines, where, read=tuple(READERS))
-    return with_bare_numbers(with_block_rows(with_marker_columns(text)))
+    return with_square_rows(with_bare_numbers(with_block_rows(with_marker_columns(text))))
 
 
 @dataclass(frozen=True, slots=True)

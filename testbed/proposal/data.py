@@ -28,8 +28,6 @@ from testbed.proposal.transforms import SHORT
 Kind = Literal["table", "bare", "points", "frames", "program"]
 Document = dict[str, Any]
 ASSIGNED = re.compile(r"[^\W\d]\w{0,30}\s*=\s*[\[{(]")
-SQUARE = 4
-"""Number of rows and columns of a transform."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -149,7 +147,6 @@ def _looked(path: Path, name: str, sheet: str | None, text: FileText) -> Found:
     commented = any(line.lstrip().startswith("//") for line in text.lines) and not headed
     titled = titles_above(content) and not commented
     if commented or not (titled or headed):
-        _require_a_line_each(text, content)
         _require_no_lists(text, content)
         try:
             return _of_lines(path, name, sheet, text)
@@ -256,18 +253,4 @@ def _require_no_lists(text: FileText, content: Sequence[tuple[int, str]]) -> Non
             f"{text.where}:{number}", "file", f'has lists behind names ("{found[0]} ...")',
             allowed="each line holds numbers, which a line above them names",
             fix="write the numbers alone, below a line q1_deg, q2_deg ... x_mm, y_mm, z_mm",
-        )  # fmt: skip
-
-
-def _require_a_line_each(text: FileText, content: Sequence[tuple[int, str]]) -> None:
-    """Refuse transforms written over four lines each."""
-    if len(_cells(content[0][1])) != SQUARE:
-        return
-    rows = [[number_of(cell) for cell in _cells(line)] for _, line in content]
-    square = all(len(row) == SQUARE for row in rows) and len(rows) % SQUARE == 0
-    if square and all(row == [0.0, 0.0, 0.0, 1.0] for row in rows[SQUARE - 1 :: SQUARE]):
-        raise refusal(
-            text.where, "file", f"has {len(rows) // SQUARE} transforms of four lines each",
-            allowed="each row is one measurement",
-            fix="write the 16 numbers of each transform into one line",
         )  # fmt: skip

@@ -66,11 +66,49 @@ def test_rows_without_names_are_proposed_as_they_were_meant(texts, tmp_path):
         np.testing.assert_allclose(table.rotation, DATA.T[at, :3, :3], rtol=0, atol=1e-10)
 
 
-def test_a_transform_over_four_lines_is_to_be_written_into_one(tmp_path):
-    (tmp_path / "a.txt").write_text(text(MILLIMETERS.reshape(-1, 4)))
-    done = call("new", "session", tmp_path / "a.txt", "--out", tmp_path / "session.toml")
-    assert done.exit_code == 2
-    assert "has 16 transforms of four lines each" in " ".join(done.stderr.split())
+SQUARES = [text(one) for one in MILLIMETERS]
+
+
+@pytest.mark.parametrize(
+    "printed",
+    [
+        "\n".join(SQUARES),
+        "\n\n".join(one.replace(" ", ", ") for one in SQUARES),
+        "\n".join(f"DataSet_2\n{one}\n" for one in SQUARES),
+        "\n".join(f"pose {k + 1}\n{one}" for k, one in enumerate(SQUARES)),
+        "\n".join("[[" + one.replace("\n", "]\n [") + "]]" for one in SQUARES),
+    ],
+    ids=["alone", "with commas", "below a title", "below a name", "as a console prints them"],
+)
+def test_transforms_over_four_lines_are_a_row_each(printed, tmp_path):
+    (tmp_path / "a.txt").write_text(printed)
+    (look,) = look_at([tmp_path / "a.txt"], tmp_path)
+    named = int("pose" in printed)
+    assert (look.rows, look.width, look.names) == (M, 16, named)
+    assert [look.column(str(k + 1 + named)) for k in range(16)] == [
+        tuple(f"{v:.11f}" for v in column) for column in ROWS.T
+    ]
+
+
+def test_transforms_over_four_lines_below_a_title_are_proposed(tmp_path):
+    files = [tmp_path / "a.txt", tmp_path / "b.txt"]
+    files[0].write_text(text(DEG))
+    files[1].write_text("\n".join(f"DataSet_2\n{one}\n" for one in SQUARES))
+    said, _ = proposed(tmp_path, files, "--robot", UR10.name)
+    assert "to fix" not in said
+    table = read_session(tmp_path / "session.toml", UR10).measurements
+    np.testing.assert_allclose(table.q, DATA.q, rtol=0, atol=1e-11)
+    np.testing.assert_allclose(table.position, DATA.T[:, :3, 3], rtol=0, atol=1e-10)
+    np.testing.assert_allclose(table.rotation, DATA.T[:, :3, :3], rtol=0, atol=1e-10)
+
+
+def test_squares_that_are_no_transforms_stay_as_they_are(tmp_path):
+    """Four numbers in each row: an angle and a place, of which one in four is 0 0 0 1."""
+    rows = np.arange(32.0).reshape(8, 4)
+    rows[3] = 0, 0, 0, 1
+    (tmp_path / "a.txt").write_text(text(rows))
+    (look,) = look_at([tmp_path / "a.txt"], tmp_path)
+    assert (look.rows, look.width) == (8, 4)
 
 
 def test_tabs_and_spaces_in_one_line_are_both_white_space(tmp_path):
