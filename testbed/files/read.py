@@ -30,6 +30,8 @@ MOST_STRAYS = 0.5
 """Share of held-out rows, or of the others, above which they stray because of their frame."""
 LARGEST_MB = 100_000.0
 """What a user may allow."""
+MISMATCHED = ": left out: "
+"""Between the place of a row that does not belong to its joints and the reason."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -193,7 +195,7 @@ def _without_strays(robot: Robot, session: Session) -> Session:
             why |= {int(places[row]): text for row, text in said.items()}
     if not why:
         return session
-    masked = tuple(f"{session.place[row]}: left out: {why[row]}" for row in sorted(why))
+    masked = tuple(f"{session.place[row]}{MISMATCHED}{why[row]}" for row in sorted(why))
     return replace(session.rows(~mismatched), masked=(*session.masked, *masked))
 
 

@@ -11,7 +11,7 @@ from calib.identification.start.start import start_frames
 from calib.identification.sufficiency import independent_equations, require_equations
 from testbed.files.cleaned import readings_of, sheet_of, table_in
 from testbed.files.columns import is_known
-from testbed.files.read import whole_session
+from testbed.files.read import MISMATCHED, whole_session
 from testbed.files.session import Session
 from testbed.files.session_toml import SESSION_FILE, SessionFile
 from testbed.files.sources import Sources
@@ -26,6 +26,8 @@ from testbed.robots.robot import Robot
 
 CELLS = ("M25", "V9")
 """Error codes of rows that can be left out to find further errors."""
+OTHERWISE = "M20"
+"""Error code of joints that mean something else in all rows: single rows are not to blame."""
 SHOWN = 6
 """Largest number of sentences on rows that are left out, or odd."""
 
@@ -92,6 +94,8 @@ def verdict_on(
     except InputError as error:
         if fits or error.field != "ROBOT":
             refused.append(str(error))
+        if error.field == "ROBOT" or error.code == OTHERWISE:
+            odd = [text for text in odd if MISMATCHED not in text]
     try:
         _require_enough(robot, session)
     except InputError as error:
