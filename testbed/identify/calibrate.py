@@ -20,15 +20,9 @@ from testbed.identify.applies.travel import travel_words
 from testbed.identify.calibration import FRAMES, MOUNTING, Calibration
 from testbed.identify.clean_fit import clean_fit
 from testbed.identify.conditions import held_out_warnings
+from testbed.identify.errors import figures_of, row_errors
 from testbed.identify.far_off import far_held_out, held_out_outliers
-from testbed.identify.fit import (
-    checked_model,
-    figures_of,
-    fitted_model,
-    frames_model,
-    plain_fit,
-    row_errors,
-)
+from testbed.identify.fit import checked_model, fitted_model, frames_model, plain_fit
 from testbed.identify.frames import FRAMES_ALONE, frames_of
 from testbed.identify.handback.handed import hand_back
 from testbed.identify.handback.links import prior_share

@@ -1,4 +1,4 @@
-"""The fits of a calibration with their errors, by row and in figures; which is handed out."""
+"""The fits of a calibration with their errors, and which is handed out."""
 
 from collections.abc import Callable, Sequence
 from functools import lru_cache
@@ -20,13 +20,12 @@ from calib.identification.prior import Prior, own_prior, prior_rows, weak_prior
 from calib.identification.robust import Loss
 from calib.identification.row_ladders import NOTHING_KNOWN, RowTerms, row_ladders
 from calib.identification.tangent import covariance_factor
-from calib.measurement.accuracy import error_statistics
 from calib.measurement.observations import Measurements
-from calib.measurement.prediction import predict
 from calib.measurement.residual import linearize
 from calib.uncertainty.statement.stops import judged_by_stops
+from testbed.identify.errors import figures_of, row_errors
 from testbed.identify.frames import FRAMES_ALONE, is_frame
-from testbed.identify.records import Choice, Figures, FittedModel, ModelName, RowErrors
+from testbed.identify.records import Choice, FittedModel, ModelName
 from testbed.robots.robot import Robot
 from testbed.streams import stream
 from testbed.units import DEG, MM, either, significant, unit_of
@@ -215,36 +214,6 @@ def wide_prior(parameters: Parameters, start: RobotModel, links: Prior | None = 
         for name, usual in zip(prior.names, prior.sd.tolist(), strict=True)
     ]
     return Prior(prior.mean, np.array(sd), prior.names)
-
-
-def row_errors(model: RobotModel, measurements: Measurements) -> RowErrors:
-    """Errors of `model` in every row."""
-    seen = predict(model, measurements)
-    vector = seen.residual[:, :3].copy()
-    vector[measurements.is_distance] = 0.0
-    turn = model.fixtures.station_frames[measurements.station][:, :3, :3]
-    return RowErrors(
-        frozen((turn @ vector[:, :, None])[:, :, 0]), frozen(seen.misses), frozen(seen.turns)
-    )
-
-
-def figures_of(errors: RowErrors, measurements: Measurements, rows: Bool) -> Figures:
-    """Statistics over the poses of some rows (m,), one or more: each pose counts once."""
-    pose = rows & measurements.is_pose
-    position = of_poses(errors.position, measurements, rows)
-    return Figures(
-        position=error_statistics(position),
-        rotation=error_statistics(of_poses(errors.rotation, measurements, pose))
-        if pose.any()
-        else None,
-        median=float(np.median(position)),
-    )
-
-
-def of_poses(values: Array, measurements: Measurements, rows: Bool) -> Array:
-    """Root mean square (p,) of the values (m,) over the rows of each pose among some."""
-    pose = np.unique(measurements.pose_id[rows], return_inverse=True)[1].ravel()
-    return np.asarray(np.sqrt(np.bincount(pose, values[rows] ** 2) / np.bincount(pose)))
 
 
 def fitted_model(

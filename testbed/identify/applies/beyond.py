@@ -9,7 +9,7 @@ from calib.arrays import Array
 from calib.geometry.model import RobotModel
 from calib.uncertainty.statement.departure import named
 from testbed.identify.calibration import Calibration
-from testbed.identify.fit import of_poses
+from testbed.identify.errors import of_poses
 from testbed.units import DEG, MM, UM, fixed, listed, significant
 
 FARTHER = 2.0

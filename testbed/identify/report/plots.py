@@ -9,7 +9,7 @@ from calib.arrays import Array, evenly
 from calib.geometry.frames import inverse
 from calib.measurement.prediction import tool_poses
 from testbed.identify.calibration import Calibration
-from testbed.identify.fit import of_poses
+from testbed.identify.errors import of_poses
 from testbed.report.plots import (
     CUT_OFF,
     SHADES,

@@ -9,7 +9,7 @@ from calib.arrays import Array
 from calib.measurement.residual import linearize
 from testbed.identify.applies.beyond import CHANCE
 from testbed.identify.calibration import Calibration
-from testbed.identify.fit import of_poses
+from testbed.identify.errors import of_poses
 from testbed.identify.frames import FRAMES_ALONE, is_frame
 from testbed.identify.headline import deg, mm
 

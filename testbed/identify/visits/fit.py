@@ -4,7 +4,7 @@ from dataclasses import replace
 
 from calib.arrays import Bool
 from calib.measurement.observations import Measurements
-from testbed.identify.fit import figures_of, row_errors
+from testbed.identify.errors import figures_of, row_errors
 from testbed.identify.records import FittedModel, HeldOutSplit
 from testbed.identify.visits.frames import OwnFrames
 

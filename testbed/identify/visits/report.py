@@ -8,7 +8,7 @@ from calib.arrays import Bool
 from calib.uncertainty.statement.stated_point import common_radius
 from testbed.files.visits.visit import OWN, RobotVisit
 from testbed.identify.calibration import Calibration
-from testbed.identify.fit import figures_of
+from testbed.identify.errors import figures_of
 from testbed.identify.records import Figures
 from testbed.report.page import Section, Table, Text
 from testbed.store.quantities import METRE, RADIAN, Quantity, below

@@ -18,7 +18,8 @@ from calib.identification.model_choice import identify_extended
 from calib.identification.prior import weak_prior
 from calib.measurement.prediction import predict
 from testbed.identify.calibrate import Options, calibrate
-from testbed.identify.fit import figures_of, fit
+from testbed.identify.errors import figures_of
+from testbed.identify.fit import fit
 from testbed.identify.records import Choice, RowErrors
 from testbed.identify.session import scatter_root, with_scatter
 from testbed.store.codec import pack, unpack

@@ -17,7 +17,7 @@ from calib.uncertainty.drift.memory import SlowDrift
 from calib.uncertainty.regions import coverage_factor
 from calib.uncertainty.tool_point import tool_statement
 from calib.uncertainty.trust import Trust, trust
-from testbed.identify.fit import figures_of
+from testbed.identify.errors import figures_of
 from testbed.identify.handback.delivered import Delivered
 from testbed.identify.handback.states import HandedNumber, handed_numbers
 from testbed.identify.headline import deg, headline_cells

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from testbed.identify.calibrate import Options, calibrate
-from testbed.identify.fit import figures_of
+from testbed.identify.errors import figures_of
 from testbed.identify.to_do.change import NOTHING_LEFT, changes, nothing_left
 from testbed.identify.to_do.next_step import next_step
 from testbed.identify.words import verdict

@@ -11,7 +11,7 @@ from calib.identification.climbing import ClimbStep
 from testbed.cli import app
 from testbed.files.read import read_session
 from testbed.identify.calibrate import Options, calibrate
-from testbed.identify.fit import figures_of
+from testbed.identify.errors import figures_of
 from testbed.identify.splitting import with_poses_held_out
 from testbed.identify.to_do.causes import CHECK
 from testbed.identify.to_do.next_step import next_step
