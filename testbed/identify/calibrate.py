@@ -17,7 +17,7 @@ from testbed.identify.applies.mounting import mounting_words
 from testbed.identify.applies.poses import coarse_joints, scatter_told, warnings_of
 from testbed.identify.applies.stated_frames import stated_frame_words
 from testbed.identify.applies.travel import travel_words
-from testbed.identify.calibration import FRAMES, MOUNTING, Calibration
+from testbed.identify.calibration import DRIVES, FRAMES, MOUNTING, Calibration
 from testbed.identify.clean_fit import clean_fit
 from testbed.identify.conditions import held_out_warnings
 from testbed.identify.errors import figures_of, row_errors
@@ -269,9 +269,12 @@ def _calibrated(
     hangs = mounting_words(found, replace(looking, train=train), clean.plain.model)
     scales = travel_words(chosen.identification, found.covariance)
     turned = coupling_words(found, robot)
-    doubted = tuple(name for name, said in ((FRAMES, placed), (MOUNTING, hangs)) if said)
-    said = (*found.warnings, *scales, *hangs, *turned)
-    return replace(found, warnings=said, doubted=doubted)
+    asked = ((FRAMES, placed), (MOUNTING, hangs), (DRIVES, turned))
+    return replace(
+        found,
+        warnings=(*found.warnings, *scales, *hangs, *turned),
+        doubted=tuple(name for name, said in asked if said),
+    )
 
 
 def loss_of(option: str) -> Loss:

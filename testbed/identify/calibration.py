@@ -32,7 +32,7 @@ from testbed.identify.records import (
 from testbed.robots.robot import Reflector
 from testbed.scenario.tolerance import Decision
 
-FRAMES, MOUNTING = "frames", "mounting"
+FRAMES, MOUNTING, DRIVES = "frames", "mounting", "drives"
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -96,7 +96,7 @@ class Calibration(Shown):
     repeats_drift: Annotated[RepeatDrift | None, LATER] = None
     """A drift that visits of the same poses show."""
     doubted: Annotated[tuple[str, ...], LATER] = ()
-    """What the readings contradict of the description: `FRAMES`, `MOUNTING`."""
+    """What the readings contradict of the description: `FRAMES`, `MOUNTING`, `DRIVES`."""
 
     def __post_init__(self) -> None:
         rows = len(self.measurements)

@@ -1,7 +1,7 @@
 """What has to be settled before anything else, strongest first."""
 
 from testbed.identify.applies.beyond import beyond_words, far_words
-from testbed.identify.calibration import FRAMES, MOUNTING, Calibration
+from testbed.identify.calibration import DRIVES, FRAMES, MOUNTING, Calibration
 from testbed.identify.conditions import held_out_departs
 from testbed.identify.moved import happened
 from testbed.identify.to_do.change import rises
@@ -44,6 +44,11 @@ def description_step(calibration: Calibration) -> str:
         return (
             "First find out whether the arm hangs on a wall or ceiling, and state it in robot.toml "
             "([base] rotation_vector_deg). Until then, "
+        )
+    if DRIVES in calibration.doubted:
+        return (
+            "First state by which ratios the drives of the wrist turn each other (below), and "
+            "identify again. Until then, "
         )
     return ""
 

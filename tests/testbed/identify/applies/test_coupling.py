@@ -7,6 +7,7 @@ from calib.geometry.joint_errors import JointErrors, harmonic_terms
 from calib.geometry.model import RobotModel
 from calib.measurement import tables
 from testbed.identify.calibrate import Options, calibrate
+from testbed.identify.to_do.next_step import next_step
 from testbed.identify.words import reasons
 from tests.calibrated import robot, session_of, true_model
 from tests.reference import pool_r
@@ -44,6 +45,7 @@ def test_ratios_below_what_links_are_off_by_are_named_and_stating_them_mends_it(
     found = calibrate(robot(), seen(true, q, with_ratios(q, ratios)), CHOOSE)
     (text,) = said(found)
     assert f"{text}." in reasons(found)
+    assert next_step(found).startswith("First state by which ratios the drives of the wrist turn")
     joints = text.partition("joints = [")[2].partition("]")[0]
     assert len(joints.split(", ")) == len(lines)
     for line in lines:
