@@ -3,6 +3,7 @@
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from os.path import commonpath
 from pathlib import Path
 from typing import Any, Literal, TypeAlias
@@ -12,7 +13,7 @@ import numpy as np
 from calib.errors import InputError
 from testbed.files.dialects.commented_names import with_commented_names
 from testbed.files.dialects.controllers.read import Language, joints_in, language_of
-from testbed.files.dialects.numbers import NUMBER, number_of
+from testbed.files.dialects.numbers import NUMBER, NUMBERS_ALONE, number_of
 from testbed.files.dialects.spatial_lines import name_fields, sa_lines
 from testbed.files.refusal import refusal
 from testbed.files.rows.planned import foretold
@@ -28,6 +29,10 @@ from testbed.proposal.transforms import SHORT
 Kind = Literal["table", "bare", "points", "frames", "program"]
 Document = dict[str, Any]
 ASSIGNED = re.compile(r"[^\W\d]\w{0,30}\s*=\s*[\[{(]")
+MATRIX = re.compile(r"\s*[^\W\d]\w{0,30}\s*=\s*(?:[\[{(]\s*(?:[-+.\d].*|%.*)?)?")
+"""A line with which a script, or a console, begins a matrix behind a name."""
+BEGIN = 50
+"""Lines of which one may begin a matrix."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -143,6 +148,7 @@ def _looked(path: Path, name: str, sheet: str | None, text: FileText) -> Found:
     content = text.content("#", "//")
     if not content:
         raise refusal(text.where, "file", "has no table")
+    _require_no_matrices(text, content)
     headed = _has_head(content[0][1])
     commented = any(line.lstrip().startswith("//") for line in text.lines) and not headed
     titled = titles_above(content) and not commented
@@ -253,4 +259,20 @@ def _require_no_lists(text: FileText, content: Sequence[tuple[int, str]]) -> Non
             f"{text.where}:{number}", "file", f'has lists behind names ("{found[0]} ...")',
             allowed="each line holds numbers, which a line above them names",
             fix="write the numbers alone, below a line q1_deg, q2_deg ... x_mm, y_mm, z_mm",
+        )  # fmt: skip
+
+
+def _require_no_matrices(text: FileText, content: Sequence[tuple[int, str]]) -> None:
+    """Refuse matrices that stand below each other, each behind its name."""
+    begun = [
+        (k, line) for (k, line), (_, below) in pairwise(content[: BEGIN + 1])
+        if MATRIX.fullmatch(line) and NUMBERS_ALONE.fullmatch(below)
+    ]  # fmt: skip
+    if begun:
+        number, line = begun[0]
+        name = line.partition("=")[0].strip()
+        raise refusal(
+            f"{text.where}:{number}", "file", f"begins a matrix behind a name ({name} =)",
+            allowed="a file holds one table",
+            fix="write each matrix to a file of its own, in MATLAB by writematrix(Q, 'q.csv')",
         )  # fmt: skip

@@ -102,6 +102,32 @@ def test_transforms_over_four_lines_below_a_title_are_proposed(tmp_path):
     np.testing.assert_allclose(table.rotation, DATA.T[:, :3, :3], rtol=0, atol=1e-10)
 
 
+def matrix(name, rows, mark=" ", ends=";", last="];"):
+    return f"{name} = [\n" + text(rows, mark=mark).replace("\n", f"{ends}\n") + last
+
+
+@pytest.mark.parametrize(
+    ("printed", "line"),
+    [
+        ("% measured\nclear; clc\n" + matrix("Q", DEG) + "\n" + matrix("P", MM), 3),
+        (f"Q =\n\n{text(DEG)}\n\nP =\n\n{text(MM)}\n", 1),
+    ],
+    ids=["a script", "a console"],
+)
+def test_matrices_behind_names_are_to_be_files_of_their_own(printed, line, tmp_path):
+    (tmp_path / "a.m").write_text(printed)
+    done = call("new", "session", tmp_path / "a.m", "--out", tmp_path / "session.toml")
+    assert done.exit_code == 2
+    assert f"a.m:{line}: begins a matrix behind a name (Q =)" in " ".join(done.stderr.split())
+
+
+def test_lines_of_keys_above_a_table_begin_no_matrix(tmp_path):
+    above = "Operator =\nTemperature = (20.5)\nUnits = [mm]\nJ1,J2,J3,J4,J5,J6,X,Y,Z\n"
+    (tmp_path / "a.csv").write_text(above + text(DEG, MM, mark=","))
+    said, _ = proposed(tmp_path, [tmp_path / "a.csv"], "--robot", UR10.name)
+    assert "to fix" not in said
+
+
 def test_squares_that_are_no_transforms_stay_as_they_are(tmp_path):
     """Four numbers in each row: an angle and a place, of which one in four is 0 0 0 1."""
     rows = np.arange(32.0).reshape(8, 4)
