@@ -1,6 +1,6 @@
 """A calibration's report: all its sections, with what went in and what can be told apart."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 
 from testbed.identify.applies.region import reach_section
 from testbed.identify.calibration import Calibration
@@ -18,7 +18,7 @@ from testbed.identify.report.errors import (
     residual_section,
 )
 from testbed.identify.report.parameters import parameter_section
-from testbed.identify.shared import shared_section
+from testbed.identify.shared import shared_section, states_instrument
 from testbed.identify.to_do.next_step import next_step
 from testbed.identify.visits.report import visit_section
 from testbed.identify.words import mark, notice, reasons, verdict
@@ -78,10 +78,18 @@ def page_of(calibration: Calibration, delivered: Delivered, versions: Mapping[st
         verdict=typeset(" ".join((verdict(calibration), *decided[:1]))),
         reasons=tuple(map(typeset, (*decided[1:], *reasons(calibration)))),
         headline=headline(calibration),
-        next_step=typeset(f"{next_step(calibration)} {conditions_words(calibration)}"),
+        next_step=typeset(" ".join(filter(None, _to_do(calibration)))),
         recording=RECORDING,
         sections=tuple(section for section in sections if section is not None),
     )
+
+
+def _to_do(calibration: Calibration) -> Iterator[str]:
+    """What to do, under which conditions it holds, and what R95 leaves out."""
+    yield next_step(calibration)
+    yield conditions_words(calibration)
+    if not states_instrument(calibration.shared):
+        yield "Systematic errors of the instrument are in no figure: the session states none."
 
 
 def headline(calibration: Calibration) -> Table:

@@ -277,6 +277,9 @@ def test_what_no_held_out_pose_can_show_is_said_to_be_in_no_figure():
     found, parts = sound(), shared_session()
     assert any("No figure includes systematic errors" in text for text in reasons(found))
     assert not any("No figure includes" in text for text in reasons(parts))
+    for one, unsaid in ((found, True), (parts, False)):
+        page = page_of(one, DELIVERED, VERSIONS)
+        assert ("Systematic errors of the instrument are in no figure" in page.next_step) == unsaid
     for one, ending in ((found, ", but no systematic errors"), (parts, ", and systematic errors")):
         promise = next(each.promise for each in statements_of(one) if each.key == "region_mean")
         assert promise.endswith(ending)
