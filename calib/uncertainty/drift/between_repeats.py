@@ -1,6 +1,7 @@
 """Whether what visits of one pose differ by is a drift: of the readings as a whole, or of the tool.
 
-Joints that come back badly scatter from visit to visit; a drift goes with time.
+Joints that come back badly scatter from visit to visit; a drift goes with time. So does backlash,
+where one round came from one side and the next from the other: it turns joints, and is no drift.
 """
 
 from dataclasses import dataclass
@@ -11,6 +12,7 @@ from scipy.special import fdtrc
 
 from calib.arrays import Array, FloatOrNan, Index, frozen
 from calib.geometry.model import RobotModel
+from calib.geometry.operating import approaches
 from calib.measurement.noise import whiteners
 from calib.measurement.observations import Measurements
 from calib.measurement.prediction import predict, tool_poses
@@ -20,7 +22,13 @@ from calib.uncertainty.statement.repeats import FEWEST_FREEDOM, repeated, sound
 SHOWN = 1e-3
 """A p-value below which visits are said to differ by a drift."""
 ODDS = 20.0
-"""Readings or tool: which of them drifts is said at odds of so many to one."""
+"""A drift is told from joints that a round approached from another side at odds of so many to one;
+so is which of readings and tool drifts."""
+LEFT = 1e-3
+"""Part of a column about the means of poses below which it is the same at all visits."""
+APART = 0.05
+"""Part of the session that lies between visits of one pose at least: those of one stop show how an
+arm settles, and nothing of the hours."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -34,7 +42,7 @@ class RepeatDrift(Shown):
     or_else: bool
     """Whether the other explains the differences about as well."""
     size: float
-    """Distance between where it was at the first and at the last of the visits [m]."""
+    """Largest distance that it makes between two visits of one pose [m]."""
     shift: Annotated[Array, "m", 3]
     """(m, 3) what it adds to each position, about its mean over the rows [m]."""
 
@@ -53,7 +61,7 @@ class RepeatDrift(Shown):
         """The finding in words."""
         return (
             "visits of the same poses differ in step with time (p < 0.001): "
-            f"{self.what} drifted by {1e6 * self.size:.2g} um between the first row and the last; "
+            f"{self.what} drifted by up to {1e6 * self.size:.2g} um from one to another; "
             "this is no scatter of the joints, and is not counted as one"
         )
 
@@ -73,43 +81,91 @@ def repeat_drift(model: RobotModel, visits: Measurements, order: Index) -> Repea
     References
     ----------
     Whitened positions about the means of their poses, regressed on t and t^2 (also about these
-    means) in axes of the station, or of the tool: F of 6 and sum 3 (r - 1) - 6 degrees of freedom,
-    the smaller p of the two, doubled.
+    means) in axes of the station, or of the tool, beside half the backlash of each joint: F of 6
+    and sum 3 (r - 1) - 6 degrees of freedom less those of the backlash, the smaller p of the two,
+    doubled. Rows of one stop share how the joints came: c of them count as one, with chi-square and
+    degrees of freedom divided by c (design effect: Kish 1965). None, too, where a turn of each
+    joint in each round, as of approaches that the order does not tell, explains about as much.
     """
     groups = repeated(visits)
     freedom = sum(3 * (rows.size - len(rows)) for rows in groups)
     if freedom < FEWEST_FREEDOM:
         return None
-    y, N = predict(model, visits).residual[:, :3], visits.covariance[:, :3, :3]
-    at = np.argsort(np.argsort(order, kind="stable"), kind="stable") / max(len(order) - 1, 1) - 0.5
+    seen, N = predict(model, visits), visits.covariance[:, :3, :3]
+    y, in_time = seen.residual[:, :3], np.argsort(order, kind="stable")
+    at = np.argsort(in_time) / max(len(order) - 1, 1) - 0.5
+    groups = sound(y, N, groups)
+    apart = np.concatenate([np.ptp(at[rows], axis=1) for rows in groups])
+    if not len(apart) or np.median(apart) < APART:
+        return None
+    pose = visits.pose_id[in_time]
+    alike = len(pose) / (1 + int((np.diff(pose) != 0).sum()))
     powers = np.stack([at, at**2], axis=1)
     axes = {False: np.broadcast_to(np.eye(3), (len(y), 3, 3)),
             True: tool_poses(model, visits)[:, :3, :3]}  # fmt: skip
-    groups = sound(y, N, groups)
-    W, found = whiteners(N), {}
-    for of_tool, R in axes.items():
-        X = (R[:, :, None, :] * powers[:, None, :, None]).reshape(len(y), 3, 6)
-        rows = [_about_means(np.concatenate([X, y[..., None]], axis=2), some) for some in groups]
-        whole = np.concatenate([
-            (W[some] @ about).reshape(-1, 7) for some, about in zip(groups, rows, strict=True)
-        ])  # fmt: skip
-        A, b = whole[:, :6], whole[:, 6]
+    drifts = {of_tool: (R[:, :, None, :] * powers[:, None, :, None]).reshape(len(y), 3, 6)
+              for of_tool, R in axes.items()}  # fmt: skip
+    names = [f"{'d' if slides else 'theta'}{j + 1}" for j, slides in
+             enumerate(model.chain.prismatic)]  # fmt: skip
+    joints = seen.rows[:, :3, [model.names.index(name) for name in names]]
+    came = visits.conditions.approach
+    sides = joints * (approaches(visits.q, order) if came is None else came)[:, None, :]
+    rounds = _visit(at, groups)[:, None, :, None] * joints[:, :, None, :]
+    pieces = [sides, rounds.reshape(len(y), 3, -1), *drifts.values(), y[..., None]]
+    ends, W = np.cumsum([piece.shape[2] for piece in pieces])[:-1], whiteners(N)
+    columns = np.concatenate(pieces, axis=2)
+    whole = np.concatenate([
+        (W[some] @ _about_means(columns, some)).reshape(-1, columns.shape[2]) for some in groups
+    ])  # fmt: skip
+    by_sides, by_rounds, *by_drift, last = np.split(whole, ends, axis=1)
+    beside = _basis(by_sides, W @ sides)
+    b = last[:, 0] - beside @ (beside.T @ last[:, 0])
+    freedom = sum(3 * (rows.size - len(rows)) for rows in groups) - 6 - beside.shape[1]
+    found = {}
+    for of_tool, A in zip(drifts, by_drift, strict=True):
+        A = A - beside @ (beside.T @ A)
         x = np.linalg.lstsq(A, b, rcond=None)[0]
-        found[of_tool] = (float(np.square(b - A @ x).sum()), float(b @ b), x, X @ x)
-    freedom = sum(3 * (rows.size - len(rows)) for rows in groups) - 6
+        found[of_tool] = (float(np.square(b - A @ x).sum()), x)
     of_tool = found[True][0] < found[False][0]
-    left, square, x, shift = found[of_tool]
+    left, x = found[of_tool]
     if freedom <= 0 or left <= 0:
         return None
-    p = min(1.0, 2 * float(fdtrc(6, freedom, (square - left) / 6 / (left / freedom))))
-    if p >= SHOWN:
+    fall = (float(b @ b) - left) / 6 / (left / freedom)
+    p = min(1.0, 2 * float(fdtrc(6, freedom / alike, fall / alike)))
+    turned = by_rounds - beside @ (beside.T @ by_rounds)
+    other = _basis(turned, W @ rounds.reshape(len(y), 3, -1))
+    turned_left = float(np.square(b - other @ (other.T @ b)).sum())
+
+    def worse(than: float) -> bool:
+        """Whether an explanation that leaves so much is ruled out."""
+        return bool(freedom / alike / 2 * np.log(max(than, left * 1e-9) / left) >= np.log(ODDS))
+
+    if p >= SHOWN or not worse(turned_left):
         return None
-    odds = freedom / 2 * np.log(found[not of_tool][0] / left)
-    ends = powers[[int(np.argmax(at)), int(np.argmin(at))]] @ x.reshape(2, 3)
-    return RepeatDrift(
-        p, of_tool, bool(odds < np.log(ODDS)), float(np.linalg.norm(ends[0] - ends[1])),
-        frozen(shift - shift.mean(axis=0)),
+    shift = drifts[of_tool] @ x
+    size = max(
+        float(np.linalg.norm(shift[rows][:, :, None] - shift[rows][:, None], axis=3).max())
+        for rows in groups if len(rows)
     )  # fmt: skip
+    return RepeatDrift(
+        p, of_tool, not worse(found[not of_tool][0]), size, frozen(shift - shift.mean(axis=0))
+    )
+
+
+def _visit(at: Array, groups: list[Index]) -> Array:
+    """Which visit of its pose a row is (m, r - 1), in time, by columns of ones; none the first."""
+    most = max(rows.shape[1] for rows in groups)
+    number = np.zeros(len(at), dtype=np.int64)
+    for rows in groups:
+        number[rows] = np.argsort(np.argsort(at[rows], axis=1), axis=1)
+    return np.asarray(number[:, None] == np.arange(1, most), dtype=np.float64)
+
+
+def _basis(whitened: Array, whole: Array) -> Array:
+    """Orthonormal basis (k, f) of columns of which something is left about the means."""
+    size = np.sqrt(np.square(whole).sum(axis=(0, 1)))
+    U, s, _ = np.linalg.svd(whitened / np.where(size > 0, size, 1.0), full_matrices=False)
+    return np.asarray(U[:, s > LEFT])
 
 
 def _about_means(values: Array, rows: Index) -> Array:
