@@ -8,10 +8,21 @@ import pytest
 from calib.measurement.prediction import tool_poses
 from calib.uncertainty.drift.between_repeats import repeat_drift
 from calib.uncertainty.statement.repeats import joint_scatter
-from tests.calibrated import robot, table_of, true_model
-from tests.reference import SIGMA_POSITION, pool_r
+from tests.reference import SIGMA_POSITION, pool_r, rigid_truth
+from tests.truth.measuring import measured
 
-JOINTS = robot().repeatability
+JOINTS = np.full(6, 14.5e-6)
+"""Of the TX60 in models/ [rad]."""
+
+
+def true_model(seed):
+    return rigid_truth(np.random.default_rng(seed))
+
+
+def table_of(model, q, *, seed, pose_id, repeat=0):
+    """Full poses under the stated noise."""
+    table = measured(model, q, np.random.default_rng(seed))
+    return replace(table, pose_id=pose_id, repeat=np.broadcast_to(repeat, len(q)))
 
 
 def visits(count=45, rounds=2, *, seed=7, shift=0.0, of_tool=False, tour=False, joints=1.0):
