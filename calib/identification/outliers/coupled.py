@@ -17,6 +17,10 @@ EXPLAINED = 0.8
 """Fraction of the chi-square beyond noise that couplings must explain."""
 ALIKE = 0.01
 """So much less of it may fewer couplings explain than more: the rest follow other misfit."""
+WAVES = (1, 2)
+"""Waves in a turn of the first joint by which the second may err instead, as by an eccentric."""
+ODDS = 20.0
+"""Odds from which that is ruled out."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,15 +54,15 @@ def coupled(
     References
     ----------
     Fall of chi-square by columns q_a dT/dq_b beside the free numbers; F test with Bonferroni's
-    factor for all sets of pairs.
+    factor for all sets of pairs. None, too, where BIC does not rule out waves cos(k q_a),
+    sin(k q_a) of the same joints.
     """
     if table.is_distance.any():
         return None
     fit, names = WhitenedRows.of(identification, table), identification.parameters.names
     rows, pairs = predict(identification.model, table).rows, tuple(pairs)
-    columns = {
-        (a, b): rows[:, :, names.index(f"theta{b + 1}")] * table.q[:, a, None] for a, b in pairs
-    }
+    turned = {b: rows[:, :, names.index(f"theta{b + 1}")] for _, b in pairs}
+    columns = {(a, b): turned[b] * table.q[:, a, None] for a, b in pairs}
     sets = [some for n in range(1, len(pairs) + 1) for some in combinations(pairs, n)]
     excess, found = fit.square - fit.freedom, list[Coupled]()
     for some in sets if excess > 0 else ():
@@ -73,4 +77,18 @@ def coupled(
             found.append(Coupled(ratios, min(gain / excess, 1.0), rest, chance))
     most = max((one.explained for one in found), default=0.0)
     near = [one for one in found if one.explained > most - ALIKE]
-    return min(near, key=lambda one: (len(one.ratios), -one.explained), default=None)
+    best = min(near, key=lambda one: (len(one.ratios), -one.explained), default=None)
+    if best is None:
+        return None
+    for k in WAVES:
+        waves = [
+            turned[b] * wave(k * table.q[:, a, None])
+            for a, b, _ in best.ratios
+            for wave in (np.cos, np.sin)
+        ]
+        gain, told, _ = fit.drop(np.stack(waves, axis=2))
+        rest = max(fit.square - gain, np.finfo(float).tiny)
+        more = (told - len(best.ratios)) * np.log(fit.freedom)
+        if fit.freedom * np.log(best.left / rest) > more - 2 * np.log(ODDS):
+            return None
+    return best

@@ -76,6 +76,24 @@ def test_joints_that_err_otherwise_are_not_said_to_turn_with_others():
             assert said(found) == []
 
 
+def test_an_eccentric_that_joint_5_turns_is_no_ratio():
+    """Of 8 arms, 4 were told to state ratios."""
+    home, half = np.radians([0, 20, 60, 30, 60, 0]), np.radians([60, 36, 36, 60, 60, 90])
+    told = []
+    for seed in range(3):
+        rng, q = (
+            np.random.default_rng(seed + 100),
+            home + half * (np.random.default_rng(seed).uniform(-1, 1, (50, 6))),
+        )
+        turned = q.copy()
+        turned[:, 5] += 1.5e-3 * np.sin(2 * q[:, 4] + rng.uniform(0, 6))
+        options = Options(model="choose", held_out=25, seed=seed)
+        found = calibrate(robot(), seen(true_model(seed), q, turned), options)
+        assert found.refuted
+        told += said(found)
+    assert told == []
+
+
 def test_nothing_is_said_of_a_sound_arm():
     true, q = true_model(12), pool_r(70, seed=12)
     assert said(calibrate(robot(), seen(true, q, q), CHOOSE)) == []
