@@ -58,9 +58,11 @@ def beside_joints(
 ) -> tuple[tuple[str, ...], dict[str, tuple[str, ...]], str] | None:
     """Columns of `n` joints, those of the markers beside them, and the unit of these.
 
-    None where it is not certain. A number of the row may stand before them, and columns that never
-    change anywhere: they say nothing of a pose.
+    None where it is not certain, as where all columns are of markers. A number of the row may stand
+    before them, and columns that never change anywhere: they say nothing of a pose.
     """
+    if any(markers_in(look, unit) for unit in ("mm", "m")):
+        return None
     moving = moving_columns(look)
     for skip, unit in product((0, 1), ("mm", "m")):
         left = moving[skip:]
