@@ -98,32 +98,28 @@ def repeat_drift(model: RobotModel, visits: Measurements, order: Index) -> Repea
     apart = np.concatenate([np.ptp(at[rows], axis=1) for rows in groups])
     if not len(apart) or np.median(apart) < APART:
         return None
-    pose = visits.pose_id[in_time]
+    pose, W = visits.pose_id[in_time], whiteners(N)
     alike = len(pose) / (1 + int((np.diff(pose) != 0).sum()))
-    powers = np.stack([at, at**2], axis=1)
-    axes = {False: np.broadcast_to(np.eye(3), (len(y), 3, 3)),
-            True: tool_poses(model, visits)[:, :3, :3]}  # fmt: skip
-    drifts = {of_tool: (R[:, :, None, :] * powers[:, None, :, None]).reshape(len(y), 3, 6)
-              for of_tool, R in axes.items()}  # fmt: skip
-    names = [f"{'d' if slides else 'theta'}{j + 1}" for j, slides in
-             enumerate(model.chain.prismatic)]  # fmt: skip
-    joints = seen.rows[:, :3, [model.names.index(name) for name in names]]
-    came = visits.conditions.approach
-    sides = joints * (approaches(visits.q, order) if came is None else came)[:, None, :]
-    rounds = _visit(at, groups)[:, None, :, None] * joints[:, :, None, :]
-    pieces = [sides, rounds.reshape(len(y), 3, -1), *drifts.values(), y[..., None]]
-    ends, W = np.cumsum([piece.shape[2] for piece in pieces])[:-1], whiteners(N)
-    columns = np.concatenate(pieces, axis=2)
-    whole = np.concatenate([
-        (W[some] @ _about_means(columns, some)).reshape(-1, columns.shape[2]) for some in groups
-    ])  # fmt: skip
-    by_sides, by_rounds, *by_drift, last = np.split(whole, ends, axis=1)
-    beside = _basis(by_sides, W @ sides)
-    b = last[:, 0] - beside @ (beside.T @ last[:, 0])
+    sides, rounds = _by_joints(model, seen.rows, visits, order, _visit(at, groups))
+    drifts = _drifts(model, visits, at)
+
+    def about(columns: Array) -> Array:
+        """Whitened columns (m, 3, k) about the means of poses, rows one under the other."""
+        parts = [W[some] @ _about_means(columns, some) for some in groups]
+        return np.concatenate([part.reshape(-1, columns.shape[2]) for part in parts])
+
+    beside = _basis(about(sides), W @ sides)
+
+    def left_of(columns: Array) -> Array:
+        """The same off what backlash explains."""
+        A = about(columns)
+        return np.asarray(A - beside @ (beside.T @ A))
+
+    b = left_of(y[..., None])[:, 0]
     freedom = sum(3 * (rows.size - len(rows)) for rows in groups) - 6 - beside.shape[1]
     found = {}
-    for of_tool, A in zip(drifts, by_drift, strict=True):
-        A = A - beside @ (beside.T @ A)
+    for of_tool, columns in drifts.items():
+        A = left_of(columns)
         x = np.linalg.lstsq(A, b, rcond=None)[0]
         found[of_tool] = (float(np.square(b - A @ x).sum()), x)
     of_tool = found[True][0] < found[False][0]
@@ -132,9 +128,8 @@ def repeat_drift(model: RobotModel, visits: Measurements, order: Index) -> Repea
         return None
     fall = (float(b @ b) - left) / 6 / (left / freedom)
     p = min(1.0, 2 * float(fdtrc(6, freedom / alike, fall / alike)))
-    turned = by_rounds - beside @ (beside.T @ by_rounds)
-    other = _basis(turned, W @ rounds.reshape(len(y), 3, -1))
-    turned_left = float(np.square(b - other @ (other.T @ b)).sum())
+    turned = _basis(left_of(rounds), W @ rounds)
+    turned_left = float(np.square(b - turned @ (turned.T @ b)).sum())
 
     def worse(than: float) -> bool:
         """Whether an explanation that leaves so much is ruled out."""
@@ -150,6 +145,30 @@ def repeat_drift(model: RobotModel, visits: Measurements, order: Index) -> Repea
     return RepeatDrift(
         p, of_tool, not worse(found[not of_tool][0]), size, frozen(shift - shift.mean(axis=0))
     )
+
+
+def _by_joints(
+    model: RobotModel, rows: Array, visits: Measurements, order: Index, visit: Array
+) -> tuple[Array, Array]:
+    """Positions (m, 3, n) by half the backlash of each joint, (m, 3, k) by its turn in each round.
+
+    `rows` (m, r, P) is the derivative of the prediction, `visit` (m, r - 1) as `_visit` has it.
+    """
+    names = [f"{'d' if slides else 'theta'}{j + 1}" for j, slides in
+             enumerate(model.chain.prismatic)]  # fmt: skip
+    joints = rows[:, :3, [model.names.index(name) for name in names]]
+    came = visits.conditions.approach
+    sides = joints * (approaches(visits.q, order) if came is None else came)[:, None, :]
+    return sides, (visit[:, None, :, None] * joints[:, :, None, :]).reshape(len(rows), 3, -1)
+
+
+def _drifts(model: RobotModel, visits: Measurements, at: Array) -> dict[bool, Array]:
+    """Positions (m, 3, 6) by t and t^2 along each axis: of the station, and (True) of the tool."""
+    powers = np.stack([at, at**2], axis=1)
+    axes = {False: np.broadcast_to(np.eye(3), (len(at), 3, 3)),
+            True: tool_poses(model, visits)[:, :3, :3]}  # fmt: skip
+    return {of_tool: (R[:, :, None, :] * powers[:, None, :, None]).reshape(len(at), 3, 6)
+            for of_tool, R in axes.items()}  # fmt: skip
 
 
 def _visit(at: Array, groups: list[Index]) -> Array:

@@ -1,6 +1,7 @@
 """What identifying changed: whether errors really rise, and whether any number is off."""
 
 from collections.abc import Callable
+from functools import lru_cache
 
 import numpy as np
 from scipy.special import fdtrc
@@ -38,6 +39,7 @@ def rises(calibration: Calibration) -> bool:
     return _surely_more(*_before_after(calibration)[0])
 
 
+@lru_cache(maxsize=1)  # verdict, reasons and next step ask the same
 def nothing_left(calibration: Calibration) -> bool:
     """Whether neither the residuals nor held-out errors show that links or joints are off.
 

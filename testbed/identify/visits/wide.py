@@ -2,6 +2,7 @@
 
 from collections.abc import Collection
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 
@@ -42,6 +43,7 @@ class WideFrames:
     """A session whose frames leave half of it at most at the same poses, and R95 in them [m]."""
 
 
+@lru_cache(maxsize=1)  # verdict, reasons and next step ask the same
 def wide_frames(calibration: Calibration) -> tuple[WideFrames, ...]:
     """Sessions whose frames make the radius wide, the one that is handed out first.
 
