@@ -16,6 +16,8 @@ ENVIRONMENT = {
     # MuJoCo computes only; without this its import loads a window library
     "MUJOCO_GL": "disable",
     "MPLBACKEND": "agg",
+    # pydantic asks every installed package for plugins otherwise; none has a use here
+    "PYDANTIC_DISABLE_PLUGINS": "1",
 }
 """Set before numpy is imported; the libraries themselves never touch the environment."""
 MACHINE = 3

@@ -55,8 +55,8 @@ HOMES = {
 """Where a package may be imported: a folder or file from the top, or how a file's name begins."""
 FLOORS = {
     "testbed": (
-        ("assets", "bounds", "disk", "machine", "progress", "screen_reader", "streams", "strict",
-         "units", "versions"),
+        ("assets", "bounds", "disk", "faults", "machine", "names", "progress", "screen_reader",
+         "streams", "strict", "toml_text", "units", "versions"),
         ("gates",),
         ("robots", "store", "report"),
         ("scenario", "recording", "jobsheet"),

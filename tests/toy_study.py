@@ -10,6 +10,7 @@ import numpy as np
 from pydantic import Field
 
 from calib.arrays import Array
+from testbed.faults import Fault
 from testbed.laboratory.truth.setting import Setting
 from testbed.recording.chart import Chart, Series
 from testbed.recording.story import Chapter
@@ -20,7 +21,6 @@ from testbed.scenario.hashes import part, shared_part
 from testbed.scenario.scenario import Scenario, StudyTable
 from testbed.store.quantities import METRE, Quantity
 from testbed.streams import stream
-from testbed.strict import Fault
 from testbed.studies.protocol import Answer, Cut, Record, Records, Task
 
 KEY = "toy.spread"

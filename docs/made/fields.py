@@ -8,7 +8,8 @@ from typing import Any
 from pydantic.fields import FieldInfo
 
 from testbed.schemas.described import meaning, unit
-from testbed.strict import Strict, models_in, toml_value
+from testbed.strict import Strict, models_in
+from testbed.toml_text import toml_value
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,7 +13,8 @@ from testbed.scenario.laboratory import TruthSettings
 from testbed.scenario.presets import TRUTH_COMMON, TRUTH_PRESETS
 from testbed.schemas.described import summary
 from testbed.schemas.files import roots
-from testbed.strict import Strict, toml_value
+from testbed.strict import Strict
+from testbed.toml_text import toml_value
 
 if TYPE_CHECKING:
     from sphinx.application import Sphinx

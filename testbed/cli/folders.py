@@ -7,10 +7,10 @@ from pathlib import Path
 
 from calib.errors import InputError, refuse
 from testbed.gates.paths import is_there, real
+from testbed.names import name_meant, some
 from testbed.store import layout
 from testbed.store.foreign import foreign
 from testbed.store.manifest import CALIBRATION, CAMPAIGN, kind_of, read_manifest
-from testbed.strict import name_meant, some
 
 PLAN, ISO9283, SESSION, ROBOT, SEVERAL = "plan", "iso9283", "session", "robot", "several"
 MARKS = {layout.PLAN: PLAN, layout.ISO9283: ISO9283, "robot.toml": ROBOT, "session.toml": SESSION}

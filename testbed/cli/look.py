@@ -28,8 +28,8 @@ def scenes(
             return
         from testbed.assets import scene_rows
         from testbed.cli.timings import lasts
+        from testbed.names import some
         from testbed.report.text import table
-        from testbed.strict import some
 
         rows = []
         for known, robot, title, trials in scene_rows():

@@ -19,9 +19,9 @@ from testbed.scenario.hashes import record_hash, scenario_hash
 from testbed.scenario.read import dump_scenario, parse_scenario
 from testbed.scenario.scenario import Scenario
 from testbed.store.npz import from_bytes, record_bytes, record_from, to_bytes
-from testbed.strict import toml_value
 from testbed.studies import all_studies, declared_tables, study_named
 from testbed.studies.protocol import Record, Records, Study
+from testbed.toml_text import toml_value
 from testbed.versions import compiler_version, number_versions, sources_hash
 
 if TYPE_CHECKING:

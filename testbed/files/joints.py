@@ -18,8 +18,8 @@ from testbed.files.rows.times import Moments, days_of, moments_of, times_of
 from testbed.files.session import rows_of
 from testbed.files.table import Columns, DataTable, together
 from testbed.files.valid import valid_rows
+from testbed.names import choice_of
 from testbed.robots.robot import Robot
-from testbed.strict import choice_of
 from testbed.units import either
 
 SPLITS = ("identify", "test")

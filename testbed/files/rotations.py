@@ -12,7 +12,7 @@ from testbed.files.columns import AXIS_COLUMNS, MATRIX_COLUMNS, QUATERNION_COLUM
 from testbed.files.refusal import refusal
 from testbed.files.session import Stated
 from testbed.files.table import Columns, DataTable, together
-from testbed.strict import choice_of
+from testbed.names import choice_of
 
 EULER = tuple(
     "".join(triple)

@@ -13,7 +13,7 @@ from testbed.files.columns import AXES, TEXTS, UNITS, close_to, is_known, misspe
 from testbed.files.dialects.numbers import digits_after, floats, number_of, pointed
 from testbed.files.refusal import refusal
 from testbed.files.text import Sheet
-from testbed.strict import choice_of
+from testbed.names import choice_of
 
 GROUPED = re.compile(r"\d[ '\u00a0\u202f\u2019]\d")
 ODD = re.compile("[, '\u00a0\u202f\u2019]"), re.compile(r"\.[^\n]*\.")

@@ -15,7 +15,7 @@ from testbed.files.matching import numbered
 from testbed.files.readings import Readings
 from testbed.files.refusal import refusal
 from testbed.files.session_toml import StartTable
-from testbed.strict import choice_of
+from testbed.names import choice_of
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -8,8 +8,8 @@ from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
 
+from testbed.faults import KeyPath
 from testbed.gates.toml import TOKEN
-from testbed.strict import KeyPath
 
 NAME = re.compile(r'"(?:[^"\\]|\\.)*"|\'[^\']*\'|[^\s."\'=\[\]]+')
 

@@ -7,7 +7,9 @@ from typing import Any, TypeVar, get_args
 
 from pydantic import ValidationError
 
-from testbed.strict import MOST, Fault, Strict, choice_of, did_you_mean, models_in, one_error
+from testbed.faults import MOST, Fault, one_error
+from testbed.names import choice_of, did_you_mean
+from testbed.strict import Strict, models_in
 from testbed.units import counted
 
 WANTED = {

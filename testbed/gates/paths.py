@@ -8,7 +8,7 @@ from itertools import islice
 from pathlib import Path
 
 from calib.errors import refuse
-from testbed.strict import name_meant
+from testbed.names import name_meant
 
 MOST = 1000
 """Entries of a folder among which a name is looked for."""

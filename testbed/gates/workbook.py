@@ -18,7 +18,7 @@ from calib.errors import InputError, refuse
 from testbed.disk import read_bounded
 from testbed.gates.paths import is_there
 from testbed.gates.text import LARGER, MAX_MB, MAX_ROWS, FileText, SourceFile
-from testbed.strict import choice_of
+from testbed.names import choice_of
 
 MOST_PARTS, MOST_COLUMNS = 1000, 1000
 LARGEST_RATIO = 200

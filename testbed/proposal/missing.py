@@ -5,12 +5,12 @@ from testbed.files.joints import held_words
 from testbed.files.observed import BESIDE_PLAN
 from testbed.files.refusal import refusal
 from testbed.files.rows.planned import foretold
+from testbed.names import some
 from testbed.proposal.data import Found
 from testbed.proposal.fits.tried import unnamed
 from testbed.proposal.names import is_wished
 from testbed.proposal.wished import is_angle, is_computed
 from testbed.robots.robot import Robot
-from testbed.strict import some
 from testbed.units import counted
 
 MOST_JOINTS = 20

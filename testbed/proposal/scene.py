@@ -1,7 +1,7 @@
 """A scenario for a robot: a short campaign, each table with its reason."""
 
 from testbed.robots.robot import Robot, workspace
-from testbed.strict import toml_value
+from testbed.toml_text import toml_value
 
 SCENE = """\
 # Proposed by truebed new scene for {title}

@@ -18,7 +18,7 @@ from testbed.proposal.rows.clocks import REACH
 from testbed.proposal.rows.reflectors import with_reflectors
 from testbed.proposal.verdict import verdict_on
 from testbed.robots.robot import Robot
-from testbed.strict import toml_key, toml_value
+from testbed.toml_text import toml_key, toml_value
 
 JOINTS = 6
 """Assumed number of joints if no robot is named."""

@@ -8,7 +8,7 @@ from testbed.files.columns import is_known
 from testbed.proposal.data import Document, Found, files_of
 from testbed.proposal.session import Proposed
 from testbed.proposal.wished import wished_lines
-from testbed.strict import toml_lines, toml_value
+from testbed.toml_text import toml_lines, toml_value
 from testbed.units import counted
 
 MAY = """

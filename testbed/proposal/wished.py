@@ -12,7 +12,7 @@ from testbed.proposal.names import Meaning
 from testbed.proposal.naming.plain import without_unit
 from testbed.proposal.parts import DIFFERENCE, TARGET
 from testbed.proposal.words import ANGLE
-from testbed.strict import toml_value
+from testbed.toml_text import toml_value
 
 UNITS = ("mm", "m")
 """Units tried for columns without one: first for measured ones, then targets and differences."""

@@ -16,6 +16,7 @@ from testbed.assets import robot_names as robot_names
 from testbed.gates.kinds import kind_of_name, wrong_kind
 from testbed.gates.paths import near, real
 from testbed.gates.toml import read_toml
+from testbed.names import choice_of, name_meant
 from testbed.robots.assumed import (
     SLIDE_SCATTER,
     SLIDE_SPEED,
@@ -38,7 +39,6 @@ from testbed.robots.robot import body_name as body_name
 from testbed.robots.room import beyond_rail
 from testbed.robots.shapes import primitive
 from testbed.robots.tolerances import tolerances_of, usual_tolerances
-from testbed.strict import choice_of, name_meant
 
 ROBOT_FILE, TRACKER_FILE = "robot.toml", "tracker.toml"
 TRACKER = "laser_tracker"

@@ -7,6 +7,7 @@ from pydantic import AfterValidator, Field, model_validator
 from calib.geometry.chain import chain_names
 from calib.geometry.joint_errors import Wave
 from testbed.bounds import CELL, COORDINATE
+from testbed.names import choice_of
 from testbed.robots.coupled import ControllerTable
 from testbed.robots.links import (
     Angle,
@@ -20,7 +21,7 @@ from testbed.robots.links import (
 from testbed.robots.shapes import ShapeEntry
 from testbed.robots.springs import SpringsTable
 from testbed.robots.tolerances import LinkTolerances
-from testbed.strict import PlainText, Strict, choice_of
+from testbed.strict import PlainText, Strict
 
 Angles = Annotated[tuple[Angle, ...], Field(min_length=3, max_length=3)]
 Place = Annotated[

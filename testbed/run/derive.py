@@ -10,12 +10,12 @@ from pathlib import PurePath
 from typing import TYPE_CHECKING, Any
 
 from calib.errors import refuse
+from testbed.names import did_you_mean, some
 from testbed.report.page import PARTS, SIMULATED, Page, Verdict, record_section, render
 from testbed.scenario.scenario import Scenario
 from testbed.store import npz
 from testbed.store.layout import ARRAYS, FORMAT, OF_TRIAL, RECORDING, REPORT, RESULT
 from testbed.store.quantities import as_arrays, as_json
-from testbed.strict import did_you_mean, some
 from testbed.studies import all_studies
 from testbed.studies.protocol import Answer, Records, Study
 from testbed.studies.trial.study import STUDY as GROUND

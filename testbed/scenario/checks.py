@@ -4,12 +4,13 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from testbed.bounds import TRACKER_SD, shown
+from testbed.faults import Fault, one_error
+from testbed.names import did_you_mean
 from testbed.scenario.idle import idle_settings
 from testbed.scenario.laboratory import PaperTracker
 from testbed.scenario.scenario import Scenario
 from testbed.scenario.tables import PAPER_SET, SINGLE, PoolSettings
 from testbed.scenario.truth import truth_faults
-from testbed.strict import Fault, did_you_mean, one_error
 from testbed.units import DEG, MM, counted, unit_of
 
 if TYPE_CHECKING:

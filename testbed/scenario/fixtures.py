@@ -5,10 +5,10 @@ import re
 from collections.abc import Iterator, Mapping
 from itertools import combinations
 
+from testbed.names import did_you_mean
 from testbed.scenario.laboratory import At960Tracker, FixtureSettings
 from testbed.scenario.scenario import Scenario
 from testbed.scenario.tables import Point
-from testbed.strict import did_you_mean
 from testbed.units import counted
 
 NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,31}")

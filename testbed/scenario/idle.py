@@ -4,10 +4,10 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
+from testbed.faults import flat
 from testbed.scenario.laboratory import SYSTEMATIC
 from testbed.scenario.scenario import Scenario
 from testbed.scenario.tables import BudgetSettings, Settings
-from testbed.strict import flat
 from testbed.units import listed
 
 Asked = Callable[[Scenario], object]

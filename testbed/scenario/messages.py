@@ -5,10 +5,12 @@ from typing import Any
 
 from pydantic import ValidationError
 
+from testbed.faults import MOST, Fault, KeyPath
 from testbed.gates.mistakes import WANTED, in_words, right_unit, shown
+from testbed.names import did_you_mean
 from testbed.scenario.scenario import Scenario, ScenarioFile
 from testbed.scenario.tables import PRIOR
-from testbed.strict import MOST, Fault, KeyPath, Strict, did_you_mean, models_in
+from testbed.strict import Strict, models_in
 from testbed.units import counted
 
 UNIONS = ((1, ("tracker",)), (2, ("plan", "goal")), (3, ("cell", "obstacle")))

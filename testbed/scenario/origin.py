@@ -9,22 +9,14 @@ import json
 from collections.abc import Collection, Iterator, Mapping
 from typing import Any, Literal
 
+from testbed.faults import Fault, KeyPath, Values, flat, nodes
 from testbed.gates.kinds import DESCRIPTIONS
+from testbed.names import choice_of, did_you_mean
 from testbed.scenario.laboratory import TruthPreset
 from testbed.scenario.presets import written
 from testbed.scenario.scenario import Scenario
 from testbed.scenario.tables import Settings, Text
-from testbed.strict import (
-    Fault,
-    KeyPath,
-    Values,
-    choice_of,
-    did_you_mean,
-    flat,
-    nodes,
-    toml_key,
-    toml_value,
-)
+from testbed.toml_text import toml_key, toml_value
 
 ORIGIN = "origin"
 ROBOT: KeyPath = ("robot",)

@@ -5,9 +5,9 @@ from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 from calib.errors import CalibError
+from testbed.faults import KeyPath, flat, nested
 from testbed.scenario.planning import DEFAULT_POSES
 from testbed.scenario.tables import PAPER_SET
-from testbed.strict import KeyPath, flat, nested
 
 if TYPE_CHECKING:
     from testbed.robots.catalog import Robot

@@ -11,9 +11,11 @@ from pydantic import ValidationError
 
 from calib.errors import refuse
 from testbed.assets import robot_names, scene_names, scenes
+from testbed.faults import Fault, KeyPath, flat, foreign_values, nested, one_error
 from testbed.gates.kinds import kind_of_name, require_kind
 from testbed.gates.paths import near, real
 from testbed.gates.toml import read_toml_bytes, toml_document
+from testbed.names import name_meant
 from testbed.scenario.contradictions import contradictions
 from testbed.scenario.laboratory import TruthSettings
 from testbed.scenario.messages import keys_by_table, sentences
@@ -30,17 +32,7 @@ from testbed.scenario.presets import given_in, resolved, written
 from testbed.scenario.scenario import FORMAT, Scenario, ScenarioFile, StudyTable
 from testbed.scenario.stale import CALLED, OLD, copied_fault, filled_scenario, stale
 from testbed.store.foreign import foreign
-from testbed.strict import (
-    Fault,
-    KeyPath,
-    flat,
-    foreign_values,
-    name_meant,
-    nested,
-    one_error,
-    toml_lines,
-    toml_value,
-)
+from testbed.toml_text import toml_lines, toml_value
 
 TABLE = ("a table", "to calibrate from measurements, type truebed new session {}")
 ROBOT = ("the description of a robot", "to begin a scenario for it, type truebed new scene {}")

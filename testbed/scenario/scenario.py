@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self, TypeV
 
 from pydantic import Field, PrivateAttr
 
+from testbed.faults import Fault, KeyPath, place
 from testbed.scenario.laboratory import (
     CellSettings,
     FixtureSettings,
@@ -29,7 +30,7 @@ from testbed.scenario.tables import (
     UncertaintySettings,
 )
 from testbed.scenario.tolerance import ToleranceTable
-from testbed.strict import Fault, KeyPath, PlainText, place
+from testbed.strict import PlainText
 from testbed.units import counted
 
 if TYPE_CHECKING:

@@ -7,12 +7,13 @@ from typing import Any
 
 from pydantic import ValidationError
 
+from testbed.faults import Fault, KeyPath, flat, nested, place
 from testbed.scenario.laboratory import At960Tracker, PaperTracker
 from testbed.scenario.origin import DECIDERS, ROBOT, TRACKER, TRUTH, same
 from testbed.scenario.presets import TRUTH_PRESETS, resolved, written
 from testbed.scenario.scenario import Scenario, StudyTable
 from testbed.scenario.tables import Settings
-from testbed.strict import Fault, KeyPath, flat, nested, place, toml_value
+from testbed.toml_text import toml_value
 from testbed.units import listed
 
 MOST_NAMED = 7

@@ -3,8 +3,8 @@
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
+from testbed.faults import Fault, one_error
 from testbed.scenario.laboratory import TruthSettings
-from testbed.strict import Fault, one_error
 from testbed.units import counted, named
 
 if TYPE_CHECKING:

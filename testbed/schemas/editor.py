@@ -14,13 +14,14 @@ from pydantic.json_schema import models_json_schema
 
 from calib.errors import refuse
 from testbed.disk import atomic_write
+from testbed.names import did_you_mean
 from testbed.scenario.laboratory import PaperTracker, TruthSettings
 from testbed.scenario.planning import BoxGoal, PlanSettings
 from testbed.scenario.presets import REPEATABILITY
 from testbed.schemas.described import meaning, summary, unit
 from testbed.schemas.files import FILES, roots
 from testbed.schemas.names import directive, schema_name
-from testbed.strict import Strict, did_you_mean, models_in
+from testbed.strict import Strict, models_in
 
 Json = dict[str, Any]
 Tables = tuple[tuple[str, type[Strict]], ...]

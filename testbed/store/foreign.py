@@ -6,8 +6,8 @@ from itertools import islice
 from pathlib import Path
 
 from testbed.gates.paths import is_there
+from testbed.names import some
 from testbed.store.layout import ISO9283, MANIFEST, OWNERS, PLAN, SCENARIO
-from testbed.strict import some
 
 MOST, SHOWN = 1000, 4
 """Entries that are looked at, and that are named."""

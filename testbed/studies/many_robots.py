@@ -10,12 +10,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 from pydantic import Field
 
+from testbed.faults import Fault
 from testbed.scenario.laboratory import TruthSettings
 from testbed.scenario.presets import resolved_truth, robot_of
 from testbed.scenario.scenario import Scenario, StudyTable
 from testbed.scenario.tables import PAPER_SET
 from testbed.scenario.truth import truth_faults
-from testbed.strict import Fault
 from testbed.studies.protocol import Cut, Records
 
 if TYPE_CHECKING:

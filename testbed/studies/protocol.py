@@ -10,10 +10,10 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Protocol, TypeVar, runtime_checkable
 
 from calib.errors import CalibError
+from testbed.names import some
 from testbed.report.page import Figure, Section, Table, Verdict
 from testbed.scenario.scenario import Scenario, StudyTable
 from testbed.store.quantities import Quantity
-from testbed.strict import some
 
 if TYPE_CHECKING:
     from testbed.recording.story import Chapter

@@ -8,11 +8,12 @@ import pytest
 from calib.errors import InputError
 from testbed import assets, bounds
 from testbed.bounds import Bound
+from testbed.faults import flat
 from testbed.gates.mistakes import validated
 from testbed.robots.file import RobotFile
 from testbed.scenario.presets import written
-from testbed.strict import flat, toml_lines
 from testbed.studies import load_scenario, parse_scenario
+from testbed.toml_text import toml_lines
 
 TX60 = tomllib.loads((assets.models() / "staubli_tx60" / "robot.toml").read_text("utf-8"))
 TABLE = [each for each in vars(bounds).values() if isinstance(each, Bound)]

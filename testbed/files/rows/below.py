@@ -4,7 +4,7 @@ import re
 from collections.abc import Sequence
 
 from testbed.files.dialects.numbers import NUMBER
-from testbed.strict import some
+from testbed.names import some
 from testbed.units import counted
 
 MOST = 50

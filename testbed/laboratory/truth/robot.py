@@ -28,11 +28,11 @@ from testbed.laboratory.truth.waves import (
     per_joint,
     transmission,
 )
+from testbed.names import choice_of
 from testbed.robots.catalog import Robot
 from testbed.scenario.laboratory import TruthSettings
 from testbed.scenario.truth import require_truth
 from testbed.streams import stream
-from testbed.strict import choice_of
 
 if TYPE_CHECKING:
     from testbed.laboratory.truth.moving import MovingArm

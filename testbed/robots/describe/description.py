@@ -10,9 +10,9 @@ import numpy as np
 from calib.arrays import Array
 from calib.errors import refuse
 from calib.geometry.chain import Chain, JointKind
+from testbed.names import choice_of, some
 from testbed.robots.describe.axes import chain_from_axes
 from testbed.robots.parts import Form
-from testbed.strict import choice_of, some
 
 TOOL_NAMES = ("tool0", "tool")
 """Names of an end that is the tool if the arm has several ends."""

@@ -15,6 +15,7 @@ from calib.errors import InputError, refuse
 from calib.geometry.chain import JointKind
 from calib.geometry.frames import inverse, transform
 from testbed.bounds import SHAPE
+from testbed.names import some
 from testbed.robots.describe.description import (
     Body,
     Description,
@@ -38,7 +39,6 @@ from testbed.robots.write.mjcf import (
     mjcf_poses,
     pose_of,
 )
-from testbed.strict import some
 
 HIDDEN = 3
 """Geoms of this group and above are not drawn unless a viewer is asked to."""

@@ -12,6 +12,7 @@ import numpy as np
 from calib.arrays import Array
 from calib.errors import refuse
 from calib.geometry.chain import JointKind
+from testbed.names import some
 from testbed.robots.describe.description import (
     HELD_ELSEWHERE,
     Body,
@@ -27,7 +28,6 @@ from testbed.robots.describe.xml_gate import FileOptions, read_xml
 from testbed.robots.foreign import foreign
 from testbed.robots.parts import Form
 from testbed.robots.shapes import GRAY
-from testbed.strict import some
 
 UNIT = 1e-6
 """An axis that is longer or shorter than 1 by more than this is noted."""

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from testbed.bounds import DIRECTION, INERTIA, LIMIT, LINK, MASS, SCALE, SLIDE_SPEED, TURN_SPEED
+from testbed.names import choice_of, some
 from testbed.robots.describe.urdf_shapes import check_shapes, name_shapes
 from testbed.robots.describe.xml_gate import (
     FileOptions,
@@ -22,7 +23,6 @@ from testbed.robots.describe.xml_gate import (
     not_local,
     outside,
 )
-from testbed.strict import choice_of, some
 
 NUMBERS = {
     "origin": {"xyz": Row(3, LINK, "m"), "rpy": Row(3, LIMIT, "rad")},

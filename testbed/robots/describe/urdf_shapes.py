@@ -4,9 +4,9 @@ from pathlib import Path
 from typing import Any
 
 from testbed.bounds import SHAPE
+from testbed.names import some
 from testbed.robots.describe.xml_gate import called, error_at, need
 from testbed.robots.parts import Form
-from testbed.strict import some
 
 SHAPES: dict[str, tuple[str, ...]] = {
     "box": ("size",), "cylinder": ("radius", "length"), "capsule": ("radius", "length"),

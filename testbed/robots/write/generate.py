@@ -17,6 +17,7 @@ from calib.errors import CalibError, refuse
 from calib.geometry.frames import inverse
 from testbed import assets
 from testbed.gates.toml import read_toml
+from testbed.names import choice_of
 from testbed.robots.catalog import (
     ROBOT_FILE,
     TRACKER,
@@ -32,7 +33,6 @@ from testbed.robots.meshes.solids import Solid, moved, write_obj
 from testbed.robots.placements import link_poses
 from testbed.robots.write.mjcf import mjcf_text
 from testbed.robots.write.urdf import urdf_bytes
-from testbed.strict import choice_of
 
 
 def generate(name: str, out: Path) -> None:

@@ -13,7 +13,7 @@ from testbed.robots.robot import Reflector, Robot, Workspace
 from testbed.robots.shapes import shapes_table
 from testbed.robots.springs import springs_table
 from testbed.robots.units import Unit, degrees, millimeters, millionths
-from testbed.strict import toml_lines, toml_value
+from testbed.toml_text import toml_lines, toml_value
 
 
 def robot_toml(robot: Robot, *, comment: str = "") -> str:

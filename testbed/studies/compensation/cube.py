@@ -8,11 +8,11 @@ from calib.arrays import Array
 from calib.errors import InputError, refuse
 from calib.geometry.frames import exp_so3, transform
 from calib.geometry.inverse import inverse_kinematics, spread
+from testbed.faults import Fault
 from testbed.laboratory.cell import cell_from
 from testbed.laboratory.simulator import Simulator
 from testbed.robots.catalog import Robot
 from testbed.scenario.laboratory import CellSettings
-from testbed.strict import Fault
 
 FROM_CORNER = 0.1
 """Poses 2 to 5 lie this share of the diagonal away from their corners."""

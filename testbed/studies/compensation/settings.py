@@ -5,10 +5,10 @@ from typing import TYPE_CHECKING, Annotated, ClassVar
 
 from pydantic import Field
 
+from testbed.faults import Fault
 from testbed.scenario.laboratory import At960Tracker
 from testbed.scenario.scenario import Scenario
 from testbed.scenario.tables import Point, RotationVector, Side
-from testbed.strict import Fault
 from testbed.studies.many_robots import TRUTHS, ManyRobots, TruthName, keys_of
 
 if TYPE_CHECKING:

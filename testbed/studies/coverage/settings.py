@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, get_args
 from pydantic import Field
 
 from calib.held_out_counts import FEWEST, fewest_poses
+from testbed.faults import Fault
 from testbed.scenario.laboratory import At960Tracker, TruthSettings
 from testbed.scenario.scenario import Scenario
-from testbed.strict import Fault
 from testbed.studies.many_robots import TRUTHS, ManyRobots, TruthName, keys_of, truth_of_kind
 
 if TYPE_CHECKING:

@@ -14,7 +14,7 @@ from calib.errors import CalibError, MachineError, TooFewPosesError
 from testbed.engines import choice, kit
 from testbed.engines.choice import crowded, engine_of, slice_of, workers_of
 from testbed.engines.kit import require_alike
-from testbed.strict import Fault, one_error
+from testbed.faults import Fault, one_error
 
 GOLDEN = Path(__file__).parents[2] / "golden" / "engine_messages.txt"
 OURS = {"truebed": "0.1.0", "numpy": "2.4.0", "source code": "0123456789ab"}

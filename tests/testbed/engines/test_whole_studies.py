@@ -16,8 +16,8 @@ from testbed.run.cut import all_pieces, cut_names
 from testbed.run.work import Work
 from testbed.scenario.read import changed
 from testbed.store import layout
-from testbed.strict import toml_lines
 from testbed.studies import all_studies, load_scenario
+from testbed.toml_text import toml_lines
 from tests.golden.write import FEWER
 from tests.testbed.engines.test_cluster import Dask
 from tests.testbed.engines.toy import family, gone

@@ -9,7 +9,7 @@ import pytest
 from typer.testing import CliRunner
 
 from calib.errors import InputError
-from testbed import strict
+from testbed import names
 from testbed.cli import app
 from testbed.gates.toml import MOST_BYTES, deepest, toml_document
 from tests.hangs import no_hang
@@ -126,7 +126,7 @@ def test_of_many_faults_twenty_are_put_into_words_and_the_others_counted(told, v
         compared.append(word)
         return get_close_matches(word, *args)
 
-    monkeypatch.setattr(strict, "get_close_matches", counted)
+    monkeypatch.setattr(names, "get_close_matches", counted)
     lines = told(verb, b"".join(b"k%d = 1\n" % k for k in range(keys)))
     assert 0 < len(compared) <= 20
     assert len(lines) == 21

@@ -18,9 +18,9 @@ from testbed.scenario.origin import COMMENT
 from testbed.scenario.presets import TRUTH_PRESETS
 from testbed.scenario.read import changed, dump_scenario
 from testbed.store import layout
-from testbed.strict import toml_lines
 from testbed.studies import declared_tables, load_scenario, parse_scenario, scenario_of
 from testbed.studies.many_robots import TRUTHS, truth_of_kind
+from testbed.toml_text import toml_lines
 from tests.testbed.studies.trial.fake_campaign import Fake, content
 
 TRACKERS = ("paper", "at960")
