@@ -1,6 +1,7 @@
 """Kinds of arguments, checked where a call enters: what their annotations say, in a sentence."""
 
 import inspect
+import re
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from functools import cache, wraps
 from types import UnionType
@@ -63,7 +64,42 @@ def checked_kinds(function: Callable[P, T]) -> Callable[P, T]:
                 given.arguments[name] = of_kind(name, value, hints[name])
         return function(*given.args, **given.kwargs)
 
-    return checked
+    return in_short(checked)
+
+
+def in_short(function: Callable[P, T]) -> Callable[P, T]:
+    """The same function; help() and notebooks show its annotations as they are written here."""
+    signature = inspect.signature(function)
+    parts = [
+        part if part.annotation is part.empty else part.replace(annotation=_Short(part.annotation))
+        for part in signature.parameters.values()
+    ]
+    shown = signature.replace(
+        parameters=parts, return_annotation=_Short(signature.return_annotation)
+    )
+    function.__dict__["__signature__"] = shown
+    return function
+
+
+class _Short:
+    """An annotation that is shown as it is written: `ArrayLike | None`, not all that it is."""
+
+    def __init__(self, kind: Any) -> None:
+        self.kind = kind
+
+    def __repr__(self) -> str:
+        kinds = _written_out(self.kind)
+        several = ["ArrayLike"] * ({*kinds} >= ARRAYS)
+        several += [_name(kind) for kind in kinds if not several or kind not in ARRAYS]
+        return " | ".join(several)
+
+
+def _name(kind: Any) -> str:
+    """One annotation without the rooms where its parts live."""
+    if get_origin(kind) is np.ndarray:
+        return "ndarray"
+    text = kind if isinstance(kind, str) else inspect.formatannotation(kind)
+    return "None" if kind is type(None) else re.sub(r"(?:\w+\.)+", "", text)
 
 
 def check_fields(record: Any) -> None:

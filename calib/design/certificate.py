@@ -14,6 +14,7 @@ from calib.information.criteria.base import Certifiable, Criterion
 from calib.information.criteria.d import D
 from calib.information.criteria.spectral import Spectral
 from calib.information.criteria.whitened import relative_rounding
+from calib.kinds import in_short
 from calib.shown import Shown
 
 CERTAIN = 1e-9
@@ -46,6 +47,7 @@ class Certificate(Shown):
         return f"Certificate({self.sentence})"
 
 
+@in_short
 def certify(
     problem: Problem,
     indices: ArrayLike,

@@ -10,11 +10,13 @@ from calib.design.problem import Problem
 from calib.design.random import starting_set
 from calib.design.selection import Selection, selection_of
 from calib.errors import refuse
+from calib.kinds import in_short
 
 SWAPS = (2, 1)
 """Constants b and c of Wen et al.; fewer where set or pool are too small for them."""
 
 
+@in_short
 def detmax(
     problem: Problem,
     rng: np.random.Generator,

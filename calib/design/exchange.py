@@ -19,6 +19,7 @@ from calib.information.criteria.d import D
 from calib.information.criteria.g import G
 from calib.information.criteria.linear import Linear
 from calib.information.criteria.total import Total
+from calib.kinds import in_short
 
 RESTARTS = 6
 """Number of local searches by default; their starts are those of `exchange`."""
@@ -134,6 +135,7 @@ def _first(problem: Problem, rng: np.random.Generator, first: Sequence[int] | No
     return nonsingular_set(problem, rng) if problem.is_singular(begin) else begin
 
 
+@in_short
 def fedorov(
     problem: Problem, rng: np.random.Generator, *, start: ArrayLike | None = None
 ) -> Selection:

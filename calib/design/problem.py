@@ -25,6 +25,7 @@ from calib.geometry.parameters import CHARACTERISTIC_LENGTH
 from calib.information.criteria.base import Criterion, Pool
 from calib.information.criteria.named import criterion_named
 from calib.information.goals import goal_matrix
+from calib.kinds import in_short
 from calib.shown import Shown
 
 LARGER_POOL = "enlarge the pool or choose fewer poses"
@@ -65,6 +66,7 @@ class Problem(Shown):
         return f"Problem({pool}, {self.p} numbers, by {self.criterion.name})"
 
     @classmethod
+    @in_short
     def of_blocks(
         cls,
         blocks: ArrayLike,
@@ -166,6 +168,7 @@ class Problem(Shown):
         return problem
 
     @classmethod
+    @in_short
     def of_poses(
         cls,
         model: RobotModel,
@@ -227,19 +230,23 @@ class Problem(Shown):
         """Total number of poses: chosen and given."""
         return self.m + len(self.given)
 
+    @in_short
     def information(self, chosen: ArrayLike) -> Array:
         """Information M (p, p) of a set (m,), summed afresh, with that known before."""
         return self.base + information(self.blocks[np.asarray(chosen, dtype=np.int64)])
 
+    @in_short
     def rows(self, chosen: ArrayLike) -> Array:
         """Rows (n, p) whose products are that M, for work that must not square them."""
         A = self.blocks[np.asarray(chosen, dtype=np.int64)].reshape(-1, self.p)
         return np.concatenate([self.before, A])
 
+    @in_short
     def is_singular(self, chosen: ArrayLike) -> bool:
         """Whether a set, with the information known before, leaves a direction undetermined."""
         return not has_full_rank(self.rows(chosen))
 
+    @in_short
     def addable(self, chosen: ArrayLike) -> Bool:
         """Mask (N,) of poses that may be added to a set."""
         free = self.open.copy()
@@ -247,6 +254,7 @@ class Problem(Shown):
             free[np.asarray(chosen, dtype=np.int64)] = False
         return free
 
+    @in_short
     def require_set(self, chosen: ArrayLike, field: str) -> Index:
         """Checked indices (m,) of a set; an `InputError` (A3) unless it is one of this problem."""
         places = array_of(chosen)
@@ -259,12 +267,9 @@ class Problem(Shown):
         if not sound:
             kind = "numbers" if self.repeats else "different numbers"
             last = len(self.pool) - 1
-            raise refuse(
-                field,
-                allowed=f"{self.m} {kind} from 0 to {last}, of poses that may be chosen",
-                code="A3",
-                message=f"{field} is not a set of places in the pool",
-            )
+            allowed = f"{self.m} {kind} from 0 to {last}, of poses that may be chosen"
+            message = f"{field} is not a set of places in the pool"
+            raise refuse(field, allowed=allowed, code="A3", message=message)
         return np.asarray(places, dtype=np.int64)
 
     def resize(self, poses: int) -> "Problem":

@@ -17,7 +17,7 @@ from calib.geometry.frames import (
     step_transform,
     transform_step,
 )
-from calib.kinds import of_kind
+from calib.kinds import in_short, of_kind
 from calib.shown import Shown
 
 JointKind = Literal["revolute", "prismatic"]
@@ -110,6 +110,7 @@ class Chain(Shown):
         """(n,) 1.0 where the joint slides, else 0.0."""
         return np.array([kind == "prismatic" for kind in self.kinds], dtype=np.float64)
 
+    @in_short
     def moved(self, step: ArrayLike) -> "Chain":
         """Chain after a step (12 + 5 n,) in the order of `chain_names` [m, rad].
 

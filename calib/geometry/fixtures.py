@@ -16,6 +16,7 @@ from calib.geometry.frames import (
     step_transform,
     transform_step,
 )
+from calib.kinds import in_short
 from calib.shown import Shown
 
 POINT_AXES = FRAME_AXES[:3]
@@ -118,6 +119,7 @@ class Fixtures(Shown):
         """(1 + t, 4, 4) T_world_station of all stations, the world itself first [m]."""
         return np.concatenate([np.eye(4)[None], self.stations])
 
+    @in_short
     def moved(self, step: ArrayLike) -> "Fixtures":
         """Fixtures after a step [m, rad] in the order of `names`.
 

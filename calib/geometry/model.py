@@ -13,6 +13,7 @@ from calib.geometry.fixtures import Fixtures
 from calib.geometry.jacobian import bent_pose_and_jacobian, joint_columns, pose_and_jacobian
 from calib.geometry.joint_errors import JointErrors
 from calib.geometry.operating import AS_USUAL, OperatingConditions
+from calib.kinds import in_short
 from calib.shown import Shown
 
 NO_ERRORS, NO_FIXTURES = JointErrors(), Fixtures()
@@ -84,6 +85,7 @@ class RobotModel(Shown):
         """Index of the first number of the fixtures in the full parameter vector."""
         return self.chain.n_numbers + len(self.joint_errors.coefficients)
 
+    @in_short
     def moved(self, step: ArrayLike) -> "RobotModel":
         """Model after a step (P,) in the order of `names` [m, rad].
 
@@ -106,6 +108,7 @@ class RobotModel(Shown):
             [self.chain.step_to(other.chain), there - here, self.fixtures.step_to(other.fixtures)]
         )
 
+    @in_short
     def poses(self, q: ArrayLike, at: OperatingConditions = AS_USUAL) -> Array:
         """Tool poses T_world_tool (m, 4, 4) [m] at commanded joint values q (m, n).
 
@@ -130,6 +133,7 @@ class RobotModel(Shown):
             q = q + errors.of_terms(q, at)
         return forward_of(self.chain, q, errors.growth(at))
 
+    @in_short
     def poses_and_jacobian(
         self, q: ArrayLike, at: OperatingConditions = AS_USUAL
     ) -> tuple[Array, Array]:
@@ -180,6 +184,7 @@ class RobotModel(Shown):
         grow_columns(J, growth)
         return ColumnsApart(T, J, springs, turns, along)
 
+    @in_short
     def poses_and_bends(
         self, q: ArrayLike, at: OperatingConditions = AS_USUAL
     ) -> tuple[Array, Array, Array]:

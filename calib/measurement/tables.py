@@ -8,10 +8,12 @@ from numpy.typing import ArrayLike
 from calib.arrays import Array, Index, check, require_numbers, whole_numbers, wrong_shape
 from calib.errors import refuse
 from calib.geometry.frames import rigid
+from calib.kinds import in_short
 from calib.measurement.grouping import first_met
 from calib.measurement.observations import DISTANCE, GIVEN, POINT, POSE, Measurements
 
 
+@in_short
 def poses(
     q: ArrayLike,
     T: ArrayLike,
@@ -56,6 +58,7 @@ def poses(
                   pose_id=pose_id, repeat=repeat)  # fmt: skip
 
 
+@in_short
 def points(
     q: ArrayLike,
     xyz: ArrayLike,
@@ -93,6 +96,7 @@ def points(
                   tool=tool, pose_id=pose_id, repeat=repeat)  # fmt: skip
 
 
+@in_short
 def distances(
     q: ArrayLike,
     d: ArrayLike,

@@ -1,5 +1,7 @@
 """Values of another kind than wanted: a sentence, not a missing attribute."""
 
+import inspect
+
 import numpy as np
 import pytest
 
@@ -114,3 +116,27 @@ def test_what_somebody_else_can_write_is_copied_and_what_nobody_can_is_kept():
     kept = frozen(LINKS)
     assert frozen(kept) is kept
     assert frozen(kept[1:]).base is kept
+
+
+def test_help_shows_the_kinds_of_arguments_as_they_are_written():
+    shown = str(inspect.signature(calib.points))
+    assert shown.startswith("(q: ArrayLike, xyz: ArrayLike, *, sd: ArrayLike, offset: ArrayLike = ")
+    assert shown.endswith("pose_id: ArrayLike | None = None, repeat: ArrayLike | None = None) "
+                          "-> Measurements")  # fmt: skip
+    shown = str(inspect.signature(calib.calibrate))
+    assert shown.startswith("(model: RobotModel, measured: Measurements, *, free: Iterable[str] |")
+
+
+def test_nothing_that_is_public_shows_what_numpy_calls_an_array_like():
+    rooms = (calib, calib.design, calib.uncertainty)
+    public = [getattr(room, name) for room in rooms for name in dir(room) if name[0] != "_"]
+    kinds = {thing for thing in public if inspect.isclass(thing)}
+    methods = [vars(kind)[name] for kind in kinds for name in vars(kind) if name[0] != "_"]
+    methods = [getattr(method, "__func__", method) for method in methods]
+    told = [
+        (call.__qualname__, str(inspect.signature(call)))
+        for call in (*public, *methods)
+        if inspect.isfunction(call)
+    ]
+    assert len(told) > 80
+    assert not [name for name, shown in told if "_SupportsArray" in shown]

@@ -13,6 +13,7 @@ from calib.geometry.frames import target_points
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import Parameters
 from calib.identification.result import Identification
+from calib.kinds import in_short
 from calib.measurement.accuracy import point_distances
 from calib.measurement.observations import Measurements
 from testbed.laboratory.pool import REASONS
@@ -110,6 +111,7 @@ class VirtualLaboratory:
         robot = self.inside.with_robot(self.scenario.truth, *names)
         return type(self)(robot, ("another", *names))
 
+    @in_short
     def measure(self, poses: ArrayLike, name: str, *, repeat: int = 0) -> Measurements:
         """Measurements by the tracker, with the covariances that it states.
 
@@ -150,6 +152,7 @@ class VirtualLaboratory:
         names = (*self.noise, name, _digest(q))
         return lab.measure(q, np.arange(len(q)), *names, repeat=visit, start=start)
 
+    @in_short
     def errors(self, found: RobotModel | HasModel, q: ArrayLike | None = None) -> Array:
         """True minus predicted tool points (m, 3), world axes, without scatter of single moves [m].
 
@@ -171,6 +174,7 @@ class VirtualLaboratory:
         target = self.inside.setting.target
         return np.asarray(target_points(true, target) - target_points(said, target))
 
+    @in_short
     def mean_error(self, found: RobotModel | HasModel, q: ArrayLike | None = None) -> float:
         """Mean length of `errors` [m]; arguments as there."""
         return float(point_distances(self.errors(found, q), np.zeros(3)).mean())
