@@ -7,7 +7,7 @@ import numpy as np
 
 from calib.arrays import Array
 from calib.uncertainty.statement.evidence import PositionRows, reduced
-from calib.uncertainty.statement.likelihood import HOPELESS, Grid, Likelihood
+from calib.uncertainty.statement.likelihood import HOPELESS, Grid, Likelihood, missed
 from calib.uncertainty.statement.likelihood_systems import SMALL, OfNumbers, Pools, systems_of
 
 PARTS = ((2.4, 16), (3.0, 18))
@@ -62,7 +62,7 @@ def likelihood_between(
         if not start:  # its first size is none
             alike = alike and every[1, len(nodes) // 2, 0] < LIKE_NOISE * (len(A) - p)
         value = grid.of_both(every[:, :, at], n, p).max(axis=1)
-        if value[-1] < max(best, value.max()) - (UNLIKELY if alike else HOPELESS):
+        if value[-1] < max(best, value.max()) - (UNLIKELY if alike else HOPELESS) - missed(n):
             break  # larger sizes are less likely still
         best, start = max(best, float(value.max())), end
     return grid.profile(every, n, p)

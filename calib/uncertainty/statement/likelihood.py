@@ -1,8 +1,8 @@
 """The restricted likelihood of sizes of misfit, the scale of the noise profiled out.
 
 Every size and every scale on a grid: many sizes share one pass over the rows, all scales one system
-of numbers, or with a prior three. Where repeats tell the scale well, it needs closer steps than the
-systems do, which lie smoothly between sizes.
+of numbers, or with a prior three. The scale needs closer steps than the systems do, which lie
+smoothly between sizes: the more rows and repeats, the better these tell it.
 """
 
 from collections.abc import Iterator
@@ -31,8 +31,8 @@ WIDE, STRIDE = 200, 8
 DOUBT = 0.1
 """Standard deviation of the logarithm of the noise scale, where no repeats tell it."""
 OF_ITS_SD = 4.0
-"""Steps of the scale for each standard deviation with which repeats tell it: between two of them
-the log-likelihood of no misfit, which has one size alone, misses at most .01 of its largest."""
+"""Steps of the scale for each standard deviation with which rows and repeats tell it: between two
+of them the log-likelihood misses at most .01 of its largest."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -47,13 +47,13 @@ class Likelihood:
     """(g,) most likely factor on the stated noise at each size."""
 
     def limit(self, drop: float) -> float:
-        """Largest size within `drop` of the best, straight between grid points; inf if beyond."""
+        """Largest size within `drop` of the best, its square between grid points; inf if beyond."""
         level = self.value.max() - drop
         last = int(np.flatnonzero(self.value >= level)[-1])
         if last + 1 == len(self.size):
             return float(np.inf)
         ends = slice(last, last + 2)
-        return float(np.interp(-level, -self.value[ends], self.size[ends]))
+        return float(np.sqrt(np.interp(-level, -self.value[ends], self.size[ends] ** 2)))
 
 
 def likelihood(
@@ -93,6 +93,7 @@ def likelihood(
     systems = systems_of(np.column_stack([A, both.y]), lam, nodes)
     found = np.full((3, len(nodes), len(t)), np.nan)  # what is known of a size, whatever the scale
     value = np.full(len(t), -np.inf)
+    hopeless = HOPELESS + missed(n)
 
     def look(at: Index, many: int) -> None:
         """Fill in some sizes, ever larger ones, as long as these are not hopeless."""
@@ -101,7 +102,7 @@ def likelihood(
             found[:2, :, part] = systems.eliminated(t[part])
             found[2, :, part] = np.log1p(t[part, None] ** 2 * lam).sum(axis=1)[:, None]
             value[part] = grid.of_both(found[:, :, part], n, p).max(axis=1)
-            if value[part[-1]] < value[: part[-1]].max(initial=-np.inf) - HOPELESS:
+            if value[part[-1]] < value[: part[-1]].max(initial=-np.inf) - hopeless:
                 break  # larger ones are less likely still
 
     every = np.arange(len(t))
@@ -112,6 +113,11 @@ def likelihood(
     else:
         look(every, AT_ONCE)
     return grid.profile(found, n, p)
+
+
+def missed(rows: int) -> float:
+    """Most that the log-likelihood of some rows lacks at a scale halfway between two of `log_g`."""
+    return rows * (STEP / 2) ** 2
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -182,7 +188,7 @@ class Grid:
         # size = t g: equal steps in both logarithms, so that every size meets every scale there is
         sizes, last = np.arange(_count())[:, None], len(self.log_g)
         parts, scales = [], []
-        for part, log_g in self._scales():
+        for part, log_g in self._scales(n):
             value = self.of_both(found if part == 0.0 else _between(found, 1 - part), n, p, log_g)
             shift = np.rint((log_g - part * STEP - self.log_g[0]) / STEP).astype(np.int64)
             place = sizes + last - shift - (part > 0.0)
@@ -198,12 +204,15 @@ class Grid:
             frozen(np.exp(log_g[of_both.argmax(axis=1)])),
         )
 
-    def _scales(self) -> Iterator[tuple[float, Array]]:
-        """Scales by the part of a step that each lies above one of `log_g`."""
-        steps = 1 if self.repeats is None else max(1, int(np.ceil(OF_ITS_SD * STEP / self.sd)))
-        if steps == 1:
-            yield 0.0, self.log_g
-            return
+    def _scales(self, rows: int) -> Iterator[tuple[float, Array]]:
+        """Scales by the part of a step that each lies above one of `log_g`.
+
+        References
+        ----------
+        Rows tell the logarithm of the scale with a variance of 1 / (2 rows), no less.
+        """
+        sd = (2 * rows + self.sd**-2) ** -0.5
+        steps = int(np.ceil(OF_ITS_SD * STEP / sd))
         far = min(int(np.ceil(REACH * self.sd / STEP * steps)), self.reach * steps)
         place = np.arange(-far, far + 1)
         for part in np.unique(place % steps):
