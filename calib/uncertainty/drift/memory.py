@@ -21,6 +21,7 @@ from calib.shown import Shown
 from calib.uncertainty.drift.beside_drift import beside_drift
 from calib.uncertainty.statement.evidence import believed_before, reduced, sound_rows
 from calib.uncertainty.statement.gain import estimator_gain, of_all_numbers
+from calib.uncertainty.statement.likelihood import last_within
 from calib.uncertainty.statement.misfit import DROP
 from calib.uncertainty.statement.shape import MisfitShape
 
@@ -233,16 +234,17 @@ def drift(
     beside = replace(beside, square=beside.square + X[3 * m :].T @ X[3 * m :])
     gaps = np.maximum(np.diff(order[some]), 1)  # what came at once came one after the other
     unit = float(np.sqrt(np.trace(both.covariance[:, :3, :3], axis1=1, axis2=2).mean() / 3))
-    tried = [(beside.alone(), 0.0, memory) for memory in MEMORIES]
-    tried += [
-        (beside.likelihood(size * unit, np.exp(-gaps / memory)), size * unit, memory)
-        for memory in MEMORIES
-        for size in SIZES
-    ]
-    best = max(tried)[0]
-    _, sd, memory = max(
-        (one for one in tried if one[0] >= best - DROP), key=lambda one: one[1] ** 2 * one[2]
+    squares = (unit * np.append(0.0, SIZES)) ** 2
+    value = np.array(
+        [
+            [beside.alone(), *(beside.likelihood(v**0.5, np.exp(-gaps / L)) for v in squares[1:])]
+            for L in MEMORIES
+        ]
     )
+    level = value.max() - DROP
+    largest = np.array([min(last_within(one, squares, level), squares[-1]) for one in value])
+    longest = int(np.argmax(largest * MEMORIES))
+    sd, memory = float(np.sqrt(largest[longest])), MEMORIES[longest]
     F = estimator_gain(identification, train)[:, :, :3]
     left = sd**2 * sum_of_remembered(F, train_order, memory)
     return SlowDrift(sd, memory, of_all_numbers(identification, left))

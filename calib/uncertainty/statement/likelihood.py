@@ -47,13 +47,8 @@ class Likelihood:
     """(g,) most likely factor on the stated noise at each size."""
 
     def limit(self, drop: float) -> float:
-        """Largest size within `drop` of the best, its square between grid points; inf if beyond."""
-        level = self.value.max() - drop
-        last = int(np.flatnonzero(self.value >= level)[-1])
-        if last + 1 == len(self.size):
-            return float(np.inf)
-        ends = slice(last, last + 2)
-        return float(np.sqrt(np.interp(-level, -self.value[ends], self.size[ends] ** 2)))
+        """Largest size within `drop` of the best; inf if beyond."""
+        return float(np.sqrt(last_within(self.value, self.size**2, self.value.max() - drop)))
 
 
 def likelihood(
@@ -113,6 +108,20 @@ def likelihood(
     else:
         look(every, AT_ONCE)
     return grid.profile(found, n, p)
+
+
+def last_within(value: Array, at: Array, level: float) -> float:
+    """Largest `at` (k,) where values (k,) reach a level: straight between two; inf if beyond.
+
+    Zero, the first of them, where none does.
+    """
+    within = np.flatnonzero(value >= level)
+    if not len(within):
+        return 0.0
+    if within[-1] + 1 == len(at):
+        return float(np.inf)
+    ends = slice(within[-1], within[-1] + 2)
+    return float(np.interp(-level, -value[ends], at[ends]))
 
 
 def missed(rows: int) -> float:

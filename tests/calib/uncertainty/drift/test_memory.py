@@ -286,6 +286,24 @@ def test_the_likelihood_in_bands_is_that_of_the_whole_covariance(apart):
     assert beside.alone() == pytest.approx(whole(0.0), rel=1e-11)
 
 
+@pytest.mark.parametrize("seed", range(4))
+def test_the_largest_drift_is_found_between_the_sizes_that_are_tried(seed, monkeypatch):
+    """Sizes 45 % apart say what sizes 2 % apart say."""
+    rng = np.random.default_rng(seed)
+    fit, train, order, held_out, rest = campaign(rng, 20.0 * (seed % 2))
+    size = misfit(fit, train, held_out)
+
+    def asked():
+        return drift(fit, train, order, held_out, rest, shape=size.shape, misfit=size.best)
+
+    found = asked()
+    monkeypatch.setattr("calib.uncertainty.drift.memory.SIZES", 0.15 * 1.02 ** np.arange(151))
+    closer = asked()
+    assert found.memory == closer.memory
+    # the largest likelihood lies between sizes too, and its fall is not quite straight
+    assert found.sd == pytest.approx(closer.sd, rel=0.08)
+
+
 def test_what_drift_leaves_is_what_many_drifts_leave():
     """The stated covariance against 4000 draws of the drift through the estimator."""
     rng = np.random.default_rng(3)
