@@ -28,8 +28,8 @@ from calib.uncertainty.statement.shape import MisfitShape
 KERNEL_ROWS = 8.0
 """Memory of the test's kernel [rows]."""
 PERMUTATIONS = 500
-BLOCK = 200_000
-"""Rows of permuted residuals at a time: 5 MB."""
+BLOCK = 2_000_000
+"""Rows of permuted residuals at a time: 48 MB."""
 MOST_ROWS, STRETCH = 300, 100
 """Rows whose likelihood is asked, and rows of one stretch: three times the longest memory."""
 MEMORIES = (3.0, 10.0, 30.0)
