@@ -81,9 +81,9 @@ def other_lines(
             at = np.searchsorted(optical, group)
             at = at[(at + shift >= 0) & (at + shift < len(optical))]
             some = spread_out(at)
-            moved = optical[some + shift]
-            each.append((optical[some], replace(as_read(session, moved), q=table.q[optical[some]])))
-        enough = [(own, read) for own, read in each if len(own) >= FEWEST]
-        if enough and all(misfit_of(model, read).score <= FAR for _, read in enough):
-            own, read = enough[0]
+            if len(some) >= FEWEST:
+                own, moved = optical[some], as_read(session, optical[some + shift])
+                each.append((own, replace(moved, q=table.q[own])))
+        if each and all(misfit_of(model, read).score <= FAR for _, read in each):
+            own, read = each[0]
             yield Shifted(shifted(shift), read, (as_read(session, own),))

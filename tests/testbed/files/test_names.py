@@ -55,3 +55,12 @@ def test_names_that_stay_are_not_doubted(tmp_path, names):
     found = probe(ROBOT, read(tmp_path, table(names)))
     found.raise_if_wrong()
     assert found.wrong is None
+
+
+@pytest.mark.parametrize("row", [0, -1], ids=["first", "last"])
+def test_a_name_of_a_single_row_at_either_end_of_a_file_is_read(tmp_path, row):
+    """Beside the joints of a neighbor on one side there is no row of it at all."""
+    rows = table(("A", "B"))
+    rows["target"][row] = "C"
+    found = probe(ROBOT, read(tmp_path, rows))
+    assert found.wrong is None
