@@ -10,8 +10,9 @@ import numpy as np
 
 from calib.errors import visible
 from testbed.cli.terminal import headline
+from testbed.files.probe import probe
 from testbed.files.programs.correct import correct_program
-from testbed.files.read import read_session
+from testbed.files.read import ReadOptions, read_session
 from testbed.files.visits.tables import CampaignFile
 from testbed.gates.mistakes import validated
 from testbed.gates.toml import toml_document
@@ -21,11 +22,12 @@ from testbed.iso9283.results import headline as numbers_of
 from testbed.iso9283.words import mark, reasons
 from testbed.laboratory.cell import cell_from
 from testbed.laboratory.joint_lists import read_conditions, read_joints
+from testbed.laboratory.simulator import Simulator
 from testbed.proposal.data import look_at
 from testbed.proposal.session import propose_session
 from testbed.proposal.text import session_text
 from testbed.robots.catalog import load_robot
-from testbed.robots.write.mjcf import build_spec, compile_spec
+from testbed.robots.robot import workspace
 from testbed.run.play import rederive, robot_of
 from testbed.run.result import equal_runs, read_result
 from testbed.store import layout, npz
@@ -44,6 +46,8 @@ GRAMMARS: dict[str, grammars.Mutator] = {
     ".json": trees.json_changed,
     ".urdf": trees.xml_changed,
     ".xml": trees.xml_changed,
+    ".dae": trees.xml_changed,
+    ".ply": grammars.flipped,
     ".npz": trees.record_changed,
 }
 """How a file is damaged, by the end of its name."""
@@ -90,12 +94,15 @@ def read_scenario(folder: Path) -> object:
 
 
 def read_measured(folder: Path) -> object:
-    """A session, with the files it names or the one beside it."""
+    """A session, with the files it names or the one beside it, and whether it is read wrongly."""
     toml, beside = folder / "session.toml", folder / "a.csv"
     data, config = (beside, toml) if beside.exists() else (toml, None)
-    session = read_session(data, ROBOT, config=config)
+    options = ReadOptions(drop_invalid=bool(data.stat().st_size % 2))
+    session = read_session(data, ROBOT, config=config, options=options)
     if not all(map(session.pose_name, range(len(session.measurements)))):
         raise AssertionError("a row belongs to a pose without a name")
+    if not session.measurements.is_distance.any():  # where nothing fits, that takes seconds
+        probe(ROBOT, session).raise_if_wrong()
     return session
 
 
@@ -160,8 +167,8 @@ def read_robot(name: str) -> Callable[[Path], object]:
 
     def read(folder: Path) -> object:
         robot = load_robot(folder / name)
-        compile_spec(build_spec(robot.model.chain, robot), robot)
-        return robot
+        Simulator(robot, robot.model.chain)
+        return robot, workspace(robot)
 
     return read
 
@@ -186,10 +193,12 @@ TARGETS = {
     ),
     "URDF": Target(read_robot("arm.urdf"), whole.ARMS, ("arm.urdf",)),
     "MJCF": Target(read_robot("arm.xml"), whole.ARMS, ("arm.xml",)),
-    "mesh of a URDF": Target(read_robot("arm.urdf"), whole.ARMS, ("part.obj", "part.stl")),
+    "mesh of a URDF": Target(
+        read_robot("arm.urdf"), whole.ARMS, ("part.obj", "part.stl", "part.dae", "part.ply")
+    ),
     "mesh of an MJCF": Target(read_robot("arm.xml"), whole.ARMS, ("assets/block.stl",)),
     "robot.toml": Target(
-        read_robot("robot.toml"), whole.ROBOTS, ("robot.toml", "part.stl"), share=3
+        read_robot("robot.toml"), whole.ROBOTS, ("robot.toml", "part.stl", "part.obj"), share=3
     ),
     "plan.csv": Target(
         lambda folder: (

@@ -5,7 +5,7 @@ import pytest
 from tests.fuzz.judge import failures, report
 from tests.fuzz.targets import TARGETS
 
-IN_ALL = 600
+IN_ALL = 1000
 STUDY = 100_000
 
 

@@ -17,9 +17,10 @@ from testbed.store import layout, npz
 from testbed.studies import load_scenario
 from testbed.studies.trial.set_records import PoseCountStudy, RandomSets, RandomSetsStudy
 from tests.testbed.files.made import ROBOT, made
-from tests.testbed.files.test_mutation import FILES
+from tests.testbed.files.test_whole_files import FILES
 from tests.testbed.iso9283.made import SESSION, path_rows, pose_rows, text_of
 from tests.testbed.robots.described_cases import MJCF, block, urdf
+from tests.testbed.robots.sound_files import SOUND
 from tests.testbed.studies.trial.fake_campaign import Fake, scenario
 
 Files = Mapping[str, bytes]
@@ -267,8 +268,9 @@ ARMS = (
     encoded({"arm.urdf": urdf("arm", LINKS, parts={"pan": MESH.format("stl")})})
     | {"part.stl": block()},
     encoded({"arm.xml": MJCF}) | {"assets/block.stl": block()},
+    SOUND,
 )
-ROBOTS = (encoded({"robot.toml": ROBOT_TOML}) | {"part.stl": block()},)
+ROBOTS = (encoded({"robot.toml": ROBOT_TOML}) | {"part.stl": block()}, SOUND)
 PLANS = (encoded({"plan.csv": PLAN}),)
 CYCLES = (
     encoded(
