@@ -34,50 +34,6 @@ def postures(chain: Chain, limits: ArrayLike | None = None) -> Array:
     return np.random.default_rng(0).uniform(lower, upper, (POSTURES, chain.n_joints))
 
 
-def felt_springs(
-    weight: Weight,
-    q: ArrayLike,
-    *,
-    axes: Sequence[Axis] = AXES,
-    free_moments: bool = False,
-    passes: int = 1,
-    tilt: float = 0.0,
-) -> tuple[SprungJoints, tuple[str, ...]]:
-    """Springs of all axes that gravity loads by different amounts, and a sentence for each other.
-
-    Parameters
-    ----------
-    weight : Weight
-        What loads the springs.
-    q : (m, n) array_like
-        Postures all over the joint limits [rad, m]. The largest load of a spring among them becomes
-        its reference load: measured postures alone may hardly load a joint, and leave its
-        compliance undetermined elsewhere.
-    axes : sequence of {"x", "y", "z"}
-        Which axes of every joint.
-    free_moments : bool
-        Whether the moments of links that load some spring are numbers too.
-    passes : int
-        As in `SprungJoints`.
-    tilt : float
-        Largest error of the stated mounting, in any direction [rad]. Above zero the tilts are
-        numbers too, and axes that gravity loads only when the arm is tilted have springs as well.
-
-    Returns
-    -------
-    SprungJoints
-        The springs that can be observed.
-    tuple of str
-        One sentence for each axis without a spring: never loaded, or always alike.
-
-    Raises
-    ------
-    InputError
-        A3: `tilt` is negative, or `axes` names another axis.
-    """
-    return Felt.of(weight, q, tilt=tilt).springs(axes, free_moments=free_moments, passes=passes)
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class Felt:
     """What gravity does about all axes of an arm at some postures: its springs are a part of it."""
@@ -89,13 +45,22 @@ class Felt:
     G: Array
     """(m, n, 3, n + 1, 4) regressor of the torques there, as the arm stands."""
     tilt: float
-    """As in `felt_springs` [rad]."""
+    """Largest error of the stated mounting, in any direction [rad]."""
     loads: Array
     """(k, m, n, 3) torques as the arm stands and, with a tilt, as it may stand [N m or N]."""
 
     @classmethod
     def of(cls, weight: Weight, q: ArrayLike, *, tilt: float = 0.0) -> "Felt":
-        """What is felt at postures q (m, n) [rad, m]; raises as `felt_springs`."""
+        """What is felt at postures q (m, n) all over the joint limits [rad, m].
+
+        Measured postures alone may hardly load a joint, and leave its compliance undetermined
+        elsewhere. With a tilt, axes that gravity loads only when the arm leans have springs, too.
+
+        Raises
+        ------
+        InputError
+            A3: `tilt` is negative.
+        """
         q = joint_vectors(weight.chain, q)
         G = gravity_regressor(weight.chain, q, gravity=weight.gravity)
         upright = cls(weight, q, G, 0.0, weight.torques_by(G)[None])
@@ -115,7 +80,29 @@ class Felt:
     def springs(
         self, axes: Sequence[Axis] = AXES, *, free_moments: bool = False, passes: int = 1
     ) -> tuple[SprungJoints, tuple[str, ...]]:
-        """Springs about some axes, and a sentence for each other, as of `felt_springs`."""
+        """Springs that gravity loads by different amounts, and a sentence for each other axis.
+
+        Parameters
+        ----------
+        axes : sequence of {"x", "y", "z"}
+            Which axes of every joint.
+        free_moments : bool
+            Whether the moments of links that load some spring are numbers too.
+        passes : int
+            As in `SprungJoints`.
+
+        Returns
+        -------
+        SprungJoints
+            The springs that can be observed; each has the largest load as its reference load.
+        tuple of str
+            One sentence for each axis without a spring: never loaded, or always alike.
+
+        Raises
+        ------
+        InputError
+            A3: `axes` names another axis.
+        """
         weight, loads = self.weight, self.loads
         largest = np.abs(loads).max(axis=(0, 1), initial=0.0)
         changes = np.ptp(loads, axis=(0, 1)) > FELT * largest.max()

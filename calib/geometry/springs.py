@@ -171,13 +171,13 @@ class SprungJoints(Shown):
             bends = self._spread(at.give * load)
         return bends, slopes
 
-    def bends_of_many(self, q: Array, numbers: Array, payload: Array | None = None) -> Array:
+    def bends_of_many(self, q: Array, numbers: Array) -> Array:
         """Bends (M, m, p) of the springs at joints q (m, n) for M sets of numbers (M, s)."""
         if self.passes > 1 or self.tilts:
-            every = [self.bends(q, own, payload) for own in numbers]
-            return np.array(every)[:, :, self.joint, self.axis]
+            every = np.array([self.bends(q, own) for own in numbers])
+            return every[:, :, self.joint, self.axis]
         p = len(self.load)
-        stated, per_moment = self.torques(q, payload)
+        stated, per_moment = self.torques(q)
         loads = stated + np.moveaxis(per_moment @ numbers[:, p:].T, -1, 0)
         return np.asarray(loads * (numbers[:, :p] / self.load)[:, None])
 
@@ -202,10 +202,6 @@ class SprungJoints(Shown):
             shares = self.shares(q, at.gravity, bends)
             bends = self._spread(at.give * at.load(shares))
         return slopes
-
-    def gravity(self, numbers: Array) -> Array:
-        """Gravity (3,) in the frame of the base after the tilts among the numbers [m/s^2]."""
-        return self._loaded(numbers).gravity
 
     def _loaded(self, numbers: Array, payload: Array | None = None) -> "_Loaded":
         """Bends, moments and gravity that the numbers (s,) stand for."""

@@ -8,7 +8,7 @@ import numpy as np
 from calib.arrays import Array
 from calib.errors import refuse
 from calib.geometry.chain import Chain, after_links
-from calib.geometry.felt_springs import felt_springs, postures
+from calib.geometry.felt_springs import Felt, postures
 from calib.geometry.gravity import weight_of
 from calib.geometry.joint_errors import JointErrors, JointTerm, gravity_terms, harmonic_terms
 from calib.geometry.model import RobotModel
@@ -50,7 +50,7 @@ def extended_model(nominal: RobotModel, mounted: Chain | None = None) -> RobotMo
     if quarters is not None:
         wanted = [*gravity_terms(chain.n_joints, quarters), *wanted]
     elif known.springs is None:
-        springs, _ = felt_springs(weight_of(chain, mounted), postures(chain), axes=("z",))
+        springs, _ = Felt.of(weight_of(chain, mounted), postures(chain)).springs(("z",))
     held = set(known.names)
     added = tuple(term for term in wanted if term.name not in held)
     sag = springs if springs is not None and len(springs.load) else None

@@ -74,7 +74,6 @@ def choose(
     mounted: Chain | None = None,
     known: RowTerms = NOTHING_KNOWN,
     rng: np.random.Generator | None = None,
-    geometric: Identification | None = None,
 ) -> ModelChoice:
     """Choose a model by evidence, and identify both it and the geometry from all measurements.
 
@@ -108,8 +107,6 @@ def choose(
         Facts that terms of operating conditions need.
     rng : Generator, optional
         Draws the folds, and a sample of very many poses; seed 0 by default.
-    geometric : Identification, optional
-        The fit of the geometry under `prior`, if already at hand.
 
     Raises
     ------
@@ -124,10 +121,7 @@ def choose(
         ladders = (*own, *row_ladders(nominal, measurements, known))
     rng = np.random.default_rng(0) if rng is None else rng
     asked = some_poses(measurements, rng)
-    if geometric is None:
-        geometric = identify(
-            nominal, measurements, parameters, prior=prior, loss=loss, report=report
-        )
+    geometric = identify(nominal, measurements, parameters, prior=prior, loss=loss, report=report)
     found = climb(
         nominal, geometric.model, asked, parameters, ladders,
         parts_of(asked, rng), prior=prior, loss=loss,

@@ -94,7 +94,6 @@ def reduce(
     model: RobotModel,
     q: ArrayLike | None = None,
     prior_sd: ArrayLike | None = None,
-    tolerance: float = RANK_TOLERANCE,
 ) -> Reduction:
     """Find free numbers that can be told apart, and say in words what the others are equivalent to.
 
@@ -122,8 +121,6 @@ def reduce(
         orientation that never changes.
     prior_sd : (f,) array, optional
         Prior sd of the free numbers [m, rad]: the practical rank is then given too.
-    tolerance : float
-        Relative size below which a singular value counts as zero.
 
     Raises
     ------
@@ -152,7 +149,7 @@ def reduce(
     # a scaled column is J_k s_k, so a step x_k of number k is x_k / s_k of its column
     mixing = found.coordinates[rows] * scale[keep][:, None] / scale
     mixing[:, keep] = np.eye(len(keep))
-    n_directions, left = count(singular, tolerance), sorted(set(range(len(names))) - set(keep))
+    n_directions, left = count(singular, RANK_TOLERANCE), sorted(set(range(len(names))) - set(keep))
     lengths = parameters.is_length[parameters.free]
     # moments load springs, and where none bends they do nothing yet
     unloaded = {k for k in found.silent.tolist() if names[k].startswith("moment")}
@@ -166,7 +163,7 @@ def reduce(
     return Reduction(
         singular_values=frozen(singular),
         rank=n_directions,
-        tolerance=tolerance,
+        tolerance=RANK_TOLERANCE,
         condition=float(spread[0] / spread[-1]),
         kept=tuple(names[k] for k in keep),
         dropped=tuple(names[k] for k in left),

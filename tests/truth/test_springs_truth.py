@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from calib.arrays import Array
-from calib.geometry.felt_springs import felt_springs
+from calib.geometry.felt_springs import Felt
 from calib.geometry.frames import exp_so3
 from calib.geometry.gravity import DOWN, Weight, guessed_moments, moments_of
 from calib.geometry.joint_errors import JointErrors, harmonic_terms
@@ -88,7 +88,8 @@ def test_a_record_of_a_stiff_model_has_no_place_for_springs_and_of_others_keeps_
     assert not [path for path in flat if "springs" in path]
     assert unpack(RobotModel, flat).joint_errors.springs is None
     weight = Weight(robot.model.chain, moments_of(robot.masses, robot.centers))
-    springs = felt_springs(weight, np.random.default_rng(1).uniform(*robot.limits.T, (50, 6)))[0]
+    drawn = np.random.default_rng(1).uniform(*robot.limits.T, (50, 6))
+    springs, _ = Felt.of(weight, drawn).springs()
     numbers = np.linspace(1e-4, 1e-3, len(springs.names))
     sprung = RobotModel(robot.model.chain, JointErrors((), numbers, springs))
     back, q = unpack(RobotModel, pack(sprung)), HELD_OUT[:20]
@@ -111,7 +112,7 @@ def arm(axes: str, masses: str, tilt: float = 0.0) -> tuple[RobotModel, Prior]:
         weight = Weight(tx60().chain, moments_of(ROBOT.masses, ROBOT.centers), load)
     else:
         weight = Weight(tx60().chain, guessed_moments(tx60().chain))
-    springs, _ = felt_springs(weight, EVERYWHERE, axes=tuple(axes), free_moments=guessed, tilt=tilt)
+    springs, _ = Felt.of(weight, EVERYWHERE, tilt=tilt).springs(tuple(axes), free_moments=guessed)
     model = RobotModel(tx60().chain, JointErrors(harmonic_terms(6), springs=springs))
     sd = weak_prior_sd(parameters_of(model), model)
     of_springs = sd[-len(springs.names) :]

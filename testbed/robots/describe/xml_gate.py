@@ -76,8 +76,8 @@ def read_xml(path: Path, *roots: str) -> Any:
     return parse_xml(data, *roots, where=where)
 
 
-def parse_xml(data: bytes, *roots: str, where: str, most: int = MOST_ELEMENTS) -> Any:
-    """`read_xml` of bytes in memory; `where` names them in errors, `most` is its elements.
+def parse_xml(data: bytes, *roots: str, where: str) -> Any:
+    """`read_xml` of bytes in memory; `where` names them in errors.
 
     The tree is judged while it grows. Comments and processing instructions are left out.
     """
@@ -104,7 +104,7 @@ def parse_xml(data: bytes, *roots: str, where: str, most: int = MOST_ELEMENTS) -
                 depth += 1 if event == "start" else -1
                 if event == "start":
                     count += 1
-                    _check_element(element, count, depth, most, where)
+                    _check_element(element, count, depth, where)
         root = parser.close()
     except (etree.XMLSyntaxError, ValueError, LookupError) as error:
         raise _refusal(data, error, where, wanted) from error
@@ -116,7 +116,7 @@ def parse_xml(data: bytes, *roots: str, where: str, most: int = MOST_ELEMENTS) -
     return root
 
 
-def _check_element(element: Any, count: int, depth: int, most: int, where: str) -> None:
+def _check_element(element: Any, count: int, depth: int, where: str) -> None:
     """Refuse a tree that grows too wide or too deep, or begins with a document type."""
     if count == 1:
         document = element.getroottree().docinfo
@@ -125,8 +125,8 @@ def _check_element(element: Any, count: int, depth: int, most: int, where: str) 
     if depth > DEEPEST:
         raise _too_deep(where, element.sourceline)
     where = f"{where}:{element.sourceline}"
-    if count > most:
-        message, allowed = f"has more than {most} elements", "a robot has far fewer"
+    if count > MOST_ELEMENTS:
+        message, allowed = f"has more than {MOST_ELEMENTS} elements", "a robot has far fewer"
         raise refuse("elements", allowed=allowed, code="R2", message=message, where=where)
     if len(element.attrib) > MOST_ATTRIBUTES:  # lxml lists them in the square of their number
         message = f"<{element.tag}> has {len(element.attrib)} attributes"

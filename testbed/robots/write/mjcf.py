@@ -19,9 +19,7 @@ from testbed.robots.robot import Robot, body_name, reflector_frames
 from testbed.robots.write.mjcf_parts import add_part, placed
 
 
-def build_spec(
-    chain: Chain, robot: Robot | None = None, *, meshes: bool = True, plain_boxes: bool = False
-) -> Any:
+def build_spec(chain: Chain, robot: Robot | None = None, *, plain_boxes: bool = False) -> Any:
     """Body tree of any chain as a `mujoco.MjSpec`: revolute and prismatic, all 12 + 5 n numbers.
 
     Bodies ``base`` (fixed) and ``link1`` ... ``linkn`` stand in the world, joints ``joint1`` ...,
@@ -32,9 +30,8 @@ def build_spec(
     chain : Chain
         Nominal or perturbed geometry.
     robot : Robot, optional
-        Gives limits, masses, parts and collision exclusions; without it bodies are bare.
-    meshes : bool
-        Whether the robot's parts are added; meshes that collide are tested as convex hulls.
+        Gives limits, masses, parts and collision exclusions; without it bodies are bare. Meshes
+        that collide are tested as convex hulls.
     plain_boxes : bool
         Whether boxes are MuJoCo boxes, as in files for others. For collision tests they are hulls
         of their corners instead: MuJoCo's own tests of boxes do not find a capsule inside a box,
@@ -72,7 +69,7 @@ def build_spec(
         bodies.append(parent)
     parent.add_site(name="flange", **placed(flange))
     parent.add_site(name="tool", **placed(tool))
-    if robot and meshes:
+    if robot:
         spec.modelfiledir = str(robot.folder.resolve())
         for part in robot.parts:
             add_part(spec, bodies[part.link], part, robot.folder, plain_boxes)

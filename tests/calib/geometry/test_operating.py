@@ -7,7 +7,7 @@ import pytest
 
 from calib.errors import InputError
 from calib.geometry.chain import Chain, forward
-from calib.geometry.felt_springs import felt_springs
+from calib.geometry.felt_springs import Felt
 from calib.geometry.gravity import Weight, guessed_moments
 from calib.geometry.inverse_search import joint_jacobian
 from calib.geometry.joint_errors import NO_JOINT, JointErrors, JointTerm
@@ -48,7 +48,7 @@ def arms(rng):
     terms, coefficients = one_of_each(chain)
     yield RobotModel(chain, JointErrors(terms, coefficients))
     weight = Weight(chain, guessed_moments(chain))
-    springs, _ = felt_springs(weight, rng.uniform(-1, 1, (50, 6)), free_moments=True, passes=2)
+    springs, _ = Felt.of(weight, rng.uniform(-1, 1, (50, 6))).springs(free_moments=True, passes=2)
     numbers = np.concatenate([coefficients, rng.normal(0, 1e-3, len(springs.names))])
     yield RobotModel(chain, JointErrors(terms, numbers, springs))
 
@@ -77,8 +77,8 @@ def test_a_payload_of_each_row_bends_the_arm_as_one_of_the_whole_arm_does(passes
     rng = np.random.default_rng(7)
     chain = random_arm(rng)
     weight = Weight(chain, guessed_moments(chain), [1.0, 0.1, 0.0, 0.2])
-    springs, _ = felt_springs(
-        weight, rng.uniform(-1, 1, (50, 6)), free_moments=True, passes=passes, tilt=0.1
+    springs, _ = Felt.of(weight, rng.uniform(-1, 1, (50, 6)), tilt=0.1).springs(
+        free_moments=True, passes=passes
     )
     numbers = rng.normal(0, 1e-3, len(springs.names))
     model = RobotModel(chain, JointErrors((), numbers, springs))

@@ -8,7 +8,7 @@ import pytest
 from calib.arrays import Array
 from calib.errors import InputError
 from calib.geometry.chain import Chain
-from calib.geometry.felt_springs import felt_springs
+from calib.geometry.felt_springs import Felt
 from calib.geometry.fixtures import Fixtures
 from calib.geometry.frames import exp_so3, log_so3
 from calib.geometry.gravity import DOWN, Weight, guessed_moments, moments_of
@@ -48,7 +48,7 @@ def sprung(
         rng.normal(size=3) * 5,
     )
     q = rng.uniform(-2, 2, (50, 6))
-    springs, silent = felt_springs(weight, q, free_moments=free_moments, passes=passes, tilt=0.2)
+    springs, silent = Felt.of(weight, q, tilt=0.2).springs(free_moments=free_moments, passes=passes)
     assert not silent
     terms = harmonic_terms(6, (1,))
     numbers = rng.normal(0, bend, len(terms) + len(springs.names))
@@ -96,7 +96,10 @@ def test_at_rest_springs_carry_the_slope_of_the_potential_energy():
     springs = model.joint_errors.springs
     moments = np.vstack([springs.weight.moments, springs.weight.payload])
     numbers = model.joint_errors.of_springs
-    bends, gravity = springs.bends(q, numbers), springs.gravity(numbers)
+    bends, axes = springs.bends(q, numbers), across(springs.weight.gravity)
+    gravity = springs.weight.gravity
+    for axis, tilt in zip(axes[::-1], numbers[:-3:-1], strict=True):
+        gravity = exp_so3(tilt * axis) @ gravity
     for row in range(3):
         for k in range(len(springs.load)):
             step = np.zeros((6, 3), dtype=complex)
@@ -149,12 +152,12 @@ def test_numbers_are_named_and_come_back():
 
 
 def tx60_springs(passes: int = 1) -> SprungJoints:
-    return felt_springs(Weight(TX60, guessed_moments(TX60)), ALL, passes=passes)[0]
+    return Felt.of(Weight(TX60, guessed_moments(TX60)), ALL).springs(passes=passes)[0]
 
 
 def test_what_gravity_never_bends_is_said():
     weight = Weight(TX60, guessed_moments(TX60))
-    springs, silent = felt_springs(weight, ALL)
+    springs, silent = Felt.of(weight, ALL).springs()
     # guessed centers of the wrist lie on axis 6, which is y of body 5
     wrist = ("joint 5 y: gravity never bends it", "joint 6 z: gravity never turns it")
     assert silent == ("joint 1 z: gravity never turns it", *wrist)
@@ -162,21 +165,21 @@ def test_what_gravity_never_bends_is_said():
     assert springs.load == pytest.approx(
         np.abs(weight.torques(ALL)).max(axis=0)[springs.joint, springs.axis]
     )
-    assert felt_springs(weight, ALL, axes=("z",))[0].names == tuple(
+    assert Felt.of(weight, ALL).springs(("z",))[0].names == tuple(
         f"spring{i}.z" for i in range(2, 6)
     )
     loaded = replace(weight, payload=(2.0, 0.04, 0.04, 0.1))
-    assert felt_springs(loaded, ALL)[1] == silent[:1]
+    assert Felt.of(loaded, ALL).springs()[1] == silent[:1]
     tilted = replace(weight, gravity=(3.0, 0.0, -9.0))
-    assert felt_springs(tilted, ALL)[1] == wrist
-    leaning, silent = felt_springs(weight, ALL, tilt=0.02)
+    assert Felt.of(tilted, ALL).springs()[1] == wrist
+    leaning, silent = Felt.of(weight, ALL, tilt=0.02).springs()
     assert silent == wrist
     assert leaning.names[2] == "spring1.z"
     assert leaning.names[-2:] == ("tilt1", "tilt2")
     # a level slide, and a mast on it: nothing pulls along, everything bends
     level = Chain([[0, 0, 0, np.pi / 2, 0], [0, 0, 0.5, 0, 0]], ("revolute", "prismatic"))
     pulled = Weight(level, moments_of([1.0, 2.0], np.zeros((2, 3))))
-    _, silent = felt_springs(pulled, np.random.default_rng(1).normal(size=(20, 2)))
+    _, silent = Felt.of(pulled, np.random.default_rng(1).normal(size=(20, 2))).springs()
     assert "joint 1 z: gravity never turns it" in silent
     assert "joint 2 z: gravity never pulls along it" in silent
 
@@ -192,7 +195,6 @@ def test_tilts_turn_gravity_about_two_axes_across_it(gravity):
     springs = SprungJoints(weight, [1, 3], [2, 0], [50.0, 9.0], np.zeros((6, 4)), 2, tilts=True)
     numbers, q = np.array([0.01, 0.02, *tilt]), pool_r(4)
     turned = exp_so3(tilt[0] * axes[0]) @ exp_so3(tilt[1] * axes[1]) @ gravity
-    assert springs.gravity(numbers) == pytest.approx(turned, abs=1e-14)
     stated = replace(springs, weight=replace(weight, gravity=turned), tilts=False)
     assert springs.bends(q, numbers) == pytest.approx(stated.bends(q, numbers[:2]), abs=1e-15)
 
@@ -259,16 +261,16 @@ def test_springs_that_make_no_sense_are_refused(change, message):
 
 def test_an_arm_that_nothing_bends_has_no_springs():
     weight = Weight(TX60, np.zeros((6, 4)))
-    springs, silent = felt_springs(weight, ALL, free_moments=True)
+    springs, silent = Felt.of(weight, ALL).springs(free_moments=True)
     assert len(silent) == 18
     assert springs.names == ()
     model, q = RobotModel(TX60, JointErrors(springs=springs)), pool_r(3)
     assert np.array_equal(model.poses(q), tx60().poses(q))
     assert model.poses_and_jacobian(q)[1].shape == (3, 6, 42)
     with pytest.raises(InputError, match='axes names "w"; x, y and z'):
-        felt_springs(weight, ALL, axes=("w",))
+        Felt.of(weight, ALL).springs(("w",))
     with pytest.raises(InputError, match="tilt is -1; 0 rad or more"):
-        felt_springs(weight, ALL, tilt=-1.0)
+        Felt.of(weight, ALL, tilt=-1.0).springs()
 
 
 def test_who_asks_for_offsets_alone_is_told_of_the_springs():

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from calib.geometry.felt_springs import felt_springs, postures
+from calib.geometry.felt_springs import Felt, postures
 from calib.geometry.gravity import weight_of
 from calib.geometry.joint_errors import JointErrors, harmonic_terms
 from calib.geometry.many import ManyModels
@@ -45,7 +45,7 @@ POSES, COUNT = 24, 3
 def on_springs(arm, tilt):
     """An arm with springs at every axis that gravity loads, free moments, and waves; all zero."""
     chain = kinds.ARMS[arm]
-    springs, _ = felt_springs(weight_of(chain), postures(chain), free_moments=True, tilt=tilt)
+    springs, _ = Felt.of(weight_of(chain), postures(chain), tilt=tilt).springs(free_moments=True)
     return RobotModel(chain, JointErrors(harmonic_terms(chain.n_joints), springs=springs))
 
 

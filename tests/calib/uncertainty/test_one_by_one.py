@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from calib.geometry.felt_springs import felt_springs
+from calib.geometry.felt_springs import Felt
 from calib.geometry.gravity import weight_of
 from calib.geometry.joint_errors import NO_JOINT, JointErrors, JointTerm
 from calib.geometry.model import RobotModel
@@ -25,7 +25,7 @@ WARM = JointTerm("lengths", NO_JOINT, "lengths", (0,) * 6, 20.0)
 
 def soft() -> JointErrors:
     """Springs in the joints, 0.5 mrad at the largest torque, and links that grow when warm."""
-    springs, _ = felt_springs(weight_of(tx60().chain), ALL, axes=("z",))
+    springs, _ = Felt.of(weight_of(tx60().chain), ALL).springs(("z",))
     bends = np.full(len(springs.names), 5e-4)
     return JointErrors((WARM,), np.append(1e-5, bends), springs)
 

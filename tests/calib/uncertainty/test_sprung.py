@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from calib.arrays import Array
-from calib.geometry.felt_springs import felt_springs
+from calib.geometry.felt_springs import Felt
 from calib.geometry.frames import exp_so3
 from calib.geometry.gravity import weight_of
 from calib.geometry.joint_errors import JointErrors
@@ -45,7 +45,7 @@ class Told:
 def calibrated() -> tuple[Identification, Measurements]:
     """A soft arm and 40 poses without noise: the fit is the arm that was measured."""
     chain = tx60().chain
-    springs, _ = felt_springs(weight_of(chain), ALL, axes=("z",), free_moments=True)
+    springs, _ = Felt.of(weight_of(chain), ALL).springs(("z",), free_moments=True)
     numbers = np.zeros(len(springs.names))
     numbers[: len(springs.load)] = SOFT
     arm = RobotModel(chain, JointErrors((), numbers, springs))
