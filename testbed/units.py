@@ -134,6 +134,17 @@ def probability(p: float) -> str:
     return "< 0.001" if p < 1e-3 else significant(p, 2)
 
 
+def p_equals(p: float) -> str:
+    """A p-value with its sign, to stand behind the letter p.
+
+    Examples
+    --------
+    >>> p_equals(0.412), p_equals(3e-9)
+    ('= 0.41', '< 0.001')
+    """
+    return probability(p) if p < 1e-3 else f"= {probability(p)}"
+
+
 def in_units(values: Array, is_length: Bool) -> Array:
     """Values (f,) in mm where they are lengths [m], in degrees where angles [rad]."""
     return np.asarray(values * np.where(is_length, MM, DEG))

@@ -47,7 +47,7 @@ from testbed.files.tried.links_fit import LinksFit, links_fit, table_of
 from testbed.files.tried.parts import parts_of
 from testbed.files.tried.quarter_turns import quarter_turns
 from testbed.robots.robot import Robot
-from testbed.units import counted, significant
+from testbed.units import counted, millimetres
 
 LEAST_SPAN, TOOL = 0.02, 1.0
 """Distances vary by at least this part of what the flange moves, and by that and a tool [m]."""
@@ -282,7 +282,7 @@ def _too_short(session: Session, stated: Misfit) -> InputError | None:
     short = table.is_distance & (table.distance < SHORT * stated.position)
     if not stated.score <= FAR or short.sum() <= table.is_distance.sum() / 2:
         return None
-    most = significant(1e3 * float(table.distance[short].max()), 2)
+    most = millimetres(float(table.distance[short].max()), 2)
     return refusal(
         session.where, "distance",
         f"{counted(int(short.sum()), 'distance')} of at most {most} mm {NO_DIRECTION}", code="M32",

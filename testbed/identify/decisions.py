@@ -11,7 +11,7 @@ from calib.uncertainty.statement.stated_point import widened
 from testbed.identify.calibration import Calibration
 from testbed.identify.handback.delivered import Delivered
 from testbed.report.page import Block, Section, Table, Text
-from testbed.units import UM, fixed, listed, percent, significant
+from testbed.units import UM, fixed, listed, micrometres, percent, significant
 
 UNDECIDED = "undecided"
 
@@ -142,7 +142,7 @@ def would_decide(calibration: Calibration) -> str:
     )  # fmt: skip
     if found.radius <= asked.tolerance:
         return ""
-    now = significant(found.radius * UM)
+    now = micrometres(found.radius)
     said = (
         f"R95 of the corrected robot is up to {now} um: no smaller tolerance can be decided now. "
     )
@@ -165,10 +165,8 @@ def would_decide(calibration: Calibration) -> str:
         )
     if ways:
         return f"{said}According to a forecast, {' or '.join(ways)} would decide it."
-    stays = [f"{significant(found.staying * UM)} um remain"] if found.staying else []
-    stays += [f"{significant(found.shared * UM)} um are shared by all readings"] * bool(
-        found.shared
-    )
+    stays = [f"{micrometres(found.staying)} um remain"] if found.staying else []
+    stays += [f"{micrometres(found.shared)} um are shared by all readings"] * bool(found.shared)
     why = f": of R95, {listed(stays)}" if stays else ""
     return f"{said}Neither more poses nor quieter readings would decide it{why}."
 
@@ -180,7 +178,7 @@ def decision_section(found: tuple[Decided, ...]) -> Section | None:
     rows, rule = [], found[0].rule
     guarded = found[0].by.rule == "guarded"
     for one in found:
-        band = significant(float(one.by.guard.max()) * UM) if guarded else "–"
+        band = micrometres(float(one.by.guard.max())) if guarded else "–"
         risk = "–" if one.risk is None else percent(one.risk)
         far = fixed(float(one.by.distance.max()) * UM, 1)
         rows.append((one.what, *map(str, one.counts.values()), far, band, risk))

@@ -7,7 +7,7 @@ from calib.measurement.observations import Measurements
 from calib.uncertainty.outlying.poses import Strays
 from calib.uncertainty.statement.belief import Belief
 from testbed.identify.records import RowErrors
-from testbed.units import MM, significant
+from testbed.units import millimetres
 
 FAR = 5.0
 """Held-out misses beyond so many medians are named: sound ones of a campaign end at four."""
@@ -68,7 +68,7 @@ def held_out_outliers(
         others = is_test & (poses == poses[row]) & ~far
         look = ALONE if others.any() and (medians[others] < FITS).all() else LOOK[place]
         said.append(
-            f"held-out {name[row]} is off by {significant(errors.position[row] * MM)} mm, "
+            f"held-out {name[row]} is off by {millimetres(errors.position[row])} mm, "
             f"{medians[row]:.0f} times the median: {look}; it counts in every figure"
         )
     return tuple(name[row] for row in ranked), tuple(said)

@@ -14,7 +14,7 @@ from calib.measurement.observations import GIVEN, Measurements
 from testbed.files.session import Session
 from testbed.identify.calibration import Calibration
 from testbed.identify.records import FittedModel
-from testbed.units import DEG, MM, UM, fixed, significant
+from testbed.units import DEG, MM, UM, fixed, micrometres, millimetres
 
 PART = {"tool": "tool", "target": "tool", "station": "base", "base": "base"}
 """The part of a [[session]] that is another's no more, by what moved."""
@@ -189,5 +189,5 @@ def _target(calibration: Calibration, table: Measurements, number: int) -> str:
 def _length(metres: float) -> str:
     """In um below a millimetre, else in mm."""
     if metres < 1e-3:
-        return f"{significant(metres * UM, 2)} um"
-    return f"{significant(metres * MM)} mm"
+        return f"{micrometres(metres, 2)} um"
+    return f"{millimetres(metres)} mm"

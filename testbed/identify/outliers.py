@@ -22,7 +22,7 @@ from testbed.identify.frames import StartFrames
 from testbed.identify.records import FittedModel
 from testbed.robots.robot import Robot
 from testbed.streams import stream
-from testbed.units import DEG, MM, counted, listed, significant
+from testbed.units import DEG, counted, listed, millimetres, significant
 
 ELSEWHERE = 3.0
 """A row fits another pose if it misses that one by less than so many typical misses."""
@@ -204,7 +204,7 @@ def model_words(
         )
     if doubted := rows - explained:
         far, them, names = _missed(doubted, misses, train, name)
-        most = significant(shots.misses[list(doubted)].max() * MM)
+        most = millimetres(shots.misses[list(doubted)].max())
         texts.append(
             f"the model misses {names} by up to {far}, and a richer model, fitted without {them}, "
             f"by up to {most} mm: probably {'a bad shot' if them == 'it' else 'bad shots'}, not "
@@ -232,8 +232,8 @@ def _missed(
 ) -> tuple[str, str, str]:
     """By how much rows are missed and what is typical; "it" or "them"; their names."""
     worst = max(rows, key=lambda row: misses[row])
-    typical = significant(_median(misses, train, worst) * MM, 2)
-    far = f"{significant(misses[worst] * MM)} mm, where {typical} mm is typical"
+    typical = millimetres(_median(misses, train, worst), 2)
+    far = f"{millimetres(misses[worst])} mm, where {typical} mm is typical"
     return far, "it" if len(rows) == 1 else "them", _named(rows, misses, name)
 
 
@@ -258,7 +258,7 @@ def _median(misses: Array, train: Measurements, row: int) -> float:
 
 def _error(shots: BadShots, train: Measurements, row: int) -> str:
     """By how much a row is missed, in words."""
-    text = f"{significant(shots.misses[row] * MM)} mm"
+    text = f"{millimetres(shots.misses[row])} mm"
     if not train.is_pose[row]:
         return text
     return f"{text} and {significant(shots.turns[row] * DEG, 2)} deg"
@@ -266,7 +266,7 @@ def _error(shots: BadShots, train: Measurements, row: int) -> str:
 
 def _typical(shots: BadShots, train: Measurements, row: int) -> str:
     """The same of a typical row of its kind."""
-    text = f"{significant(_median(shots.misses, train, row) * MM, 2)} mm"
+    text = f"{millimetres(_median(shots.misses, train, row), 2)} mm"
     if not train.is_pose[row]:
         return text
     return f"{text} and {significant(_median(shots.turns, train, row) * DEG, 2)} deg"

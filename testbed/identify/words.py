@@ -16,7 +16,7 @@ from testbed.identify.to_do.next_step import next_step
 from testbed.identify.visits.report import judges_called, visit_words
 from testbed.identify.visits.wide import wide_because, wide_words
 from testbed.report.page import SIMULATED
-from testbed.units import UM, counted, sentences, significant
+from testbed.units import counted, micrometres, sentences, significant
 
 MEASURED = "MEASURED - a calibration report, not a certificate of traceability"
 GUARDED = "✓ The stated radius can be believed"
@@ -92,7 +92,7 @@ def _believed_words(calibration: Calibration) -> str:
     point, belief = calibration.proof.point, calibration.proof.belief
     if point is None or belief is None:
         return "No statement about the true tool point can be believed."
-    radius = f"{r95(point)} of the mean tool point is {significant(point.radius_mean * UM)} um"
+    radius = f"{r95(point)} of the mean tool point is {micrometres(point.radius_mean)} um"
     if calibration.elsewhere:
         return f"{radius}; the held-out poses should have tested it, and could not."
     if belief.n_guards:
@@ -102,7 +102,7 @@ def _believed_words(calibration: Calibration) -> str:
             text += (
                 f" It is so wide because of {counted(shots, 'held-out row')} that "
                 f"{'stands' if shots == 1 else 'stand'} out: without "
-                f"{'it' if shots == 1 else 'them'}, R95 would be {significant(less * UM)} um."
+                f"{'it' if shots == 1 else 'them'}, R95 would be {micrometres(less)} um."
             )
         return text
     if calibration.proof.held_out is None:

@@ -4,9 +4,8 @@ import numpy as np
 
 from calib.measurement.iso_bends import corners
 from calib.measurement.iso_straying import long_tails, straying_cycle
-from testbed.iso9283.figure_words import equal
 from testbed.iso9283.records import CycleResult, PathRuns
-from testbed.units import significant
+from testbed.units import millimetres, p_equals
 
 
 def cycle_words(result: CycleResult) -> list[str]:
@@ -28,7 +27,7 @@ def cycle_words(result: CycleResult) -> list[str]:
     if tails.long:
         texts.append(
             f"the cycles scatter with longer tails than normal scatter (kurtosis "
-            f"{tails.kurtosis:.2g} times the normal one, p {equal(tails.p_value)} for all poses "
+            f"{tails.kurtosis:.2g} times the normal one, p {p_equals(tails.p_value)} for all poses "
             "together): the limits of RP and RD assume normal scatter and do not hold with 95 % "
             "here; find out what makes some cycles scatter more than others"
         )
@@ -43,7 +42,7 @@ def corner_words(paths: tuple[PathRuns, ...]) -> list[str]:
             continue
         steps = np.concatenate([np.linalg.norm(np.diff(run, axis=0), axis=1) for run in path.runs])
         texts.append(
-            f"the readings of path {path.name} are {significant(1e3 * float(np.median(steps)))} mm "
+            f"the readings of path {path.name} are {millimetres(float(np.median(steps)))} mm "
             "apart (median): a corner that is rounded within that distance is read as sharp, so "
             "that AT may be larger"
         )

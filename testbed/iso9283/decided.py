@@ -6,8 +6,9 @@ import numpy as np
 from scipy.special import stdtrit
 
 from calib.measurement.iso_drift import BLOCK
-from testbed.iso9283.figure_words import limit_um, place, show, told, um, unit
+from testbed.iso9283.figure_words import limit_um, place, show, told, unit
 from testbed.iso9283.records import PROBABILITY, CycleResult, StatedFigure
+from testbed.units import micrometres
 
 SURE = 0.01
 """A p-value, for all poses together, below which a drift is said."""
@@ -100,7 +101,7 @@ def would_decide(figure: StatedFigure, limit: float) -> str:
     if of_all and rest <= 0:
         return (
             "more cycles would not decide it: the stated systematic errors alone give u = "
-            f"{um(figure.shared)}; a more accurate instrument would"
+            f"{micrometres(figure.shared)} um; a more accurate instrument would"
         )
     return "it is so near the limit that no reasonable number of cycles would decide it"
 

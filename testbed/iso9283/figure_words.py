@@ -1,21 +1,10 @@
 """One figure of a test in words: its digits, its unit, the pose, pair or path it belongs to."""
 
 from testbed.iso9283.records import StatedFigure
-from testbed.units import MDEG, UM, decimals, fixed, probability, significant
+from testbed.units import MDEG, UM, decimals, fixed
 
 FINEST = 1e-3
 """Smallest standard uncertainty that decides digits, and the last digit below it [um, mdeg]."""
-
-
-def equal(p: float) -> str:
-    """A p-value with its sign."""
-    text = probability(p)
-    return text if text.startswith("<") else f"= {text}"
-
-
-def um(length: float) -> str:
-    """A length [m] in um with its unit."""
-    return f"{significant(length * UM)} um"
 
 
 def show(value: float, figure: StatedFigure) -> str:

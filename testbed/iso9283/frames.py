@@ -9,7 +9,7 @@ from calib.geometry.frames import log_so3, transform, transform_points
 from testbed.files.nests.drift import best_fit
 from testbed.files.refusal import refusal
 from testbed.iso9283.records import CycleTest, PathRuns, Visits
-from testbed.units import DEG, MM, significant
+from testbed.units import DEG, MM, millimetres, significant
 
 FEWEST_POINTS = 4
 """Points that a fitted frame needs, three of them not on one line."""
@@ -57,7 +57,7 @@ def in_command_frame(test: CycleTest) -> tuple[CycleTest, Array, str]:
     """
     where = test.files[-1].path.name if test.files else test.name
     found = fit_of(test, where)
-    after = significant(found.after * MM)
+    after = millimetres(found.after)
     if test.fitted:
         if found.flat:
             message = f"{found.points} points on a line or fewer than {FEWEST_POINTS} fit no frame"
@@ -74,8 +74,8 @@ def in_command_frame(test: CycleTest) -> tuple[CycleTest, Array, str]:
         rows = "one row" if abs(shift) == 1 else f"{abs(shift)} rows"
         raise refusal(
             where, "pose_id",
-            f"the readings lie {significant(found.before * MM)} mm (rms) from the commands, and "
-            f"{significant(_before(test, shift) * MM)} mm from those {rows} further "
+            f"the readings lie {millimetres(found.before)} mm (rms) from the commands, and "
+            f"{millimetres(_before(test, shift))} mm from those {rows} further "
             f"{'down' if shift > 0 else 'up'}",
             code="M31", allowed="each reading must be in the row of its command",
             fix=f"move the readings {rows} {'down' if shift > 0 else 'up'}",
@@ -83,7 +83,7 @@ def in_command_frame(test: CycleTest) -> tuple[CycleTest, Array, str]:
     if test.fitted is None and not found.flat and found.before > max(LEAST, TIMES * found.after):
         raise refusal(
             where, "iso9283.frame",
-            f"the readings lie {significant(found.before * MM)} mm (rms) from the commands, but "
+            f"the readings lie {millimetres(found.before)} mm (rms) from the commands, but "
             f"only {after} mm after a rigid motion by {found.size}",
             code="M32", allowed="AP and AT compare readings and commands in one frame",
             fix='under [iso9283] in session.toml, write frame = "fitted" if the readings are in '
@@ -92,7 +92,7 @@ def in_command_frame(test: CycleTest) -> tuple[CycleTest, Array, str]:
     said = "as the session states" if test.fitted is False else "as no other frame is stated"
     told = f"The readings are assumed to be in the frame of the commands, {said}"
     if not found.flat and found.after < found.before * (1 - NOTHING):
-        before = significant(found.before * MM)
+        before = millimetres(found.before)
         told += f"; a best fit would lower the rms deviation from {before} to {after} mm"
     return test, np.eye(4), told
 

@@ -8,7 +8,7 @@ from calib.arrays import Array, evenly
 from testbed.iso9283.records import CycleResult, PathShown, PoseDrift
 from testbed.report.plots import dots, label, legend_above, legend_entries
 from testbed.report.svg import DARK, FAINT, INK, LIGHT, MIDDLE, SOFT, drawing, svg_of
-from testbed.units import UM, significant
+from testbed.units import UM, micrometres
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -143,7 +143,7 @@ def path_picture(path: PathShown) -> str:
         for values, color, name in ((path.AT, DARK, "AT"), (path.RT, LIGHT, "RT")):
             k = int(values.argmax())
             curve.plot(along[k], values[k] * UM, "o", color=color, markersize=4)
-            text = f"{name} {significant(float(values[k]) * UM)}"
+            text = f"{name} {micrometres(float(values[k]))}"
             side = "left" if k < len(along) / 3 else "right" if k > 2 * len(along) / 3 else "center"
             label(curve, text, (float(along[k]), float(values[k]) * UM), (0, 4), ha=side)
         curve.set_ylim(0, 1.2 * UM * float(max(path.AT.max(), path.RT.max())))

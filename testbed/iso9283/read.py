@@ -14,7 +14,7 @@ from testbed.gates.text import SourceFile
 from testbed.iso9283.grouped import Commands, paths_in, visits_in
 from testbed.iso9283.records import CycleTest, PathRuns, Visits
 from testbed.iso9283.rows import Rows, are_counts, read_rows
-from testbed.units import MM, significant
+from testbed.units import millimetres
 
 SIZES = 5e-3, 5e1
 """Largest extent of all commands of an arm that is tested [m]; meters and millimeters exchanged
@@ -130,7 +130,7 @@ def _of_odd_size(visits: Visits | None, paths: Sequence[PathRuns]) -> Iterator[s
     size = float(np.ptp(np.concatenate(parts), axis=0).max())
     if 0 < size < SIZES[0] or size > SIZES[1]:
         yield (
-            f"all commands lie within {significant(size * MM)} mm: if the arm moved another way "
+            f"all commands lie within {millimetres(size)} mm: if the arm moved another way "
             "than that, commands and readings are in another unit than their columns say (_mm, _m)"
         )
 

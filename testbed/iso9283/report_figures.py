@@ -2,13 +2,13 @@
 
 import numpy as np
 
-from testbed.iso9283.figure_words import equal, show
+from testbed.iso9283.figure_words import show
 from testbed.iso9283.plots import FEW, clusters, drawn, drift_picture, factor_of, path_picture
 from testbed.iso9283.records import CycleResult, StatedFigure
 from testbed.report.page import Figure as Drawing
 from testbed.report.page import Section, Table
 from testbed.report.svg import on_phone
-from testbed.units import counted, probability, significant
+from testbed.units import counted, p_equals, probability, significant
 
 MOST_ROWS = 60
 """Rows of a table; all of them stand in iso9283.csv."""
@@ -149,7 +149,7 @@ def drift_section(result: CycleResult) -> Section | None:
         note="Blocks of ten cycles in order of time. dAP and dRP: largest change of AP and RP "
         "from the first block. chance 95 %: in 95 % of random orders of the same cycles the change "
         f"is smaller. p: share of orders with at least this change; all poses and figures: p "
-        f"{equal(result.drift_p_value)}.{_more(len(result.drifts))}",
+        f"{p_equals(result.drift_p_value)}.{_more(len(result.drifts))}",
     )
     picture = Drawing(
         "AP and RP of each block of ten cycles. Dark: the pose whose change is least likely to be "

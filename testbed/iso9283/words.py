@@ -5,7 +5,7 @@ import numpy as np
 from calib.measurement.iso_drift import BLOCK
 from testbed.iso9283.cycle_words import corner_words, cycle_words
 from testbed.iso9283.decided import SURE, decisions, drifts, overall
-from testbed.iso9283.figure_words import equal, place, show
+from testbed.iso9283.figure_words import place, show
 from testbed.iso9283.records import (
     PATH_CYCLES,
     POSE_CYCLES,
@@ -15,7 +15,7 @@ from testbed.iso9283.records import (
     CycleTest,
 )
 from testbed.report.page import SIMULATED
-from testbed.units import counted, sentences, significant
+from testbed.units import counted, p_equals, sentences, significant
 
 MEASURED = "MEASURED - a test report, not a certificate of traceability"
 EDITION = (
@@ -140,7 +140,7 @@ def _drift_told(result: CycleResult) -> list[str]:
     """Drift in one sentence, where it was tested."""
     if not result.drifts:
         return []
-    dAP, p = result.worst("dAP"), equal(result.drift_p_value)
+    dAP, p = result.worst("dAP"), p_equals(result.drift_p_value)
     assert dAP is not None  # every drift has one
     hours = max(float(np.ptp(one.hours)) for one in result.drifts)
     size = f"{show(dAP.size, dAP)} um ({place(dAP)}) over {significant(hours, 2)} h"

@@ -24,7 +24,7 @@ from testbed.laboratory.tracker.predicted import goal_u
 from testbed.plan.promises import OVER, efficiency_word, factor_words
 from testbed.plan.records import Curve, NextPose, Proof
 from testbed.plan.task import DesignTask, rms
-from testbed.units import UM, counted, significant
+from testbed.units import counted, micrometres
 
 RANDOM_SETS = 40
 """Random sets behind each value of the curve."""
@@ -187,7 +187,7 @@ def _sentence(task: DesignTask, m: int, proven: int) -> str:
     asked = f"U = {settings.target_um:g} µm ({factor_words(settings.coverage, over)})"
     reach = _poses(m, "reach", "reaches", "more pose" if len(task.before) else "pose")
     if not proven:
-        here = significant(settings.coverage * task.u(NO_POSES) * UM)
+        here = micrometres(settings.coverage * task.u(NO_POSES))
         before = counted(len(task.before) // task.blocks.shape[1], "pose")
         return f"The {before} measured already reach {asked}: they give {here} µm without another"
     if m == proven:
@@ -212,9 +212,9 @@ def proof_of(task: DesignTask, places: Index) -> Proof:
         sentence = (
             f"{criterion}-efficiency at least {efficiency_word(found.efficiency)}: no other set of "
             f"{len(places)} from the {len(task.blocks)} poses of the pool goes below "
-            f"U = {significant(k * found.figure_bound * UM, 4)} µm "
+            f"U = {micrometres(k * found.figure_bound, 4)} µm "
             f"({factor_words(k, OVER[criterion])}){even if task.inputs else ''}; "
-            f"this set reaches {significant(k * found.figure * UM, 4)} µm"
+            f"this set reaches {micrometres(k * found.figure, 4)} µm"
         )
     elif task.inputs:
         sentence += "; the criterion counts noise alone, not the tracker's systematic errors"

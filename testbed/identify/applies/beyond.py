@@ -10,7 +10,7 @@ from calib.geometry.model import RobotModel
 from calib.uncertainty.statement.departure import named
 from testbed.identify.calibration import Calibration
 from testbed.identify.errors import of_poses
-from testbed.units import DEG, MM, UM, fixed, listed, significant
+from testbed.units import DEG, MM, fixed, listed, micrometres, significant
 
 FARTHER = 2.0
 """So many times as far must held-out poses be missed: with ten of them or more, no chance does it
@@ -74,7 +74,7 @@ def far_words(calibration: Calibration) -> tuple[str, ...]:
     more = f" (and {len(far) - 1} more like it)" if len(far) > 1 else ""
     return (
         "Readings that are far off enlarge the radius, which would be "
-        f"{significant(less * UM)} um without them: {far[0]}{more}; if a reading "
+        f"{micrometres(less)} um without them: {far[0]}{more}; if a reading "
         "proves to be bad, measure the pose again, or remove the row and state that you did",
     )
 
@@ -90,7 +90,7 @@ def far_step(calibration: Calibration) -> str:
     them, are = ("it", "stands") if len(names) == 1 else ("them", "stand")
     return (
         f"First look into held-out {listed(shown)}, which {are} out: without {them}, R95 would be "
-        f"{significant(less * UM)} um. If the reading is wrong, measure the pose again, or remove "
+        f"{micrometres(less)} um. If the reading is wrong, measure the pose again, or remove "
         "the row and state that you did; if it is right, the model fails there. Until then, "
     )
 

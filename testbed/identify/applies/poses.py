@@ -11,7 +11,7 @@ from testbed.files.rows.exact import digit_steps, moved_by_digits
 from testbed.files.session import Session
 from testbed.identify.records import FittedModel
 from testbed.robots.catalog import Robot
-from testbed.units import UM, named, significant
+from testbed.units import micrometres, named, significant
 
 LEAST_TURN, LEAST_SLIDE = np.radians(10.0), 0.010
 """Range of a joint at the training poses below which it counts as not moved [rad, m]."""
@@ -60,8 +60,8 @@ def coarse_joints(session: Session, chosen: FittedModel, train: Measurements) ->
     rounded = "rounding" if read else "if they were rounded when they were written, that"
     return (
         f"the joints stand {coarse} in the file: {rounded} alone moves the tool by "
-        f"{significant(moved * UM, 2)} um per axis in each reading (standard deviation), where "
-        f"{significant(noise * UM, 2)} um of noise is stated; write more decimals",
+        f"{micrometres(moved, 2)} um per axis in each reading (standard deviation), where "
+        f"{micrometres(noise, 2)} um of noise is stated; write more decimals",
     )
 
 

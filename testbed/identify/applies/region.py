@@ -10,7 +10,7 @@ from testbed.identify.applies.targets import named, target_words
 from testbed.identify.calibration import Calibration
 from testbed.identify.handback.delivered import Delivered, TargetStatement
 from testbed.report.page import Block, Points, Section, Table, Text, heads
-from testbed.units import DEG, MM, UM, sentences, significant
+from testbed.units import DEG, MM, micrometres, sentences, significant
 
 MOST_TARGETS = 30
 """Targets of a program in the report; all are in a file beside it."""
@@ -90,7 +90,7 @@ def target_table(found: TargetStatement) -> Table:
     rows, (names, places) = [], named(found)
     for k in range(min(len(found.why), MOST_TARGETS)):
         moves = found.radius_move[k : k + 1]
-        radii = [significant(float(x) * UM) for x in (found.radius_mean[k], *moves)]
+        radii = [micrometres(float(x)) for x in (found.radius_mean[k], *moves)]
         cells = [*radii, "–"][:2] if found.stated[k] else ["–", "–"]
         reach = (significant(float(x[k]), 2) for x in (found.transfer, found.leverage))
         told = (str(found.place[k]), found.why[k])

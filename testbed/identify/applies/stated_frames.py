@@ -12,7 +12,7 @@ from calib.measurement.observations import Measurements
 from calib.measurement.prediction import predict
 from testbed.files.session import Session
 from testbed.identify.frames import FRAMES_ALONE, fitted_frames
-from testbed.units import DEG, MM, significant
+from testbed.units import DEG, millimetres, significant
 
 PLAINLY = 3.0
 """So many times less do nominal links miss with frames fitted, if it is the frames that are wrong.
@@ -70,7 +70,7 @@ def stated_frame_words(
     return (
         f"with nominal links and {' and '.join(held)} as the robot's file has "
         f"{'them' if many else 'it'}, the readings miss the robot by "
-        f"{significant(stated_left * MM, 2)} mm, but only by {significant(left * MM, 2)} mm with "
+        f"{millimetres(stated_left, 2)} mm, but only by {millimetres(left, 2)} mm with "
         f"the {' and the '.join(said)} elsewhere: if that is so, correct robot.toml, or write "
         f"{free} under [identification]; as it is, {goes}",
     )
@@ -84,7 +84,7 @@ def _missed(model: RobotModel, train: Measurements) -> float:
 def _moved(T: Array, turns: bool) -> str:
     """How far a frame is from where it is stated; empty if it is there."""
     far, turned = float(np.linalg.norm(T[:3, 3])), float(np.linalg.norm(log_so3(T[:3, :3])))
-    parts = [f"{significant(far * MM, 2)} mm"] if far > OFF else []
+    parts = [f"{millimetres(far, 2)} mm"] if far > OFF else []
     if turns and turned > TURNED:
         parts.append(f"{significant(turned * DEG, 2)} deg")
     return " and ".join(parts)

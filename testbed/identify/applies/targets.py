@@ -21,7 +21,7 @@ from testbed.identify.handback.delivered import NOT_CORRECTED, TargetStatement
 from testbed.identify.handback.in_use import carried
 from testbed.report.text import csv_text
 from testbed.scenario.tool_in_use import ToolInUse
-from testbed.units import UM, counted, significant
+from testbed.units import UM, counted, micrometres, millimetres
 
 FILE_TOOL = "tool of the robot's file"
 CALLED = ("target", "name", "where")
@@ -106,7 +106,7 @@ def tool_words(calibration: Calibration, program: ProgramResult | None = None) -
         )
     if not point.any():
         return ()
-    away = significant(1e3 * float(np.linalg.norm(point)), 2)
+    away = millimetres(float(np.linalg.norm(point)), 2)
     return (
         f"R95 at targets is for the {FILE_TOOL}, {away} mm from the measured target: no reading "
         "shows how the flange stands to that target, which is known only within the tolerances of "
@@ -175,7 +175,7 @@ def _why(calibration: Calibration, reach: Applicability, program: ProgramResult)
     for k, text in enumerate(reasons(calibration.proof.belief.proven, reach, program.q)):
         told = []
         if not program.corrected[k]:
-            left = significant(1e3 * float(program.left[k]), 2)
+            left = millimetres(float(program.left[k]), 2)
             told.append(f"{NOT_CORRECTED}: {left} mm is left")
         told += [text] if text else []
         if program.departed is not None and program.departed[k]:
@@ -240,7 +240,7 @@ def target_words(found: TargetStatement) -> tuple[str, ...]:
 
 def _span(radius: Array) -> str:
     """Least to largest [um]."""
-    ends = (significant(float(end) * UM) for end in (radius.min(), radius.max()))
+    ends = (micrometres(float(end)) for end in (radius.min(), radius.max()))
     return " to ".join(dict.fromkeys(ends))
 
 

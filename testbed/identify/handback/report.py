@@ -5,7 +5,7 @@ import numpy as np
 from testbed.identify.calibration import Calibration
 from testbed.identify.handback.states import hand_back_words
 from testbed.report.page import Block, Points, Section, Table, Text
-from testbed.units import UM, significant
+from testbed.units import micrometres
 
 SPRUNG = (
     "A compliance, a moment or a tilt has no U of its own: measurements only show what all springs "
@@ -30,7 +30,7 @@ def hand_back_section(calibration: Calibration, files: tuple[Block, ...]) -> Sec
     found = calibration.handback.in_use
     if found is not None:
         ends = [
-            (name, *(significant(float(size) * UM) for size in (np.median(at), at.max())))
+            (name, *(micrometres(float(size)) for size in (np.median(at), at.max())))
             for name, at in (
                 ("measured target", found.measured_at_poses),
                 (found.tool.name, found.at_poses),

@@ -10,7 +10,7 @@ from testbed.identify.handback.least_moved import RULE, LeastMoved, least_moved
 from testbed.identify.handback.links import farthest
 from testbed.identify.records import FittedModel
 from testbed.robots.write.dh_table import DhRow, dh_rows
-from testbed.units import DEG, MM, UM, counted, listed, sentences, significant
+from testbed.units import DEG, MM, counted, listed, micrometres, sentences, significant
 
 NOMINAL, MEASURED, PRIOR = "nominal", "measurements", "prior"
 TOGETHER = "measurements, with all that springs do"
@@ -190,11 +190,11 @@ def tool_words(calibration: Calibration) -> tuple[str, ...]:
     x, y, z = (1e3 * each for each in found.worst)
     text = (
         f"for {found.tool.name}, at ({x:.6g}, {y:.6g}, {z:.6g}) mm in the flange frame, the mean "
-        f"tip lies within R95 = {significant(found.radius_mean * UM)} um of the predicted one "
+        f"tip lies within R95 = {micrometres(found.radius_mean)} um of the predicted one "
         f"(3-D radius, {100 * found.probability:g} %"
     )
     if np.isfinite(found.radius_move):
-        text += f"; for a single move {significant(found.radius_move * UM)} um"
+        text += f"; for a single move {micrometres(found.radius_move)} um"
     text += ")"
     if any(found.tool.box):
         text += "; that is the worst corner of the stated box"

@@ -3,7 +3,7 @@
 from testbed.identify.calibration import Calibration
 from testbed.identify.statements import statements_of
 from testbed.report.page import Block, Section, Table
-from testbed.units import UM, probability, significant
+from testbed.units import micrometres, probability
 
 FIXED = "\u00a0"
 """A space at which no line ends: the sentences between short cells have the room."""
@@ -21,12 +21,7 @@ def belief_section(calibration: Calibration) -> Section | None:
                 f"{'identified from' if calibration.elsewhere else 'judged here'}",
                 head=("statement", f"R95{FIXED}µm", "what it contains", "status"),
                 rows=tuple(
-                    (
-                        one.name,
-                        significant(one.radius * UM),
-                        one.promise,
-                        one.use.replace(" ", FIXED),
-                    )
+                    (one.name, micrometres(one.radius), one.promise, one.use.replace(" ", FIXED))
                     for one in found
                 ),
                 align="lrll",

@@ -14,7 +14,7 @@ from testbed.identify.to_do.causes import description_step, do_not_use, drift_st
 from testbed.identify.to_do.change import NOTHING_LEFT, nothing_left
 from testbed.identify.to_do.unconfirmed import unconfirmed
 from testbed.identify.visits.wide import wide_step
-from testbed.units import UM, significant
+from testbed.units import micrometres
 
 LEARNT = 1.1
 """Errors at held-out poses up to so many times those at training poses are all that is left."""
@@ -50,12 +50,12 @@ def next_step(calibration: Calibration) -> str:
             return f"{use} Do not quote an uncertainty. {_more_poses(calibration)}"
         radius = f"{mm(proof.conformal.radius)} mm (95 % of measured points)"
         return f"{use} Quote the held-out radius of {radius}, at poses like the held-out ones."
-    quote = f"R{100 * proof.point.probability:g} = {significant(proof.point.radius_mean * UM)} um"
+    quote = f"R{100 * proof.point.probability:g} = {micrometres(proof.point.radius_mean)} um"
     # the tool of the file is another point, known less well: what is stated at targets is of it
     whose = " of the measured target" if target_words(calibration) else ""
     text = f"{use} Quote {quote} for the mean of many moves{whose}"
     if np.isfinite(proof.point.radius_move):
-        text += f" and {significant(proof.point.radius_move * UM)} um for a single move"
+        text += f" and {micrometres(proof.point.radius_move)} um for a single move"
     text += ", at poses like the held-out ones."
     if first := description_step(calibration) or far or wide_step(calibration):
         return f"{first}{text[0].lower()}{text[1:]}"

@@ -19,7 +19,7 @@ from testbed.files.refusal import refusal
 from testbed.files.session import Session
 from testbed.files.visits.visit import OWN
 from testbed.identify.frames import is_frame
-from testbed.units import DEG, MM, significant
+from testbed.units import DEG, millimetres, significant
 
 TIMES = 5.0
 """Frames are not shared if residuals are so many times smaller with frames of their own."""
@@ -161,7 +161,7 @@ def _far(model: RobotModel, rows: Measurements, its: Bool, part: str) -> str:
     else:
         frames = np.concatenate([chain.T_flange_tool[None], fixtures.tools])
     apart = inverse(frames[there]) @ frames[parted[both]]
-    length = f"{significant(float(np.linalg.norm(apart[:3, 3])) * MM)} mm"
+    length = f"{millimetres(float(np.linalg.norm(apart[:3, 3])))} mm"
     if part == TOOL and not rows.is_pose.any():
         return length
     angle = float(np.linalg.norm(log_so3(apart[:3, :3])))

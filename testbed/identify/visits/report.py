@@ -12,7 +12,7 @@ from testbed.identify.errors import figures_of
 from testbed.identify.records import Figures
 from testbed.report.page import Section, Table, Text
 from testbed.store.quantities import METRE, RADIAN, Quantity, below
-from testbed.units import DEG, MM, UM, counted, fixed, significant
+from testbed.units import DEG, MM, counted, fixed, micrometres
 
 IDENTIFIES, FITS, JUDGES = "identify", "fit its frames", "judge"
 """What rows of a visit do."""
@@ -127,7 +127,7 @@ def visit_words(calibration: Calibration) -> tuple[str, ...]:
             f"{fixed(mean * MM, 4)} mm after"
         )
         if (radius := radius_there(calibration, rows)) is not None and not calibration.elsewhere:
-            said[-1] += f"; R95 there is {significant(radius * UM)} um, its frames included"
+            said[-1] += f"; R95 there is {micrometres(radius)} um, its frames included"
     return (*said, *handed_out(calibration))
 
 
@@ -194,7 +194,7 @@ def _error_cells(calibration: Calibration, k: int, part: str, rows: Bool) -> tup
     return (
         calibration.visits[k].name, part, str(int(rows.sum())),
         *(fixed(value * MM, 4) for value in lengths), turn,
-        "–" if radius is None else significant(radius * UM),
+        "–" if radius is None else micrometres(radius),
     )  # fmt: skip
 
 

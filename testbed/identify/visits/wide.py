@@ -13,7 +13,7 @@ from calib.uncertainty.statement.stated_point import common_radius
 from testbed.files.visits.visit import OWN
 from testbed.identify.calibration import Calibration
 from testbed.identify.visits.report import of
-from testbed.units import DEG, MM, UM, counted, listed, significant
+from testbed.units import DEG, MM, counted, listed, micrometres
 
 TIMES = 2.0
 """So many times as wide as with known frames must a radius be, to say so: of 130 campaigns of two
@@ -92,13 +92,13 @@ def wide_words(calibration: Calibration) -> tuple[str, ...]:
         poses = "its held-out poses" if one.visit else "the poses judged"
         text = (
             f'The poses of session "{name}" hardly show its {" and ".join(one.parts)}: in its '
-            f"frames, R95 is {_um(one.radius)} um at {poses}, which would be {_um(one.known)} um "
-            f"if {_which(one)} known; at the poses that its frames were fitted to it is "
-            f"{_um(one.own)} um"
+            f"frames, R95 is {micrometres(one.radius)} um at {poses}, which would be "
+            f"{micrometres(one.known)} um if {_which(one)} known; at the poses that its "
+            f"frames were fitted to it is {micrometres(one.own)} um"
         )
         if one.other is not None:
             name, radius = one.other
-            text += f'; in the frames of session "{name}", {_um(radius)} um at {poses}'
+            text += f'; in the frames of session "{name}", {micrometres(radius)} um at {poses}'
         said.append(f"{text}; {_mend(calibration, one)}" if one.visit else text)
     return tuple(said)
 
@@ -111,7 +111,7 @@ def wide_because(calibration: Calibration) -> str:
     return (
         f"It is so wide because of the {' and '.join(one.parts)} of session "
         f'"{calibration.visits[0].name}", which its poses hardly show: if {_which(one)} known, '
-        f"R95 would be {_um(one.known)} um."
+        f"R95 would be {micrometres(one.known)} um."
     )
 
 
@@ -225,8 +225,3 @@ def _knowing(belief: Belief, numbers: list[int]) -> Belief:
     M[:, free] -= (C[:, free] / scale) @ inner / scale
     left = [frozen(M @ S @ M.T) for S in (belief.covariance, belief.misfit_covariance)]
     return replace(belief, covariance=left[0], misfit_covariance=left[1])
-
-
-def _um(length: float) -> str:
-    """Three digits."""
-    return significant(length * UM)

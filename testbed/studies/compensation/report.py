@@ -15,6 +15,7 @@ from testbed.units import (
     counted,
     fixed,
     micrometres,
+    millimetres,
     percent,
     plain,
     significant,
@@ -199,7 +200,7 @@ def um(length: float) -> str:
     """A length in um or, from 100 um on, in mm."""
     if length < 1e-4:
         return f"{micrometres(length, 2)}{NARROW}µm"
-    return f"{micrometres(length / 1e3, 2)}{NARROW}mm"
+    return f"{millimetres(length, 2)}{NARROW}mm"
 
 
 def answer(campaign: Campaign) -> Answer:

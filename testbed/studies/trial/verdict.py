@@ -6,7 +6,7 @@ from calib.uncertainty.outlying.poses import Strays
 from testbed.report.page import Verdict
 from testbed.studies.trial.records import Campaign, Estimate, Replications, Trial
 from testbed.studies.trial.statement.records import Statement
-from testbed.units import MM, NARROW, counted, percent, probability, significant
+from testbed.units import MM, NARROW, counted, p_equals, percent, significant
 
 ALARM = RED
 """Chi-square p-value below which the residuals contradict the stated noise."""
@@ -168,13 +168,14 @@ def measured_says(estimate: Estimate) -> tuple[str, ...]:
         return ("unweighted rows have no chi-square test: no warning if the model is wrong",)
     said = [
         f"chi-square per degree of freedom is {found.chi_square / found.dof:.2f} "
-        f"(p {_chance(found.p_value)}): the residuals {_speak(found.p_value)}"
+        f"(p {p_equals(found.p_value)}): the residuals {_speak(found.p_value)}"
     ]
     if statement is not None:
         seen, lack = statement.held_out, statement.lack_of_fit
         said.append(
-            f"errors at {len(seen)} measured held-out poses {_speak(seen.p_value)} (chi-square per "
-            f"degree of freedom {seen.chi_square / (3 * len(seen)):.2f}, p {_chance(seen.p_value)})"
+            f"errors at {len(seen)} measured held-out poses {_speak(seen.p_value)} (chi-square "
+            f"per degree of freedom {seen.chi_square / (3 * len(seen)):.2f}, "
+            f"p {p_equals(seen.p_value)})"
         )
         if lack is not None and lack.p_value < ALARM:
             said.append(
@@ -198,11 +199,6 @@ def trial_verdict(campaign: Campaign) -> Verdict:
 def _percent(share: float) -> str:
     """A share in percent, in plain text."""
     return percent(share).replace(NARROW, " ")
-
-
-def _chance(p: float) -> str:
-    """A p-value after the letter p."""
-    return probability(p) if p < ALARM else f"= {probability(p)}"
 
 
 def tested(found: Identification) -> bool:
