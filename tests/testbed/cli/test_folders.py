@@ -5,14 +5,14 @@ import shutil
 from pathlib import Path
 
 import pytest
-from typer.testing import CliRunner
 
 import truebed
 from calib.errors import InputError
-from testbed.cli import app, handout, viewer
+from testbed.cli import handout, viewer
 from testbed.cli.compared import COLUMNS, document, figure, rows
 from testbed.cli.measured import folder_of
 from testbed.store.npz import pretty_json
+from tests.command import call
 
 VERBS = ("view", "report", "record", "compare")
 PLANNED = {
@@ -52,10 +52,6 @@ def here(tmp_path, monkeypatch):
         data = content.encode() if isinstance(content, str) else pretty_json(content)
         Path(name).write_bytes(data)
     return tmp_path
-
-
-def call(*words):
-    return CliRunner().invoke(app, [str(word) for word in words], catch_exceptions=False)
 
 
 SAYS = {

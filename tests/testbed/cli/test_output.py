@@ -8,11 +8,10 @@ from dataclasses import replace
 from functools import partial
 
 import pytest
-from typer.testing import CliRunner
 
 from calib.errors import STEERING, InputError
 from testbed.__main__ import main
-from testbed.cli import app, terminal
+from testbed.cli import terminal
 from testbed.cli.course import TimeLeft
 from testbed.cli.exit_codes import exit_codes
 from testbed.cli.output import say, say_json, warn
@@ -20,6 +19,7 @@ from testbed.cli.terminal import headline_rows, progress
 from testbed.robots.catalog import load_robot
 from testbed.robots.write.toml import robot_toml
 from testbed.screen_reader import plain_if
+from tests.command import call
 
 WILD = "a\x1b[2J\x9b31m\x07\x7f\u202e\u2066\u2028b"
 SHOWN = r"a\x1b[2J\x9b31m\x07\x7f\u202e\u2066\u2028b"
@@ -36,7 +36,7 @@ class Terminal(io.StringIO):
 
 def truebed(*words):
     """What the command printed, its exit code first."""
-    done = CliRunner().invoke(app, [str(word) for word in words], catch_exceptions=False)
+    done = call(*words)
     for text in (done.stdout, done.stderr):
         assert not STEERING.search(text), text
     return done.exit_code, done.stdout, done.stderr

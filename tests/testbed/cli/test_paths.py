@@ -5,10 +5,8 @@ import shutil
 import sys
 
 import pytest
-from typer.testing import CliRunner
 
 from calib.errors import InputError
-from testbed.cli import app
 from testbed.files.read import read_session
 from testbed.identify.folder import check_place, play_calibration
 from testbed.robots.catalog import load_robot
@@ -17,6 +15,7 @@ from testbed.run.play import play_run
 from testbed.store import layout
 from testbed.store.whole_folder import whole_folder
 from testbed.studies import load_scenario
+from tests.command import call
 from tests.testbed.robots.test_robot_messages import with_mesh
 from tests.testbed.studies.trial.fake_campaign import Fake, content, scenario
 
@@ -164,7 +163,7 @@ def test_a_path_that_no_file_has_ends_in_one_sentence_and_an_empty_folder(
     for file, text in files:
         (tmp_path / file).write_text(text)
     before = sorted(path.name for path in tmp_path.iterdir())
-    done = CliRunner().invoke(app, list(words), catch_exceptions=False)
+    done = call(*words)
     assert done.exit_code == 2, done.stderr
     assert done.stderr.count("\n") == 1
     assert done.stdout == ""

@@ -7,11 +7,11 @@ from contextlib import contextmanager
 import numpy as np
 import pytest
 from PIL import Image
-from typer.testing import CliRunner
 
 from calib.errors import InputError, MachineError
-from testbed.cli import app, video, viewer
+from testbed.cli import video, viewer
 from testbed.recording import style
+from tests.command import call
 from tests.recorded import record, small_campaign, timeline
 
 ENCODER = """#!{python}
@@ -92,9 +92,7 @@ def test_without_an_encoder_one_sentence_says_what_to_do(monkeypatch, tmp_path):
     monkeypatch.setenv("PATH", str(tmp_path))
     monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
     (tmp_path / "a.rrd").write_bytes(b"")
-    done = CliRunner().invoke(
-        app, ["view", str(tmp_path / "a.rrd"), "--video", str(tmp_path / "a.mp4")]
-    )
+    done = call("view", tmp_path / "a.rrd", "--video", tmp_path / "a.mp4")
     assert done.exit_code == 2
     assert done.stderr == (
         f"--video {tmp_path}/a.mp4 needs an encoder: the command ffmpeg, or the package "
@@ -109,7 +107,7 @@ def test_without_an_encoder_one_sentence_says_what_to_do(monkeypatch, tmp_path):
 def test_a_film_that_cannot_be_written_is_refused_first(tmp_path, name, says):
     (tmp_path / "a.rrd").write_bytes(b"")
     words = ["view", str(tmp_path / "a.rrd"), "--video", str(tmp_path / name)]
-    done = CliRunner().invoke(app, words)
+    done = call(*words)
     assert done.exit_code == 2
     assert says in done.stderr
 

@@ -6,12 +6,12 @@ import subprocess
 from contextlib import nullcontext
 
 import pytest
-from typer.testing import CliRunner
 
 from calib.errors import InputError, MachineError
-from testbed.cli import app, viewer, viewer_process
+from testbed.cli import viewer, viewer_process
 from testbed.cli.viewer import page
 from tests import viewed
+from tests.command import call
 from tests.recorded import record, small_campaign, timeline
 
 
@@ -83,7 +83,7 @@ def test_a_step_that_a_recording_does_not_have_is_refused_with_those_it_has(path
     story = timeline(small_campaign())
     step = story.n_steps if step == 1 else step  # the first one behind the last
     words = ["view", str(path), "--picture", str(tmp_path / "a.png"), "--step", str(step)]
-    done = CliRunner().invoke(app, words)
+    done = call(*words)
     assert done.exit_code == 2
     firsts = [f"{phase.name} from {phase.start}" for phase in story.phases]
     assert done.stderr == (
@@ -111,7 +111,7 @@ def test_a_picture_is_announced_and_shows_the_last_step_unless_told(
     step = 7 if asked else timeline(small_campaign()).n_steps - 1
     png = tmp_path / "a.png"
     words = ["view", str(path), "--picture", str(png), *(["--step", "7"] if asked else [])]
-    done = CliRunner().invoke(app, words)
+    done = call(*words)
     assert (done.exit_code, done.stdout) == (0, f"{png}\n")
     assert done.stderr == f"Drawing {png}; this takes up to half a minute.\n"
     assert drawn == [("step", step, "paused")]
@@ -128,9 +128,9 @@ def test_a_step_of_a_recording_cut_short_is_refused_as_one_of_no_recording(path,
 
 
 def test_a_missing_recording_is_named(tmp_path):
-    for call in (viewed.verify, viewer.open_viewer, viewed.view_reports):
+    for opens in (viewed.verify, viewer.open_viewer, viewed.view_reports):
         with pytest.raises(InputError, match=r"nothing\.rrd"):
-            call(tmp_path / "nothing.rrd")
+            opens(tmp_path / "nothing.rrd")
 
 
 def test_without_a_display_the_browser_viewer_is_offered(monkeypatch, path):

@@ -2,16 +2,15 @@
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
-from testbed.cli import app
+from tests.command import call
 from tests.testbed.files.made import columns, csv, made
 
 SESSION = '[joints]\nfile = "a.csv"\n[frames]\nfile = "a.csv"\n'
 
 
 def said(*words):
-    done = CliRunner().invoke(app, list(map(str, words)))
+    done = call(*words)
     assert done.exit_code == 2, done.output
     (line,) = done.stderr.splitlines()
     return line
@@ -107,7 +106,7 @@ def test_a_table_that_would_not_be_read_is_refused(here):
     line = said("iso9283", "cycles.csv", "--config", "iso.toml")
     assert "cycles.csv: would not be read: iso.toml names old.csv itself;" in line
     # a session that names the table itself reads it
-    done = CliRunner().invoke(app, ["iso9283", "old.csv", "--config", "iso.toml", "--quiet"])
+    done = call("iso9283", "old.csv", "--config", "iso.toml", "--quiet")
     assert done.exit_code == 0, done.output
 
 
@@ -121,7 +120,7 @@ def test_a_command_to_type_can_be_pasted_whatever_the_name(here):
     rows = columns(made(), form="none")
     own = {f"Achse {name[1]}" if name[1:2].isdigit() else name: rows[name] for name in rows}
     (here / "my data.csv").write_text(csv(own))
-    done = CliRunner().invoke(app, ["check", "my data.csv", "--robot", TX60])
+    done = call("check", "my data.csv", "--robot", TX60)
     assert "truebed new session 'my data.csv' --robot" in done.stdout, done.output
 
 

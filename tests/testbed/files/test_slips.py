@@ -4,15 +4,14 @@ import re
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
 from calib.errors import InputError
-from testbed.cli import app
 from testbed.files.frames_fit import flange_poses
 from testbed.files.gap_alignment import ALONE, aligned
 from testbed.files.probe import probe
 from testbed.files.read import read_session
 from testbed.files.slips import find_slip
+from tests.command import call
 from tests.testbed.files.made import ROBOT, columns, csv, made, with_spread
 
 ARM = np.array([0.05, 0.03, 0.08])
@@ -314,7 +313,7 @@ def test_the_missing_shot_at_a_cycling_target_is_named(tmp_path):
 def test_the_whole_program_names_the_missing_shot_and_writes_nothing(tmp_path):
     file, out = tmp_path / "a.csv", tmp_path / "out"
     file.write_text(csv(slipped(10, "missing")))
-    done = CliRunner().invoke(app, ["identify", "staubli_tx60", str(file), "--out", str(out)])
+    done = call("identify", "staubli_tx60", file, "--out", out)
     assert done.exit_code == 2
     assert done.stderr.startswith(
         f"{file}:12: from line 12 on, row k-1 belongs to pose k; one shot "

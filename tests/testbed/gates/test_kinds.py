@@ -1,10 +1,9 @@
 """A file of another kind is called by its kind, with the verb that takes it."""
 
 import pytest
-from typer.testing import CliRunner
 
 from testbed import assets
-from testbed.cli import app
+from tests.command import call
 
 SESSION = 'format = 1\n[joints]\nfile = "a.csv"\n[frames]\nfile = "a.csv"\n'
 FOLDER = assets.models() / "staubli_tx60"
@@ -13,7 +12,7 @@ ROBOTS = ("staubli_tx60", FOLDER, FOLDER / "robot.toml", FOLDER / "staubli_tx60.
 
 
 def said(*words):
-    done = CliRunner().invoke(app, list(map(str, words)))
+    done = call(*words)
     assert done.exit_code == 2
     (line,) = done.stderr.splitlines()  # one sentence, not one for each key
     return line

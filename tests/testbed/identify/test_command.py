@@ -6,9 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
-from testbed.cli import app
 from testbed.identify.folder import load_calibration
 from testbed.robots.catalog import load_robot
 from testbed.run import play as runner
@@ -16,6 +14,7 @@ from testbed.run.export import export_campaign
 from testbed.run.play import play_run
 from testbed.scenario.read import changed, dump_scenario
 from testbed.studies import load_scenario, scenario_of
+from tests.command import call
 from tests.testbed.studies.trial.fake_campaign import SCENARIO, Fake, campaign_of
 
 SMALL = {
@@ -35,10 +34,6 @@ def campaign():
     return play_run(changed(load_scenario("quick"), SMALL)).campaign
 
 
-def truebed(*words):
-    return CliRunner().invoke(app, [str(word) for word in words], catch_exceptions=False)
-
-
 @pytest.fixture(scope="module")
 def exported(tmp_path_factory):
     folder = tmp_path_factory.mktemp("command") / "files"
@@ -49,7 +44,7 @@ def exported(tmp_path_factory):
 @pytest.fixture(scope="module")
 def done(exported):
     out = exported.parent / "out"
-    return out, truebed("identify", "staubli_tx60", exported / "session.toml", "--out", out)
+    return out, call("identify", "staubli_tx60", exported / "session.toml", "--out", out)
 
 
 def test_what_was_exported_gives_the_same_parameters_as_the_run(done):
@@ -82,13 +77,13 @@ def test_report_record_and_compare_know_the_folder(done, tmp_path):
     out, _ = done
     before = (out / "report.html").read_bytes()
     (out / "report.html").unlink()
-    assert truebed("report", out).exit_code == 0
+    assert call("report", out).exit_code == 0
     assert (out / "report.html").read_bytes() == before
     (out / "campaign.rrd").unlink()
-    assert truebed("view", out, "--picture", tmp_path / "a.png").exit_code == 2  # no recording
-    assert truebed("record", out).exit_code == 0
+    assert call("view", out, "--picture", tmp_path / "a.png").exit_code == 2  # no recording
+    assert call("record", out).exit_code == 0
     assert (out / "campaign.rrd").is_file()
-    compared = truebed("compare", out, out)
+    compared = call("compare", out, out)
     assert compared.exit_code == 0
     assert compared.stdout.startswith("Calibrations")
     figures = json.loads((out / "result.json").read_bytes())
@@ -109,11 +104,11 @@ def test_bad_words_end_with_code_2_and_leave_nothing(exported, done, tmp_path):
         ((data, "--test", data, "--train", "9"), "--train is given beside --test; leave"),
         ((data, "--program", tmp_path / "none.csv"), "none.csv"),
     ):
-        result = truebed("identify", "staubli_tx60", *words, "--out", out)
+        result = call("identify", "staubli_tx60", *words, "--out", out)
         assert (result.exit_code, told in result.stderr) == (2, True), (words, result.stderr)
         assert not out.exists()
-    assert truebed("identify", "staubli_tx61", data, "--out", out).exit_code == 2
-    there = truebed("identify", "staubli_tx60", data, "--out", done[0], "--json")
+    assert call("identify", "staubli_tx61", data, "--out", out).exit_code == 2
+    there = call("identify", "staubli_tx60", data, "--out", done[0], "--json")
     error = json.loads(there.stdout)["error"]
     assert (there.exit_code, error["code"]) == (2, "C40")
     assert list(tmp_path.iterdir()) == []
@@ -132,12 +127,12 @@ def test_run_hands_its_campaign_to_the_export(monkeypatch, tmp_path):
 
     monkeypatch.setattr("testbed.run.export.export_campaign", export)
     Path("tiny.toml").write_text(dump_scenario(scenario_of(SCENARIO)), encoding="utf-8")
-    result = truebed("run", "tiny.toml", "--export", "files")
+    result = call("run", "tiny.toml", "--export", "files")
     assert result.exit_code == 0
     assert handed == [("staubli_tx60", Path("files"))]
     assert "Exported   files/session.toml" in result.stdout
     Path("taken").mkdir()
     Path("taken/notes.txt").write_text("mine")
-    refused = truebed("run", "tiny.toml", "--export", "taken", "--out", "other")
+    refused = call("run", "tiny.toml", "--export", "taken", "--out", "other")
     assert refused.exit_code == 2
     assert not Path("other").exists()

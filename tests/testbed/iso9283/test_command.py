@@ -7,19 +7,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
-from testbed.cli import app
 from testbed.iso9283.figure_words import show
 from testbed.iso9283.play import play_test
 from testbed.iso9283.read import read_test
 from testbed.iso9283.report import page_of
+from tests.command import call
 from tests.reported import printed_pages, read, said_twice
 from tests.testbed.iso9283.made import SESSION, path_rows, pose_rows, text_of
-
-
-def truebed(*words):
-    return CliRunner().invoke(app, [str(word) for word in words], catch_exceptions=False)
 
 
 @pytest.fixture(scope="module")
@@ -34,7 +29,7 @@ def files(tmp_path_factory):
 @pytest.fixture(scope="module")
 def done(files):
     out = files / "out"
-    return out, truebed("iso9283", files, "--out", out)
+    return out, call("iso9283", files, "--out", out)
 
 
 def test_the_command_writes_a_folder_and_says_what_came_out(done):
@@ -115,10 +110,10 @@ def test_the_same_files_give_the_same_bytes_and_nothing_is_written_over(done, fi
     again = files / "again"
     again.mkdir()
     (again / "iso9283.csv").write_text("older")
-    over = truebed("iso9283", files, "--out", again)
+    over = call("iso9283", files, "--out", again)
     assert over.exit_code == 2
     assert "exists already" in over.output
-    assert truebed("iso9283", files, "--out", again, "--quiet", "--overwrite").stdout == ""
+    assert call("iso9283", files, "--out", again, "--quiet", "--overwrite").stdout == ""
     assert (files / "again.old-1" / "iso9283.csv").read_text() == "older"
     for name in ("report.html", "result.json", "iso9283.csv", "job_sheet.csv"):
         assert (out / name).read_bytes() == (again / name).read_bytes(), name
@@ -126,11 +121,11 @@ def test_the_same_files_give_the_same_bytes_and_nothing_is_written_over(done, fi
 
 def test_bad_input_is_one_sentence_and_writes_nothing(files, tmp_path):
     (tmp_path / "one.csv").write_text(text_of(pose_rows(n=4)[:5]))
-    result = truebed("iso9283", tmp_path / "one.csv", "--out", tmp_path / "out")
+    result = call("iso9283", tmp_path / "one.csv", "--out", tmp_path / "out")
     assert result.exit_code == 2
     assert len(result.output.strip().splitlines()) == 1
     assert not (tmp_path / "out").exists()
-    document = truebed("iso9283", tmp_path / "one.csv", "--out", tmp_path / "out", "--json")
+    document = call("iso9283", tmp_path / "one.csv", "--out", tmp_path / "out", "--json")
     assert json.loads(document.stdout)["error"]["code"] == "M27"
 
 

@@ -2,9 +2,7 @@
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
-from testbed.cli import app
 from testbed.iso9283.play import play_test
 from testbed.iso9283.read import read_test
 from testbed.iso9283.recording import test_story as story_of
@@ -12,6 +10,7 @@ from testbed.iso9283.shown import shown_test
 from testbed.recording.story import timeline_of
 from testbed.recording.write import story_bytes
 from tests import viewed
+from tests.command import call
 from tests.planes import unfitting
 from tests.recorded import column, scalars, store
 from tests.testbed.iso9283.made import CUBE, SESSION, path_rows, pose_rows, text_of
@@ -20,10 +19,6 @@ SINGLE = 2e-7
 """Scene geometry is float32: 6e-8 of about a meter, and a sum."""
 WARM = np.array([0.0, 0.0, 0.03])
 """A robot that grows along z while it runs, in all [mm]."""
-
-
-def truebed(*words):
-    return CliRunner().invoke(app, [str(word) for word in words], catch_exceptions=False)
 
 
 def written(folder, rows, session=SESSION, paths=None):
@@ -44,7 +39,7 @@ def drifting():
 def out(tmp_path_factory):
     folder = tmp_path_factory.mktemp("iso")
     written(folder / "data", drifting())
-    done = truebed("iso9283", folder / "data", "--out", folder / "out")
+    done = call("iso9283", folder / "data", "--out", folder / "out")
     assert done.exit_code == 0
     return folder / "out"
 
@@ -135,19 +130,19 @@ def test_record_writes_it_again_and_only_from_a_whole_record(out):
     before = (out / "iso9283.rrd").read_bytes()
     again = out.parent / "before.rrd"
     again.write_bytes(before)
-    result = truebed("record", out)
+    result = call("record", out)
     assert (result.exit_code, result.stdout) == (0, f"{out / 'iso9283.rrd'}\n")
     assert viewed.compare(out / "iso9283.rrd", again)
-    result = truebed("view", out, "--trial", "a", "--picture", out.parent / "x.png")
+    result = call("view", out, "--trial", "a", "--picture", out.parent / "x.png")
     assert result.exit_code == 2
     assert "a test after ISO 9283, which has no trials" in result.stderr
     whole = (out / "test.npz").read_bytes()
     (out / "test.npz").write_bytes(whole[:-40])
-    result = truebed("record", out)
+    result = call("record", out)
     assert result.exit_code == 2
     assert "truebed iso9283` command again" in result.stderr
     (out / "test.npz").unlink()
-    assert truebed("record", out).exit_code == 2
+    assert call("record", out).exit_code == 2
     (out / "test.npz").write_bytes(whole)
     assert (out / "report.html").read_text().count('href="iso9283.rrd"') == 1
 

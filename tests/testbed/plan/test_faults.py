@@ -1,11 +1,10 @@
 """Bad input of `truebed plan`: one clear error, exit code 2, nothing written."""
 
 import pytest
-from typer.testing import CliRunner
 
-from testbed.cli import app
 from testbed.laboratory import pool
 from testbed.scenario.read import dump_scenario
+from tests.command import call
 from tests.planned import QUICK, scenario
 
 HEAD = "q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg\n"
@@ -187,9 +186,7 @@ def test_bad_input_is_one_clear_error_with_code_2_and_nothing_written(name, tmp_
         changes["plan.measured"] = str(file)
     scene = tmp_path / "in" / "mine.toml"
     scene.write_text(dump_scenario(scenario(QUICK, **changes)), encoding="utf-8")
-    done = CliRunner().invoke(
-        app, ["plan", str(scene), "--out", str(tmp_path / "out")], catch_exceptions=False
-    )
+    done = call("plan", scene, "--out", tmp_path / "out")
     assert done.exit_code == 2, done.output
     error = [line for line in done.stderr.splitlines() if not line.startswith("[")]
     (line,) = error
@@ -205,7 +202,7 @@ def test_a_goal_that_is_no_number_is_refused_where_it_is_read(tmp_path):
     scene = tmp_path / "mine.toml"
     scene.write_text(text.replace("20.0, 0.0, 30.0", "nan, 0.0, 30.0"), encoding="utf-8")
     assert "nan, 0.0, 30.0" in scene.read_text(encoding="utf-8")
-    done = CliRunner().invoke(app, ["plan", str(scene), "--out", str(tmp_path / "out")])
+    done = call("plan", scene, "--out", tmp_path / "out")
     assert done.exit_code == 2
     assert "joints_deg[0][2] is nan; it must be a finite number" in done.stderr
     assert not (tmp_path / "out").exists()
@@ -222,9 +219,7 @@ def test_an_out_that_cannot_be_written_is_told_before_anything_is_computed(
 
     monkeypatch.setattr(plan_files, "make_plan", computed)
     (tmp_path / "file").write_text("mine")
-    done = CliRunner().invoke(
-        app, ["plan", "plan_tx60", "--out", str(tmp_path / below)], catch_exceptions=False
-    )
+    done = call("plan", "plan_tx60", "--out", tmp_path / below)
     assert done.exit_code == 2
     assert str(tmp_path / below) in done.stderr
     assert (tmp_path / "file").read_text() == "mine"

@@ -9,11 +9,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
 from calib.errors import MachineError, one_line, visible
 from calib.uncertainty.statement.applicability import WARNED
-from testbed.cli import app
 from testbed.plan import folder as plan_files
 from testbed.plan.folder import play_plan, programs
 from testbed.plan.promises import minutes
@@ -22,6 +20,7 @@ from testbed.plan.words import next_step, promise, reasons, terminal_text
 from testbed.scenario.read import dump_scenario
 from testbed.store import layout
 from testbed.studies import load_scenario
+from tests.command import call
 from tests.planned import (
     QUICK,
     ROBOT,
@@ -48,10 +47,6 @@ def folder(tmp_path_factory):
     return path
 
 
-def truebed(*words):
-    return CliRunner().invoke(app, [str(word) for word in words], catch_exceptions=False)
-
-
 def content(path):
     """Bytes of every file but the recording, whose row ids are never the same."""
     return {file.name: file.read_bytes() for file in path.iterdir() if file.suffix != ".rrd"}
@@ -63,7 +58,7 @@ def test_a_plan_has_its_files_and_a_second_one_the_same_bytes(folder, tmp_path):
     file = tmp_path / "mine.toml"
     file.write_text(dump_scenario(scenario(QUICK)), encoding="utf-8")
     with few_rehearsals():
-        result = truebed("plan", file, "--out", again, "--quiet")
+        result = call("plan", file, "--out", again, "--quiet")
     assert (result.exit_code, result.output) == (0, "")
     assert content(again) == content(folder)
     assert load_scenario(again / "scenario.toml") == scenario(QUICK)
@@ -227,7 +222,7 @@ def test_with_a_blocked_move_there_is_no_program_and_that_is_said(monkeypatch, t
     assert "no robot programs" in next_step(made)
     assert "No free way was found to pose 3" in terminal_text(made)
     monkeypatch.setattr(plan_files, "make_plan", lambda *_, **__: made)
-    result = truebed("plan", "plan_tx60", "--out", tmp_path / "out")
+    result = call("plan", "plan_tx60", "--out", tmp_path / "out")
     assert result.exit_code == 1
     assert {file.name for file in (tmp_path / "out").iterdir()} == {
         name for name in FILES if not name.startswith("program")
@@ -279,7 +274,7 @@ def test_the_words_name_poses_uncertainty_time_and_station():
 
 def test_json_on_the_terminal_is_the_file_and_a_second_plan_is_refused(folder):
     before = content(folder)
-    again = truebed("plan", "plan_tx60", "--out", folder, "--json")
+    again = call("plan", "plan_tx60", "--out", folder, "--json")
     assert again.exit_code == 2
     assert "exists already" in json.loads(again.stdout)["error"]["message"]
     assert content(folder) == before
@@ -292,7 +287,7 @@ def test_overwrite_renames_the_old_plan_and_another_seed_gives_another(folder, t
     for path in folder.iterdir():
         (out / path.name).write_bytes(path.read_bytes())
     with few_rehearsals():
-        result = truebed("plan", file, "--out", out, "--overwrite", "--seed", 8, "--json")
+        result = call("plan", file, "--out", out, "--overwrite", "--seed", 8, "--json")
     assert result.exit_code == 0
     assert json.loads(result.stdout) == json.loads((out / "plan.json").read_bytes())
     assert content(tmp_path / "out.old-1") == content(folder)
@@ -314,7 +309,7 @@ def test_nothing_is_left_when_a_file_cannot_be_written(monkeypatch, tmp_path, st
 
 def test_a_foreign_folder_is_never_renamed(tmp_path):
     (tmp_path / "thesis.tex").write_text("")
-    result = truebed("plan", "plan_tx60", "--out", tmp_path, "--overwrite")
+    result = call("plan", "plan_tx60", "--out", tmp_path, "--overwrite")
     assert result.exit_code == 2
     assert "is not a plan's folder" in result.stderr
     assert layout.PLAN not in {file.name for file in tmp_path.iterdir()}

@@ -6,20 +6,15 @@ import re
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
-from typer.testing import CliRunner
 
 from calib.errors import InputError
-from testbed.cli import app
 from testbed.laboratory.truth.setting import make_setting
 from testbed.robots.catalog import load_robot, robot_names
 from testbed.run.play import robot_of
 from testbed.scenario.read import changed, dump_scenario, scenario_path
 from testbed.studies import load_scenario
+from tests.command import call
 from tests.testbed.files.made import poses_csv
-
-
-def call(*words):
-    return CliRunner().invoke(app, [str(word) for word in words], catch_exceptions=False)
 
 
 def link_table(robot, folder, head, lengths, angles):

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from testbed.files.read import read_session
+from tests.command import call
 from tests.testbed.files.made import ROBOT, csv, made
-from tests.testbed.proposal.test_session import call, proposed, write
+from tests.testbed.proposal.test_session import proposed, write
 
 M, FIRST = 60, 35
 ARM, NEST = np.array([0.05, 0.03, 0.08]), np.array([3.0, 2.0, 0.5])

@@ -11,9 +11,10 @@ import pytest
 from testbed.files.read import read_session
 from testbed.proposal.rows import beginning
 from testbed.proposal.rows.clocks import _rounded_up
+from tests.command import call
 from tests.testbed.files.made import ROBOT, csv, made
 from tests.testbed.files.test_times import SHOTS, logged
-from tests.testbed.proposal.test_session import call, proposed, refused
+from tests.testbed.proposal.test_session import proposed, refused
 
 DATA = made(m=SHOTS)
 STEP = 5.0

@@ -2,11 +2,10 @@
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
-from testbed.cli import app
 from testbed.files.sources import session_file
 from testbed.iso9283.read import read_test
+from tests.command import call
 
 PLACES = {f"P{k}": 500.0 + 100 * np.array([k, (-1) ** k, k % 3]) for k in range(1, 6)}
 AXES = "xyz"
@@ -27,7 +26,7 @@ def written(path, head, lines, mark=","):
 
 def proposed(folder, monkeypatch):
     monkeypatch.chdir(folder)
-    done = CliRunner().invoke(app, ["new", "session", "a.csv"])
+    done = call("new", "session", "a.csv")
     assert done.exit_code == 0, done.stderr
     return done.stdout
 
@@ -71,7 +70,7 @@ def test_foreign_columns_are_mapped_and_a_running_number_is_no_name_of_a_pose(
 def test_check_says_the_same(tmp_path):
     own(tmp_path)
     for words in ([], ["--robot", "staubli_tx60"]):
-        said = CliRunner().invoke(app, ["check", str(tmp_path / "a.csv"), *words]).stdout
+        said = call("check", tmp_path / "a.csv", *words).stdout
         assert "\n  5 poses in turn, each 30 times: read as a test after ISO 9283\n" in said
         assert said.endswith(f"\n  type truebed iso9283 {tmp_path / 'a.csv'}\n")
 

@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 from testbed.files.matching import stay_apart
 from testbed.files.read import ReadOptions, read_session
 from testbed.proposal.names import meanings
+from tests.command import call
 from tests.testbed.files.made import csv
 from tests.testbed.proposal.test_odd_files import (
     DATA,
@@ -25,7 +26,7 @@ from tests.testbed.proposal.test_odd_files import (
     joints,
     places,
 )
-from tests.testbed.proposal.test_session import call, proposed
+from tests.testbed.proposal.test_session import proposed
 
 SOLL = np.round(MM, 1) + 0.5
 NAMES = [f"P{k + 1}" for k in range(M)]

@@ -5,9 +5,8 @@ import tomllib
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
-from testbed.cli import app
+from tests.command import call
 from tests.testbed.files.made import columns, csv, made, with_spread
 
 M = 24
@@ -66,7 +65,7 @@ def proposal(folder, content, *more):
     (folder / "a.csv").write_text(csv(content))
     out = folder / "session.toml"
     words = ["new", "session", str(folder / "a.csv"), "--out", str(out), *more]
-    return CliRunner().invoke(app, words, catch_exceptions=False), out
+    return call(*words), out
 
 
 TX60 = ("--robot", "staubli_tx60")
@@ -109,7 +108,7 @@ def test_the_true_fault_is_named_and_no_session_is_written(name, tmp_path):
     assert (done.exit_code, done.stdout, done.stderr.count("\n")) == (2, "", 1)
     assert re.search(told, done.stderr), done.stderr
     assert not out.exists()
-    again = CliRunner().invoke(app, ["check", str(tmp_path / "a.csv"), *TX60])
+    again = call("check", tmp_path / "a.csv", *TX60)
     if "foreign" not in name:  # identify asks for our names first
         assert again.stderr.replace(" or add --drop-invalid", "") == done.stderr.replace(
             " or add --drop-invalid", ""
@@ -159,7 +158,7 @@ def test_what_identify_will_refuse_stands_in_the_session(name, tmp_path):
     assert "# To be corrected before identify takes these files:" in text
     assert line.removeprefix("  to fix   ") in text
     tomllib.loads(text)
-    refused = CliRunner().invoke(app, ["check", str(out), *TX60])
+    refused = call("check", out, *TX60)
     assert (refused.exit_code, told in refused.stderr) == (2, True)
 
 
@@ -206,7 +205,7 @@ def test_only_what_no_file_says_is_called_assumed(tmp_path):
     bare = "\n".join(csv(own).splitlines()[1:])
     (tmp_path / "b.csv").write_text(bare)
     words = ["new", "session", str(tmp_path / "b.csv"), "--out", str(tmp_path / "session.toml")]
-    said = CliRunner().invoke(app, [*words, *TX60]).stdout
+    said = call(*words, *TX60).stdout
     assert (
         "assumed  rotations: no name states the order of the quaternions; assumed: x y z w" in said
     )

@@ -6,9 +6,10 @@ from scipy.spatial.transform import Rotation
 
 from testbed.files.read import read_session
 from testbed.robots.catalog import load_robot
+from tests.command import call
 from tests.testbed.files.made import made
 from tests.testbed.proposal.test_odd_files import UR10
-from tests.testbed.proposal.test_session import call, proposed
+from tests.testbed.proposal.test_session import proposed
 
 M = 16
 DATA = made(5, M, robot=UR10)

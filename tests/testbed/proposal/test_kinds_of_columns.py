@@ -15,12 +15,12 @@ from testbed.files.probe import probe
 from testbed.files.read import read_session
 from testbed.proposal.names import meanings
 from testbed.proposal.naming.plain import without_unit
+from tests.command import call
 from tests.hangs import no_hang
 from tests.testbed.files.made import ROBOT, csv
 from tests.testbed.proposal.test_session import (
     JOINTS,
     M,
-    call,
     data,
     joints,
     places,

@@ -6,9 +6,10 @@ from scipy.spatial.transform import Rotation
 
 from calib.errors import InputError
 from testbed.files.read import read_session
+from tests.command import call
 from tests.testbed.files.made import csv, made
 from tests.testbed.proposal.test_odd_files import UR10, joints
-from tests.testbed.proposal.test_session import call, proposed
+from tests.testbed.proposal.test_session import proposed
 
 M = 12
 DATA = made(5, M, robot=UR10)

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from testbed.files.read import read_session
+from tests.command import call
 from tests.testbed.proposal.test_odd_files import DATA, DEG, MM, UR10, M
-from tests.testbed.proposal.test_session import call, proposed
+from tests.testbed.proposal.test_session import proposed
 
 NESTS = {"N1": (1000, 200, 50), "N2": (-300, 1500, 80), "N3": (400, -900, 600)}
 

@@ -6,8 +6,9 @@ from scipy.spatial.transform import Rotation
 
 from testbed.files.read import read_session
 from testbed.robots.catalog import load_robot
+from tests.command import call
 from tests.testbed.files.made import csv, made
-from tests.testbed.proposal.test_session import call, proposed
+from tests.testbed.proposal.test_session import proposed
 
 UR10 = load_robot("universal_ur10")
 M = 40

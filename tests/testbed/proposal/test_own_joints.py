@@ -15,12 +15,13 @@ from testbed.files.read import read_session
 from testbed.files.rows.widened import of_rows
 from testbed.files.text import Sheet
 from testbed.robots.catalog import load_robot
+from tests.command import call
 from tests.hangs import no_hang
 from tests.testbed.files.made import csv, made
 from tests.testbed.files.test_program import scara
 from tests.testbed.proposal.test_dialects import read_as_meant
 from tests.testbed.proposal.test_odd_files import DATA, DEG, MM, UR10, M, joints, places
-from tests.testbed.proposal.test_session import call, proposed
+from tests.testbed.proposal.test_session import proposed
 
 ROS = ("shoulder_pan_joint", "shoulder_lift_joint", "elbow_joint", "wrist_1_joint",
        "wrist_2_joint", "wrist_3_joint")  # fmt: skip

@@ -7,8 +7,9 @@ from calib.errors import InputError
 from testbed.files.read import read_session
 from testbed.files.rows import planned
 from testbed.plan import results
+from tests.command import call
 from tests.testbed.files.made import ROBOT, csv
-from tests.testbed.proposal.test_session import M, call, data, points
+from tests.testbed.proposal.test_session import M, data, points
 
 Q = np.degrees(data().q)
 ROLES = ["test" if k % 3 == 0 else "identify" for k in range(M)]

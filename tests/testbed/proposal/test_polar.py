@@ -9,8 +9,9 @@ import pytest
 from calib.errors import InputError
 from testbed.files.read import read_session
 from testbed.proposal.polar.names import polar_names
+from tests.command import call
 from tests.testbed.files.made import ROBOT, csv, made
-from tests.testbed.proposal.test_session import call, proposed
+from tests.testbed.proposal.test_session import proposed
 
 M = 30
 DATA = made(4, M)

@@ -7,12 +7,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
 from calib.geometry.frames import log_so3
-from testbed.cli import app
 from testbed.files.probe import probe
 from testbed.files.read import read_session
+from tests.command import call
 from tests.testbed import files
 from tests.testbed.files.campaign import table as visit_table
 from tests.testbed.files.campaign import visit
@@ -152,10 +151,6 @@ KINDS = (
     rapid,
     tracker,
 )
-
-
-def call(*words):
-    return CliRunner().invoke(app, [str(word) for word in words], catch_exceptions=False)
 
 
 def proposed(folder, files, *more):
@@ -335,7 +330,7 @@ def test_files_of_one_head_with_joints_of_their_own_are_visits(tmp_path):
     read = read_session(tmp_path / "session.toml", ROBOT)
     assert [one.name for one in read.visits] == ["a", "b", "c"]
     assert read.fixtures.counts == (0, 0, 2, 2)
-    told = CliRunner().invoke(app, ["check", str(tmp_path / "session.toml")]).stdout
+    told = call("check", tmp_path / "session.toml").stdout
     assert "3 sessions of one robot: a, b, c" in told
     assert told.count("with only base and tool fitted, the errors are") == 3
 
@@ -478,6 +473,6 @@ def test_columns_of_scatter_are_named_where_uncertainty_is_assumed(tmp_path, nam
     table = joints(*JOINTS) | places("x_mm", "y_mm", "z_mm") | dict.fromkeys(names, np.ones(M))
     (file,) = write(tmp_path, a__csv=csv(table))
     out = tmp_path / "session.toml"
-    shown = CliRunner().invoke(app, ["new", "session", str(file), "--out", str(out)])
+    shown = call("new", "session", file, "--out", out)
     assert shown.exit_code == 0, shown.output
     assert said in out.read_text(encoding="utf-8")

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from testbed.files.read import read_session
+from tests.command import call
 from tests.testbed.files.made import ROBOT, csv
-from tests.testbed.proposal.test_session import ARM, M, call, data, joints, places, points, proposed
+from tests.testbed.proposal.test_session import ARM, M, data, joints, places, points, proposed
 
 FLANGE = ROBOT.model.poses(data().q)
 SENT = (FLANGE[:, :3, 3] + FLANGE[:, :3, :3] @ ARM) * 1e3

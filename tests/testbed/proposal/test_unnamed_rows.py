@@ -9,9 +9,10 @@ import pytest
 from testbed.files.read import read_session
 from testbed.proposal.data import look_at
 from testbed.proposal.rows.markers import markers_in
+from tests.command import call
 from tests.testbed.files.made import made
 from tests.testbed.proposal.test_odd_files import UR10
-from tests.testbed.proposal.test_session import call, proposed
+from tests.testbed.proposal.test_session import proposed
 
 M = 16
 """Poses: hundreds of interpretations of each file are tried."""

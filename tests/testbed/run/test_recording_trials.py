@@ -7,7 +7,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
 from calib.errors import InputError
 from calib.geometry.fixtures import Fixtures
@@ -15,7 +14,6 @@ from calib.geometry.frames import step_transform
 from calib.measurement import tables
 from calib.measurement.accuracy import position_errors
 from calib.measurement.observations import joined
-from testbed.cli import app
 from testbed.recording.chart import Chart, Series
 from testbed.recording.layout import blueprint, cell
 from testbed.recording.parameters import middles, place
@@ -33,6 +31,7 @@ from testbed.studies.protocol import Records
 from testbed.studies.trial.recording_cell import beam, predicted_places, seen_places, show
 from testbed.studies.trial.recording_others import other_windows, own_timeline
 from tests import recorded, viewed
+from tests.command import call
 from tests.recorded import (
     column,
     properties,
@@ -181,25 +180,21 @@ def folder(tmp_path_factory):
     return out
 
 
-def truebed(*words):
-    return CliRunner().invoke(app, [str(word) for word in words], catch_exceptions=False)
-
-
 def test_the_command_writes_the_recording_of_a_trial_beside_that_of_the_first(folder, tmp_path):
     before = (folder / "campaign.rrd").read_bytes()
-    done = truebed("record", folder, "--trial", "other")
+    done = call("record", folder, "--trial", "other")
     assert (done.exit_code, done.stdout) == (0, f"{folder / 'campaign-other.rrd'}\n")
     campaign = load_run(folder)
     again = record(tmp_path / "again.rrd", led_by(campaign, "other"))
     assert viewed.compare(folder / "campaign-other.rrd", again)
     assert (folder / "campaign.rrd").read_bytes() == before
-    truebed("record", folder, "--trial", "one")
+    call("record", folder, "--trial", "one")
     assert viewed.compare(folder / "campaign-one.rrd", folder / "campaign.rrd")
 
 
 def test_a_recording_that_view_does_not_find_is_asked_for_by_its_command(folder):
     (folder / "campaign-other.rrd").unlink(missing_ok=True)
-    result = truebed("view", folder, "--trial", "other", "--picture", folder / "x.png")
+    result = call("view", folder, "--trial", "other", "--picture", folder / "x.png")
     assert result.exit_code == 2
     assert f"write it by `truebed record {folder} --trial other`" in result.stderr
 
@@ -208,7 +203,7 @@ def test_the_trial_that_the_recording_of_the_run_shows_needs_none_of_its_own(fol
     own = folder / "campaign-one.rrd"
     own.unlink(missing_ok=True)
     assert recording_of(folder, "one") == recording_of(folder) == folder / "campaign.rrd"
-    truebed("record", folder, "--trial", "one")
+    call("record", folder, "--trial", "one")
     assert recording_of(folder, "one") == own
 
 
@@ -233,13 +228,13 @@ def test_the_recording_of_the_run_shows_its_first_trial_that_did_not_fail(folder
 def test_a_recording_has_one_trial(folder, tmp_path):
     file = folder / "campaign.rrd"
     picture = tmp_path / "x.png"
-    result = truebed("view", file, "--trial", "other", "--picture", picture)
+    result = call("view", file, "--trial", "other", "--picture", picture)
     assert (result.exit_code, picture.exists()) == (2, False)
     assert result.stderr == (
         f"--trial is other, and {file} is one recording, which has its trial; give the run folder, "
         "or leave --trial out. [C41]\n"
     )
-    result = truebed("view", tmp_path / "none.rrd", "--picture", picture)
+    result = call("view", tmp_path / "none.rrd", "--picture", picture)
     assert (result.exit_code, picture.exists()) == (2, False)
     assert result.stderr == f"{tmp_path}/none.rrd: no such recording; truebed record RUN. [F3]\n"
 
@@ -248,7 +243,7 @@ def test_a_recording_has_one_trial(folder, tmp_path):
 @pytest.mark.parametrize("name", ["othr", "../run", ""])
 def test_a_wrong_name_is_told_with_the_names_there_are(folder, verb, name):
     before = sorted(folder.parent.rglob("*"))
-    result = truebed(verb[0], folder, "--trial", name, *verb[1:])
+    result = call(verb[0], folder, "--trial", name, *verb[1:])
     close = '; did you mean "other"?' if name == "othr" else "."
     assert result.exit_code == 2
     assert result.stderr.startswith(f'there is no trial "{name}"; one of one, other{close}')

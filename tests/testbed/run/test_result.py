@@ -4,13 +4,12 @@ import json
 import os
 
 import pytest
-from typer.testing import CliRunner
 
 from calib.errors import InputError
-from testbed.cli import app
 from testbed.run.result import SHAPE, equal_runs, read_result
 from testbed.store import layout
 from testbed.store.manifest import manifest_bytes
+from tests.command import call
 from tests.testbed.studies.trial.fake_campaign import FakeCampaign, FakeTrial, result, scenario
 
 WHOLE = result(FakeCampaign(scenario(), None, (FakeTrial("a", None, 0.5),))) | {"failed": {}}
@@ -98,7 +97,7 @@ def at(path):
 def test_compare_refuses_it_in_one_sentence_and_writes_nothing(run, text, told):
     folder = run(text)
     before = sorted(folder.iterdir())
-    ended = CliRunner().invoke(app, ["compare", str(folder)], catch_exceptions=False)
+    ended = call("compare", folder)
     assert (ended.exit_code, ended.stdout) == (2, "")
     (line,) = ended.stderr.splitlines()
     assert line.startswith(f"{folder}/result.json: {told}")
@@ -111,7 +110,7 @@ def test_a_sparse_file_of_gigabytes_is_refused_unread(run, name):
     folder = run(WHOLE)
     with (folder / name).open("r+b" if (folder / name).exists() else "wb") as file:
         file.truncate(5 * 10**9)  # takes no room
-    ended = CliRunner().invoke(app, ["compare", str(folder)], catch_exceptions=False)
+    ended = call("compare", folder)
     assert ended.exit_code == 2
     (line,) = ended.stderr.splitlines()
     assert line.startswith(f"{folder}/{name}: is damaged: it has 5000 MB")

@@ -2,12 +2,10 @@
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
 from calib.errors import InputError
 from calib.geometry.frames import inverse
 from testbed.assets import scenes
-from testbed.cli import app
 from testbed.laboratory.bench import open_bench
 from testbed.laboratory.tracker.stations import NEAREST, require_ranges, require_stations
 from testbed.robots.catalog import load_robot
@@ -17,6 +15,7 @@ from testbed.robots.room import reach as length_of
 from testbed.scenario.read import changed
 from testbed.streams import stream
 from testbed.studies import load_scenario
+from tests.command import call
 from tests.testbed.robots.described_cases import ARMS
 
 NOWHERE = {
@@ -63,7 +62,7 @@ def test_a_run_with_a_tracker_where_none_can_stand_is_refused_and_leaves_nothing
     monkeypatch.chdir(tmp_path)
     table, says = NOWHERE[where]
     (tmp_path / "scene.toml").write_text(SCENE.format(table))
-    done = CliRunner().invoke(app, ["run", "scene.toml", "--out", "out"], catch_exceptions=False)
+    done = call("run", "scene.toml", "--out", "out")
     assert done.exit_code == 2, done.stderr
     assert done.stderr.startswith(f"scene.toml: {says}"), done.stderr
     assert done.stderr.count("\n") == 1

@@ -2,15 +2,14 @@
 
 import pytest
 from scipy.stats import chi2
-from typer.testing import CliRunner
 
 from testbed.assets import scene_names
-from testbed.cli import app
 from testbed.files.read import read_session
 from testbed.scenario.checks import odd_settings
 from testbed.scenario.read import changed
 from testbed.scenario.tolerance import BALL
 from testbed.studies import load_scenario
+from tests.command import call
 from tests.testbed.files.made import ROBOT, columns, csv, made
 
 TOLD = "[tracker] position_um is 0.01: no laser tracker measures better than 1 um; check the unit"
@@ -31,15 +30,15 @@ def test_a_noise_below_that_of_any_tracker_is_said(tmp_path):
         'format = 1\nname = "a"\nrobot = "staubli_tx60"\n[tracker]\nposition_um = 0.01\n'
         '[[trial]]\nname = "a"\nmethod = "random"\nposes = 20\n'
     )
-    said = CliRunner().invoke(app, ["check", str(scene)])
+    said = call("check", scene)
     assert f"warning: {TOLD}" in said.stdout, said.stderr
     # refused later, so that nothing is computed: the warning stands before it
     (tmp_path / "run").write_text("")
     for verb in ("run", "plan"):
         words = [verb, str(scene), "--out", str(tmp_path / "run")]
-        done = CliRunner().invoke(app, words)
+        done = call(*words)
         assert done.stderr.startswith(f"warning: {scene}: {TOLD}\n")
-        assert "warning" not in CliRunner().invoke(app, [*words, "--quiet"]).stderr
+        assert "warning" not in call(*words, "--quiet").stderr
 
 
 @pytest.mark.parametrize(

@@ -7,11 +7,9 @@ from functools import cache
 
 import pytest
 from jsonschema import Draft7Validator
-from typer.testing import CliRunner
 
 from calib.errors import CalibError
 from testbed.assets import models, scenes
-from testbed.cli import app
 from testbed.gates.comments import statements, with_comments
 from testbed.gates.mistakes import validated
 from testbed.robots.file import RobotFile
@@ -20,6 +18,7 @@ from testbed.schemas.described import meaning
 from testbed.schemas.editor import schema
 from testbed.schemas.files import FILES, roots
 from testbed.studies import load_scenario, scenario_of
+from tests.command import call
 
 SESSION = {
     "format": 1,
@@ -37,10 +36,6 @@ SESSION = {
 @cache
 def editor(file):
     return Draft7Validator(schema(file))
-
-
-def call(*words):
-    return CliRunner().invoke(app, [str(word) for word in words], catch_exceptions=False)
 
 
 def shipped(file):

@@ -7,9 +7,10 @@ from calib.errors import InputError
 from testbed.files.dialects.controllers.read import joints_in, language_of
 from testbed.files.read import read_session
 from testbed.gates.text import read_text
+from tests.command import call
 from tests.hangs import no_hang
 from tests.testbed.files.made import ROBOT, csv, made
-from tests.testbed.proposal.test_session import call, proposed
+from tests.testbed.proposal.test_session import proposed
 
 M = 30
 DATA = made(4, M)

@@ -10,14 +10,12 @@ import mujoco
 import numpy as np
 import pytest
 import yourdfpy
-from typer.testing import CliRunner
 
 from calib.errors import InputError
 from calib.geometry.chain import forward
 from calib.geometry.fixtures import Fixtures
 from calib.geometry.frames import inverse
 from calib.geometry.model import RobotModel
-from testbed.cli import app
 from testbed.files.read import read_session
 from testbed.identify.calibrate import Options
 from testbed.identify.folder import load_calibration, play_calibration, rederive_calibration
@@ -32,6 +30,7 @@ from testbed.robots.write.identified import identified_robot
 from testbed.robots.write.mjcf import mjcf_text
 from tests import viewed
 from tests.calibrated import robot, session_of, sound, sound_session, true_model
+from tests.command import call
 from tests.recorded import column, store, structure
 from tests.reference import SIGMA_POSITION, pool_r
 from tests.testbed.identify.test_kinds import PLACES, points
@@ -236,7 +235,7 @@ def test_names_of_packages_are_taken(name, tmp_path):
 
 def test_the_command_takes_the_package_and_refuses_it_before_it_reads(tmp_path):
     words = ["identify", "staubli_tx60", tmp_path / "none.csv", "--package", "my-robot"]
-    result = CliRunner().invoke(app, [str(word) for word in words])
+    result = call(*words)
     assert result.exit_code == 2
     assert result.stderr.startswith('ROS takes no package called "my-robot"')
 

@@ -4,11 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
 from calib.errors import InputError, TooFewPosesError
 from calib.identification.climbing import ClimbStep
-from testbed.cli import app
 from testbed.files.read import read_session
 from testbed.identify.calibrate import Options, calibrate
 from testbed.identify.errors import figures_of
@@ -17,6 +15,7 @@ from testbed.identify.to_do.causes import CHECK
 from testbed.identify.to_do.next_step import next_step
 from testbed.identify.to_do.unconfirmed import NEEDED, unconfirmed
 from tests.calibrated import sound
+from tests.command import call
 from tests.testbed.files.made import ROBOT, columns, csv, made, with_spread
 
 TURNS = ("rx_deg", "ry_deg", "rz_deg")
@@ -90,7 +89,7 @@ def test_a_split_that_the_data_state_is_told_too_and_more_poses_only_where_none_
 def test_a_single_pose_ends_the_command_in_one_sentence(tmp_path):
     out = tmp_path / "out"
     words = ["identify", "staubli_tx60", str(file_of(tmp_path, 1)), "--out", str(out)]
-    done = CliRunner().invoke(app, words)
+    done = call(*words)
     assert done.exit_code == 2
     assert done.stderr.strip().splitlines()[-1].endswith("[M27]")
     assert not out.exists()
