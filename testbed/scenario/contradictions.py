@@ -21,68 +21,9 @@ MOST_CALIBRATED = 1000
 
 def contradictions(scenario: Scenario) -> Iterator[str]:
     """Contradictions in and between the tables of a scenario; none if it is sound."""
-    # records of one study per kind of robot stand under its name
-    taken = (*RESERVED, *(key for one in scenario.tables.values() for key in one.keys))
-    reserved = dict.fromkeys(re.sub(r"\..*", ".*", name) for name in taken)
-    point = scenario.tracker.measures == "point"
-    names = [trial.name for trial in scenario.trial]
-    for name in dict.fromkeys(names):
-        if names.count(name) > 1:
-            yield f'[[trial]] name "{name}" is used {names.count(name)} times; rename all but one'
-    for trial in scenario.trial:
-        place = f'[[trial]] "{trial.name}"'
-        if trial.name in taken:
-            yield f"{place} has a reserved name; not one of {', '.join(reserved)}; rename it"
-        if trial.poses > scenario.pool.size:
-            yield (
-                f"{place} poses is {trial.poses}; [pool] size is {scenario.pool.size}; "
-                "choose fewer poses or a larger pool"
-            )
-        yield from _of_detmax(trial, place, scenario.pool.size - trial.poses)
-        if trial.rows == "paper" and trial.criterion in NEEDS_GOALS:
-            yield (
-                f'{place} criterion is "{trial.criterion}" and rows is "paper"; unweighted rows '
-                "ignore the noise, so they give no uncertainty of the tool point; "
-                'write rows = "whitened"'
-            )
-        if trial.rows == "paper" and point:
-            yield (
-                f'{place} rows is "paper", which needs full poses; [tracker] measures is "point"; '
-                'write rows = "whitened"'
-            )
-    if not point and any(scenario.tracker.reflector_mm):
-        yield (
-            '[tracker] reflector_mm is set, but measures is "pose"; '
-            'write measures = "point" or remove reflector_mm'
-        )
-    if point and "paper" in scenario.identification.estimators:
-        yield (
-            '[identification] estimators has "paper", which needs full poses; '
-            '[tracker] measures is "point"; write estimators = ["whitened"]'
-        )
-    if point and scenario.studies.paper_budget:
-        yield (
-            '[studies] paper_budget needs full poses; [tracker] measures is "point"; '
-            "write paper_budget = false"
-        )
-    if point and scenario.studies.tool_point:
-        yield (
-            "[studies] tool_point is about the tool origin, which is not seen where [tracker] "
-            'measures is "point"; write tool_point = false'
-        )
-    if scenario.studies.paper_budget and "paper" not in scenario.identification.estimators:
-        yield (
-            '[studies] paper_budget needs the paper\'s estimator; write estimators = ["whitened", '
-            '"paper"] or paper_budget = false'
-        )
-    if scenario.studies.paper_budget and not scenario.designed:
-        yield (
-            "[studies] paper_budget compares an optimal set with random ones, and every [[trial]] "
-            'is random; write method = "detmax" in one, or paper_budget = false'
-        )
-    if scenario.studies.paper_budget:
-        yield from of_budget(scenario)
-        yield from _of_calibrated_sets(scenario)
+    yield from _of_trials(scenario)
+    yield from _of_points(scenario)
+    yield from _of_paper_budget(scenario)
     for table, key, value in (
         ("uncertainty", "replications", scenario.uncertainty.replications),
         ("studies", "random_sets", scenario.studies.random_sets),
@@ -101,6 +42,82 @@ def contradictions(scenario: Scenario) -> Iterator[str]:
     for settings in scenario.tables.values():
         yield from settings.contradictions(scenario)
     yield from _of_plan(scenario.plan)
+
+
+def _of_trials(scenario: Scenario) -> Iterator[str]:
+    """Contradictions of trials with each other, with the pool and with what is measured."""
+    names = [trial.name for trial in scenario.trial]
+    for name in dict.fromkeys(names):
+        if names.count(name) > 1:
+            yield f'[[trial]] name "{name}" is used {names.count(name)} times; rename all but one'
+    # records of one study per kind of robot stand under its name
+    taken = (*RESERVED, *(key for one in scenario.tables.values() for key in one.keys))
+    reserved = dict.fromkeys(re.sub(r"\..*", ".*", name) for name in taken)
+    for trial in scenario.trial:
+        place = f'[[trial]] "{trial.name}"'
+        if trial.name in taken:
+            yield f"{place} has a reserved name; not one of {', '.join(reserved)}; rename it"
+        if trial.poses > scenario.pool.size:
+            yield (
+                f"{place} poses is {trial.poses}; [pool] size is {scenario.pool.size}; "
+                "choose fewer poses or a larger pool"
+            )
+        yield from _of_detmax(trial, place, scenario.pool.size - trial.poses)
+        if trial.rows == "paper" and trial.criterion in NEEDS_GOALS:
+            yield (
+                f'{place} criterion is "{trial.criterion}" and rows is "paper"; unweighted rows '
+                "ignore the noise, so they give no uncertainty of the tool point; "
+                'write rows = "whitened"'
+            )
+        if trial.rows == "paper" and scenario.tracker.measures == "point":
+            yield (
+                f'{place} rows is "paper", which needs full poses; [tracker] measures is "point"; '
+                'write rows = "whitened"'
+            )
+
+
+def _of_points(scenario: Scenario) -> Iterator[str]:
+    """Contradictions of what else asks for full poses, or for points, with what is measured."""
+    if scenario.tracker.measures == "pose":
+        if any(scenario.tracker.reflector_mm):
+            yield (
+                '[tracker] reflector_mm is set, but measures is "pose"; '
+                'write measures = "point" or remove reflector_mm'
+            )
+        return
+    if "paper" in scenario.identification.estimators:
+        yield (
+            '[identification] estimators has "paper", which needs full poses; '
+            '[tracker] measures is "point"; write estimators = ["whitened"]'
+        )
+    if scenario.studies.paper_budget:
+        yield (
+            '[studies] paper_budget needs full poses; [tracker] measures is "point"; '
+            "write paper_budget = false"
+        )
+    if scenario.studies.tool_point:
+        yield (
+            "[studies] tool_point is about the tool origin, which is not seen where [tracker] "
+            'measures is "point"; write tool_point = false'
+        )
+
+
+def _of_paper_budget(scenario: Scenario) -> Iterator[str]:
+    """Contradictions of the paper's budget with estimators, trials, [budget] and random sets."""
+    if not scenario.studies.paper_budget:
+        return
+    if "paper" not in scenario.identification.estimators:
+        yield (
+            '[studies] paper_budget needs the paper\'s estimator; write estimators = ["whitened", '
+            '"paper"] or paper_budget = false'
+        )
+    if not scenario.designed:
+        yield (
+            "[studies] paper_budget compares an optimal set with random ones, and every [[trial]] "
+            'is random; write method = "detmax" in one, or paper_budget = false'
+        )
+    yield from of_budget(scenario)
+    yield from _of_calibrated_sets(scenario)
 
 
 def _of_detmax(trial: TrialSettings, place: str, others: int) -> Iterator[str]:
