@@ -98,7 +98,7 @@ class Mover:
         speeds: Array,
         controller: Controller = AS_THE_ARM,
     ) -> None:
-        self._simulator, self._limits, self._speeds = simulator, limits, speeds
+        self._simulator, self._limits, self.speeds = simulator, limits, speeds
         self._controller = controller
         self._bounds = simulator.travel_bounds()
         self.tested = 0
@@ -149,7 +149,7 @@ class Mover:
         if not around:
             return Way(frozen(vias[:0]), np.inf)
         before = self.tested
-        there, on = (travel_times(vias, one, self._speeds) for one in (start, end))
+        there, on = (travel_times(vias, one, self.speeds) for one in (start, end))
         for k in np.argsort(there + on, kind="stable")[:VIAS]:
             via = vias[k]
             if there[k] and on[k] and self.is_free(start, via) and self.is_free(via, end):
@@ -174,7 +174,7 @@ class Mover:
     def _way(self, start: Array, end: Array, via: Array) -> Way:
         """A way with its time."""
         stops = np.vstack([start, via, end])
-        return Way(frozen(via), float(travel_times(stops[:-1], stops[1:], self._speeds).sum()))
+        return Way(frozen(via), float(travel_times(stops[:-1], stops[1:], self.speeds).sum()))
 
     def _shortened(self, start: Array, via: Array, end: Array) -> Array:
         """Stops (k, n) pulled towards the straight line and left out where that stays free."""

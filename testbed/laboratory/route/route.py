@@ -147,27 +147,8 @@ def measuring_route(
     between = robot.limits if ranges is None else np.asarray(ranges, dtype=np.float64)
     mover = Mover(simulator, between, speeds, robot.controller)
     offered = stops if vias is None else np.vstack([stops, joint_vectors(chain, vias)])
-    times = times_between(stops, speeds)
+    tour, ways, islands = _shortest_tour(mover, stops, offered, rng, tell)
     given = np.arange(len(stops))
-    ways, islands = dict[tuple[int, int], Way](), Islands(len(stops))
-    tour = best_tour(times, given)
-    while missing := [pair for one in (tour, given) for pair in _pairs(one) if pair not in ways]:
-        for a, b in dict.fromkeys(missing):
-            around = mover.patient and not islands.apart(a, b)
-            ways[a, b] = mover.way(stops[a], stops[b], offered, rng, around=around)
-            if ways[a, b].found:
-                islands.join(a, b)
-            elif around:
-                islands.part(a, b)
-            tell(len(ways))
-        # all at once, since an order takes no blocked pair before every other one is tried
-        for a, b in islands.pairs(apart=mover.patient):
-            if (a, b) not in ways:
-                ways[a, b] = mover.way(stops[a], stops[b], offered, rng, around=False)
-                tell(len(ways))
-        for (a, b), way in ways.items():
-            times[a, b] = times[b, a] = way.time if way.found else BLOCKED_TIME
-        tour = best_tour(times, given)
     given_time, best_time = (
         float(sum(ways[pair].time for pair in _pairs(order))) for order in (given, tour)
     )
@@ -195,6 +176,40 @@ def measuring_route(
         blocked=tuple(lost),
         cut_off=frozen([k - 1 for k in range(1, len(stops)) if islands.apart(0, k)], np.int64),
     )
+
+
+def _shortest_tour(
+    mover: Mover,
+    stops: Array,
+    offered: Array,
+    rng: np.random.Generator,
+    tell: Callable[[int], None],
+) -> tuple[Index, dict[tuple[int, int], Way], Islands]:
+    """The shortest order found, the ways of all pairs tried, and which stops are cut off.
+
+    Among the ways are those of the order given.
+    """
+    times, given = times_between(stops, mover.speeds), np.arange(len(stops))
+    ways, islands = dict[tuple[int, int], Way](), Islands(len(stops))
+    tour = best_tour(times, given)
+    while missing := [pair for one in (tour, given) for pair in _pairs(one) if pair not in ways]:
+        for a, b in dict.fromkeys(missing):
+            around = mover.patient and not islands.apart(a, b)
+            ways[a, b] = mover.way(stops[a], stops[b], offered, rng, around=around)
+            if ways[a, b].found:
+                islands.join(a, b)
+            elif around:
+                islands.part(a, b)
+            tell(len(ways))
+        # all at once, since an order takes no blocked pair before every other one is tried
+        for a, b in islands.pairs(apart=mover.patient):
+            if (a, b) not in ways:
+                ways[a, b] = mover.way(stops[a], stops[b], offered, rng, around=False)
+                tell(len(ways))
+        for (a, b), way in ways.items():
+            times[a, b] = times[b, a] = way.time if way.found else BLOCKED_TIME
+        tour = best_tour(times, given)
+    return tour, ways, islands
 
 
 def _pairs(tour: Index) -> Iterator[tuple[int, int]]:
