@@ -18,7 +18,7 @@ from testbed.identify.applies.poses import coarse_joints, scatter_told, warnings
 from testbed.identify.applies.stated_frames import stated_frame_words
 from testbed.identify.applies.travel import travel_words
 from testbed.identify.calibration import DRIVES, FRAMES, MOUNTING, Calibration
-from testbed.identify.clean_fit import clean_fit
+from testbed.identify.clean_fit import CleanFit, clean_fit
 from testbed.identify.conditions import held_out_warnings
 from testbed.identify.errors import figures_of, row_errors
 from testbed.identify.far_off import far_held_out, held_out_outliers
@@ -207,7 +207,7 @@ def _calibrated(
         stated.q[np.unique(stated.pose_id, return_index=True)[1]],
         target=target, repeatability=comes_back[0],
     )  # fmt: skip
-    misses, placed = row_errors(before, measurements), stated_frame_words(session, before, train)
+    misses = row_errors(before, measurements)
     found = Calibration(
         source=origin_of(robot, session, probes),
         nominal=robot.model,
@@ -249,31 +249,39 @@ def _calibrated(
         moved=moved_in(session, robot.model, (chosen, models[0]), measurements, used),
         repeats_drift=drifts,
         handback=handback,
-        warnings=(
-            *(() if drifts is None else (drifts.sentence,)),
-            *model_words(shots, looking.train, chosen, called),
-            *warnings_of(models[0], chosen, train, scatter_told(robot, session)),
-            *coarse_joints(session, chosen, train),
-            *placed,
-            *guard_warnings(session, measurements.rows(split.is_test)),
-            *standing_warnings(session, chosen.identification, proof.belief),
-            *turn_warnings(session, measurements, chosen.identification.model.fixtures.anchors),
-            *(
-                ()
-                if handback.in_use
-                else target_warnings(measurements, target, session.reflector_names)
-            ),
-            *held_out_warnings(session.conditions, session.set_up, used, split.is_test),
-        ),
+        warnings=(),
     )
+    return _warned(found, session, looking, clean, called)
+
+
+def _warned(
+    found: Calibration, session: Session, looking: Looking, clean: CleanFit, called: list[str]
+) -> Calibration:
+    """A calibration with what is to be known beside it, and what its fits doubt of the file."""
+    chosen, train, is_test = found.fit, clean.train, found.split.is_test
+    identification = chosen.identification
+    placed = stated_frame_words(session, found.before, train)
     hangs = mounting_words(found, replace(looking, train=train), clean.plain.model)
-    scales = travel_words(chosen.identification, found.covariance)
-    turned = coupling_words(found, robot)
-    asked = ((FRAMES, placed), (MOUNTING, hangs), (DRIVES, turned))
+    turned = coupling_words(found, looking.robot)
+    warnings = [
+        *(() if found.repeats_drift is None else (found.repeats_drift.sentence,)),
+        *model_words(clean.shots, looking.train, chosen, called),
+        *warnings_of(found.fits[0], chosen, train, scatter_told(looking.robot, session)),
+        *coarse_joints(session, chosen, train),
+        *placed,
+        *guard_warnings(session, found.measurements.rows(is_test)),
+        *standing_warnings(session, identification, found.proof.belief),
+        *turn_warnings(session, found.measurements, identification.model.fixtures.anchors),
+    ]
+    if not found.handback.in_use:
+        warnings += target_warnings(found.measurements, found.target, session.reflector_names)
+    warnings += held_out_warnings(session.conditions, session.set_up, clean.used, is_test)
+    warnings += travel_words(identification, found.covariance)
+    doubts = {FRAMES: placed, MOUNTING: hangs, DRIVES: turned}
     return replace(
         found,
-        warnings=(*found.warnings, *scales, *hangs, *turned),
-        doubted=tuple(name for name, said in asked if said),
+        warnings=(*warnings, *hangs, *turned),
+        doubted=tuple(name for name, said in doubts.items() if said),
     )
 
 
