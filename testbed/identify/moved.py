@@ -19,6 +19,13 @@ from testbed.units import DEG, MM, UM, fixed, micrometres, millimetres
 PART = {"tool": "tool", "target": "tool", "station": "base", "base": "base"}
 """The part of a [[session]] that is another's no more, by what moved."""
 ONE_SIDE = "from one side only"
+INSTEAD = {
+    "tool": "the tool slipped, or was remounted",
+    "load": "the load changed",
+    "robot": "it is another arm",
+    "base": "the base of the robot was moved",
+    "station": "the instrument or the base of the robot was moved",
+}
 APART = "describe the rows from there on as a [[session]] of their own"
 
 
@@ -147,25 +154,18 @@ def _said(calibration: Calibration, found: Moved) -> tuple[str, str]:
 def _or_else(calibration: Calibration, found: Moved) -> str:
     """What else may have moved instead."""
     table = calibration.measurements.rows(calibration.is_used)
-    said = []
-    for kind, number in found.or_else:
-        if kind == "joint":
-            said.append(f"the zero of joint {number + 1} slipped or was set again")
-        elif kind == "target":
-            said.append(f"{_target(calibration, table, number)} came loose, or was remounted")
-        elif kind == "tool":
-            said.append("the tool slipped, or was remounted")
-        elif kind == "load":
-            said.append("the load changed")
-        elif kind == "robot":
-            said.append("it is another arm")
-        elif kind == "base":
-            said.append("the base of the robot was moved")
-        elif len(calibration.set_up.stations) > 1:
-            said.append(f"station {calibration.set_up.stations[number]} was moved")
-        else:
-            said.append("the instrument or the base of the robot was moved")
-    return ", or ".join(said)
+    return ", or ".join(_instead(calibration, table, *each) for each in found.or_else)
+
+
+def _instead(calibration: Calibration, table: Measurements, kind: str, number: int) -> str:
+    """That another thing moved."""
+    if kind == "joint":
+        return f"the zero of joint {number + 1} slipped or was set again"
+    if kind == "target":
+        return f"{_target(calibration, table, number)} came loose, or was remounted"
+    if kind == "station" and len(calibration.set_up.stations) > 1:
+        return f"station {calibration.set_up.stations[number]} was moved"
+    return INSTEAD[kind]
 
 
 def _turned(found: Moved) -> str:

@@ -11,7 +11,7 @@ from scipy.spatial import ConvexHull
 
 from calib.arrays import Array
 from calib.errors import InputError
-from calib.geometry.chain import Chain, forward
+from calib.geometry.chain import forward
 from testbed.laboratory.simulator import Simulator, log_warning
 from testbed.robots.catalog import Robot
 from testbed.robots.meshes.files import load_mesh
@@ -32,13 +32,6 @@ def test_poses_are_those_of_the_chain_nominal_and_with_all_42_numbers_off(robot)
         for simulator in (Simulator(None, chain), Simulator(robot, chain)):
             # a few float64 roundings per joint; measured 2e-15
             np.testing.assert_allclose(simulator.poses(q), forward(chain, q), atol=1e-12)
-
-
-def test_a_sliding_joint_slides():
-    rng = np.random.default_rng(2)
-    chain = Chain(rng.normal(0, 1, (4, 5)), ("revolute", "prismatic", "prismatic", "revolute"))
-    q = rng.normal(0, 1, (50, 4))
-    np.testing.assert_allclose(Simulator(None, chain).poses(q), forward(chain, q), atol=1e-12)
 
 
 def test_a_pose_does_not_depend_on_the_one_before(simulator):
