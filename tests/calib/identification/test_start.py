@@ -1,6 +1,5 @@
 """Frames from nothing: wherever robot, tool and fixtures are, the start lands where a fit works."""
 
-import tracemalloc
 from dataclasses import replace
 from pathlib import Path
 
@@ -44,6 +43,7 @@ from tests.calib.kinds import (
     poses,
     true_robot,
 )
+from tests.memory import peak_below
 
 UR10_DATA = Path(__file__).parents[4] / "shared/data/ipa_ur10/Series_D/measurements_iso_cubes.csv"
 LARGEST_MISFIT = 8e-3
@@ -281,11 +281,8 @@ def test_joint_errors_of_the_model_are_taken_into_account():
 def test_the_memory_for_2700_poses_grows_with_their_number_alone(kind: str):
     rng = np.random.default_rng(12)
     _, nominal, table, _ = measured(kind, "ur10", joints("ur10", rng, 2700), rng)
-    tracemalloc.start()
-    start_frames(nominal, table)
-    _, peak = tracemalloc.get_traced_memory()
-    tracemalloc.stop()
-    assert peak < 40e6  # 9 MB; all pairs of poses, one number each, would be 58
+    with peak_below(40e6):  # 9 MB; all pairs of poses, one number each, would be 58
+        start_frames(nominal, table)
 
 
 @pytest.mark.parametrize("wrong", ["millimeters", "mirrored", "inverse", "shifted"])

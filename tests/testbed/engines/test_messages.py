@@ -1,12 +1,7 @@
-"""Every message about engines, word for word: one snapshot, so that a change is seen.
+"""Every message about engines, word for word."""
 
-Rewrite it with ``TRUEBED_UPDATE=1 pytest tests/testbed/engines/test_messages.py``.
-"""
-
-import os
 import pickle
 import sys
-from pathlib import Path
 
 import pytest
 
@@ -15,8 +10,8 @@ from testbed.engines import choice, kit
 from testbed.engines.choice import crowded, engine_of, slice_of, workers_of
 from testbed.engines.kit import require_alike
 from testbed.faults import Fault, one_error
+from tests.golden.words import assert_as_written
 
-GOLDEN = Path(__file__).parents[2] / "golden" / "engine_messages.txt"
 OURS = {"truebed": "0.1.0", "numpy": "2.4.0", "source code": "0123456789ab"}
 CASES = {
     "no workers": lambda _: workers_of("0"),
@@ -57,9 +52,7 @@ def test_messages_are_word_for_word_as_written_down(tmp_path):
     text = "\n".join(
         f"{name}: {told(case, tmp_path / str(k))}\n" for k, (name, case) in enumerate(CASES.items())
     )
-    if os.environ.get("TRUEBED_UPDATE"):
-        GOLDEN.write_text(text, encoding="utf-8")
-    assert text == GOLDEN.read_text(encoding="utf-8")
+    assert_as_written(text, "engine_messages.txt")
 
 
 def test_enough_cores_need_no_word_and_auto_takes_them_all():

@@ -1,11 +1,6 @@
-"""Every message on a measurement file, word for word: one case or more per row of bad input.
-
-Rewrite the snapshot with ``TRUEBED_UPDATE=1 pytest tests/testbed/files/test_file_messages.py`` and
-read the difference.
-"""
+"""Every message on a measurement file, word for word: one case or more per row of bad input."""
 
 import gzip
-import os
 import zipfile
 from functools import cache
 from pathlib import Path
@@ -25,10 +20,10 @@ from testbed.files.probe import probe
 from testbed.files.programs.read import read_program
 from testbed.files.read import ReadOptions, read_held_out, read_session
 from testbed.files.rows.terms import row_terms
+from tests.golden.words import assert_as_written
 from tests.hangs import no_hang
 from tests.testbed.files.made import ROBOT, Made, N, columns, csv, made, with_spread
 
-GOLDEN = Path(__file__).parents[2] / "golden" / "file_messages.txt"
 SIGMAS = "[uncertainty]\nposition_um = 20\nrotation_mdeg = 10\n"
 
 
@@ -702,10 +697,7 @@ def result(name):
 
 def test_messages_are_word_for_word_as_written_down():
     blocks = [f"{name}\n{result(name)}\n" for name in (*CASES, *SAID)]
-    written = "\n".join(blocks)
-    if os.environ.get("TRUEBED_UPDATE"):
-        GOLDEN.write_text(written, encoding="utf-8")
-    assert written == GOLDEN.read_text(encoding="utf-8")
+    assert_as_written("\n".join(blocks), "file_messages.txt")
 
 
 @pytest.mark.parametrize("name", CASES)

@@ -1,10 +1,5 @@
-"""Every message on a table of cycles, word for word: one case or more per kind of bad input.
+"""Every message on a table of cycles, word for word: one case or more per kind of bad input."""
 
-Rewrite the snapshot with ``TRUEBED_UPDATE=1 pytest tests/testbed/iso9283/test_messages.py`` and
-read the difference.
-"""
-
-import os
 from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -15,9 +10,8 @@ from calib.errors import InputError
 from testbed.files.read import ReadOptions
 from testbed.iso9283.play import play_test
 from testbed.iso9283.read import read_test
+from tests.golden.words import assert_as_written
 from tests.testbed.iso9283.made import changed, dropped, path_rows, pose_rows, text_of
-
-GOLDEN = Path(__file__).parents[2] / "golden" / "iso_messages.txt"
 
 
 def without(rows, *names):
@@ -144,9 +138,7 @@ def told(name):
 def test_every_message_is_word_for_word_as_it_was_read():
     texts = {name: told(name) for name in CASES}
     whole = "".join(f"{name}\n{text}\n\n" for name, text in texts.items())
-    if os.environ.get("TRUEBED_UPDATE"):
-        GOLDEN.write_text(whole, encoding="utf-8")
-    assert whole == GOLDEN.read_text(encoding="utf-8")
+    assert_as_written(whole, "iso_messages.txt")
 
 
 def test_every_message_is_one_line_with_file_and_code():

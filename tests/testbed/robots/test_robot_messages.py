@@ -1,11 +1,8 @@
 """What may not enter as a robot, and what is told: one case for each row, word for word.
 
-Rows R1 to R19 of the list of bad inputs, URDF and MJCF; the words are in golden/robot_messages.txt.
-Rewrite it with ``TRUEBED_UPDATE=1 pytest tests/testbed/robots/test_robot_messages.py`` and read the
-difference.
+Rows R1 to R19 of the list of bad inputs, URDF and MJCF.
 """
 
-import os
 import re
 from dataclasses import replace
 from pathlib import Path
@@ -17,11 +14,11 @@ from calib.errors import InputError
 from testbed.robots.catalog import load_robot
 from testbed.robots.write.folder import write_robot_folder
 from testbed.robots.write.identified import identified_robot
+from tests.golden.words import assert_as_written
 from tests.hangs import no_hang
 from tests.testbed.robots.described_cases import MJCF, UR_LIKE, bench_arm, block, stl, urdf
 from tests.testbed.robots.robot_cases import TX60
 
-GOLDEN = Path(__file__).parents[2] / "golden" / "robot_messages.txt"
 LEVELS = "".join(
     f'<!ENTITY l{i} "{f"&l{i - 1};" * 10}">' if i else '<!ENTITY l0 "lol">' for i in range(20)
 )
@@ -375,9 +372,7 @@ def told(tmp_path_factory):
 def test_messages_are_word_for_word_as_written_down(told):
     text = "\n".join(f"{name}\n{shown}\n" for name, (_, shown) in told.items())
     text = text.replace(str(Path(__file__).parents[3]), "REPO")
-    if os.environ.get("TRUEBED_UPDATE"):
-        GOLDEN.write_text(text, encoding="utf-8")
-    assert text == GOLDEN.read_text(encoding="utf-8")
+    assert_as_written(text, "robot_messages.txt")
 
 
 @pytest.mark.parametrize("name", CASES)

@@ -1,7 +1,4 @@
-"""Every message a user may meet, word for word: one snapshot, so that a change is seen.
-
-Rewrite it with ``TRUEBED_UPDATE=1 pytest tests/testbed/test_messages.py`` and read the difference.
-"""
+"""Every message a user may meet beside those on files and robots, word for word."""
 
 import os
 from contextlib import ExitStack
@@ -47,12 +44,12 @@ from testbed.streams import stream
 from testbed.studies import load_scenario, parse_scenario, scenario_of
 from testbed.studies.compensation.cube import cube_joints, cube_poses
 from testbed.studies.compensation.settings import CompensationSettings
+from tests.golden.words import assert_as_written
 from tests.planned import QUICK, ROBOT, scenario
 from tests.testbed.laboratory.outcomes import settings as outcome_settings
 from tests.testbed.robots.test_springs import tx60_at_rest
 from tests.testbed.studies.trial.fake_campaign import SCENARIO, Fake
 
-GOLDEN = Path(__file__).parents[2] / "golden" / "messages.txt"
 POINT = {"tracker.measures": "point", "identification.estimators": ["whitened"]}
 WHITENED = {"identification": {"estimators": ["whitened"]}}
 ONLY_WHITENED = {"identification.estimators": ["whitened"]}
@@ -675,9 +672,7 @@ def test_messages_are_word_for_word_as_written_down():
         else line
         for line in told.split("\n")
     )
-    if os.environ.get("TRUEBED_UPDATE"):
-        GOLDEN.write_text(told, encoding="utf-8")
-    assert told == GOLDEN.read_text(encoding="utf-8")
+    assert_as_written(told, "messages.txt")
 
 
 @pytest.mark.parametrize("name", CASES)

@@ -18,6 +18,7 @@ from testbed.store import npz
 from testbed.store.npz import DamagedError, record_bytes, record_from
 from testbed.store.run_folder import RunFolder
 from tests.hangs import no_hang
+from tests.memory import peak_below
 from tests.testbed.studies.trial.fake_campaign import FakeSetting, FakeStudy, FakeTrial, Inner
 
 SPEC = "0" * 64
@@ -95,12 +96,8 @@ HOSTILE = {
 @pytest.mark.parametrize("name", HOSTILE)
 def test_a_record_that_nobody_wrote_is_damaged_and_costs_nothing(name):
     data, kind = HOSTILE[name]
-    tracemalloc.start()
-    with no_hang(), pytest.raises(DamagedError):
+    with peak_below(1e6), no_hang(), pytest.raises(DamagedError):
         record_from(data, "a", kind, SPEC)
-    _, peak = tracemalloc.get_traced_memory()
-    tracemalloc.stop()
-    assert peak < 1e6
 
 
 def test_what_a_record_holds_comes_back_where_nobody_touched_it():
@@ -148,11 +145,8 @@ def large(tmp_path, record, arrays):
 )
 def test_a_large_record_that_contradicts_itself_is_refused_unread(kind, record, arrays, tmp_path):
     folder = large(tmp_path, record, arrays)
-    tracemalloc.start()
-    assert folder.read_record("a", kind, SPEC) is None
-    _, peak = tracemalloc.get_traced_memory()
-    tracemalloc.stop()
-    assert peak < 1e6
+    with peak_below(1e6):
+        assert folder.read_record("a", kind, SPEC) is None
 
 
 def test_a_large_record_is_read_if_there_is_room_and_else_the_machine_is_told(
@@ -188,13 +182,10 @@ def test_a_sparse_record_of_gigabytes_is_refused_unread(tmp_path, size):
     (tmp_path / "trials").mkdir()
     with (tmp_path / "trials" / "a.npz").open("wb") as file:
         file.truncate(size)  # takes no room
-    tracemalloc.start()
-    assert folder.read_record("a", FakeTrial, SPEC) is None
-    with pytest.raises(InputError, match=r"the record a is damaged; again\. \[D42\]"):
-        folder.require_record("a", FakeTrial, SPEC, fix="again")
-    _, peak = tracemalloc.get_traced_memory()
-    tracemalloc.stop()
-    assert peak < 1e6
+    with peak_below(1e6):
+        assert folder.read_record("a", FakeTrial, SPEC) is None
+        with pytest.raises(InputError, match=r"the record a is damaged; again\. \[D42\]"):
+            folder.require_record("a", FakeTrial, SPEC, fix="again")
 
 
 def test_a_pipe_in_place_of_a_record_is_not_waited_for(tmp_path):

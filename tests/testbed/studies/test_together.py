@@ -1,6 +1,5 @@
 """Robots of many pieces become those of one, a piece in memory at a time."""
 
-import tracemalloc
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -9,6 +8,7 @@ import pytest
 
 from calib.arrays import Array
 from testbed.studies.many_robots import together
+from tests.memory import peak_below
 
 AXES = {"first": 0, "last": -1, "middle": 1, "word": 0, "none": -1}
 
@@ -64,8 +64,5 @@ def test_robots_come_in_the_order_of_their_parts(dtype):
 def test_one_part_at_a_time_is_in_memory():
     parts = Lazy(lambda k: part(k, 250), 40)
     size = 250 * 40 * (2 + 4 + 10) * 8
-    tracemalloc.start()
-    together(parts, AXES)
-    _, peak = tracemalloc.get_traced_memory()
-    tracemalloc.stop()
-    assert peak < 1.35 * size  # the words, and a few parts
+    with peak_below(1.35 * size):  # the words, and a few parts
+        together(parts, AXES)

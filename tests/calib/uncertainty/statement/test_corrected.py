@@ -1,6 +1,5 @@
 """What rigid corrections are wrong by is shared by the readings that they were taken off."""
 
-import tracemalloc
 from dataclasses import replace
 
 import numpy as np
@@ -12,6 +11,7 @@ from calib.identification.identify import identify
 from calib.measurement import corrections as stored
 from calib.measurement.corrections import Corrections
 from calib.uncertainty.statement.shared import corrected_errors
+from tests.memory import peak_below
 from tests.reference import READABLE30, pool_r, tx60
 from tests.truth.measuring import measured
 
@@ -125,10 +125,7 @@ def test_five_thousand_rounds_over_nests_fit_into_memory():
     """A matrix of rows by rounds alone is 400 MB; one correction at a time takes hours."""
     own, theirs = rounds(10_000, 5000), rounds(200, 5000)
     gain, rows = np.ones((10_000, 20, 6)), np.ones((200, 3, 20))
-    tracemalloc.start()
-    both = Corrections.stacked([(10_000, own), (200, None)])
-    moved = both.rows(np.arange(10_000)).followed(gain)
-    assert np.isfinite(theirs.left(rows, moved)).all()
-    most = tracemalloc.get_traced_memory()[1]
-    tracemalloc.stop()
-    assert most < 150e6
+    with peak_below(150e6):
+        both = Corrections.stacked([(10_000, own), (200, None)])
+        moved = both.rows(np.arange(10_000)).followed(gain)
+        assert np.isfinite(theirs.left(rows, moved)).all()

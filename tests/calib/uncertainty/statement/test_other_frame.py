@@ -1,6 +1,5 @@
 """Another frame: false alarms, shifts that are seen, what the sentence says of a moved station."""
 
-import tracemalloc
 from dataclasses import replace
 
 import numpy as np
@@ -19,6 +18,7 @@ from calib.uncertainty.statement.belief import believe
 from calib.uncertainty.statement.other_frame import other_frame
 from tests.calib import kinds
 from tests.calib.uncertainty.statement.test_belief import TX60, bent, campaign, visit
+from tests.memory import peak_below
 
 
 def shifted(table, shift, turn=(0.0, 0.0, 0.0)):
@@ -234,11 +234,8 @@ def test_a_thousand_poses_are_asked_block_by_block():
     _, fit, train, held_out = campaign(rng, 15e-6)
     many = joined([replace(held_out, pose_id=held_out.pose_id + 1000 * k) for k in range(50)])
     belief = believe(fit, train, held_out)
-    tracemalloc.start()
-    assert other_frame(belief, many, fit, train).n_poses == 50 * held_out.n_poses
-    _, peak = tracemalloc.get_traced_memory()
-    tracemalloc.stop()
-    assert peak < 40e6  # 13 MB
+    with peak_below(40e6):  # 13 MB
+        assert other_frame(belief, many, fit, train).n_poses == 50 * held_out.n_poses
 
 
 @pytest.mark.slow
