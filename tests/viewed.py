@@ -1,9 +1,13 @@
 """Recordings checked by the viewer: whole, equal, and shown without complaint."""
 
 import subprocess
+from contextlib import contextmanager
 from dataclasses import dataclass
 from unittest.mock import patch
 
+import pytest
+
+from calib.errors import MachineError
 from testbed.cli import viewer, viewer_process
 
 SMALL_WINDOW = (800, 500)
@@ -17,6 +21,15 @@ class Report:
     view: str
     severity: str
     text: str
+
+
+@contextmanager
+def needs_driver():
+    """Skip a test where no Vulkan driver lets a viewer run."""
+    try:
+        yield
+    except MachineError as error:
+        pytest.skip(f"no headless viewer on this machine: {error}")
 
 
 def verify(rrd):

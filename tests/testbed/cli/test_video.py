@@ -13,6 +13,7 @@ from testbed.cli import video, viewer
 from testbed.recording import style
 from tests.command import call
 from tests.recorded import record, small_campaign, timeline
+from tests.viewed import needs_driver
 
 ENCODER = """#!{python}
 import sys
@@ -142,10 +143,8 @@ def test_a_whole_recording_becomes_a_film_as_long_as_it_is_played(tmp_path, monk
             pytest.skip("no encoder on this machine")
     path = record(tmp_path / "campaign.rrd")
     steps = timeline(small_campaign()).n_steps
-    try:
+    with needs_driver():
         video.film(path, out)
-    except MachineError as error:
-        pytest.skip(f"no headless viewer on this machine: {error}")
     assert out.stat().st_size > 1e5
     if ending == ".gif":
         every = -(-steps // video.MOST_FRAMES)
@@ -166,11 +165,8 @@ def test_frames_go_from_the_first_step_to_the_last(tmp_path, monkeypatch):
     monkeypatch.setattr(video, "SIZE", (800, 500))
     path = record(tmp_path / "campaign.rrd")
     steps = timeline(small_campaign()).n_steps
-    try:
-        with video.frames(path, 4) as (every, pictures):
-            found = list(pictures)
-    except MachineError as error:
-        pytest.skip(f"no headless viewer on this machine: {error}")
+    with needs_driver(), video.frames(path, 4) as (every, pictures):
+        found = list(pictures)
     assert every == -(-steps // 4)
     assert len(found) in (4, 5)
     assert len(set(found)) == len(found)

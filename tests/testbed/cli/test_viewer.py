@@ -20,26 +20,20 @@ def path(tmp_path_factory):
     return record(tmp_path_factory.mktemp("viewer") / "campaign.rrd")
 
 
-def needs_driver(call, *args, **options):
-    """The result of a headless call, or a skip where no Vulkan driver lets a viewer run."""
-    try:
-        return call(*args, **options)
-    except MachineError as error:
-        pytest.skip(f"no headless viewer on this machine: {error}")
-
-
 @pytest.mark.slow
 def test_no_view_complains_at_the_start_middle_and_end_of_any_phase(path):
     phases = timeline(small_campaign()).phases
     steps = [step for p in phases for step in (p.start, (p.start + p.stop) // 2, p.stop - 1)]
-    assert needs_driver(viewed.view_reports, path, steps) == ()
+    with viewed.needs_driver():
+        assert viewed.view_reports(path, steps) == ()
 
 
 @pytest.mark.slow
 def test_a_picture_has_the_size_of_the_window_and_is_not_blank(path, tmp_path, monkeypatch):
     monkeypatch.setattr(viewer, "NOTES_FADE", 1.0)  # notes on the picture do not matter here
     png = tmp_path / "shot.png"
-    needs_driver(viewer.picture, path, png, step=200)
+    with viewed.needs_driver():
+        viewer.picture(path, png, step=200)
     data = png.read_bytes()
     assert data[:8] == b"\x89PNG\r\n\x1a\n"
     assert struct.unpack(">II", data[16:24]) == viewer.SIZE
@@ -49,7 +43,8 @@ def test_a_picture_has_the_size_of_the_window_and_is_not_blank(path, tmp_path, m
 @pytest.mark.slow
 def test_a_page_holds_recording_and_viewer_and_asks_no_network(path, tmp_path):
     out = tmp_path / "page.html"
-    needs_driver(viewer.html_page, path, out)
+    with viewed.needs_driver():
+        viewer.html_page(path, out)
     text = out.read_text(encoding="utf-8")
     assert 10e6 < len(text) < 40e6
     assert text.count("</script>") == 5  # the viewer's own text cannot end a script
@@ -144,8 +139,8 @@ def test_without_a_display_the_browser_viewer_is_offered(monkeypatch, path):
         said.append(sentence)
         raise KeyboardInterrupt
 
-    with pytest.raises(KeyboardInterrupt):
-        needs_driver(viewer.open_viewer, path, tell_once)
+    with pytest.raises(KeyboardInterrupt), viewed.needs_driver():
+        viewer.open_viewer(path, tell_once)
     assert "no display" in said[0]
     assert "http://127.0.0.1:" in said[0]
 

@@ -206,17 +206,3 @@ def test_a_warning_names_its_source(caplog):
     with caplog.at_level(logging.WARNING):
         log_warning("something")
     assert caplog.messages == ["MuJoCo: something"]
-
-
-def test_importing_the_laboratory_does_not_load_mujoco():
-    code = (
-        "import sys\n"
-        "import testbed.laboratory.pool, testbed.laboratory.truth.robot\n"
-        "import testbed.laboratory.tracker.tracker\n"
-        "sys.exit('mujoco' in sys.modules or 'trimesh' in sys.modules)"
-    )
-    subprocess.run(
-        [sys.executable, "-c", code],
-        env={"PYTHONPATH": ":".join(path for path in sys.path if path)},
-        check=True,
-    )

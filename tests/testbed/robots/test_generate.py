@@ -99,20 +99,3 @@ def test_the_command_can_be_asked_for_help():
         cwd=assets.models().parent,
     )
     assert "robot.toml" in done.stdout
-
-
-def test_reading_a_robot_loads_no_heavy_package():
-    code = (
-        "import sys; from testbed.robots.catalog import load_robot; load_robot('staubli_tx60');"
-        "import testbed.robots.write.mjcf, testbed.robots.write.urdf, testbed.robots.meshes.solids;"
-        "heavy = 'mujoco trimesh yourdfpy lxml rerun matplotlib scipy.stats'.split();"
-        "print([name for name in heavy if name in sys.modules])"
-    )
-    done = subprocess.run(
-        [sys.executable, "-c", code],
-        capture_output=True,
-        text=True,
-        check=True,
-        cwd=assets.models().parent,
-    )
-    assert done.stdout.strip() == "[]"
