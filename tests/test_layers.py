@@ -1,8 +1,6 @@
 """The walls of the house: who may import whom, what stays unloaded, and how soon help answers."""
 
 import ast
-import os
-import subprocess
 import sys
 from functools import cache
 from pathlib import Path
@@ -11,8 +9,9 @@ from typing import NamedTuple
 
 import pytest
 
+from tests.fresh import printed
+
 ROOT = Path(__file__).parents[1]
-FRONTS = os.pathsep.join(map(str, (ROOT, ROOT / "testbed" / "front")))
 ALLOWED = {
     "calib": {"numpy", "scipy", "numba", "pandas", "pyarrow", "calib"},
     "testbed": {
@@ -376,12 +375,7 @@ def test_a_circle_is_found_across_functions(tmp_path):
 @cache
 def loaded_by(statement):
     """Modules that one statement loads in a fresh interpreter."""
-    done = subprocess.run(
-        [sys.executable, "-c", f"import sys; {statement}; print(*sys.modules)"],
-        cwd=ROOT, env=os.environ | {"PYTHONPATH": FRONTS},
-        capture_output=True, text=True, check=True, timeout=60,
-    )  # fmt: skip
-    return set(done.stdout.split())
+    return set(printed(f"import sys; {statement}; print(*sys.modules)"))
 
 
 def test_what_is_not_needed_yet_stays_unloaded():
@@ -450,10 +444,7 @@ def test_the_command_sets_its_environment_before_numpy_is_imported():
         "try:\n    m.main()\nexcept SystemExit:\n    pass\n"
         "print(os.environ['OPENBLAS_NUM_THREADS'], os.environ['MUJOCO_GL'])"
     )
-    done = subprocess.run(
-        [sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True
-    )
-    assert done.stdout.split()[-2:] == ["1", "disable"]
+    assert printed(code)[-2:] == ["1", "disable"]
 
 
 def test_each_module_says_first_what_lives_there_and_stays_small():

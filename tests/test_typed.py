@@ -1,12 +1,12 @@
 """Types of the packages as a user's type checker sees them: what runs is no error there."""
 
 import os
-import subprocess
-import sys
 from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
+
+from tests.fresh import python
 
 ROOT = Path(__file__).parents[1]
 SCRIPT = """
@@ -42,15 +42,8 @@ def test_a_strict_type_checker_passes_what_runs(tmp_path):
     script.write_text(SCRIPT, "utf-8")
     path = os.pathsep.join([str(ROOT), str(ROOT / "testbed" / "front")])
     for command in (
-        ("-W", "error", str(script)),
-        ("-m", "mypy", "--strict", "--cache-dir", str(ROOT / ".mypy_cache"), str(script)),
+        ("-W", "error", script),
+        ("-m", "mypy", "--strict", "--cache-dir", ROOT / ".mypy_cache", script),
     ):
-        done = subprocess.run(
-            [sys.executable, *command],
-            cwd=tmp_path,
-            env={**os.environ, "PYTHONPATH": path, "MYPYPATH": path},
-            capture_output=True,
-            text=True,
-            check=False,
-        )
+        done = python(*command, cwd=tmp_path, check=False, MYPYPATH=path)
         assert done.returncode == 0, done.stdout + done.stderr

@@ -20,8 +20,8 @@ from calib.measurement.tables import covariances_of_sd, poses
 from calib.uncertainty.batch import Batch
 from calib.uncertainty.bootstrap import bootstrap
 from calib.uncertainty.refit import freeze
-from tests.calib.kernels.fresh import printed
 from tests.calib.uncertainty.test_monte_carlo import MODELS
+from tests.fresh import printed
 from tests.reference import WEN24, pool_r, tx60
 
 CASES = pytest.mark.parametrize("name", MODELS)

@@ -18,6 +18,7 @@ from testbed.cli import app
 from testbed.run import play as runner
 from testbed.run import slices
 from testbed.run.slices import SliceOutcome
+from tests.fresh import python
 from tests.testbed.studies.trial.fake_campaign import SCENARIO, Fake, content
 
 ROOT = Path(__file__).parents[3]
@@ -266,23 +267,11 @@ def test_every_verb_has_help_and_no_verb_is_a_stub(truebed):
         assert all(line.rstrip(" |│").endswith(".") and ".." not in line for line in said), said
 
 
-def process(*words, **options):
-    return subprocess.run(
-        [sys.executable, "-m", *words],
-        cwd=ROOT,
-        capture_output=True,
-        text=True,
-        timeout=60,
-        check=False,
-        **options,
-    )
-
-
 def test_version_is_the_project_s():
     import tomllib
 
     version = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["version"]
-    assert process("testbed", "--version").stdout == f"truebed {version}\n"
+    assert python("-m", "testbed", "--version").stdout == f"truebed {version}\n"
 
 
 def test_a_closed_pipe_ends_quietly():

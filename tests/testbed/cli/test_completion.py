@@ -1,18 +1,12 @@
 """What a shell is told when someone presses Tab: names of scenes and robots, soon."""
 
-import os
-import subprocess
-import sys
-from pathlib import Path
-
 import pytest
 from typer.testing import CliRunner
 
 from testbed.assets import robot_names, scene_names
 from testbed.cli import app
 from testbed.schemas.files import FILES
-
-ROOT = Path(__file__).parents[3]
+from tests.fresh import python
 
 
 def completed(line):
@@ -44,11 +38,9 @@ def test_tab_completes_verbs_options_scenes_and_robots(line, offered):
 
 
 def test_a_shell_has_its_answer_without_a_heavy_library():
-    done = subprocess.run(
-        [sys.executable, "-X", "importtime", "-m", "testbed"], cwd=ROOT, capture_output=True,
-        text=True, timeout=60,
-        env=os.environ | {"COMP_WORDS": "truebed run q", "COMP_CWORD": "2",
-                          "_TRUEBED_COMPLETE": "complete_bash"}, check=False,
+    done = python(
+        "-X", "importtime", "-m", "testbed", check=False,
+        COMP_WORDS="truebed run q", COMP_CWORD="2", _TRUEBED_COMPLETE="complete_bash",
     )  # fmt: skip
     assert done.stdout == "quick\n"
     loaded = {line.rpartition("|")[2].strip() for line in done.stderr.splitlines()}
@@ -58,11 +50,9 @@ def test_a_shell_has_its_answer_without_a_heavy_library():
 
 
 def test_a_home_that_cannot_be_written_is_told_by_its_name():
-    done = subprocess.run(
-        [sys.executable, "-m", "testbed", "--install-completion"], cwd=ROOT, capture_output=True,
-        text=True, timeout=60, check=False,
-        env=os.environ | {"HOME": "/proc/nobody", "SHELL": "/bin/bash"},
-    )  # fmt: skip
+    done = python(
+        "-m", "testbed", "--install-completion", check=False, HOME="/proc/nobody", SHELL="/bin/bash"
+    )
     assert "stdout" not in done.stderr
     assert "Traceback" not in done.stderr
     assert done.returncode != 0

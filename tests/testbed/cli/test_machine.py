@@ -16,6 +16,7 @@ from testbed.cli import output
 from testbed.cli.exit_codes import exit_codes
 from testbed.machine import lacking, ran_out
 from testbed.scenario.read import dump_scenario
+from tests.fresh import python
 from tests.testbed.studies.trial.fake_campaign import Fake, scenario
 
 ROOT = Path(__file__).parents[3]
@@ -320,10 +321,7 @@ def test_causes_that_lead_back_to_where_they_began_end():
 @pytest.mark.parametrize("package", ["typer", "pydantic"])
 def test_a_package_that_is_not_installed_is_named_in_one_sentence(package):
     gone = f"import sys; sys.modules['{package}'] = None; sys.argv[1:] = ['scenes']"
-    ran = subprocess.run(
-        [sys.executable, "-c", f"{gone}; from testbed.__main__ import main; main()"],
-        capture_output=True, text=True, check=False,
-    )  # fmt: skip
+    ran = python("-c", f"{gone}; from testbed.__main__ import main; main()", check=False)
     assert ran.returncode == 3
     assert ran.stderr == (
         f"the package {package} is not installed; pip install truebed brings it; "

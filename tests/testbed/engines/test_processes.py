@@ -13,6 +13,7 @@ from types import SimpleNamespace
 import pytest
 
 from testbed.engines.processes import Processes
+from tests.fresh import python
 from tests.testbed.engines.toy import ToyKit, expected, gone, play, toys
 
 ROOT = Path(__file__).parents[3]
@@ -135,8 +136,4 @@ def test_ctrl_c_reaches_no_process_not_even_the_first_one(tmp_path):
         "    engine.close()\n"
         "    print(blocked(None, None))\n"
     )
-    said = subprocess.run(
-        [sys.executable, str(script)], env={**os.environ, "PYTHONPATH": str(ROOT)},
-        capture_output=True, text=True, timeout=60, check=True,
-    ).stdout  # fmt: skip
-    assert said.split() == ["{b'True'}", "b'False'"]
+    assert python(script).stdout.split() == ["{b'True'}", "b'False'"]

@@ -1,9 +1,7 @@
 """Workbooks: a sheet reads as its text would; what is packed, locked or runs is refused."""
 
-import subprocess
 import sys
 import zipfile
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,11 +9,11 @@ import pytest
 from calib.errors import InputError
 from testbed.files.read import ReadOptions, read_session
 from testbed.gates.workbook import read_workbook
+from tests.fresh import printed
 from tests.hangs import no_hang
 from tests.testbed.files.made import ROBOT, columns, csv, made, with_spread
 
 openpyxl = pytest.importorskip("openpyxl")
-ROOT = Path(__file__).parents[3]
 
 
 def table():
@@ -191,5 +189,4 @@ def test_a_large_file_is_refused_unread(tmp_path):
 
 def test_text_is_read_without_openpyxl():
     code = "import sys, testbed.files.read; print('openpyxl' in sys.modules)"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=ROOT)
-    assert done.stdout == "False\n"
+    assert printed(code) == ["False"]

@@ -1,8 +1,6 @@
 """The robot in MuJoCo against own kinematics, linear programs, lowest points and hand-made rays."""
 
 import logging
-import subprocess
-import sys
 
 import numpy as np
 import pytest
@@ -16,6 +14,7 @@ from testbed.laboratory.simulator import Simulator, log_warning
 from testbed.robots.catalog import Robot
 from testbed.robots.meshes.files import load_mesh
 from testbed.robots.placements import link_poses
+from tests.fresh import python
 from tests.reference import TX60_LIMITS, tx60
 
 STATION = np.array([2.6, -2.0, 0.3])
@@ -190,14 +189,7 @@ def test_a_mujoco_warning_goes_to_the_log_and_leaves_no_file(tmp_path):
         "s._data.qpos[:] = np.nan\n"
         "mujoco.mj_step(s._model, s._data)\n"
     )
-    done = subprocess.run(
-        [sys.executable, "-c", code],
-        cwd=tmp_path,
-        env={"PYTHONPATH": ":".join(path for path in sys.path if path)},
-        capture_output=True,
-        text=True,
-        check=True,
-    )
+    done = python("-c", code, cwd=tmp_path)
     assert "MuJoCo: Nan, Inf or huge value in QPOS" in done.stderr
     assert list(tmp_path.iterdir()) == []
 

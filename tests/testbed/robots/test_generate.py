@@ -1,8 +1,5 @@
 """What is committed equals what robot.toml makes today."""
 
-import subprocess
-import sys
-
 import numpy as np
 import pytest
 import trimesh
@@ -11,6 +8,7 @@ from calib.errors import InputError
 from testbed import assets
 from testbed.robots.catalog import load_robot, robot_names
 from testbed.robots.write.generate import generate_robot, main, model_names
+from tests.fresh import python
 from tests.testbed.robots.robot_cases import TX60
 
 
@@ -91,11 +89,4 @@ def test_parts_and_drawing_must_name_the_same_things(tmp_path):
 
 
 def test_the_command_can_be_asked_for_help():
-    done = subprocess.run(
-        [sys.executable, "-m", "testbed.robots.write.generate", "--help"],
-        capture_output=True,
-        text=True,
-        check=True,
-        cwd=assets.models().parent,
-    )
-    assert "robot.toml" in done.stdout
+    assert "robot.toml" in python("-m", "testbed.robots.write.generate", "--help").stdout

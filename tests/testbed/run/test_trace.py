@@ -1,12 +1,11 @@
 """How many files a reader has to know: counted while a scene is read and one trial is played."""
 
 import json
-import subprocess
-import sys
 
 import pytest
 
-from tests.trace_quick import READ, ROOT
+from tests.fresh import python
+from tests.trace_quick import READ
 
 CALLED = {READ: 28, "designed-29": 155, "random-29": 152}
 """Files of which a function runs: may only fall, but for a module that is split because it had two
@@ -31,11 +30,7 @@ IMPORTED = {READ: 9}
 @pytest.fixture(scope="module")
 def stages():
     """Files by stage and by how they are entered, of a fresh interpreter."""
-    done = subprocess.run(
-        [sys.executable, "-m", "tests.trace_quick", "--records", "--json"],
-        cwd=ROOT, capture_output=True, text=True, check=True,
-    )  # fmt: skip
-    return json.loads(done.stdout)
+    return json.loads(python("-m", "tests.trace_quick", "--records", "--json").stdout)
 
 
 @pytest.mark.slow

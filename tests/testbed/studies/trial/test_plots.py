@@ -1,11 +1,7 @@
 """Figures: what is drawn is the data, in bytes that repeat, readable without color."""
 
 import itertools
-import os
 import re
-import subprocess
-import sys
-from pathlib import Path
 from xml.etree import ElementTree as ET
 
 import numpy as np
@@ -19,10 +15,10 @@ from testbed.studies.wen2022 import plots as plots_paper
 from testbed.studies.wen2022.cloud.draws import clouds_of
 from testbed.studies.wen2022.cloud.plots import zero_pose_clouds
 from testbed.studies.wen2022.records import paper_budget_of, tool_point_of
+from tests.fresh import python
 from tests.reported import bare_campaign, html, paper_campaign, point_campaign, rigid_campaign
 
 SVG = "{http://www.w3.org/2000/svg}"
-ROOT = Path(__file__).parents[4]
 
 
 def all_figures(campaign):
@@ -116,13 +112,7 @@ def test_bytes_do_not_depend_on_the_hash_seed_of_the_process():
         "s = PoseCountStudy(n, ('O1', 'O2', 'O3', 'O4', 'O5'), m, m, 0.01 * m, (30, None))\n"
         "drawn = pose_count(s)\n"
     )
-    there = subprocess.run(
-        [sys.executable, "-c", code + "sys.stdout.write(drawn)"],
-        env={**os.environ, "PYTHONHASHSEED": "1", "PYTHONPATH": str(ROOT)},
-        capture_output=True,
-        check=True,
-        text=True,
-    ).stdout
+    there = python("-c", code + "sys.stdout.write(drawn)", PYTHONHASHSEED="1").stdout
     here = {}
     exec(code, here)
     assert here["drawn"] == there
