@@ -179,7 +179,7 @@ def write_plan(plan: Plan, robot: Robot, out: Path, *, overwrite: bool = False) 
             TABLE: plan_csv(plan),
             GOAL: goal_csv(plan),
             **programs(plan),
-            REPORT: plan_report_html(plan, robot, versions=all_versions(), recording=RECORDING),
+            REPORT: plan_report_html(plan, robot, versions=all_versions()),
         }
         for name, text in texts.items():
             (folder / name).write_bytes(text.encode())

@@ -36,15 +36,14 @@ from testbed.report.page import (
 )
 from testbed.report.svg import on_phone
 from testbed.robots.catalog import Robot
+from testbed.store.layout import PLAYED_PLAN
 from testbed.units import DEG, MDEG, MM, UM, counted, fixed, sentence, significant
 
 ABREAST = 3
 """Numbers in one row of a table."""
 
 
-def plan_report_html(
-    plan: Plan, robot: Robot, *, versions: Mapping[str, str], recording: str = ""
-) -> str:
+def plan_report_html(plan: Plan, robot: Robot, *, versions: Mapping[str, str]) -> str:
     """The report of a plan as one HTML page: no network, same bytes each time.
 
     Parameters
@@ -55,8 +54,6 @@ def plan_report_html(
         Its name for people.
     versions : mapping of str to str
         Program and packages.
-    recording : str
-        Name of the recording beside the page; empty if there is none.
     """
     scenario = plan.scenario
     sections = (
@@ -83,7 +80,7 @@ def plan_report_html(
         reasons=reasons(plan),
         headline=headline(plan),
         next_step=next_step(plan),
-        recording=recording,
+        recording=PLAYED_PLAN,
         sections=tuple(section for section in sections if section is not None),
     )
     return render(page)

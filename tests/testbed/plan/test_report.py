@@ -22,7 +22,7 @@ MAKES = [small_plan, quick_plan, with_blocked_move]
 
 
 def html(make):
-    return plan_report_html(make(), ROBOT, versions=VERSIONS, recording="plan.rrd")
+    return plan_report_html(make(), ROBOT, versions=VERSIONS)
 
 
 @pytest.fixture(scope="module")
