@@ -41,15 +41,7 @@ def next_step(calibration: Calibration) -> str:
             f"then states its R95). This is of the one in robot/, whose numbers were fitted anew."
         )
     if proof.belief is None or proof.point is None:
-        if not calibration.converged:
-            use = (
-                "The fit did not converge. Before you use the identified robot with another tool, "
-                "measure poses that tell its numbers apart, or free fewer ([identification] free)."
-            )
-        if proof.conformal is None:
-            return f"{use} Do not quote an uncertainty. {_more_poses(calibration)}"
-        radius = f"{mm(proof.conformal.radius)} mm (95 % of measured points)"
-        return f"{use} Quote the held-out radius of {radius}, at poses like the held-out ones."
+        return _without_region(calibration, use)
     quote = f"R{100 * proof.point.probability:g} = {micrometres(proof.point.radius_mean)} um"
     # the tool of the file is another point, known less well: what is stated at targets is of it
     whose = " of the measured target" if target_words(calibration) else ""
@@ -66,24 +58,42 @@ def next_step(calibration: Calibration) -> str:
         return f"{text} {drifts}"
     if proof.tails is not None and not proof.tails.source:
         return f"{text} Measure every pose twice, to tell noise with long tails from a misfit."
-    if calibration.refuted:
-        lack = fit.identification.lack_of_fit
-        if calibration.choice.asked == "geometric":
-            text = (
-                "Try --model choose: joint errors (sag, waves) may explain what is left. "
-                f"Otherwise: {text}"
-            )
-        elif asked_for := unconfirmed(calibration):
-            text += f" {asked_for}"
-        elif unchanged:
-            return text
-        elif fit.test.position.mean > LEARNT * fit.train.position.mean:
-            text += " Errors are larger than at the training poses: more of these may help."
-        elif lack is not None and lack.p_value < RED:
-            text += " More poses will not reduce what is left: it is not noise."
-        else:
-            text += " Only repeated poses can show whether what is left is noise."
-    return text
+    if not calibration.refuted:
+        return text
+    if calibration.choice.asked == "geometric":
+        return (
+            "Try --model choose: joint errors (sag, waves) may explain what is left. "
+            f"Otherwise: {text}"
+        )
+    if asked_for := unconfirmed(calibration):
+        return f"{text} {asked_for}"
+    return text if unchanged else f"{text} {_what_is_left(calibration)}"
+
+
+def _without_region(calibration: Calibration, use: str) -> str:
+    """What to use and to quote where no region can be believed."""
+    conformal = calibration.proof.conformal
+    if not calibration.converged:
+        use = (
+            "The fit did not converge. Before you use the identified robot with another tool, "
+            "measure poses that tell its numbers apart, or free fewer ([identification] free)."
+        )
+    if conformal is None:
+        return f"{use} Do not quote an uncertainty. {_more_poses(calibration)}"
+    radius = f"{mm(conformal.radius)} mm (95 % of measured points)"
+    return f"{use} Quote the held-out radius of {radius}, at poses like the held-out ones."
+
+
+def _what_is_left(calibration: Calibration) -> str:
+    """What more poses may do about errors that the model does not explain."""
+    fit = calibration.fit
+    lack = fit.identification.lack_of_fit
+    assert fit.test is not None  # asked for before
+    if fit.test.position.mean > LEARNT * fit.train.position.mean:
+        return "Errors are larger than at the training poses: more of these may help."
+    if lack is not None and lack.p_value < RED:
+        return "More poses will not reduce what is left: it is not noise."
+    return "Only repeated poses can show whether what is left is noise."
 
 
 def _what_to_use(calibration: Calibration) -> str:
