@@ -48,6 +48,7 @@ def with_joints(look: Found, own: Sequence[int], names: Sequence[str]) -> tuple[
     told = look.has(*(f"q{k}" for k in own)) or look.has(*(f"q{k}_read" for k in own))
     families = [family for words in (names, *JOINTS) if len(words) == len(own)
                 for family in _called(plain, dict(zip(own, words, strict=True)))]  # fmt: skip
+    families = [one for k, one in enumerate(families) if one not in families[:k]]
     if not families and not told:
         known = {one.theirs for one in look.meanings}
         free = {name: text for name, text in plain.items() if name not in known}

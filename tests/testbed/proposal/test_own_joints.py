@@ -14,6 +14,8 @@ from testbed.files.probe import probe
 from testbed.files.read import read_session
 from testbed.files.rows.widened import of_rows
 from testbed.files.text import Sheet
+from testbed.proposal.data import look_at
+from testbed.proposal.naming.own_joints import with_joints
 from testbed.robots.catalog import load_robot
 from tests.command import call
 from tests.hangs import no_hang
@@ -72,6 +74,15 @@ def test_which_columns_are_taken_as_joints_is_said(tmp_path):
     said, _ = proposed(tmp_path, [tmp_path / "m.csv"], "--robot", UR10.name)
     assert "joints: columns Th1 to Th6 are taken as those of the joints" in said
     assert "Tz1 to Tz6 are not used" in said
+
+
+def test_names_that_makers_and_the_file_of_the_robot_share_are_no_second_group(tmp_path):
+    (tmp_path / "m.csv").write_text(csv(of_ros("{}_deg", DEG) | places("{}")))
+    (look,) = look_at([tmp_path / "m.csv"], tmp_path)
+    taken, *_ = with_joints(look, range(1, 7), [name.replace("_", " ") for name in ROS])
+    (note,) = (note for note in taken.notes if note.startswith("joints"))
+    assert "shoulder_pan_joint_deg to wrist_3_joint_deg are taken" in note
+    assert "not used" not in note
 
 
 RECORDS = {
