@@ -49,11 +49,15 @@ def session(
         from testbed.schemas.editor import schema_beside
 
         require_folder(out)
-        arm = load_robot(robot, tip=tip) if robot is not None else None
+        arm = None  # nothing is drawn here
+        if robot is not None:
+            arm = load_robot(robot, tip=tip, allow_missing_meshes=True)
+        bare = arm is not None and arm.lacks_meshes
         looks = look_at(data, out.parent)
         require_new(out)
         proposed = propose_session(looks, arm, out.parent)
-        text = session_text(proposed, looks, str(out), robot, arm.name if arm else None, tip)
+        named = arm.name if arm else None
+        text = session_text(proposed, looks, str(out), robot, named, tip, lacks_meshes=bare)
         write_new(out, (line := schema_beside(out, "session")) + text)
         if not quiet:
             say_found(f"{proposed.tried}.")
@@ -68,7 +72,8 @@ def session(
             say()
             say(f"Session    {out}")
             tell_schema(out, line)
-            say(f"Next       {next_command(proposed, str(out), robot, tip)}")
+            command = next_command(proposed, str(out), robot, tip, lacks_meshes=bare)
+            say(f"Next       {command}")
 
 
 @new.command()

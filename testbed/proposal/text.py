@@ -49,6 +49,8 @@ def session_text(
     robot: str | None,
     model: str | None,
     tip: str | None = None,
+    *,
+    lacks_meshes: bool = False,
 ) -> str:
     """The text of a session.toml at path `name`; `robot` is the user's name for `model`."""
     verb = "iso9283" if proposed.is_test else "identify"
@@ -65,7 +67,8 @@ def session_text(
         if told:
             lines.append(f"# {title}:")
             lines += [f"#   {line}" for sentence in told for line in sentence.splitlines()]
-    lines += [f"# Then: {next_command(proposed, name, robot, tip)}", "format = 1"]
+    command = next_command(proposed, name, robot, tip, lacks_meshes=lacks_meshes)
+    lines += [f"# Then: {command}", "format = 1"]
     lines += [f"name = {toml_value(called)}"] if (called := _called(looks, name)) else []
     lines += [f"robot = {toml_value(model)}"] if model is not None else []
     for line in toml_lines(proposed.document):
@@ -75,13 +78,21 @@ def session_text(
     return "\n".join(lines) + "\n" + MAY
 
 
-def next_command(proposed: Proposed, name: str, robot: str | None, tip: str | None = None) -> str:
+def next_command(
+    proposed: Proposed,
+    name: str,
+    robot: str | None,
+    tip: str | None = None,
+    *,
+    lacks_meshes: bool = False,
+) -> str:
     """The command to type next for a session.toml."""
     name = shlex.quote(name)
     if proposed.is_test:
         return f"truebed iso9283 {name}"
     arm = shlex.quote(robot) if robot is not None else "ROBOT"
-    return f"truebed identify {arm} {name}" + (f" --tip {shlex.quote(tip)}" if tip else "")
+    more = f" --tip {shlex.quote(tip)}" if tip else ""
+    return f"truebed identify {arm} {name}{more}" + " --allow-missing-meshes" * lacks_meshes
 
 
 def _called(looks: Sequence[Found], name: str) -> str:

@@ -151,6 +151,11 @@ class Robot(Shown):
         return self.sources.get("repeatability", "").startswith("assumed")
 
     @property
+    def lacks_meshes(self) -> bool:
+        """Whether meshes that its file names were missing, and allowed to be."""
+        return any(note.startswith("mesh ") and " is missing" in note for note in self.notes)
+
+    @property
     def moments(self) -> Array | None:
         """(n, 4) masses and first moments of its links [kg, kg m]; None where some are assumed."""
         if any(note.startswith(NO_MASS) for note in self.notes) or not self.masses.any():

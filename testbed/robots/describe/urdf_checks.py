@@ -89,13 +89,19 @@ def check_urdf(root: Any, path: Path, options: FileOptions) -> list[str]:
     return notes
 
 
-def mesh_files(name: str, folder: Path) -> list[Path]:
-    """Where the mesh of a URDF may lie: below the folder, or below the package it names there."""
+def mesh_files(name: str, folder: Path) -> dict[Path, Path]:
+    """Where the mesh of a URDF may lie, with the folder that it may not lead out of.
+
+    That is the folder of all meshes, and of ``package://NAME/...`` also a folder NAME that holds it
+    at any depth, as packages of ROS hold ``urdf/`` beside ``meshes/``.
+    """
     plain = name.removeprefix("file://").removeprefix("package://")
-    candidates = [folder / plain]
-    if name.startswith("package://"):  # the package's folder may be the root itself
-        candidates.append(folder / plain.partition("/")[2])
-    return candidates
+    places = {folder / plain: folder}
+    if name.startswith("package://"):
+        package, _, rest = plain.partition("/")
+        places[folder / rest] = folder  # the package's folder may be the root itself
+        places |= {above / rest: above for above in folder.parents if above.name == package}
+    return places
 
 
 def _check_tree(root: Any, path: Path) -> None:
@@ -167,7 +173,8 @@ def _check_links(root: Any, path: Path) -> None:
             raise error_at(mass, path, "R11", message, "mass", allowed=MASS.allowed("kg"))
         moments = {} if inertia is None else {key: float(inertia.get(key, 1)) for key in MOMENTS}
         smallest = min(moments, key=moments.__getitem__, default="")
-        if any(moments.values()) and moments[smallest] <= 0:
+        stated = any(abs(moment) >= INERTIA.least for moment in moments.values())
+        if stated and moments[smallest] <= 0:  # exporters round zeros: -5e-20
             message = f'{called(inertia)} has {smallest}="{moments[smallest]:g}"'
             allowed = "the three moments of a body are above zero, or all left at zero"
             raise error_at(inertia, path, "R11", message, smallest, allowed=allowed)
@@ -238,8 +245,9 @@ def _check_meshes(root: Any, path: Path, options: FileOptions) -> list[str]:
             raise not_local(mesh, path, "filename", name)
         if not name:
             raise error_at(mesh, path, "R7", f"{called(mesh)} has no filename", "filename")
-        found = [mesh_path(mesh, path, file) for file in mesh_files(name, folder)]
-        if not all(file.is_relative_to(folder) for file in found):
+        places = mesh_files(name, folder)
+        found = [mesh_path(mesh, path, file) for file in places]
+        if not all(map(Path.is_relative_to, found, places.values())):
             raise outside(mesh, path, "filename", name, folder)
         if not any(file.is_file() for file in found):
             if not options.allow_missing_meshes:

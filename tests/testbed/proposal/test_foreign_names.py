@@ -87,3 +87,22 @@ def test_an_arm_of_several_ends_is_told_apart_by_its_tip(tmp_path):
         assert "--tip LINK" in done.stderr
         done = call("check", file, *more, "--tip", "probe")
         assert done.exit_code == 0, done.stderr
+
+
+def test_meshes_that_are_elsewhere_play_no_part_before_anything_is_drawn(tmp_path):
+    arm, data = forked(tmp_path)
+    drawn = '<link name="link1"><visual><geometry><mesh filename="package://a/b.stl"/></geometry>'
+    text = arm.read_text().replace('<link name="link1"/>', f"{drawn}</visual></link>")
+    arm.write_text(text)
+    assert "b.stl" in text
+    tip = ("--robot", arm, "--tip", "probe")
+    said, text = proposed(tmp_path, [data], *tip)
+    for told in (said, text):
+        command = "session.toml --tip probe --allow-missing-meshes"
+        assert command in " ".join(told.replace("#", "").split())
+    for file in (data, tmp_path / "session.toml"):
+        done = call("check", file, *tip)
+        assert done.exit_code == 0, done.stderr
+    done = call("check", arm, "--tip", "probe")
+    assert done.exit_code == 2
+    assert "b.stl is missing" in done.stderr

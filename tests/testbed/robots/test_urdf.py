@@ -252,6 +252,37 @@ def test_a_symlink_out_of_the_folder_is_refused_and_a_wider_root_admits_it(tmp_p
     assert read_text(wider, folder, mesh_root=tmp_path).chain.n_joints == 1
 
 
+def test_zeros_that_an_exporter_rounded_state_no_inertia(tmp_path):
+    moments = 'ixx="-5.42101e-20" iyy="-5.42101e-20" izz="0" ixy="0" ixz="0" iyz="0"'
+    body = f'<link name="arm"><inertial><mass value="2"/><inertia {moments}/></inertial></link>'
+    read = read_text(GOOD.replace('<link name="arm"/>', body), tmp_path)
+    assert read.bodies[1].mass == 2
+    assert not read.bodies[1].inertia.any()
+    (note,) = (note for note in read.notes if "inertia" in note)
+    assert "in link arm" in note
+    assert "not used" in note
+
+
+def test_a_package_is_any_folder_of_its_name_around_the_file(tmp_path):
+    (package := tmp_path / "some_arm" / "urdf").mkdir(parents=True)
+    (tmp_path / "some_arm" / "meshes").mkdir()
+    mesh = tmp_path / "some_arm" / "meshes" / "part.stl"
+    mesh.write_bytes(block())
+
+    def arm_in(name):
+        return GOOD.replace('<link name="arm"/>', MESH.format(f"package://{name}"))
+
+    body = read_text(arm_in("some_arm/meshes/part.stl"), package).bodies[1]
+    assert [shape.source for shape in body.shapes] == [mesh]
+    with pytest.raises(InputError, match="is missing") as caught:
+        read_text(arm_in("other_arm/meshes/part.stl"), package)
+    assert caught.value.code == "R7"
+    (tmp_path / "secret.stl").write_bytes(block())
+    with pytest.raises(InputError, match="lies outside") as caught:
+        read_text(arm_in("some_arm/../secret.stl"), package)
+    assert caught.value.code == "R6"
+
+
 def test_missing_meshes_can_be_allowed_and_are_then_named(tmp_path):
     text = GOOD.replace('<link name="arm"/>', MESH.format("no.stl"))
     (note,) = read_text(text, tmp_path, allow_missing_meshes=True).notes
