@@ -43,6 +43,12 @@ Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")
 Tip = Annotated[
     str | None, typer.Option(metavar="LINK", help="Last link, if the file has several ends.")
 ]
+MeshRoot = Annotated[
+    Path | None, typer.Option("--mesh-root", metavar="DIR", help="Folder that holds all meshes.")
+]
+Meshless = Annotated[
+    bool, typer.Option("--allow-missing-meshes", help="Draw links without their meshes.")
+]
 Run = Annotated[Path, typer.Argument(metavar="RUN", help="A run folder.")]
 
 

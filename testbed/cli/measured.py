@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from testbed.cli.app import Debug, Json, Plain, Quiet, Tip, app, robots_like
+from testbed.cli.app import Debug, Json, Meshless, MeshRoot, Plain, Quiet, Tip, app, robots_like
 from testbed.cli.campaign import Overwrite
 from testbed.cli.exit_codes import SOME_FAILED, exit_codes
 from testbed.cli.output import say, say_found, say_json, say_next
@@ -57,12 +57,8 @@ def identify(
         typer.Option(metavar="NAME", help="ROS package that will hold the URDF's meshes."),
     ] = None,
     tip: Tip = None,
-    mesh_root: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="Folder that holds all meshes.")
-    ] = None,
-    allow_missing_meshes: Annotated[
-        bool, typer.Option("--allow-missing-meshes", help="Draw links without their meshes.")
-    ] = False,
+    mesh_root: MeshRoot = None,
+    allow_missing_meshes: Meshless = False,
     drop_invalid: Annotated[
         bool, typer.Option("--drop-invalid", help="Leave out rows that are not numbers.")
     ] = False,

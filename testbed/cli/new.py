@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from testbed.cli.app import Debug, Json, Plain, Quiet, Tip, app, robots_like
+from testbed.cli.app import Debug, Json, Meshless, MeshRoot, Plain, Quiet, Tip, app, robots_like
 from testbed.cli.exit_codes import exit_codes
 from testbed.cli.output import say, say_found, say_json, say_next
 
@@ -119,23 +119,40 @@ def scene(
             autocompletion=robots_like,
         ),
     ],
+    tip: Tip = None,
+    mesh_root: MeshRoot = None,
+    allow_missing_meshes: Meshless = False,
     out: Out = Path("scene.toml"),
     quiet: Quiet = False,
     plain: Plain = False,
     debug: Debug = False,
 ) -> None:
-    """Write a scenario for a robot, with its work box and a tracker."""
+    """Write a scenario for a robot, with its work box and a tracker.
+
+    A scenario names a file as it is: if a tip or meshes have to be told, the robot is written
+    beside it, as robot.toml.
+    """
     with exit_codes(debug=debug, plain=plain):
         from testbed.proposal.scene import scene_text
         from testbed.proposal.write import plain_name, require_new, seen_from, write_new
         from testbed.robots.catalog import load_robot
+        from testbed.robots.write.folder import write_robot_folder
         from testbed.schemas.editor import schema_beside
 
         require_new(out)
-        text = scene_text(load_robot(robot), seen_from(out, robot), plain_name(out))
+        arm = load_robot(
+            robot, tip=tip, mesh_root=mesh_root, allow_missing_meshes=allow_missing_meshes
+        )
+        if told := tip is not None or mesh_root is not None or arm.lacks_meshes:
+            folder = out.parent / arm.name
+            write_robot_folder(arm, folder)
+            robot = str(folder)
+        text = scene_text(arm, seen_from(out, robot), plain_name(out))
         write_new(out, (line := schema_beside(out, "scene")) + text)
         if not quiet:
             say(f"Scene      {out}")
+            if told:
+                say(f"Robot      {robot}")
             tell_schema(out, line)
             say_next("truebed", "run", out)
 

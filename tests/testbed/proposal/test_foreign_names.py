@@ -7,6 +7,7 @@ from scipy.spatial.transform import Rotation
 from testbed.files.read import read_session
 from testbed.robots.catalog import load_robot
 from tests.command import call
+from testbed.studies import load_scenario
 from tests.testbed.files.made import made
 from tests.testbed.proposal.test_odd_files import UR10
 from tests.testbed.proposal.test_session import proposed
@@ -106,3 +107,21 @@ def test_meshes_that_are_elsewhere_play_no_part_before_anything_is_drawn(tmp_pat
     done = call("check", arm, "--tip", "probe")
     assert done.exit_code == 2
     assert "b.stl is missing" in done.stderr
+
+
+def test_a_scene_takes_the_arm_that_its_tip_tells_apart(tmp_path):
+    """A scenario names a file alone: the arm of the tip is written beside it."""
+    arm, _ = forked(tmp_path)
+    out = tmp_path / "scene.toml"
+    done = call("new", "scene", arm, "--out", out)
+    assert done.exit_code == 2
+    assert "--tip LINK" in done.stderr
+    assert not out.exists()
+    done = call("new", "scene", arm, "--tip", "probe", "--out", out)
+    assert done.exit_code == 0, done.stderr
+    assert "Robot" in done.stdout
+    named = load_robot(load_scenario(out).robot)
+    q = np.random.default_rng(4).uniform(-1, 1, (20, 3))
+    there = load_robot(str(arm), tip="probe").model.poses(q)
+    np.testing.assert_allclose(named.model.poses(q), there, rtol=0, atol=1e-12)
+    assert np.abs(there - load_robot(str(arm), tip="lamp").model.poses(q)).max() > 0.04
