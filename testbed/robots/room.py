@@ -43,7 +43,12 @@ def beyond_rail(chain: Chain, limits: Array) -> float | None:
     """
     if not leading_slides(chain) or abs(chain.T_world_base[2, 2]) > LEANS:
         return None
-    return -float(np.abs(limits[0]).max() + reach(chain, limits) + ROOM)
+    return beyond_arm(chain, limits) - float(np.abs(limits[0]).max())
+
+
+def beyond_arm(chain: Chain, limits: Array) -> float:
+    """A place on the base's z axis below all that an arm reaches [m]."""
+    return -(reach(chain, limits) + ROOM)
 
 
 def from_arm(chain: Chain, limits: Array, station: Array) -> float:

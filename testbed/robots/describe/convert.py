@@ -74,6 +74,7 @@ def robot_of(description: Description) -> Robot:
         _check(description, moved, "mass", [mass], bounds.MASS, "kg")
         _check(description, moved, "moment of inertia", moments, bounds.INERTIA, "kg m2")
     visuals, primitives, flat = parts_of(description, frames, notes)
+    floor, height = floor_of((*visuals, *primitives), chain, limits, stands=description.stands)
     name = plain_name(description.name or description.path.stem, default="robot")
     robot = Robot(
         name=name,
@@ -87,7 +88,8 @@ def robot_of(description: Description) -> Robot:
         inertias=frozen(inertias),
         repeatability=frozen(np.where(turns, TURN_SCATTER, SLIDE_SCATTER)),
         visuals=visuals,
-        base_offset=floor_of((*visuals, *primitives), chain, limits),
+        base_offset=floor,
+        mounting_height=height,
         exclusions=_exclusions(description),
         free_sets=MappingProxyType({}),
         sources=MappingProxyType(

@@ -93,6 +93,8 @@ class Description:
     """Pairs of bodies that the file excludes from collision tests."""
     notes: tuple[str, ...] = ()
     """Sentences on what is legal but odd."""
+    stands: bool = False
+    """Whether the link that the first joint turns on stands upright in the world."""
 
     @property
     def chain(self) -> Chain:

@@ -27,6 +27,7 @@ from testbed.robots.describe.urdf_shapes import form_of
 from testbed.robots.describe.xml_gate import FileOptions, read_xml
 from testbed.robots.foreign import foreign
 from testbed.robots.parts import Form
+from testbed.robots.room import LEANS
 from testbed.robots.shapes import GRAY
 
 UNIT = 1e-6
@@ -92,6 +93,7 @@ def describe_urdf(path: Path, options: FileOptions) -> Description:
         bodies=bodies,
         poses=partial(_poses, way, path),
         notes=tuple(notes),
+        stands=bool(poses[moving[0].parent][2, 2] > LEANS),
     )
 
 

@@ -207,3 +207,46 @@ def test_a_rail_of_a_robot_toml_has_no_floor_across_it_unless_one_is_stated(tmp_
     file.write_text(text.format("floor_mm = -100.0\n"))
     assert load_robot(file).base_offset == -0.1
     assert load_robot(robot_file(tmp_path, (200, 300, 0))).base_offset == 0.0
+
+
+def kuka(axis="0 0 -1", base=""):
+    """An arm that stands on the floor, the sense of its first joint given."""
+    joints = [
+        ("a1", "revolute", "0 0 0.6", "0 0 0", axis, (-3, 3)),
+        ("a2", "revolute", "0.2 0 0", "0 0 0", "0 1 0", (-2.7, 0.6)),
+        ("a3", "revolute", "0.6 0 0", "0 0 0", "0 1 0", (-2.2, 2.6)),
+        ("a4", "revolute", "0 0 0", "0 0 0", "-1 0 0", (-3, 3)),
+        ("a5", "revolute", "0.6 0 0", "0 0 0", "0 1 0", (-2.2, 2.2)),
+        ("tip", "fixed", "0.15 0 0", "0 0 0", "1 0 0", None),
+    ]
+    return urdf("k", joints).replace(
+        '<link name="base_link"/>', f'<link name="base_link">{base}</link>'
+    )
+
+
+@pytest.mark.parametrize("axis", ["0 0 -1", "0 1 0"])
+@pytest.mark.parametrize("base", ["", PART], ids=["bare", "drawn"])
+def test_an_arm_whose_first_axis_does_not_point_up_stands_on_the_floor_all_the_same(
+    base, axis, tmp_path
+):
+    """As those of KUKA: against heights in the world, and the arm that turns the other way."""
+    (tmp_path / "block.stl").write_bytes(block((0.2, 0.2, 0.6), (-0.1, -0.1, 0.0)))
+    (tmp_path / "arm.urdf").write_text(kuka(axis, base))
+    (tmp_path / "up.urdf").write_text(kuka("0 0 1", base))
+    robot, other = load_robot(tmp_path / "arm.urdf"), load_robot(tmp_path / "up.urdf")
+    assert robot.model.chain.T_world_base[2, 2] < 0.1
+    assert robot.mounting_height == pytest.approx(0.6)
+    simulator = Simulator(robot, robot.model.chain)
+    for height in (-0.3, 0.2, 1.5):
+        assert simulator.above_floor([0.9, -0.4, height]) == pytest.approx(height)
+    place, known = workspace_of_reach(robot), workspace_of_reach(other)
+    station = in_the_room(robot, place.station_mm)
+    assert station[2] == pytest.approx(STAND, abs=0.011)  # rounded to 10 mm
+    assert simulator.above_floor(station) > 0
+    low, size = np.array(place.box_center_mm), np.array(place.box_size_mm)
+    center = in_the_room(robot, low)
+    if axis == "0 0 -1":
+        assert center[2] == pytest.approx(in_the_room(other, known.box_center_mm)[2], abs=0.05)
+        assert size[2] == pytest.approx(known.box_size_mm[2], rel=0.1)
+    up = robot.model.chain.T_world_base[2, :3]
+    assert center[2] - np.abs(up) @ size / 2e3 > 0
