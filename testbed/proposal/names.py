@@ -23,6 +23,7 @@ from testbed.proposal.words import (
     LETTERS,
     LOADS,
     MEASURED,
+    MOVING,
     OF_JOINTS,
     OF_TURNS,
     PLACE,
@@ -206,7 +207,7 @@ def _meaning(name: str, texts: Collection[str], turns: Mapping[str, str]) -> Mea
     joint = JOINT.fullmatch(
         " ".join(word for word in _joint_alone(text).split() if word not in READ | WISHED)
     )
-    if joint and not words & DIFFERENCES:
+    if joint and not words & (DIFFERENCES | MOVING):
         return Meaning(name, f"q{joint[1]}{'_read' if words & READ else ''}", unit)
     far = words & DISTANCE and not words & {"x", "y", "z"}
     if far and not any(ANGLE & set(other.split()) for other in texts):

@@ -27,6 +27,9 @@ BEHIND = re.compile(r"([xyz]) ([^\W\d].*)")
 """The same with the word after it: X raw."""
 READ = {"read", "meas", "msr", "actual", "act", "feedback", "measured", "current", "ist", "istwert"}
 """Words for a joint value that was read back."""
+MOVING = {"velocity", "velocities", "vel", "qd", "dq", "speed", "speeds", "acceleration",
+          "accelerations", "acc", "qdd", "ddq"}  # fmt: skip
+"""Words for how fast a joint moves, which is no place of it."""
 TARGETS = {"goal", "target", "nominal", "nom", "cmd", "command", "commanded", "ref", "set", "t",
            "soll", "sollwert", "reference", "desired", "programmed", "prog", "planned", "plan",
            "theo", "theoretical", "predicted", "expected", "calc", "calculated", "computed",

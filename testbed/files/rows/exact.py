@@ -1,13 +1,15 @@
 """Are positions so exact that a controller made them? Base and tool then leave rounding alone."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from calib.arrays import Array, Index
 from calib.geometry.model import RobotModel
+from testbed.files.alternatives import Interpretation
 from testbed.files.frames_fit import Misfit, flange_poses
-from testbed.files.rows.shifts import as_read
+from testbed.files.rows.shifts import as_read, misfit_of
 from testbed.files.session import Session
 from testbed.units import significant
 
@@ -19,6 +21,13 @@ real robot leave a tenth of a millimeter or more."""
 COMMANDED = 1e-5
 """What the digits of joints may leave at most if these are not read back: those beside a pose on a
 screen were, whatever a file says, and what an instrument sees scatters by more [m]."""
+SHOWN = 1e-5, np.radians(0.01)
+"""Steps of places [m] and of joints [rad] that the screens of controllers round to: trackers write
+places finer, so joints beside such places were copied from a screen, whatever a file says. That
+holds where the links are those of a drawing: identified ones may leave no more than an instrument
+does, and no controller has them."""
+DRAWN = 1e-6, 1e-9
+"""Links of a drawing are multiples of the first, as far as the second [m]."""
 METERS = tuple(10.0**-k for k in range(3, 7))
 TURNS = (*(np.radians(10.0**-k) for k in range(1, 5)), *(10.0**-k for k in range(2, 6)))
 """Steps to which positions [m] and angles [rad] are rounded in files."""
@@ -27,33 +36,55 @@ ON_STEP = 1e-5
 
 
 def exactness(model: RobotModel, session: Session, rows: Index, stated: Misfit) -> str:
-    """What to say of rows that the nominal robot explains better than a real one; else empty."""
-    if stated.position < MODEL:
+    """What to say of rows that the nominal robot explains better than a real one; else empty.
+
+    A controller computes its poses from one source of joints, be it the other one of a session.
+    """
+    read, back = as_read(session, rows), session.joint_source == "read-back"
+    said = _exactness(model, read, stated, read_back=back)
+    if said or session.read_back is None:
+        return said
+    other = replace(read, q=session.read_back[rows])
+    return _exactness(model, other, misfit_of(model, other), read_back=not back)
+
+
+def _exactness(model: RobotModel, read: Interpretation, left: Misfit, *, read_back: bool) -> str:
+    """The same by one source of joints."""
+    if left.position < MODEL:
         return (
-            f"base and tool explain the positions to {significant(stated.position * 1e9, 2)} nm: "
+            f"base and tool explain the positions to {significant(left.position * 1e9, 2)} nm: "
             "these are a controller's own poses, not measurements"
         )
-    if stated.position < ROUNDED * _left_by_digits(model, session, rows):
+    if left.position < ROUNDED * _left_by_digits(model, read, read_back=read_back):
         return (
-            f"base and tool explain the positions to {stated.shown}, all that the digits of the "
+            f"base and tool explain the positions to {left.shown}, all that the digits of the "
             "file allow: are these a controller's own poses, not measurements?"
         )
     return ""
 
 
-def _left_by_digits(model: RobotModel, session: Session, rows: Index) -> float:
+def _left_by_digits(model: RobotModel, read: Interpretation, *, read_back: bool) -> float:
     """Root mean square that rounding to the digits of a file leaves of the flange's place [m].
 
     Rounding to steps g is off by g / sqrt(12) (JCGM 100:2008, F.2.2.1). Joints that were commanded
     are what they are, however few their digits: they leave `COMMANDED` at most, and nothing where
     all joints slide, as real axes that are compensated are off by a few micrometers.
     """
-    read = as_read(session, rows)
-    joints = moved_by_digits(model, read.q, digit_steps(model, read.q))
-    if session.joint_source != "read-back":
-        turns = bool((model.chain.prismatic == 0).any())
-        joints = min(joints, COMMANDED) if turns else 0.0
-    return float(np.sqrt(3 * _step(read.position, METERS) ** 2 / 12 + joints**2))
+    place, steps = _step(read.position, METERS), digit_steps(model, read.q)
+    turns = model.chain.prismatic == 0
+    shown = steps[turns] <= SHOWN[1] * (1 + ON_STEP)
+    if not read_back and place >= SHOWN[0] and turns.all() and shown.any() and _is_drawn(model):
+        read_back, steps = True, np.minimum(steps, SHOWN[1])  # one that never moved has any step
+    joints = moved_by_digits(model, read.q, steps)
+    if not read_back:
+        joints = min(joints, COMMANDED) if turns.any() else 0.0
+    return float(np.sqrt(3 * place**2 / 12 + joints**2))
+
+
+def _is_drawn(model: RobotModel) -> bool:
+    """Whether all links have lengths as a drawing states them."""
+    lengths = model.chain.links[:, 1:3]
+    return bool((np.abs(lengths - DRAWN[0] * np.round(lengths / DRAWN[0])) < DRAWN[1]).all())
 
 
 def digit_steps(model: RobotModel, q: Array) -> Array:

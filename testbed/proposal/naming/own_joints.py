@@ -9,12 +9,13 @@ from unicodedata import normalize
 from testbed.proposal.data import Found
 from testbed.proposal.names import Meaning
 from testbed.proposal.naming.plain import without_unit
-from testbed.proposal.words import JOINTS, OF_JOINTS
+from testbed.proposal.words import JOINTS, MOVING, OF_JOINTS
 from testbed.units import listed
 
-RATES = {"velocity", "velocities", "vel", "qd", "dq", "speed", "acceleration", "acc", "qdd", "ddq",
-         "effort", "efforts", "torque", "torques", "tau", "current", "currents", "moment",
-         "temperature", "temp", "error", "err", "gain", "voltage"}  # fmt: skip
+RATES = MOVING | {
+    "effort", "efforts", "torque", "torques", "tau", "current", "currents", "moment",
+    "temperature", "temp", "error", "err", "gain", "voltage",
+}  # fmt: skip
 """Words for what joints have besides their position."""
 AXES = {"x", "y", "z", "rx", "ry", "rz"}
 """Words of coordinates, whose numbers are those of targets."""

@@ -429,6 +429,38 @@ def test_joints_copied_from_a_screen_beside_the_controllers_poses_are_told(tmp_p
     assert not probe(ROBOT, read(tmp_path, columns(Made(q, T, ROBOT.model)))).warnings
 
 
+def test_what_a_pendant_shows_is_told_by_its_two_decimals(tmp_path):
+    """Hundredths of a degree leave 40 um of the controller's own poses, and nothing was said."""
+    q = made().q.copy()
+    q[:, 5] = np.radians(90)  # one that stays where it is
+    shown = np.radians(np.round(np.degrees(q), 2))
+    T = ROBOT.model.poses(q)
+    T[:, :3, 3] = np.round(T[:, :3, 3], 5)
+    (said,) = probe(ROBOT, read(tmp_path, columns(Made(shown, T, ROBOT.model)))).warnings
+    assert "all that the digits of the file allow: are these a controller's own poses" in said
+    # what was measured of a real arm with the same digits is not
+    T = made().truth.poses(shown)
+    T[:, :3, 3] = np.round(T[:, :3, 3] + 2.5e-5 * np.sin(1e9 * T[:, :3, 3]), 5)
+    assert not probe(ROBOT, read(tmp_path, columns(Made(shown, T, ROBOT.model)))).warnings
+    # nor of an arm that was identified, which leaves as little
+    own = replace(ROBOT, model=made().truth)
+    assert not probe(own, read(tmp_path, columns(Made(shown, T, ROBOT.model)))).warnings
+
+
+def test_poses_computed_from_the_joints_that_were_read_back_are_told(tmp_path):
+    """Those were commanded differ by micrometers, and nothing was said."""
+    q = made().q
+    table = columns(Made(q + 2e-5, ROBOT.model.poses(q), ROBOT.model))
+    table |= {f"q{j + 1}_read_rad": q[:, j] for j in range(N)}
+    (tmp_path / "a.csv").write_text(csv(table))
+    (tmp_path / "s.toml").write_text(
+        f'[joints]\nsource = "commanded"\n[frames]\neuler = "XYZ"\n{SIGMAS}'
+    )
+    found = probe(ROBOT, read_session(tmp_path / "a.csv", ROBOT, config=tmp_path / "s.toml"))
+    assert found.exact
+    assert found.warnings[0].endswith("these are a controller's own poses, not measurements")
+
+
 def test_joints_read_back_too_early_are_told(tmp_path):
     data = made()
     rng = np.random.default_rng(0)

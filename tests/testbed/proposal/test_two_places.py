@@ -171,3 +171,32 @@ def test_a_station_of_a_session_whose_readings_a_controller_made_is_named(tmp_pa
     )
     done = call("check", tmp_path / "session.toml", "--robot", ROBOT.name)
     assert "station 2: base and tool explain the positions to" in " ".join(done.stdout.split())
+
+
+def sent_log(ahead=2e-5):
+    """What a controller logs: joints that it wanted and had, and where it was by these."""
+    q = data().q
+    log = {f"ROBOT_TARGET_JOINT_POSITIONS (J{k + 1})": q[:, k] + ahead for k in range(6)}
+    log |= {f"ROBOT_ACTUAL_JOINT_POSITIONS (J{k + 1})": q[:, k] for k in range(6)}
+    log |= {f"ROBOT_ACTUAL_JOINT_VELOCITIES (J{k + 1})": 1e-3 * np.sin(q[:, k]) for k in range(6)}
+    return log | {f"ROBOT_CARTESIAN_COORD_TOOL ({a})": FLANGE[:, k, 3] for k, a in enumerate("xyz")}
+
+
+def sent_screen():
+    """Joints and places as a pendant shows them, with two decimals."""
+    shown = {f"J{k + 1}": np.round(np.degrees(data().q[:, k]), 2) for k in range(6)}
+    return shown | {a: np.round(1e3 * FLANGE[:, k, 3], 2) for k, a in enumerate("XYZ")}
+
+
+@pytest.mark.parametrize("log", [sent_log, sent_screen], ids=["log", "screen"])
+def test_places_that_a_controller_logs_beside_its_joints_do_not_replace_the_tracker(log, tmp_path):
+    """They fitted best, of course: the file of the tracker was left aside without a word."""
+    (tmp_path / "robot.csv").write_text(csv(log()))
+    (tmp_path / "tracker.csv").write_text(
+        csv({"Name": [f"P{k}" for k in range(M)]} | places(*"XYZ"))
+    )
+    files = [tmp_path / "robot.csv", tmp_path / "tracker.csv"]
+    said, _ = proposed(tmp_path, files, "--robot", ROBOT.name)
+    assert "are not used: they are a controller's own poses" in said
+    table = read_session(tmp_path / "session.toml", ROBOT).measurements
+    np.testing.assert_allclose(table.position, points() / 1e3, rtol=0, atol=1e-12)
