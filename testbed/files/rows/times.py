@@ -25,6 +25,8 @@ SLASHED = re.compile(
 YEAR_FIRST = re.compile(r"(\d{4})/(\d{1,2})/(\d{1,2})(?!\d)")
 CLOCK = re.compile(r"(\d{1,2}):(\d{2})(?::(\d{2}(?:[.,]\d{1,6})?))?")
 """``14:03:00.25``: a time of day, whose day nothing says."""
+TEXT = "'"
+"""Before a time that a spreadsheet is to leave as it stands, as in exports of Leica."""
 NOON, HOUR = 12, 3600.0
 
 
@@ -56,7 +58,7 @@ def moments_of(table: DataTable, good: Bool) -> tuple[Moments | None, tuple[str,
         said = (f"{table.where}: the times are numbers without a unit and taken as seconds; call "
                 "their column time_s if they are",)  # fmt: skip
         if not np.isfinite(seconds[good]).all():
-            texts = list(compress(table.texts("time"), good))
+            texts = [text.removeprefix(TEXT) for text in compress(table.texts("time"), good)]
             if (clock := _of_day(texts)) is not None:
                 seconds = np.full(len(table), np.nan)
                 seconds[good] = clock
@@ -172,7 +174,7 @@ def _moment(text: str) -> datetime:
 
 def days_of(table: DataTable, good: Bool) -> tuple[str, ...]:
     """First and last ISO day of good rows (m,); none where times are no dates, or may be two."""
-    texts = list(compress(table.texts_of("time") or (), good))
+    texts = [text.removeprefix(TEXT) for text in compress(table.texts_of("time") or (), good)]
     try:
         dates = [text for text in texts if set("-/") & set(text) or DOTTED.fullmatch(text)]
         days = [moment.date().isoformat() for moment in _moments(dates)]

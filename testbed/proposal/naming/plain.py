@@ -9,6 +9,11 @@ BORDER = re.compile(r"(?<=[\u2e80-\ud7af])(?=[a-z])|(?<=[a-z])(?=[\u2e80-\ud7af]
 OPENS = re.compile(r"[\[(/,]")
 """What may stand before a unit, as in X [mm] and X, mm."""
 
+OF_95 = re.compile(r"\b(?:u|unc|uncertainty) (?:95 ?%?|k ?= ?2)(?= |$)")
+"""An expanded uncertainty, as U(95) X of Leica and U (k = 2) X."""
+BEHIND_95 = re.compile(r"(?:u|unc|uncertainty) (\S{1,20}) (?:95 ?%|k ?= ?2)")
+"""The same said behind the axis: U X (k = 2)."""
+
 
 def without_unit(name: str) -> tuple[str, str]:
     """A name in small words, and the unit that it ends with."""
@@ -23,4 +28,6 @@ def without_unit(name: str) -> tuple[str, str]:
     known = long or (words[-1] == "m" and words[-2:-1] in (["x"], ["y"], ["z"]))
     if not unit and len(words) > 1 and known and words[-1] in WRITTEN:
         unit = WRITTEN[words.pop()]
-    return " ".join(words), unit
+    text = " ".join(words)
+    behind = BEHIND_95.fullmatch(text)
+    return f"u95 {behind[1]}" if behind else OF_95.sub("u95", text), unit
