@@ -9,7 +9,6 @@ from calib.errors import InputError, refuse
 from testbed.assets import scene_names
 from testbed.files.columns import is_known
 from testbed.files.read import read_session
-from testbed.files.refusal import no_rows
 from testbed.files.session_toml import SESSION_FILE
 from testbed.files.visits.probing import probed, tried_words
 from testbed.files.visits.tables import CampaignFile
@@ -21,6 +20,7 @@ from testbed.iso9283.read import read_test
 from testbed.iso9283.words import extent
 from testbed.proposal.cycles import cycles_in
 from testbed.proposal.data import look_at
+from testbed.proposal.missing import with_rows
 from testbed.robots.catalog import ROBOT_FILE, TRACKER_FILE, load_robot, robot_names
 from testbed.robots.file import TrackerFile
 from testbed.robots.robot import Robot
@@ -170,10 +170,8 @@ def _read(file: Path, arm: Robot) -> list[str]:
 def _table(file: Path, arm: Robot | None) -> list[str]:
     """Sentences on a table or an export."""
     said, ours = list[str](), True
-    looks = look_at([file], file.parent)
+    looks = with_rows(look_at([file], file.parent))
     for one in looks:
-        if not one.rows:
-            raise no_rows(str(file))
         ours = ours and one.kind == "table" and all(map(is_known, one.head))
         kind = {
             "table": "a table", "bare": "a table whose columns have no names",

@@ -31,6 +31,8 @@ Document = dict[str, Any]
 ASSIGNED = re.compile(r"[^\W\d]\w{0,30}\s*=\s*[\[{(]")
 MATRIX = re.compile(r"\s*[^\W\d]\w{0,30}\s*=\s*(?:[\[{(]\s*(?:[-+.\d].*|%.*)?)?")
 """A line with which a script, or a console, begins a matrix behind a name."""
+AXES = 3
+"""Fewest numbers in a row of joints or places."""
 BEGIN = 50
 """Lines of which one may begin a matrix."""
 
@@ -126,7 +128,9 @@ def look_at(paths: Sequence[Path], root: Path) -> tuple[Found, ...]:
             text = with_commented_names(text_of(path, where, sheet=sheet, max_mb=MAX_MB))
             if any(line.strip() for line in text.lines):
                 name = at.relative_to(root.resolve()).as_posix() if at.exists() else path.name
-                found.append(_looked(path, name, None if alone else sheet, text))
+                cover = not alone and _is_cover(text)
+                own = _cover if cover else _looked
+                found.append(own(path, name, None if alone else sheet, text))
     return tuple(found)
 
 
@@ -137,6 +141,17 @@ def _folder_above(paths: Sequence[Path]) -> str:
     if not alike or any(".." in folder.parts for folder in folders):
         folders = [folder.resolve() for folder in folders]
     return commonpath(folders) or "."
+
+
+def _is_cover(text: FileText) -> bool:
+    """Whether a sheet has no two rows of a table, as a page of words beside those that have."""
+    lines = [_cells(line) for _, line in text.content()]
+    return sum(sum(map(bool, map(NUMBER.fullmatch, cells))) >= AXES for cells in lines) < 2
+
+
+def _cover(path: Path, name: str, sheet: str | None, text: FileText) -> Found:
+    """Such a sheet, which is not used."""
+    return Found(path, name, sheet, text, "table", (), 0)
 
 
 def _looked(path: Path, name: str, sheet: str | None, text: FileText) -> Found:

@@ -1,9 +1,11 @@
 """Files without a reading, or without some of the joints: what is missing, and what to do."""
 
+from collections.abc import Sequence
+
 from calib.errors import InputError
 from testbed.files.joints import held_words
 from testbed.files.observed import BESIDE_PLAN
-from testbed.files.refusal import refusal
+from testbed.files.refusal import no_rows, refusal
 from testbed.files.rows.planned import foretold
 from testbed.names import some
 from testbed.proposal.data import Found
@@ -17,6 +19,21 @@ MOST_JOINTS = 20
 """More than the number of joints in any file."""
 SHOWN = 8
 """Largest number of unknown columns that are named."""
+
+
+def with_rows(looks: Sequence[Found]) -> tuple[Found, ...]:
+    """The tables that have rows, without sheets that have none beside others of a workbook.
+
+    Raises
+    ------
+    InputError
+        M27: a file has none, or no sheet of a workbook has.
+    """
+    found = tuple(one for one in looks if one.rows)
+    for one in looks:
+        if not one.rows and (one.sheet is None or not found):
+            raise no_rows(str(one.path))
+    return found
 
 
 def no_reading(looks: tuple[Found, ...], n: int) -> InputError:

@@ -4,7 +4,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from testbed.files.refusal import no_rows
 from testbed.proposal.beside import with_origin
 from testbed.proposal.both import is_ranged, merged
 from testbed.proposal.cycles import cycles_in
@@ -12,7 +11,14 @@ from testbed.proposal.data import Document, Found, files_of
 from testbed.proposal.drafts import EACH_A_STATION, Draft, drafts_of
 from testbed.proposal.fits.places_alone import places_alone
 from testbed.proposal.fits.tried import tried_with
-from testbed.proposal.missing import columns_of, joints_in, no_reading, not_known, require_joints
+from testbed.proposal.missing import (
+    columns_of,
+    joints_in,
+    no_reading,
+    not_known,
+    require_joints,
+    with_rows,
+)
 from testbed.proposal.naming.own_joints import with_joints
 from testbed.proposal.rows.clocks import REACH
 from testbed.proposal.rows.reflectors import with_reflectors
@@ -63,9 +69,8 @@ def propose_session(looks: tuple[Found, ...], robot: Robot | None, root: Path) -
         M27: a file has no rows; M35: no file has readings, or headers do not fit together; or the
         error of reading the files, if no interpretation can be proposed.
     """
-    for one in looks:
-        if not one.rows:
-            raise no_rows(str(one.path))
+    covers = tuple(one.called for one in looks if not one.rows)
+    looks = with_rows(looks)
     cycles = cycles_in(looks, root)
     if cycles is not None and cycles.document is not None:
         return Proposed(
@@ -89,7 +94,7 @@ def propose_session(looks: tuple[Found, ...], robot: Robot | None, root: Path) -
     )
     said = verdict_on(proposed.document, looks, robot, root, fits=proposed.fits)
     odd = said.odd if cycles is None else (*said.odd, cycles.sentence)
-    return replace(proposed, unused=(*unused, *said.unread), to_mend=said.refused, odd=odd)
+    return replace(proposed, unused=(*covers, *unused, *said.unread), to_mend=said.refused, odd=odd)
 
 
 def _left_aside(look: Found, looks: Sequence[Found], points: str | None) -> str:

@@ -235,3 +235,28 @@ def test_a_wrong_file_is_refused_by_name(table, why, tmp_path):
     assert done.exit_code == 2
     assert why in " ".join(done.stderr.split())
     assert not (tmp_path / "session.toml").exists()
+
+
+def test_a_sheet_of_words_beside_the_tables_of_a_workbook_is_left_aside(tmp_path):
+    """A cover sheet refused the whole workbook, without its name."""
+    openpyxl = pytest.importorskip("openpyxl")
+    book = openpyxl.Workbook()
+    book.active.title = "Cover"
+    for words in (("Project", "Cell 7"), ("Customer", "Acme", "Berlin"), ("Date", "2026-03-02")):
+        book.active.append(words)
+    book.create_sheet("Plan").append(["Name", "X", "Y", "Z"])  # nothing was filled in
+    sheet = book.create_sheet("Data")
+    sheet.append([*(f"J{k}" for k in range(1, 7)), *"XYZ"])
+    for row in np.hstack([np.degrees(DATA.q), 1e3 * DATA.T[:, :3, 3]]):
+        sheet.append(list(map(float, row)))
+    book.save(tmp_path / "a.xlsx")
+    said, _ = proposed(tmp_path, [tmp_path / "a.xlsx"], "--robot", UR10.name)
+    assert "a.xlsx sheet Cover" in said
+    assert "a.xlsx sheet Plan" in said
+    table = read_session(tmp_path / "session.toml", UR10).measurements
+    np.testing.assert_allclose(table.position, DATA.T[:, :3, 3], rtol=0, atol=1e-12)
+    assert call("check", tmp_path / "a.xlsx", "--robot", UR10.name).exit_code == 0
+    del book["Data"]
+    book.save(tmp_path / "b.xlsx")
+    done = call("new", "session", tmp_path / "b.xlsx", "--out", tmp_path / "o.toml")
+    assert "has no rows below them" in done.stderr
