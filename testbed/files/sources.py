@@ -6,6 +6,7 @@ from pathlib import Path
 
 from testbed.files.dialects.blocks import with_block_rows
 from testbed.files.dialects.controllers.read import READERS
+from testbed.files.dialects.key_values import with_named_numbers
 from testbed.files.dialects.marker_names import with_marker_columns
 from testbed.files.dialects.numbers import with_bare_numbers
 from testbed.files.dialects.quoted import with_quoted_lines
@@ -14,7 +15,7 @@ from testbed.files.dialects.squares import with_square_rows
 from testbed.files.refusal import how_to_read, no_session, refusal
 from testbed.files.session_toml import SESSION_FILE
 from testbed.files.visits.tables import CampaignFile
-from testbed.gates.kinds import require_kind, require_no_program, require_table
+from testbed.gates.kinds import program_of, require_kind, require_no_program, require_table
 from testbed.gates.mistakes import validated
 from testbed.gates.paths import is_there, real
 from testbed.gates.text import FileText, SourceFile, read_text
@@ -92,6 +93,8 @@ def text_of(path: Path, where: str, *, sheet: str | None, max_mb: float) -> File
     text = read_text(path, where, max_mb=max_mb, markup=path.suffix.lower() in APPLICATIONS)
     text = with_quoted_lines(text)
     require_no_program(text.lines, where, read=tuple(READERS))
+    if not program_of(text.lines):
+        text = with_named_numbers(text)
     return with_square_rows(with_bare_numbers(with_block_rows(with_marker_columns(text))))
 
 

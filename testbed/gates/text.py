@@ -76,15 +76,17 @@ class FileText:
     source: SourceFile
     ends: tuple[str, ...] = ()
     """How each line but the last one ends, where that is not a line feed everywhere."""
+    first: int = 1
+    """Number of the first line: 0 where a line of names was put above those of the file."""
     tables: dict[object, Any] = field(default_factory=dict, init=False, repr=False, compare=False)
     """Tables of these lines that were read before, by how they were."""
 
     def content(self, *comments: str) -> list[tuple[int, str]]:
-        """Number, from 1, and text of each line that is neither empty nor a comment.
+        """Number, from `first`, and text of each line that is neither empty nor a comment.
 
         A line of nothing but separators is an empty row.
         """
-        numbered = enumerate(self.lines, start=1)
+        numbered = enumerate(self.lines, start=self.first)
         return [
             (k, line)
             for k, line in numbered
