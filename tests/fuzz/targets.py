@@ -185,6 +185,7 @@ TARGETS = {
     "joints of a program": Target(read_measured, whole.SESSIONS, ("cal.txt",), NOT_STATED),
     "proposal": Target(read_proposal, whole.SESSIONS, ("a.csv", "smr.txt", "cal.txt")),
     "records of JSON": Target(read_proposal, whole.DOCUMENTS, ("m.json",)),
+    "logs": Target(read_proposal, whole.LOGS, ("m.txt",)),
     "cycles": Target(
         read_cycles,
         whole.CYCLES,

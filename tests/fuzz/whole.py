@@ -263,6 +263,10 @@ DOCUMENTS = (
     ]})}),
     encoded({"m.json": json.dumps({"q": [[0.1] * 6] * 3, "p": [[0.4, 0.1, 0.2]] * 3})}),
 )  # fmt: skip
+LOGS = tuple(encoded({"m.txt": text}) for text in (
+    "".join(f"{{E6POS: A1 {k}.5, A2 -{k}, A3 3, X 0.{k}, Y 2, Z {k}e-1}}\n" for k in range(5)),
+    '"A1\n[deg]","A2\n[deg]","A3\n[deg]",X,Y,"Z\n[mm]"\n' + "1,2,3,4,5,6\n" * 4,
+))  # fmt: skip
 ARMS = (
     encoded({"arm.urdf": urdf("arm", LINKS, parts={"pan": MESH.format("obj")}), "part.obj": OBJ}),
     encoded({"arm.urdf": urdf("arm", LINKS, parts={"pan": MESH.format("stl")})})
