@@ -11,6 +11,7 @@ from testbed.names import some
 from testbed.proposal.data import Found
 from testbed.proposal.fits.tried import unnamed
 from testbed.proposal.names import is_wished
+from testbed.proposal.rows.sideways import on_its_side
 from testbed.proposal.wished import is_angle, is_computed
 from testbed.robots.robot import Robot
 from testbed.units import counted
@@ -41,12 +42,12 @@ def no_reading(looks: tuple[Found, ...], n: int) -> InputError:
     ahead = [foretold(one.head) for one in looks]
     if any(ahead):
         return refusal(looks[0].name, "DATA", "has no column known as a reading", fix=BESIDE_PLAN)
+    if (turned := on_its_side(looks, n)) is not None:
+        return turned
     wished = [name for one in looks for name in one.head if is_wished(name)]
     fix = "name the columns, or name them under columns in session.toml by hand"
     nameless = [one for one in looks if one.kind == "bare"]
-    if any(one.rows <= n + 12 < 2 * one.width for one in nameless):
-        fix = "each row is one measurement: turn rows into columns if the table lies on its side"
-    elif nameless:
+    if nameless:
         return unnamed(nameless[0])
     if angles := [name for one in looks for name in one.head if is_angle(name)]:
         fix = (

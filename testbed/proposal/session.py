@@ -22,6 +22,7 @@ from testbed.proposal.missing import (
 from testbed.proposal.naming.own_joints import with_joints
 from testbed.proposal.rows.clocks import REACH
 from testbed.proposal.rows.reflectors import with_reflectors
+from testbed.proposal.rows.sideways import on_its_side
 from testbed.proposal.verdict import verdict_on
 from testbed.robots.robot import Robot
 from testbed.toml_text import toml_key, toml_value
@@ -198,8 +199,11 @@ def _proposed(looks: tuple[Found, ...], robot: Robot | None, root: Path) -> Prop
         slides = frozenset(k for k in own if kinds[k - 1] == "prismatic")
         called = [names[k - 1] for k in own] if len(names) == len(kinds) else []
         choices = [with_joints(look, own, called) for look in looks]
+    n = len(own)
+    if len({one.rows for one in looks}) > 1 and (turned := on_its_side(looks, n)) is not None:
+        raise turned  # no rows of one belong to those of another
     drafts = _drafts(choices, own, slides)
-    looks, n = tuple(one[0] for one in choices), len(own)
+    looks = tuple(one[0] for one in choices)
     if not drafts:
         raise no_reading(looks, n)
     first = _untried(drafts)

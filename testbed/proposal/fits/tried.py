@@ -25,6 +25,7 @@ from testbed.proposal.fits.draft_fit import AXES, DraftFit, fit_of
 from testbed.proposal.fits.far_off import far_off
 from testbed.proposal.fits.sent import is_of_a_controller, places_of, without_sent
 from testbed.proposal.rows.beginning import SEEN, beginnings
+from testbed.proposal.rows.sideways import on_its_side
 from testbed.robots.robot import Robot
 from testbed.units import counted
 
@@ -101,6 +102,8 @@ def tried_with(
                 better = by_other_zeros(error, robot, partial(_read_for, read, draft))
                 if better is not error:
                     raise better from error
+            if (turned := on_its_side(looks, robot.model.chain.n_joints)) is not None:
+                raise turned from error
             nameless = next((one for one in looks if one.kind == "bare"), None)
             if nameless is None or error.code not in GUESSED:
                 raise
@@ -108,6 +111,8 @@ def tried_with(
         raise AssertionError("a draft can be read that could not be")
     if (explained := far_off(sessions, [one.score for one in whole], robot)) is not None:
         return drafts[explained[0]], explained[1], True
+    if (turned := on_its_side(looks, robot.model.chain.n_joints)) is not None:
+        raise turned
     session = sessions[likely]
     assert session is not None
     found = probe(robot, session)

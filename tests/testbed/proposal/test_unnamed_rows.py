@@ -302,3 +302,41 @@ def test_reflectors_beside_joints_need_no_names(rows, tmp_path):
         np.testing.assert_allclose(
             own.position, ALL_THREE[:, 3 * k : 3 * k + 3] / 1e3, rtol=0, atol=1e-10
         )
+
+
+def on_their_side(folder, names):
+    """Joints and places as MATLAB has them, a column for each pose."""
+    blocks = {"q": np.degrees(DATA.q).T, "p": MM.T}
+    if names == "in two files":
+        for name, block in blocks.items():
+            np.savetxt(folder / f"{name}.csv", block, delimiter=",", fmt="%.9f")
+        return [folder / "q.csv", folder / "p.csv"]
+    both = np.vstack(list(blocks.values()))
+    rows = [",".join(f"{v:.9f}" for v in row) for row in both]
+    if names != "without names":
+        head = {"below numbers": [f"pose,{','.join(map(str, range(M)))}"], "alone": []}[names]
+        own = [*(f"J{k}" for k in range(1, 7)), *"XYZ"]
+        rows = [*head, *(f"{name},{row}" for name, row in zip(own, rows, strict=True))]
+    (folder / "a.csv").write_text("\n".join(rows))
+    return [folder / "a.csv"]
+
+
+@pytest.mark.parametrize("names", ["in two files", "without names", "below numbers", "alone"])
+def test_a_table_on_its_side_is_to_be_turned(names, tmp_path):
+    """Two files were to lose their "extra rows", and named rows to get names."""
+    files, out = on_their_side(tmp_path, names), tmp_path / "o.toml"
+    done = call("new", "session", *files, "--robot", UR10.name, "--out", out)
+    assert done.exit_code == 2
+    said = " ".join(done.stderr.split())
+    assert "it seems to lie on its side, with a column for each pose" in said
+    assert "writematrix(Q', 'q.csv')" in said
+
+
+def test_few_rows_of_many_numbers_that_are_read_do_not_lie_on_their_side(tmp_path):
+    """Nine poses of joints and a transform."""
+    T = DATA.T[:9].copy()
+    T[:, :3, 3] *= 1e3
+    rows = np.hstack([np.degrees(DATA.q[:9]), T.reshape(9, 16)])
+    np.savetxt(tmp_path / "a.csv", rows, delimiter=",", fmt="%.12f")
+    proposed(tmp_path, [tmp_path / "a.csv"], "--robot", UR10.name)
+    assert len(read_session(tmp_path / "session.toml", UR10).measurements) == 9
