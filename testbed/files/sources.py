@@ -15,7 +15,13 @@ from testbed.files.dialects.squares import with_square_rows
 from testbed.files.refusal import how_to_read, no_session, refusal
 from testbed.files.session_toml import SESSION_FILE
 from testbed.files.visits.tables import CampaignFile
-from testbed.gates.kinds import program_of, require_kind, require_no_program, require_table
+from testbed.gates.kinds import (
+    program_of,
+    require_kind,
+    require_no_program,
+    require_no_yaml,
+    require_table,
+)
 from testbed.gates.mistakes import validated
 from testbed.gates.paths import is_there, real
 from testbed.gates.text import FileText, SourceFile, read_text
@@ -93,6 +99,7 @@ def text_of(path: Path, where: str, *, sheet: str | None, max_mb: float) -> File
     text = read_text(path, where, max_mb=max_mb, markup=path.suffix.lower() in APPLICATIONS)
     text = with_quoted_lines(text)
     require_no_program(text.lines, where, read=tuple(READERS))
+    require_no_yaml(text.lines, where)
     if not program_of(text.lines):
         text = with_named_numbers(text)
     return with_square_rows(with_bare_numbers(with_block_rows(with_marker_columns(text))))

@@ -30,10 +30,11 @@ BEGUN = "truebed new scene {} begins one for it"
 TABLES = (".csv", ".tsv", ".txt", ".xlsx")
 DESCRIPTIONS = (".urdf", ".xml", ".mjcf", ".xacro")
 """Endings of files that are tables, and of those that describe a robot as URDF or MJCF."""
-NO_TABLES = {
-    **dict.fromkeys(DESCRIPTIONS, CALLED["description"]),
-    **{ending: f"a {ending[1:].upper()} file" for ending in (".toml", ".yaml", ".yml")},
-}
+NO_TABLES = {**dict.fromkeys(DESCRIPTIONS, CALLED["description"]), ".toml": "a TOML file"}
+YAML = (".yaml", ".yml")
+OF_YAML = re.compile(r"\s*(- *)*([^\W\d][\w/ ]*:(\s.*)?|[^\s,;]*|'[^']*'|\[.*)|---|#.*")
+KEY, ITEM = re.compile(r"\s*[^\W\d][\w/ ]*:\s*"), re.compile(r"\s*- +[-+.\d]\S*\s*")
+"""Lines of YAML, those that name what stands below them, and numbers of a list."""
 PROGRAMS = {
     "rokae": (
         "an RL program (ROKAE)",
@@ -84,6 +85,10 @@ PROGRAMS = {
         "a SPEL+ program (Epson)",
         re.compile(r"\s*(Function\s+\w+\s*$|Motor\s+On\b|Go\s+(P\w+|JA\s*\())", re.IGNORECASE),
     ),
+    "gpl": (
+        "a GPL program (Precise Automation)",
+        re.compile(r"\s*('\s*GPL Generated|\w+(\(\d+\))?\.(Angles|XYZ)\s*\()", re.IGNORECASE),
+    ),
     "spel points": (
         "a file of SPEL+ points (Epson)", re.compile(r"\s*(Point\d+\s*\{|sVersion\s*=)")
     ),
@@ -94,6 +99,11 @@ AS_TABLE = (
     "write its joint targets as a CSV, one per line, below a header q1_deg, q2_deg ...; `truebed "
     "new session` reads those of RAPID, KRL, TP (.ls), URScript, DRL, AS, INFORM, VAL3 and RL"
 )
+AS_JSON = (
+    'write it as JSON, which is read: python3 -c "import json, sys, yaml; d = [x for x in '
+    'yaml.safe_load_all(sys.stdin) if x]; json.dump(d if d[1:] else d[0], sys.stdout)" < {} > {}'
+)
+"""How to turn YAML into what is read, by PyYAML."""
 OF_SESSIONS = {
     "joints", "frames", "points", "ranges", "drift", "dialect", "match", "session", "cycles",
     "paths", "iso9283", "job", "conditions",
@@ -148,10 +158,35 @@ def require_table(path: Path, where: str) -> None:
     InputError
         S39: it ends as a TOML file does, or as URDF and MJCF do.
     """
-    told = NO_TABLES.get(path.suffix.lower(), "")
-    if told and path.is_file():
+    ending, is_file = path.suffix.lower(), path.is_file()
+    if ending in YAML and is_file:
+        raise _of_yaml(where)
+    if (told := NO_TABLES.get(ending, "")) and is_file:
         message, fix = f"is {told}, and a table is wanted here", "give a CSV, or a workbook (xlsx)"
         raise refuse("file", code="S39", message=message, fix=fix, where=where)
+
+
+def require_no_yaml(lines: Sequence[str], where: str) -> None:
+    """Refuse YAML where a table is wanted, as programs print it into a file of any name.
+
+    Raises
+    ------
+    InputError
+        S39: it has names alone in a line, and numbers of lists below them.
+    """
+    first = [line for line in lines[: 5 * FIRST] if line.strip()]
+    if not any(map(KEY.fullmatch, first)) or not any(map(ITEM.fullmatch, first)):
+        return
+    if all(map(OF_YAML.fullmatch, first)):
+        raise _of_yaml(where)
+
+
+def _of_yaml(where: str) -> InputError:
+    """The error of YAML, and how to turn it into JSON."""
+    new = Path(where).with_suffix(".json").name
+    fix = AS_JSON.format(shlex.quote(where), shlex.quote(new))
+    message = "is YAML, and a table or JSON is wanted here"
+    return refuse("file", code="S39", message=message, fix=fix, where=where)
 
 
 def program_of(lines: Sequence[str]) -> str:

@@ -47,10 +47,16 @@ FOREIGN = (
     (b"MATLAB", "a MATLAB file"),
     (b"\x89HDF", "an HDF5 or MATLAB file"),
     (b"\xd0\xcf\x11\xe0", "an old Excel workbook"),
+    (b"#ROSBAG", "a bag of ROS"),
+    (b"SQLite format 3", "an SQLite file, as a bag of ROS 2"),
+    (b"\x89MCAP", "a bag of ROS 2 (MCAP)"),
+    (b"PAR1", "a Parquet file"),
+    (b"ARROW1", "an Arrow file"),
     (b"%PDF", "a PDF"),
     *((first, "a page of HTML or XML") for first in (b"<!", XML, b"<html", b"<HTML")),
 )
 """First bytes of what is no text, and what to call it."""
+TOPICS = "export its topics as CSV: with PlotJuggler, or by rostopic echo -p"
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,7 +124,7 @@ def read_text(
             raise _refused(
                 where, f"is {name}", code="M36" if "archive" in name else "S39", value=name,
                 allowed="measurements are read from text only, and nothing is unpacked",
-                fix="save the table as CSV",
+                fix=TOPICS if "a bag" in name else "save the table as CSV",
             )  # fmt: skip
     if b"\0" in data:
         raise _no_text(data, where)
