@@ -30,6 +30,11 @@ READ = {"read", "meas", "msr", "actual", "act", "feedback", "measured", "current
 MOVING = {"velocity", "velocities", "vel", "qd", "dq", "speed", "speeds", "acceleration",
           "accelerations", "acc", "qdd", "ddq"}  # fmt: skip
 """Words for how fast a joint moves, which is no place of it."""
+RATES = MOVING | {
+    "effort", "efforts", "torque", "torques", "tau", "current", "currents", "moment",
+    "temperature", "temp", "error", "err", "gain", "voltage",
+}  # fmt: skip
+"""Words for what joints have besides their position."""
 TARGETS = {"goal", "target", "nominal", "nom", "cmd", "command", "commanded", "ref", "set", "t",
            "soll", "sollwert", "reference", "desired", "programmed", "prog", "planned", "plan",
            "theo", "theoretical", "predicted", "expected", "calc", "calculated", "computed",

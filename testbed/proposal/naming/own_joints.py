@@ -4,29 +4,16 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import islice
-from unicodedata import normalize
 
 from testbed.proposal.data import Found
 from testbed.proposal.names import Meaning
-from testbed.proposal.naming.plain import without_unit
-from testbed.proposal.words import JOINTS, MOVING, OF_JOINTS
+from testbed.proposal.naming.named_in_cells import families_by_names
+from testbed.proposal.naming.plain import COUNT, MOST, Family, small_words, without_unit
+from testbed.proposal.words import JOINTS, OF_JOINTS, RATES
 from testbed.units import listed
 
-RATES = MOVING | {
-    "effort", "efforts", "torque", "torques", "tau", "current", "currents", "moment",
-    "temperature", "temp", "error", "err", "gain", "voltage",
-}  # fmt: skip
-"""Words for what joints have besides their position."""
 AXES = {"x", "y", "z", "rx", "ry", "rz"}
 """Words of coordinates, whose numbers are those of targets."""
-COUNT = re.compile(r"(?<!\d)\d{1,2}(?!\d)")
-"""What may be the number of a joint."""
-COUNTED = re.compile(r"[一二三四五六七](?=[轴軸关関])|(?<=[轴軸节節第])[一二三四五六七]")
-"""The number of a joint, written as a word in Chinese or Japanese."""
-MOST = 8
-"""Families of columns that are tried, and numbers of a name that may be those of joints."""
-
-Family = dict[int, str]
 
 
 def with_joints(look: Found, own: Sequence[int], names: Sequence[str]) -> tuple[Found, ...]:
@@ -45,23 +32,31 @@ def with_joints(look: Found, own: Sequence[int], names: Sequence[str]) -> tuple[
     """
     if look.kind != "table":
         return (look,)
-    plain = {name: _words(name) for name in look.head}
+    plain = {name: small_words(name) for name in look.head}
     told = look.has(*(f"q{k}" for k in own)) or look.has(*(f"q{k}_read" for k in own))
-    families = [family for words in (names, *JOINTS) if len(words) == len(own)
-                for family in _called(plain, dict(zip(own, words, strict=True)))]  # fmt: skip
+    known = [dict(zip(own, words, strict=True)) for words in (names, *JOINTS)
+             if len(words) == len(own)]  # fmt: skip
+    by_cells = [family for words in known for family in families_by_names(look, plain, words)]
+    if by_cells:
+        how = "by the names of joints beside them"
+        return tuple(_with(look, one, by_cells, own, how) for one in by_cells[:MOST])
+    families = [family for words in known for family in _called(plain, words)]
     families = [one for k, one in enumerate(families) if one not in families[:k]]
     if not families and not told:
-        known = {one.theirs for one in look.meanings}
-        free = {name: text for name, text in plain.items() if name not in known}
+        taken = {one.theirs for one in look.meanings}
+        free = {name: text for name, text in plain.items() if name not in taken}
         families = _numbered(free, own)
     families.sort(key=lambda one: not _is_of_joints(plain[one[own[0]]]))
     chosen = [_with(look, one, families, own) for one in families[:MOST]]
     return (*chosen, look) if told or not chosen else tuple(chosen)
 
 
-def _with(look: Found, chosen: Family, families: Sequence[Family], own: Sequence[int]) -> Found:
+def _with(
+    look: Found, chosen: Family, families: Sequence[Family], own: Sequence[int],
+    how: str = "in this order",
+) -> Found:  # fmt: skip
     """The same table with one family of columns as its joints, and the others not."""
-    said = f"joints: columns {_ends(chosen, own)} are taken as those of the joints, in this order"
+    said = f"joints: columns {_ends(chosen, own)} are taken as those of the joints, {how}"
     others = [_ends(one, own) for one in families if one is not chosen]
     if others:
         said += f"; {listed(others[:MOST])} are not used"
@@ -70,12 +65,6 @@ def _with(look: Found, chosen: Family, families: Sequence[Family], own: Sequence
     joints = {one.plain for one in found}
     left = [one for one in look.meanings if one.theirs not in taken and one.plain not in joints]
     return replace(look, meanings=(*found, *left), notes=(*look.notes, said))
-
-
-def _words(name: str) -> str:
-    """A name in small words, its digits as on a keyboard."""
-    text = COUNTED.sub(lambda hit: str("一二三四五六七".index(hit[0]) + 1), normalize("NFKC", name))
-    return without_unit(text)[0]
 
 
 def _ends(family: Mapping[int, str], own: Sequence[int]) -> str:
@@ -92,7 +81,7 @@ def _called(plain: Mapping[str, str], names: Mapping[int, str]) -> list[Family]:
     """Families of columns with the name of each joint, and the same words around all of them."""
     families: dict[tuple[str, str], Family] = {}
     for k, own in names.items():
-        wanted = re.compile(rf"(?:(.*) )?{re.escape(_words(own))}(?: (.*))?")
+        wanted = re.compile(rf"(?:(.*) )?{re.escape(small_words(own))}(?: (.*))?")
         for name, text in plain.items():
             hit = wanted.fullmatch(text)
             if hit is not None and not RATES & set(text.split()):

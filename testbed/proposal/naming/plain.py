@@ -1,6 +1,7 @@
 """Names of columns in small words, without their units."""
 
 import re
+from unicodedata import normalize
 
 from testbed.files.columns import WRITTEN
 
@@ -13,6 +14,16 @@ OF_95 = re.compile(r"\b(?:u|unc|uncertainty) (?:95 ?%?|k ?= ?2)(?= |$)")
 """An expanded uncertainty, as U(95) X of Leica and U (k = 2) X."""
 BEHIND_95 = re.compile(r"(?:u|unc|uncertainty) (\S{1,20}) (?:95 ?%|k ?= ?2)")
 """The same said behind the axis: U X (k = 2)."""
+
+COUNT = re.compile(r"(?<!\d)\d{1,2}(?!\d)")
+"""What may be the number of a joint."""
+COUNTED = re.compile(r"[一二三四五六七](?=[轴軸关関])|(?<=[轴軸节節第])[一二三四五六七]")
+"""The number of a joint, written as a word in Chinese or Japanese."""
+MOST = 8
+"""Families of columns that are tried, and numbers of a name that may be those of joints."""
+
+Family = dict[int, str]
+"""Columns of joints, by their numbers."""
 
 
 def without_unit(name: str) -> tuple[str, str]:
@@ -31,3 +42,9 @@ def without_unit(name: str) -> tuple[str, str]:
     text = " ".join(words)
     behind = BEHIND_95.fullmatch(text)
     return f"u95 {behind[1]}" if behind else OF_95.sub("u95", text), unit
+
+
+def small_words(name: str) -> str:
+    """A name in small words, its digits as on a keyboard."""
+    text = COUNTED.sub(lambda hit: str("一二三四五六七".index(hit[0]) + 1), normalize("NFKC", name))
+    return without_unit(text)[0]

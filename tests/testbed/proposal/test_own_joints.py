@@ -381,3 +381,48 @@ def test_long_cells_and_names_take_no_time(text, tmp_path):
         done = call("new", "session", tmp_path / "m.csv", "--robot", UR10.name, "--out",
                     tmp_path / "session.toml")  # fmt: skip
     assert done.exit_code in (0, 2)
+
+
+def message(order, prefix=""):
+    """Names, positions and rates of a message of ROS, a gripper among them."""
+    own = [f"{prefix}{name}" for name in ROS] + ["finger_joint"]
+    q = np.column_stack([DATA.q, np.linspace(0.0, 0.8, M)])
+    return [own[k] for k in order], q[:, order], 0.1 * np.cos(q[:, order])
+
+
+def as_csv(names, q, rates):
+    table = {f"field.name{k}": [name] * M for k, name in enumerate(names)}
+    table |= {f"field.position{k}": q[:, k] for k in range(len(names))}
+    table |= {f"field.velocity{k}": rates[:, k] for k in range(len(names))}
+    return csv(table | places("{}"))
+
+
+def as_json(names, q, rates):
+    rows = [
+        {"joint_state": {"name": names, "position": list(map(float, a)),
+                         "velocity": list(map(float, b))},
+         "point": dict(zip("xyz", map(float, p), strict=True))}
+        for a, b, p in zip(q, rates, MM, strict=True)
+    ]  # fmt: skip
+    return json.dumps(rows)
+
+
+@pytest.mark.parametrize("form", [as_csv, as_json])
+@pytest.mark.parametrize("order", [(2, 1, 0, 3, 4, 5), (6, 1, 2, 0, 5, 3, 4)])
+@pytest.mark.parametrize("prefix", ["", "left_"])
+def test_joints_of_a_message_are_those_that_it_names(form, order, prefix, tmp_path):
+    """Drivers sort them by their letters: two were to be swapped, and of three none fitted."""
+    file = tmp_path / ("m.json" if form is as_json else "m.csv")
+    file.write_text(form(*message(list(order), prefix)))
+    said, _ = proposed(tmp_path, [file], "--robot", UR10.name)
+    assert "are taken as those of the joints, by the names of joints beside them" in said
+    table = read_session(tmp_path / "session.toml", UR10).measurements
+    np.testing.assert_allclose(table.q, DATA.q, rtol=0, atol=1e-14)
+
+
+def test_names_of_other_joints_leave_the_order_of_the_columns(tmp_path):
+    _, q, rates = message([0, 1, 2, 3, 4, 5])
+    (tmp_path / "m.csv").write_text(as_csv([f"axis_of_{k}" for k in "abcdef"], q, rates))
+    proposed(tmp_path, [tmp_path / "m.csv"], "--robot", UR10.name)
+    table = read_session(tmp_path / "session.toml", UR10).measurements
+    np.testing.assert_allclose(table.q, DATA.q, rtol=0, atol=1e-14)
