@@ -109,6 +109,9 @@ LETTERS = (
     {"w": "rx", "p": "ry", "r": "rz"},
     {"o": "e1", "a": "e2", "t": "e3"},
     {"a": "e1", "e": "e2", "r": "e3"},
+    {"alpha": "rx", "beta": "ry", "gamma": "rz"},
+    {"α": "rx", "β": "ry", "γ": "rz"},
+    {"phi": "rx", "theta": "ry", "psi": "rz"},
 )
 """Equal rotations: of KUKA, about z, then y, then x, and of FANUC, about fixed x, y, z; those of
-Kawasaki and Comau, about z, the turned y and the turned z."""
+Kawasaki and Comau, about z, the turned y and the turned z. Greek letters are of books."""

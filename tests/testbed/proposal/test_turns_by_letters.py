@@ -70,3 +70,26 @@ def test_angles_in_an_order_that_is_not_tried_do_not_lose_the_places(tmp_path):
     assert found.document["uncertainty"] == {"position_um": 30}
     assert found.unused == ("d.csv: columns yaw, pitch, roll",)
     assert any(one.startswith("rotations: they fit in no order") for one in found.assumed)
+
+
+@pytest.mark.parametrize(
+    ("names", "euler", "read"),
+    [
+        (("alpha", "beta", "gamma"), "xyz", "ZYX"),
+        (("α [°]", "β [°]", "γ [°]"), "XYZ", "XYZ"),
+        (("psi", "theta", "phi"), "ZYX", "ZYX"),
+    ],
+)
+def test_greek_letters_are_turns_about_the_axes_where_these_fit(names, euler, read, tmp_path):
+    """They stood among the columns that are not used."""
+    found = proposed(tmp_path, names, euler)
+    assert found.fits
+    assert found.document["frames"]["euler"] == read
+    assert not found.unused
+
+
+def test_greek_letters_that_fit_in_no_order_are_left_aside_and_the_places_are_read(tmp_path):
+    found = proposed(tmp_path, ("alpha", "beta", "gamma"), "ZYZ")
+    assert found.fits
+    assert "points" in found.document
+    assert any("they fit in no order that is tried" in one for one in found.assumed)
