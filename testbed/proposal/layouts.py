@@ -37,10 +37,10 @@ def layouts(look: Found, n: int) -> Iterator[Layout]:
         left, at = look.width - skip, look.names + skip
         if left == n:
             yield Layout("joints", joints=_names(at, n))
-        if left == n + 6:  # where it was sent, and beside that where it was seen
+        if (sent := left - n - 3) in (3, 6, 7):  # where it was sent, then where it was seen
             for name, q, p in (
-                ("joints first", _names(at, n), _names(at + n + 3, 3)),
-                ("joints last", _names(at + 6, n), _names(at + 3, 3)),
+                ("joints first", _names(at, n), _names(at + n + sent, 3)),
+                ("joints last", _names(at + sent + 3, n), _names(at + sent, 3)),
             ):
                 yield Layout(f"both {skip} seen {name}", q, p)
         for turns in (0, 3, 4):

@@ -217,7 +217,10 @@ def _proposed(looks: tuple[Found, ...], robot: Robot | None, root: Path) -> Prop
         return Proposed(first.document, first.notes, tried, False)
     if first.jointless:
         require_joints(looks, robot)
-        tried = "there are no joints: nothing could be tried" + not_known(looks)
+        tried = (
+            f"there are no joints: nothing could be tried{not_known(looks)}. Log those of every "
+            "pose: where a controller says that the tool is does not replace them"
+        )
         return Proposed(first.document, first.notes, tried, False)
     best, tried, fits = tried_with(drafts, looks, robot, root)
     if not fits and (alone := places_alone(drafts, looks, robot, root)) is not None:

@@ -23,6 +23,7 @@ from testbed.proposal.data import Found, files_of
 from testbed.proposal.drafts import PARTS, Draft
 from testbed.proposal.fits.draft_fit import AXES, DraftFit, fit_of
 from testbed.proposal.fits.far_off import far_off
+from testbed.proposal.fits.poses_for_joints import poses_for_joints
 from testbed.proposal.fits.sent import is_of_a_controller, places_of, without_sent
 from testbed.proposal.rows.beginning import SEEN, beginnings
 from testbed.proposal.rows.sideways import on_its_side
@@ -102,8 +103,8 @@ def tried_with(
                 better = by_other_zeros(error, robot, partial(_read_for, read, draft))
                 if better is not error:
                     raise better from error
-            if (turned := on_its_side(looks, robot.model.chain.n_joints)) is not None:
-                raise turned from error
+            if (other := _otherwise(looks, robot)) is not None:
+                raise other from error
             nameless = next((one for one in looks if one.kind == "bare"), None)
             if nameless is None or error.code not in GUESSED:
                 raise
@@ -111,8 +112,8 @@ def tried_with(
         raise AssertionError("a draft can be read that could not be")
     if (explained := far_off(sessions, [one.score for one in whole], robot)) is not None:
         return drafts[explained[0]], explained[1], True
-    if (turned := on_its_side(looks, robot.model.chain.n_joints)) is not None:
-        raise turned
+    if (other := _otherwise(looks, robot)) is not None:
+        raise other
     session = sessions[likely]
     assert session is not None
     found = probe(robot, session)
@@ -130,6 +131,12 @@ def tried_with(
         f"the robot that was measured? {BY_SIZE.capitalize()}"
     )
     return drafts[likely], tried, False
+
+
+def _otherwise(looks: Sequence[Found], robot: Robot) -> InputError | None:
+    """What files are that no interpretation explains, where that is known."""
+    turned = on_its_side(looks, robot.model.chain.n_joints)
+    return turned if turned is not None else poses_for_joints(looks, robot)
 
 
 def _read_for(read: Callable[..., Session], draft: Draft, robot: Robot) -> Session:

@@ -6,6 +6,7 @@ one, to the last digit that a file has.
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from testbed.files.read import read_session
 from tests.command import call
@@ -198,5 +199,53 @@ def test_places_that_a_controller_logs_beside_its_joints_do_not_replace_the_trac
     files = [tmp_path / "robot.csv", tmp_path / "tracker.csv"]
     said, _ = proposed(tmp_path, files, "--robot", ROBOT.name)
     assert "are not used: they are a controller's own poses" in said
+    table = read_session(tmp_path / "session.toml", ROBOT).measurements
+    np.testing.assert_allclose(table.position, points() / 1e3, rtol=0, atol=1e-12)
+
+
+def of_controller(turned, scale):
+    """Where a controller has the flange: a place and three numbers of a rotation."""
+    R = Rotation.from_matrix(FLANGE[:, :3, :3])
+    return np.column_stack([scale * FLANGE[:, :3, 3], turned(R)])
+
+
+POSES = {
+    "Universal Robots": of_controller(lambda R: R.as_rotvec(), 1.0),
+    "KUKA": of_controller(lambda R: R.as_euler("ZYX", degrees=True), 1e3),
+    "FANUC": of_controller(lambda R: R.as_euler("xyz", degrees=True), 1e3),
+}
+
+
+@pytest.mark.parametrize("poses", POSES.values(), ids=POSES)
+@pytest.mark.parametrize("numbered", [True, False])
+def test_poses_of_a_controller_in_place_of_joints_are_told(poses, numbered, tmp_path):
+    """It was asked whether this was the robot that was measured."""
+    tables = {"pose.txt": poses, "lt.txt": points()}
+    for name, rows in tables.items():
+        rows = np.column_stack([np.arange(1, M + 1), rows]) if numbered else rows
+        np.savetxt(tmp_path / name, rows, delimiter=",", fmt="%.9f")
+    files = [tmp_path / name for name in tables]
+    done = call("new", "session", *files, "--robot", ROBOT.name, "--out", tmp_path / "s.toml")
+    assert done.exit_code == 2
+    said = " ".join(done.stderr.split())
+    assert "pose.txt: has where a controller says that the tool is, and no joints" in said
+
+
+def test_joints_of_another_arm_are_no_poses(tmp_path):
+    np.savetxt(tmp_path / "a.txt", np.random.default_rng(0).uniform(-90, 90, (M, 6)), fmt="%.6f")
+    np.savetxt(tmp_path / "b.txt", points(), fmt="%.6f")
+    files = [tmp_path / "a.txt", tmp_path / "b.txt"]
+    said, _ = proposed(tmp_path, files, "--robot", ROBOT.name)
+    assert "is it the robot that was measured?" in said
+
+
+@pytest.mark.parametrize("order", ["joints first", "joints last"])
+def test_a_pose_of_the_controller_between_joints_and_what_was_seen_is_left_aside(order, tmp_path):
+    """Twelve numbers and a place that the tracker saw: the pose was read, with a warning."""
+    q, poses = np.degrees(data().q), POSES["KUKA"]
+    blocks = [q, poses, points()] if order == "joints first" else [poses, points(), q]
+    np.savetxt(tmp_path / "a.txt", np.column_stack(blocks), fmt="%.9f")
+    said, _ = proposed(tmp_path, [tmp_path / "a.txt"], "--robot", ROBOT.name)
+    assert "these are a controller's own poses" not in said
     table = read_session(tmp_path / "session.toml", ROBOT).measurements
     np.testing.assert_allclose(table.position, points() / 1e3, rtol=0, atol=1e-12)
