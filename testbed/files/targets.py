@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calib.arrays import Array, Index
+from calib.arrays import Array, Bool, Index
 from calib.geometry.fixtures import Fixtures
 from calib.geometry.frames import slide
 from calib.measurement.observations import GIVEN
@@ -28,6 +28,11 @@ class TargetPart:
 
     def __len__(self) -> int:
         return len(self.readings)
+
+    def rows(self, which: Bool | Index) -> "TargetPart":
+        """The same for some rows (a mask or indices)."""
+        index = np.arange(len(self))[which]
+        return TargetPart(self.joints.rows(index), self.readings.rows(index), self.section)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -60,8 +60,7 @@ def without_copies(part: TargetPart, *, fine: bool) -> tuple[TargetPart, list[st
         keep, said = copied_rows(readings, target.ravel(), *joints)
     alike = "the digits of earlier readings; that alone leaves none out, as good ones may be alike"
     odd = rows_said(readings.place, earlier & keep, alike, left="")
-    index = np.flatnonzero(keep)
-    return TargetPart(part.joints.rows(index), readings.rows(index), part.section), said, odd
+    return part.rows(keep), said, odd
 
 
 def without_averages(part: TargetPart) -> tuple[TargetPart, list[str]]:
@@ -89,5 +88,4 @@ def without_averages(part: TargetPart) -> tuple[TargetPart, list[str]]:
     if means < FEWEST or means < MOST * len(several):
         return part, []
     said = rows_said(readings.place, ~keep, "the mean of the other readings of their pose")
-    index = np.flatnonzero(keep)
-    return TargetPart(part.joints.rows(index), readings.rows(index), part.section), said
+    return part.rows(keep), said

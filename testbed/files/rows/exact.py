@@ -70,7 +70,7 @@ def _left_by_digits(model: RobotModel, read: Interpretation, *, read_back: bool)
     are what they are, however few their digits: they leave `COMMANDED` at most, and nothing where
     all joints slide, as real axes that are compensated are off by a few micrometers.
     """
-    place, steps = _step(read.position, METERS), digit_steps(model, read.q)
+    place, steps = step_of(read.position, METERS), digit_steps(model, read.q)
     turns = model.chain.prismatic == 0
     shown = steps[turns] <= SHOWN[1] * (1 + ON_STEP)
     if not read_back and place >= SHOWN[0] and turns.all() and shown.any() and _is_drawn(model):
@@ -91,7 +91,7 @@ def digit_steps(model: RobotModel, q: Array) -> Array:
     """Steps (n,) of which all values of a joint (m, n) are multiples [rad, m]; 0 without any."""
     slides = model.chain.prismatic > 0
     return np.array(
-        [_step(q[:, j], METERS if slides[j] else TURNS) for j in range(q.shape[1])], dtype=float
+        [step_of(q[:, j], METERS if slides[j] else TURNS) for j in range(q.shape[1])], dtype=float
     )
 
 
@@ -105,7 +105,7 @@ def moved_by_digits(model: RobotModel, q: Array, steps: Array) -> float:
     return float(np.sqrt(variance))
 
 
-def _step(values: Array, steps: Sequence[float]) -> float:
+def step_of(values: Array, steps: Sequence[float]) -> float:
     """The largest of some steps of which all values are multiples; 0 if there is none."""
     found = (one for one in sorted(steps, reverse=True)
              if np.abs(values / one - np.round(values / one)).max() < ON_STEP)  # fmt: skip

@@ -74,7 +74,7 @@ def mismatched_rows(
             continue
         F, position = flange_poses(model, table.q[rows]), table.position[rows]
         rotation = table.rotation[rows] if table.is_pose[rows[0]] else None
-        frames, bad = _trimmed_frames(F, position, rotation)
+        frames, bad = trimmed_frames(F, position, rotation)
         usual = float(np.median(frames.position_errors(F, position)))
         if len(bad) > 1 or usual > FAR:
             doubtful.append(rows)
@@ -101,7 +101,7 @@ def _line(place: Sequence[str], row: int, other: int) -> str:
     return f"line {line}" if file == place[row].rpartition(":")[0] else place[other]
 
 
-def _trimmed_frames(F: Array, position: Array, rotation: Array | None) -> tuple[Frames, Index]:
+def trimmed_frames(F: Array, position: Array, rotation: Array | None) -> tuple[Frames, Index]:
     """Frames from the rows that fit, and the rows that do not: gross errors do not count."""
     some = evenly(np.arange(len(F)), MOST_FITTED)
     keep, half = _sound_stretch(F, position, rotation, some), max(6, len(some) // 2)

@@ -13,6 +13,7 @@ from testbed.files.observed import has_readings, unused_columns
 from testbed.files.refusal import refusal, require_names
 from testbed.files.rows.by_time import by_time
 from testbed.files.rows.copies import without_averages, without_copies
+from testbed.files.rows.stale import stale_rows
 from testbed.files.session_toml import SessionFile
 from testbed.files.sources import Sources
 from testbed.files.table import DataTable
@@ -90,7 +91,8 @@ def with_joints(
         named = replace(part.joints.extras, pose=part.readings.extras.pose)
         part = replace(part, joints=replace(part.joints, extras=named))
     # only now: match = "order" counts the rows of the file
-    part, copies, alike = without_copies(part, fine=cleaned.fine)
+    fresh, stale = stale_rows(part, robot.model, fine=cleaned.fine)
+    part, copies, alike = without_copies(part.rows(fresh), fine=cleaned.fine)
     part, means = without_averages(part)
     # only now: nests have no pose, and may be the only targets with a name
     require_names("pose_id", part.joints.extras.pose or (), part.joints.place)
@@ -99,7 +101,7 @@ def with_joints(
     if readings.kind != "pose" and any(part.readings.target):
         require_names("target", part.readings.target, part.readings.place)
     said = (*match.warnings, *alike, *_several_targets(part))
-    return part, replace(match, masked=(*copies, *means), warnings=said)
+    return part, replace(match, masked=(*stale, *copies, *means), warnings=said)
 
 
 def _several_targets(part: TargetPart) -> tuple[str, ...]:
