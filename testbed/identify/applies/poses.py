@@ -9,6 +9,7 @@ from calib.identification.result import ILL_CONDITIONED
 from calib.measurement.observations import Measurements
 from testbed.files.rows.exact import digit_steps, moved_by_digits
 from testbed.files.session import Session
+from testbed.identify.applies.quiet import quiet_words
 from testbed.identify.records import FittedModel
 from testbed.robots.catalog import Robot
 from testbed.units import micrometres, named, significant
@@ -28,9 +29,7 @@ def warnings_of(
     texts = [*_still(geometric, train), *_condition(geometric)]
     if result.status is not Status.CONVERGED:
         texts.append(f"the fit {result.status.value}")
-    if result.p_value > 1 - RED:
-        texts.append(_quiet(scatter))
-    return tuple(texts)
+    return (*texts, *quiet_words(result, train, scatter))
 
 
 def scatter_told(robot: Robot, session: Session) -> str:
@@ -63,23 +62,6 @@ def coarse_joints(session: Session, chosen: FittedModel, train: Measurements) ->
         f"{micrometres(moved, 2)} um per axis in each reading (standard deviation), where "
         f"{micrometres(noise, 2)} um of noise is stated; write more decimals",
     )
-
-
-def _quiet(scatter: str) -> str:
-    """That less is left than the noise would leave, and which part of it may be too large."""
-    less = "the residuals are smaller than the"
-    if scatter == "stated":
-        return (
-            f"{less} stated noise of readings and joints together: one of the two is stated too "
-            "large"
-        )
-    if scatter == "assumed":
-        return (
-            f"{less} stated noise of the readings and the scatter of the joints together, which is "
-            "assumed, as the robot's file states none: one of the two is too large; "
-            'joint_repeatability = "included" under [uncertainty] takes the stated noise alone'
-        )
-    return f"{less} stated noise of the readings, which is stated too large"
 
 
 def _still(fit: FittedModel, train: Measurements) -> tuple[str, ...]:

@@ -186,9 +186,9 @@ def test_who_told_the_noise_that_is_too_large_is_said():
     session = session_of(table_of(true_model(), pool_r(40), noise=0.5))
     scatter, sources = np.full(6, 1e-5), {"repeatability": "assumed: 10 urad"}
     for arm, joints, said in (
-        (robot(), np.zeros(6), "stated noise of the readings, which is stated too large"),
-        (robot(), scatter, "stated noise of readings and joints together: one of the two is stat"),
-        (replace(robot(), sources=sources), scatter, "joints together, which is assumed, as the "),
+        (robot(), np.zeros(6), "stated noise of readings: they allow for"),
+        (robot(), scatter, "stated noise of readings and joints together: they allow for"),
+        (replace(robot(), sources=sources), scatter, "(that of the joints is assumed, as the "),
     ):
         found = calibrate(arm, replace(session, joint_scatter=joints))
         (told,) = (text for text in found.warnings if "residuals are smaller" in text)
