@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from testbed.assets import scene_names
+from testbed.report.plots import TICKS, log_ticks
 from testbed.studies import load_scenario
 
 if TYPE_CHECKING:
@@ -133,7 +134,11 @@ def _finish(axes: "Axes", names: list[str], label: str, line: float | None) -> N
     axes.set_axisbelow(True)
     if line is None:
         axes.set_xscale("log")
-        axes.xaxis.set_major_formatter("{x:g}")
+        low, high = axes.get_xlim()
+        low = 0.95 * max(tick for tick in TICKS if tick <= low)
+        high = 1.05 * min(tick for tick in TICKS if tick >= high)
+        axes.set_xlim(low, high)
+        log_ticks(axes.xaxis, low, high)
     else:
         axes.axvline(line, color="#444444", linewidth=1)
 

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from calib.arrays import Array, check, require_numbers
 from calib.errors import refuse
 from calib.uncertainty.regions import ellipsoid
-from testbed.report.plots import plain_log
+from testbed.report.plots import log_ticks
 from testbed.report.svg import DARK as AFTER
 from testbed.report.svg import INK, SOFT
 from testbed.report.svg import MIDDLE as BEFORE
@@ -86,10 +86,12 @@ def errors(axes: "Axes", result: Tabular, *, radius: float | None = None) -> "Ax
         color, style = (AFTER, SOFT)[line // 3 % 2], ("-", "-.", ":")[line % 3]
         _distribution(axes, table["after_mm"][chosen], label, color, style)
     if radius is not None:
-        axes.axvline(1e3 * radius, color=INK, linewidth=1.2, label="stated radius")
-    axes.set(xscale="log", ylim=(0, 1), xlabel="position error [mm]", ylabel="share of poses below")
-    plain_log(axes)
-    axes.legend()
+        axes.plot([1e3 * radius] * 2, [0, 1], color=INK, linewidth=1.2, label="stated radius")
+    axes.set(xscale="log", xlabel="position error [mm]", ylabel="share of poses below")
+    log_ticks(axes.xaxis, *axes.get_xlim())
+    axes.set_yticks(np.linspace(0, 1, 6))
+    axes.set_ylim(0, 1.05 + 0.12 * len(axes.lines))  # the legend lies above the curves
+    axes.legend(loc="upper left", fontsize="small")
     return axes
 
 

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from matplotlib import pyplot as plt
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from scipy.stats import chi2
 
@@ -31,6 +32,19 @@ def test_the_distribution_of_errors_is_that_of_the_held_out_poses(axes, campaign
     np.testing.assert_allclose(drawn["before"], 1e3 * np.sort(found.before))
     np.testing.assert_allclose(drawn[f"{trial.name}, whitened"], 1e3 * np.sort(found.after))
     assert "stated radius" in words(axes)
+
+
+def test_errors_have_plain_numbers_below_and_their_legend_above_the_curves(axes, campaign):
+    """Powers of ten stood there, and the legend lay on the curve that a page is about."""
+    figure = axes.get_figure()
+    figure.set_size_inches(4.5, 3.8)  # half of a figure of two
+    plots.errors(axes, campaign, radius=campaign.trials[0].estimates[0].radius)
+    FigureCanvasAgg(figure).draw()
+    ticks = [text.get_text() for text in axes.get_xticklabels()]
+    assert len(ticks) > 1
+    assert all(f"{float(text):g}" == text for text in ticks)
+    lower = axes.get_legend().get_window_extent().y0
+    assert lower > axes.transData.transform((1.0, 1.0))[1]
 
 
 def test_residuals_are_drawn_by_component(axes, campaign):
