@@ -68,7 +68,8 @@ def headline_rows(plan: Plan) -> list[tuple[str, str, str]]:
         rows.append(("target", expanded(plan, target), f"{reached}; predicted {expanded(plan, u)}"))
         if plan.curve.fewest is not None:
             rows.append(("proven least number of poses for it", str(plan.curve.fewest), "poses"))
-    rows.append(("tracker station", in_mm(plan.station_mm), "mm in the base frame"))
+    # a wide value would push the words beside it off a phone
+    rows.append(("tracker station", "", f"{in_mm(plan.station_mm)} mm in the base frame"))
     rows.append(("numbers identified", str(plan.parameters.n_free), ""))
     return rows
 

@@ -115,6 +115,11 @@ def test_the_efficiency_is_one_number_and_never_rounded_up():
     assert shown[counts.index(str(len(made.places)))] == word
 
 
+def test_values_of_the_headline_are_short_so_that_a_phone_has_room_for_their_words():
+    """The place of the tracker pushed the words of every row off the screen."""
+    assert max(len(value) for _, value, _ in headline_rows(small_plan())) <= 6
+
+
 def test_what_two_decimals_do_not_show_is_no_zero():
     assert [hundredths(u) for u in (0.0, 4.9e-9, 6e-9, 1.381e-6)] == [
         "< 0.01", "< 0.01", "0.01", "1.38"
