@@ -6,8 +6,8 @@ from scipy.spatial.transform import Rotation
 
 from testbed.files.read import read_session
 from testbed.robots.catalog import load_robot
-from tests.command import call
 from testbed.studies import load_scenario
+from tests.command import call
 from tests.testbed.files.made import made
 from tests.testbed.proposal.test_odd_files import UR10
 from tests.testbed.proposal.test_session import proposed
