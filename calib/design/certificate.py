@@ -6,7 +6,6 @@ from math import ceil, floor
 import numpy as np
 from numpy.typing import ArrayLike
 
-from calib.arrays import Array
 from calib.design.borders import require_problem
 from calib.design.problem import Problem
 from calib.design.relaxation import ITERATIONS, TOLERANCE, relaxation
@@ -88,15 +87,12 @@ def certificate_of(
     value = float(criterion.value(M))
     if not isinstance(criterion, Certifiable) or not np.isfinite(value):
         return None
-    if problem.is_singular(chosen) or (isinstance(criterion, Spectral) and _rounded(M)):
-        return None  # its smallest eigenvalue is rounding
+    if problem.is_singular(chosen):
+        return None
+    if isinstance(criterion, Spectral) and relative_rounding(M, any_units=False) > KNOWN:
+        return None  # its smallest eigenvalue is rounding, in the units as they are
     relaxed = relaxation(problem, iterations=iterations, tolerance=tolerance)
     return certificate_of_bound(problem, criterion, value, relaxed.bound, len(relaxed.trace))
-
-
-def _rounded(M: Array) -> bool:
-    """Whether rounding hides the smallest eigenvalue of M (p, p), in the units as they are."""
-    return relative_rounding(M, any_units=False) > KNOWN
 
 
 def certificate_of_bound(

@@ -66,7 +66,7 @@ def fit(
     own = own_prior(parameters, start)
     if links is not None:
         links = links if own is None else links.joined(own)
-    elif names := _links(parameters):
+    elif names := [name for name in parameters.free_names if not is_frame(name)]:
         links = weak_prior(parameters.freeing(names), start)
     if model == "extended":  # refuses a robot without a term to add
         extended_parameters(start, extended_model(start, mounted), parameters)
@@ -171,11 +171,6 @@ def frames_model(asked: str | None) -> str:
             allowed="the model that the robot's file has", fix="leave --model out",
         )  # fmt: skip
     return FRAMES_ALONE
-
-
-def _links(parameters: Parameters) -> list[str]:
-    """Names of the free numbers that are no frames."""
-    return [name for name in parameters.free_names if not is_frame(name)]
 
 
 def plain_fit(

@@ -113,7 +113,11 @@ def name_of(file: Path) -> str:
 
 def _repeating(visits: Visits | None, paths: Sequence[PathRuns]) -> Iterator[str]:
     """Sentences on readings that are the commands, digit for digit."""
-    same = [f"path {one.name}" for one in paths if _repeats(one)]
+    same = [
+        f"path {one.name}"
+        for one in paths
+        if all(np.array_equal(run, one.command) for run in one.runs)
+    ]
     if visits is not None and (visits.position == visits.command[:, None]).all():
         same.insert(0, "poses")
     for what in same:
@@ -133,11 +137,6 @@ def _of_odd_size(visits: Visits | None, paths: Sequence[PathRuns]) -> Iterator[s
             f"all commands lie within {millimetres(size)} mm: if the arm moved another way "
             "than that, commands and readings are in another unit than their columns say (_mm, _m)"
         )
-
-
-def _repeats(path: PathRuns) -> bool:
-    """Whether every run of a path is its command."""
-    return all(np.array_equal(run, path.command) for run in path.runs)
 
 
 def _without_folders(texts: Sequence[str], files: Sequence[SourceFile]) -> tuple[str, ...]:

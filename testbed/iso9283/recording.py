@@ -5,7 +5,7 @@ from functools import partial
 
 import numpy as np
 
-from calib.arrays import Array, Index, evenly
+from calib.arrays import Array, evenly
 from calib.measurement.iso_drift import BLOCK
 from testbed.iso9283.recording_path import DARK, FRAMES, PALE, path_chapter
 from testbed.iso9283.shown import ShownTest
@@ -130,15 +130,11 @@ def _draw_cell(shown: LargerThanLife, pen: Pen) -> None:
     pen.static("world/names", names)
 
 
-def _cycles(test: ShownTest) -> Index:
-    """Cycles that the tool goes through."""
-    return evenly(np.arange(test.position.shape[1]), max(2, MOST_VISITS // len(test.poses)))
-
-
 def _visits(shown: LargerThanLife) -> Chapter:
     """The tool goes from pose to pose, cycle after cycle; each reading stays."""
     test = shown.test
-    cycles, count, all_of_them = _cycles(test), len(test.poses), test.position.shape[1]
+    count, all_of_them = len(test.poses), test.position.shape[1]
+    cycles = evenly(np.arange(all_of_them), max(2, MOST_VISITS // count))
     position = test.position[:, cycles]
     off = UM * np.linalg.norm(position - test.command[:, None], axis=2)
     named = sorted(np.argsort(-test.RP, kind="stable")[: len(CURVES)].tolist())

@@ -113,7 +113,7 @@ def _words(axis: "Axis") -> float:
     shown = axis.get_tick_params().get("labelleft" if upright else "labelbottom", True)
     if hasattr(axis.axes, "_colorbar"):
         shown = True
-    labels = _labels(axis) if shown else []
+    labels = [text for _, text in _ticks(axis)] if shown else []
     size = 7.5
     room = 0.0
     if labels:
@@ -135,11 +135,6 @@ def _overhangs(axis: "Axis", across: float) -> tuple[float, float]:
         max(_length(text, 7.5) / 2 - first * ROUGH * across, 0.0),
         max(_length(other, 7.5) / 2 - (1 - last) * ROUGH * across, 0.0),
     )
-
-
-def _labels(axis: "Axis") -> list[str]:
-    """Labels of the ticks within view."""
-    return [text for _, text in _ticks(axis)]
 
 
 def _ticks(axis: "Axis") -> list[tuple[float, str]]:

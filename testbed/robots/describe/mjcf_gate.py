@@ -4,7 +4,6 @@ Includes and meshes are read here; MuJoCo gets a text and bytes, and opens no fi
 """
 
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -209,7 +208,7 @@ def _settle_meshes(gated: Gated, path: Path, folder: Path, *, allow_missing: boo
         for layer in list(material):
             _remove(layer)
     gone: set[str] = set()
-    for mesh in list(_mesh_assets(root)):
+    for mesh in [mesh for asset in root.iter("asset") for mesh in asset.findall("mesh")]:
         name = mesh.get("file")
         if name is None:
             continue  # its vertices stand in the text
@@ -230,12 +229,6 @@ def _settle_meshes(gated: Gated, path: Path, folder: Path, *, allow_missing: boo
         gated.files[own] = file
     for geom in [geom for geom in root.iter("geom") if geom.get("mesh") in gone]:
         _remove(geom)
-
-
-def _mesh_assets(root: Any) -> Iterator[Any]:
-    """The meshes of <asset>, not those of <default>."""
-    for asset in root.iter("asset"):
-        yield from asset.findall("mesh")
 
 
 def _mesh_file(mesh: Any, name: Path, path: Path, folder: Path) -> Path | None:

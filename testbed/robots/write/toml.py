@@ -9,7 +9,7 @@ from calib.errors import one_line
 from calib.geometry.frames import transform_step
 from calib.geometry.joint_errors import JointTerm
 from testbed.robots.coupled import controller_table
-from testbed.robots.robot import Reflector, Robot, Workspace
+from testbed.robots.robot import Robot, Workspace
 from testbed.robots.shapes import shapes_table
 from testbed.robots.springs import springs_table
 from testbed.robots.units import Unit, degrees, millimeters, millionths
@@ -46,7 +46,11 @@ def robot_toml(robot: Robot, *, comment: str = "") -> str:
         "tolerances": _tolerances(robot),
         "joint_terms": terms or None,
         **({} if (springs := springs_table(errors)) is None else {"springs": springs}),
-        "reflectors": [_reflector(reflector) for reflector in robot.reflectors] or None,
+        "reflectors": [
+            {"name": one.name, "position_mm": [millimeters(x) for x in one.place]}
+            for one in robot.reflectors
+        ]
+        or None,
     }
     lines = [f"# {one_line(line)}" for line in comment.split("\n")] if comment else []
     lines += toml_lines(head)
@@ -66,11 +70,6 @@ def _frame(T: Array) -> dict[str, Any]:
         "position_mm": [millimeters(x) for x in step[:3]],
         "rotation_vector_deg": [degrees(x) for x in step[3:]],
     }
-
-
-def _reflector(reflector: Reflector) -> dict[str, Any]:
-    """One of [[reflectors]]."""
-    return {"name": reflector.name, "position_mm": [millimeters(x) for x in reflector.place]}
 
 
 def _tolerances(robot: Robot) -> dict[str, Any] | None:
