@@ -111,6 +111,8 @@ def in_a_ring(text, name="arm.urdf"):
 PART, LETTERS = {"part.stl": block()}, "n" * 300
 BENT = "<COLLADA xmlns='http://www.collada.org/2005/11/COLLADASchema'>"
 LOOP = '<connect body1="fore" body2="sled" anchor="0 0 0"/>'
+AGAIN = """<link name="x"/><joint name="{}" type="fixed">
+<parent link="base_link"/><child link="{}"/></joint>"""
 BOMB = b"PK\x03\x04" + bytes(60)
 NAN = block().replace(b"\x00\x00\x80\x3f", b"\x00\x00\xc0\x7f", 1)
 CASES = {
@@ -140,6 +142,7 @@ CASES = {
     "R5 outside entity in URDF": raw("arm.urdf", outside("robot")),
     "R5 outside entity in MJCF": raw("arm.xml", outside("mujoco")),
     "R6 mesh above the folder": in_urdf(text=with_mesh("../part.stl")),
+    "R6 mesh by an address": in_urdf(text=with_mesh("file:///etc/passwd")),
     "R6 mesh with an absolute path": in_urdf(text=with_mesh("/etc/passwd")),
     "R6 mesh through a link": linked,
     "R6 MJCF mesh above the folder": in_mjcf('meshdir="assets"', 'meshdir="../assets"'),
@@ -229,15 +232,20 @@ CASES = {
     "R11 MJCF arm heavier than any": in_mjcf('angle="degree"', 'angle="degree" settotalmass="1e8"'),
     "R12 commas": in_urdf('xyz="0 0 0.1"', 'xyz="0,0,0.1"'),
     "R12 two numbers": in_urdf('xyz="0 0 0.1"', 'xyz="0 0.1"'),
+    "R12 words": in_urdf('rpy="0 0 0"', 'rpy="0 zero 0"'),
     "R12 MJCF words": in_mjcf('pos="0 0.02 0.5"', 'pos="up 0 0"'),
     "R12 MJCF three numbers": in_mjcf('range="0 0.3"', 'range="0 0.3 1"'),
     "R13 zero axis": in_urdf('axis xyz="0 0 1"', 'axis xyz="0 0 0"'),
     "R13 MJCF zero axis": in_mjcf('axis="0.6 0 0.8"', 'axis="0 0 0"'),
     "R14 limits the wrong way": in_urdf('lower="-1"', 'lower="2"'),
+    "R11 endless limit": in_urdf('lower="-1"', 'lower="-inf"'),
+    "R14 no limits": in_urdf('<limit lower="-1" upper="1" effort="100" velocity="2.5"/>'),
     "R14 MJCF limits the wrong way": in_mjcf('range="0 0.3"', 'range="0.3 0"'),
     "R15 a ring of links": in_urdf('<parent link="base_link"/>', '<parent link="turn_link"/>'),
     "R15 two roots": in_urdf("</robot>", '<link name="lost"/></robot>'),
     "R15 a link twice": in_urdf("</robot>", '<link name="base_link"/></robot>'),
+    "R15 a joint twice": in_urdf("</robot>", f"{AGAIN.format('turn', 'x')}</robot>"),
+    "R15 a child of two joints": in_urdf("</robot>", f"{AGAIN.format('y', 'turn_link')}</robot>"),
     "R15 MJCF body twice": in_mjcf('name="sled"', 'name="fore"'),
     "R15 robot without a name": in_urdf(' name="one"'),
     "R15 link without a name": in_urdf(' name="base_link"'),
@@ -266,6 +274,8 @@ CASES = {
         '<parent link="turn_link"/><child link="grip"/></joint></robot>',
     ),
     "R16 unknown tip": in_urdf(tip="turn"),
+    "R16 joint without a child": in_urdf('<child link="turn_link"/>'),
+    "R16 a kind of joint that is none": in_urdf('type="revolute"', 'type="revolut"'),
     "R16 floating joint": in_urdf('type="revolute"', 'type="floating"'),
     "R16 mimic joint": in_urdf("<axis", '<mimic joint="other"/><axis'),
     "R16 nothing moves": in_urdf('type="revolute"', 'type="fixed"'),

@@ -4,7 +4,6 @@ import pytest
 
 from calib.errors import InputError
 from testbed.robots.describe.xml_gate import LARGEST, parse_xml, read_xml
-from tests.hangs import no_hang
 
 LOL = '<!DOCTYPE robot [<!ENTITY a "ha"><!ENTITY b "{}">]>'.format("&a;" * 10)
 
@@ -33,34 +32,6 @@ def test_a_truncated_file_is_told_with_the_line_where_it_ends(cut):
 
 
 @pytest.mark.parametrize(
-    ("data", "found"),
-    [
-        (b"", "is empty"),
-        (b" \n ", "is empty"),
-        (b"\x00\x01\x02\xff", "is not XML"),
-        (b"solid cube", "is not XML"),
-        (b"\x89PNG\r\n\x1a\n", "is not XML"),
-        (b"<mujoco/>", "root element is <mujoco>"),
-    ],
-)
-def test_what_is_not_a_robot_is_named(data, found):
-    error = refused(data)
-    assert error.code == "R2"
-    assert found in str(error)
-
-
-@pytest.mark.parametrize("root", ["robot", "mujoco"])
-def test_an_entity_bomb_is_refused_at_once_in_urdf_and_mjcf(root):
-    levels = "".join(
-        f'<!ENTITY l{i} "{f"&l{i - 1};" * 10}">' if i else '<!ENTITY l0 "lol">' for i in range(20)
-    )
-    with no_hang():  # expanding would take 10^20 characters
-        error = refused(f"<!DOCTYPE {root} [{levels}]><{root}>&l19;</{root}>".encode(), root)
-    assert error.code == "R3"
-    assert "DOCTYPE" in str(error)
-
-
-@pytest.mark.parametrize(
     "doctype",
     [
         '<!DOCTYPE robot SYSTEM "{}">',
@@ -80,13 +51,6 @@ def test_an_outside_entity_is_refused_and_its_text_never_shown(doctype, tmp_path
 
 def test_a_doctype_hidden_in_utf_16_is_found():
     assert refused((LOL + "<robot>&b;</robot>").encode("utf-16")).code == "R3"
-
-
-@pytest.mark.parametrize("depth", [257, 300, 100_000])
-def test_endless_nesting_is_refused(depth):
-    error = refused(b"<robot>" + b"<a>" * depth + b"</a>" * depth + b"</robot>")
-    assert error.code == "R17"
-    assert "256" in str(error)
 
 
 def test_the_deepest_allowed_tree_passes():

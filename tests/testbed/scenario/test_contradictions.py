@@ -13,34 +13,6 @@ RANDOM = [{"name": "a", "poses": 20, "method": "random"}]
 DESIGNED = {"name": "a", "poses": 20, "method": "exchange"}
 
 
-@pytest.mark.parametrize(
-    ("scene", "changes", "message"),
-    [
-        ("position_only", {"studies.tool_point": True}, "tool_point is about the tool origin"),
-        ("position_only", {"studies.paper_budget": True}, "paper_budget needs full poses"),
-        (
-            "quick",
-            {"studies.paper_budget": True, "identification.estimators": ["whitened"]},
-            "paper_budget needs the paper's estimator",
-        ),
-        ("quick", {"studies.paper_budget": True, "trial": RANDOM}, "every .* is random"),
-        ("quick", {"trial": [DESIGNED | {"criterion": "V", "rows": "paper"}]}, "ignore the noise"),
-        ("quick", {"trial": [DESIGNED | {"criterion": "G", "rows": "paper"}]}, 'is "G" and rows'),
-        ("quick", {"uncertainty.replications": 1}, "replications is 1; 0 skips it"),
-        ("quick", {"studies.random_sets": 1}, "random_sets is 1; 0 skips it"),
-        (
-            "wen2022",
-            {"studies.random_sets": 1001},
-            "random_sets is 1001, .* 4004 fits here; at most 1000 are calibrated; write .* = 1000",
-        ),
-        ("quick", {"studies.population": 1}, "population is 1; 0 skips it"),
-    ],
-)
-def test_tables_that_contradict_each_other_are_refused(scene, changes, message):
-    with pytest.raises(InputError, match=message):
-        changed(load_scenario(scene), changes)
-
-
 def test_indices_alone_may_be_computed_of_as_many_random_sets_as_wanted():
     changes = {"studies.random_sets": 10_000, "studies.paper_budget": False}
     assert changed(load_scenario("wen2022"), changes).studies.random_sets == 10_000

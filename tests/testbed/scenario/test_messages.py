@@ -62,6 +62,7 @@ NO_SIZE = {
     "encoder_um": [0, 0],
 }
 TRIAL = {"name": "best", "poses": 29, "method": "detmax"}
+GRID = {"from_mm": [0, 0, 0], "to_mm": [1, 1, 1]}
 
 
 def with_table(**tables):
@@ -227,29 +228,58 @@ CASES = {
     "key of another preset": with_table(tracker={"range_um": [1, 2]}),
     "key of another table": with_table(truth={"size": 3}),
     "key nobody knows": with_table(test={"colour": 3}),
+    "key of the whole file": with_table(pool={"seed": 3}),
+    "key of a trial by a slip": with_table(trial=[TRIAL | {"pose": 3}]),
+    "key of stations by a slip": with_table(plan={"stations": {"lst_mm": []}}),
     "other unit": with_table(tracker={"position_mm": 0.0175}),
     "other unit and word": with_table(tracker={"noise_m": 2e-5}),
     "other unit in a list": with_table(tracker={"station_m": [2.6, -2, 0.3]}),
     "missing key": without("robot"),
     "missing table": without("trial"),
+    "missing format": without("format"),
+    "missing name": without("name"),
+    "missing all": text(b""),
+    "missing name of the second trial": with_table(
+        trial=[TRIAL, {"poses": 3, "method": "random"}]
+    ),
+    "missing method of a trial": with_table(trial=[{"name": "a", "poses": 3}]),
+    "missing count of a grid": with_table(plan={"stations": {"grid": GRID}}),
     "wrong type": with_table(pool={"size": "many"}),
     "true as a number": with_table(pool={"size": True}),
     "number as true": with_table(pool={"self_collision": 1}),
     "fraction": with_table(pool={"size": 1000.0}),
     "table wanted": with_table(pool=3),
+    "table with a preset wanted": with_table(truth=5),
+    "table of one of two kinds wanted": with_table(tracker=5),
+    "table of a trial wanted": with_table(trial=[3]),
+    "table of an obstacle wanted": with_table(cell={"obstacle": [3]}),
+    "table in a table wanted": with_table(plan={"goal": 5}),
     "list wanted": with_table(pool={"box_size_mm": 900}),
     "list too short": with_table(pool={"box_size_mm": [900, 1200]}),
     "list too long": with_table(pool={"box_size_mm": [1, 2, 3, 4]}),
     "one bracket": with_table(trial=TRIAL),
+    "one bracket in a table": with_table(cell={"obstacle": box_at(0, 0, 0)}),
+    "empty list": with_table(identification={"estimators": []}),
+    "empty list of tables": with_table(trial=[]),
     "too small": with_table(pool={"size": 3}),
     "too few draws": with_table(uncertainty={"draws": 500}),
     "too large": with_table(uncertainty={"draws": 10**9}),
     "negative": with_table(seed=-1),
+    "negative in a list in a list of tables": with_table(
+        cell={"obstacle": [box_at(0, 0, 0) | {"size_mm": [1, 2, -3]}]}
+    ),
+    "an angle of nothing": with_table(tracker={"acceptance_deg": 0}),
+    "more than 63 bits": with_table(seed=2**63),
+    "infinite in a list": with_table(pool={"box_size_mm": [1.0, float("inf"), 1.0]}),
+    "larger than any number": text("[tracker]\nposition_um = 1e400"),
     "wrong word": with_table(truth={"preset": "stiff"}),
     "wrong word, close to a preset": with_table(truth={"preset": "wen2002"}),
     "wrong word, close": with_table(trial=[TRIAL | {"method": "detmx"}]),
     "wrong preset": with_table(tracker={"preset": "at690"}),
+    "preset that is no word": with_table(tracker={"preset": 3}),
+    "wrong criterion": with_table(trial=[TRIAL | {"criterion": "T"}]),
     "wrong name": with_table(name="My Scene"),
+    "wrong name of a trial": with_table(trial=[TRIAL | {"name": "con/../x"}]),
     "wrong title": with_table(title="two\nlines"),
     "wrong repeatability": with_table(truth={"joint_repeatability_mdeg": "robots"}),
     "text or list": with_table(truth={"perturb": 3}),
@@ -350,13 +380,26 @@ CASES = {
     "nan": with_table(tracker={"position_um": float("nan")}),
     "time": text("[tracker]\nposition_um = 12:30:45"),
     "old format": with_table(format=0),
-    "newer format": with_table(format=2),
+    "newer format, before anything else": with_table(format=2, other=1),
     "two trials of one name": with_table(trial=[TRIAL, TRIAL]),
     "reserved name": with_table(trial=[TRIAL | {"name": "setting"}]),
     "more poses than candidates": with_table(trial=[TRIAL | {"poses": 2000}]),
     "uncertainty in paper rows": with_table(trial=[TRIAL | {"criterion": "V", "rows": "paper"}]),
     "reflector without points": with_table(tracker={"reflector_mm": [1, 2, 3]}),
     "points and the paper": with_table(tracker={"measures": "point"}),
+    "points and the paper's budget": with_table(
+        tracker={"measures": "point"}, studies={"paper_budget": True}, **WHITENED
+    ),
+    "paper's budget without its estimator": with_table(studies={"paper_budget": True}, **WHITENED),
+    "paper's budget of random trials": with_table(
+        studies={"paper_budget": True}, trial=[TRIAL | {"method": "random"}]
+    ),
+    "more random sets than are calibrated": with_table(
+        studies={"paper_budget": True, "random_sets": 1001}
+    ),
+    "one random set": with_table(studies={"random_sets": 1}),
+    "one robot of a population": with_table(studies={"population": 1}),
+    "one replication": with_table(uncertainty={"replications": 1}),
     "fixtures that say nothing": with_table(fixtures={}, **WHITENED),
     "fixtures and the paper": with_table(fixtures=FIXTURES),
     "a free reflector nobody knows": with_table(
@@ -451,6 +494,17 @@ CASES = {
     "obstacle without a kind": with_table(cell={"obstacle": [{"size_mm": [1, 2, 3]}]}),
     "wrong kind": with_table(plan={"goal": {"kind": "lst"}}),
     "key of another kind": with_table(plan={"goal": {"step_mm": 5}}),
+    "key of another kind of obstacle": with_table(
+        cell={"obstacle": [box_at(0, 0, 0) | {"file": "x"}]}
+    ),
+    "two weights of one posture": with_table(
+        plan={"goal": {"kind": "list", "joints_deg": [[0.0] * 6], "weights": [1.0, 2.0]}}
+    ),
+    "a path of one corner": with_table(plan={"goal": {"kind": "path", "joints_deg": [[0.0] * 6]}}),
+    "neither poses nor a target": with_table(plan={"poses": 0}),
+    "a grid of ten thousand stations": with_table(
+        plan={"stations": {"grid": GRID | {"count": [100, 100, 1]}}}
+    ),
     "poses and a target": with_table(plan={"poses": 29, "target_um": 30}),
     "target without a goal": with_table(plan={"target_um": 30, "criterion": "D"}),
     "target and random poses": with_table(
@@ -465,6 +519,15 @@ CASES = {
     "coverage of no robot": with_table(coverage={"robots": 8, "truths": []}),
     "coverage of a kind twice": with_table(coverage={"robots": 8, "truths": ["soft", "soft"]}),
     "coverage of one robot": with_table(coverage={"robots": 1}),
+    "coverage of 99 % with few poses": with_table(
+        coverage={"robots": 8, "validation_poses": 40, "level": 0.99}
+    ),
+    "coverage by another loss": with_table(
+        coverage={"robots": 8}, identification={"loss": "huber"}
+    ),
+    "coverage with a prior": with_table(
+        coverage={"robots": 8}, identification={"prior": {"angles_deg": 0.2}}
+    ),
     "coverage of everything": with_table(coverage={"robots": 8, "level": 1.0}),
     "coverage of points": with_table(
         tracker={"measures": "point"},
@@ -477,6 +540,12 @@ CASES = {
     ),
     "compensation with missed shots": with_table(
         compensation={"robots": 8}, tracker={"preset": "at960", "missed": 1}
+    ),
+    "compensation by another loss": with_table(
+        compensation={"robots": 8}, identification={"loss": "cauchy"}
+    ),
+    "compensation of points": with_table(
+        compensation={"robots": 8}, tracker={"measures": "point"}, **WHITENED
     ),
     "compensation in two cycles": with_table(compensation={"robots": 8, "cycles": 2}),
     "compensation at poses out of reach": lambda _: cube_of(center_mm=(900.0, 0.0, 100.0)),

@@ -125,49 +125,6 @@ def test_files_start_from_the_scenario_and_stay_below_it(tmp_path):
         assert at in str(caught.value)
 
 
-@pytest.mark.parametrize(
-    ("tables", "message"),
-    [
-        ({"tracker": {"acceptance_deg": 0}}, "acceptance_deg is 0; it must be 0.001 deg or"),
-        ({"cell": {"obstacles": []}}, '[cell] has no key "obstacles"; did you mean "obstacle"?'),
-        ({"cell": {"obstacle": BOX}}, "list of tables; write [[cell.obstacle]] with two brackets"),
-        ({"cell": {"obstacle": [3]}}, "[[cell.obstacle]] 1 is 3; it must be a table; write [[cell"),
-        ({"cell": {"obstacle": [{"size_mm": [1, 2, 3]}]}}, '1 kind is missing; add kind = "box"'),
-        ({"cell": {"obstacle": [BOX, BOX | {"kind": "bx"}]}}, '2 kind is "bx"; allowed are "box"'),
-        ({"cell": {"obstacle": [BOX | {"file": "x"}]}}, 'it belongs to kind = "mesh"'),
-        ({"cell": {"obstacle": [BOX | {"size_mm": [1, 2, -3]}]}}, "1 size_mm[2] is -3; it must be"),
-        ({"cell": {"obstacle": [BOX | {"size_mm": [1, 2]}]}}, "1 size_mm has 2 entries"),
-        ({"plan": 3}, "[plan] is 3; it must be a table"),
-        ({"plan": {"goal": 5}}, "[plan.goal] is 5; it must be a table; write [plan.goal] and its"),
-        ({"plan": {"goal": {"kind": "bx"}}}, '[plan.goal] kind is "bx"; allowed are "box", "list"'),
-        ({"plan": {"goal": {"weights": [1]}}}, 'it belongs to kind = "list"'),
-        ({"plan": {"goal": {"kind": "list"}}}, "neither of joints_deg and tool_mm_deg; give one"),
-        ({"plan": {"goal": {"kind": "list", "joints_deg": [ZERO], "weights": [1.0, 2.0]}}},
-         "weights has 2 entries; there must be 1, one per pose"),
-        ({"plan": {"goal": {"kind": "path", "joints_deg": [ZERO]}}}, "a path has two corners"),
-        ({"plan": {"method": "fedrov"}}, 'did you mean "fedorov"?'),
-        ({"plan": {"poses": 3, "target_um": 2}}, "one decides; remove the other"),
-        ({"plan": {"poses": 0}}, "[plan] needs poses, 1 or more, or target_um, above 0, which"),
-        ({"seed": 2**63}, "it must be smaller than 9223372036854775808; choose"),
-        ({"plan": {"target_um": 20, "criterion": "D"}}, 'target_um needs "V" or "G"'),
-        ({"plan": {"poses": 0, "target_um": 20, "method": "best_of_random"}},
-         'method is "best_of_random", which does not look for the fewest poses'),
-        ({"plan": {"poses": 9, "measured": "a.csv", "stations": {"list_mm": [[3000, 0, 0]]}}},
-         "[plan] measured and [plan.stations] contradict each other"),
-        ({"plan": {"target_mm": 0.02}}, "write target_um = 20."),
-        ({"plan": {"stations": {"lst_mm": []}}}, '[plan.stations] has no key "lst_mm"; did you'),
-        ({"plan": {"stations": {"grid": {"from_mm": [0, 0, 0], "to_mm": [1, 1, 1]}}}},
-         "[plan.stations.grid] count is missing"),
-        ({"plan": {"stations": {"grid": {"from_mm": [0, 0, 0], "to_mm": [1, 1, 1],
-                                         "count": [100, 100, 1]}}}}, "makes 10000 stations"),
-        ({"plan": {"settle_s": float("nan")}}, "[plan] settle_s is nan; it must be a finite"),
-    ],
-    ids=lambda value: "" if isinstance(value, dict) else value[:40],
-)  # fmt: skip
-def test_each_mistake_names_the_table_the_key_the_value_and_the_fix(tables, message):
-    assert message in fault(**tables)
-
-
 def test_a_sweep_over_the_pool_carries_the_plan_along():
     scenario = changed(small(), {"pool.box_size_mm": [100.0, 100.0, 100.0]})
     assert scenario.plan.goal.size_mm is None  # still the pool's box, whatever that is now

@@ -216,25 +216,6 @@ def test_a_cube_out_of_reach_or_in_the_floor_names_the_pose(campaign):
     )
 
 
-@pytest.mark.parametrize(
-    ("change", "said"),
-    [
-        ({"compensation.robots": 1}, "[compensation] robots is 1"),
-        ({"identification.loss": "cauchy"}, "[compensation] robots plays least squares"),
-        ({"compensation.truths": ["rigid", "rigid"]}, "contains a name twice"),
-        ({"tracker.missed": 1}, "[compensation] cycles needs every visit"),
-        (
-            {"tracker.measures": "point", "tracker.reflector_mm": [0.0, 0.0, 50.0]},
-            "[compensation] robots needs full poses",
-        ),
-    ],
-)
-def test_contradictions_are_named(change, said):
-    with pytest.raises(InputError) as caught:
-        changed(load_scenario("compensate"), change)
-    assert said in str(caught.value)
-
-
 def test_a_robot_that_cannot_sag_is_named():
     with pytest.raises(InputError, match=r"\[compensation\] truths"):
         check_robot(load_scenario("compensate"), on_a_wall(), where="x.toml")

@@ -500,26 +500,6 @@ def test_scenes_without_the_study_say_nothing_of_it():
     assert "coverage" not in headline(bare)
 
 
-@pytest.mark.parametrize(
-    ("changes", "message"),
-    [
-        ({"coverage.validation_poses": 18}, "asks for at least 19 at level = 0.95"),
-        ({"coverage.validation_poses": 40, "coverage.level": 0.99}, "asks for at least 99"),
-        ({"coverage.truths": ["stiff"]}, 'is "stiff"; allowed are "rigid", "wen2022"'),
-        ({"coverage.truths": []}, "at least 1;"),
-        ({"coverage.truths": ["soft", "soft"]}, "contains a name twice"),
-        ({"coverage.level": 1.0}, "0.999 or smaller"),
-        ({"coverage.robots": 1}, "robots is 1; 0 skips it"),
-        ({"tracker.measures": "point"}, "needs full poses"),
-        ({"identification.loss": "huber"}, "plays least squares and the weak prior"),
-        ({"identification.prior": {"angles_deg": 0.2}}, "remove prior, or write robots = 0"),
-    ],
-)
-def test_what_the_study_cannot_be_is_refused(changes, message):
-    with pytest.raises(InputError, match=message):
-        changed(load_scenario("coverage"), changes)
-
-
 def test_a_study_that_is_off_asks_for_nothing():
     changed(load_scenario("coverage"), {"coverage.robots": 0, "coverage.validation_poses": 3})
 
