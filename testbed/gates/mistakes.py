@@ -114,7 +114,7 @@ def in_words(
         return Fault(path, said, "S37", f"it {context['error']}", value=value)
     wanted, fix = WANTED.get(kind, UNKNOWN)
     header = at[: at.rindex("]") + 1] if "]" in at else f"[{key}]"
-    if kind == "dict_type" and header != at:
+    if kind == "dict_type" and header != at and not isinstance(path[-1], int):
         header = f"{header[:-1]}.{key}]"
     return Fault(path, said, "S37", f"it must be {wanted}", fix.format(header=header), value)
 
