@@ -7,6 +7,7 @@ from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from unittest.mock import patch
 
 import numpy as np
 import pytest
@@ -24,6 +25,7 @@ from calib.uncertainty.conformal import conformal
 from calib.uncertainty.discrepancy import discrepancy
 from calib.uncertainty.held_out import HeldOut, held_out
 from testbed.files.programs.correct import correct_program
+from testbed.laboratory import pool
 from testbed.laboratory.joint_lists import read_joints
 from testbed.laboratory.simulator import Simulator
 from testbed.laboratory.truth.robot import draw_truth
@@ -61,6 +63,13 @@ NO_SIZE = {
     "target_turn_mdeg": 0,
     "encoder_um": [0, 0],
 }
+HEAD = "q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg"
+INSIDE = [2600.0, 0.0, 300.0]
+"""A place of the tracker from which it sees the robot."""
+HIT = [0.0, 120.0, 140.0, 0.0, 0.0, 0.0]
+"""A pose in which the robot hits itself."""
+FEWER_DRAWS = patch.object(pool, "PATIENCE", ((20_000, 1e-3), (4_000, 1e-2)))
+"""A tenth of the draws shows what is a hundred times too rare."""
 TRIAL = {"name": "best", "poses": 29, "method": "detmax"}
 GRID = {"from_mm": [0, 0, 0], "to_mm": [1, 1, 1]}
 
@@ -182,12 +191,22 @@ def planned(**changes):
     return lambda _: plan(scenario(QUICK, **changes), where="scenes/mine.toml")
 
 
-def measured(rows):
+def measured(rows, head=HEAD):
     """Read a CSV of measured poses with these rows."""
 
     def case(path):
-        path.write_text(f"q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg\n{rows}\n")
+        path.write_text(f"{head}\n{rows}\n")
         read_joints(ROBOT, path)
+
+    return case
+
+
+def planned_after(rows, **changes):
+    """A plan after poses measured already."""
+
+    def case(path):
+        path.write_text(f"{HEAD}\n{rows}\n")
+        planned(**{"plan.measured": str(path)} | changes)(path)
 
     return case
 
@@ -611,29 +630,91 @@ CASES = {
     ),
     "plan from a blind station": planned(
         **{
-            "plan.stations.list_mm": [[2600.0, 0.0, 300.0]],
-            "cell.obstacle": [box_at(2600.0, 0.0, 300.0)],
+            "plan.stations.list_mm": [INSIDE],
+            "cell.obstacle": [box_at(*INSIDE)],
         }
     ),
     "plan from below the floor": planned(**{"tracker.station_mm": [0.0, 0.0, -3000.0]}),
     "plan from within the work space": planned(
-        **{"plan.stations.list_mm": [[2600.0, 0.0, 300.0], [600.0, 0.0, 500.0]]}
+        **{"plan.stations.list_mm": [INSIDE, [600.0, 0.0, 500.0]]}
     ),
     "plan from one station twice": planned(
-        **{"plan.stations.list_mm": [[2600.0, 0.0, 300.0], [2600.0, 0.5, 300.0]]}
+        **{"plan.stations.list_mm": [INSIDE, [2600.0, 0.5, 300.0]]}
     ),
     "plan without tests of collision": planned(**{"pool.self_collision": False}),
     "plan for a goal in collision": planned(
-        **{"plan.goal": {"kind": "list", "joints_deg": [[0.0, 120.0, 140.0, 0.0, 0.0, 0.0]]}}
+        **{"plan.goal": {"kind": "list", "joints_deg": [HIT]}}
     ),
     "plan with an unreachable target": planned(**{"plan.poses": 0, "plan.target_um": 1.0}),
     "plan from a start in collision": planned(
-        **{"plan.start_deg": [0.0, 120.0, 140.0, 0.0, 0.0, 0.0]}
+        **{"plan.start_deg": HIT}
     ),
     "measured poses with a gap": measured("1,2,,4,5,6"),
     "measured poses twice": measured("1,2,3,4,5,6\n1,2,3,4,5,6"),
     "measured poses beyond a limit": measured("1,2,300,4,5,6"),
     "measured poses with an endless cell": measured(f"1,2,3,4,5,{'6' * 140_000}"),
+    "plan with too few poses at stations compared": planned(
+        **{"plan.poses": 3, "plan.stations.list_mm": [INSIDE]}
+    ),
+    # 30 numbers, six rows a pose: 5 poses leave no equation to judge a calibration by
+    "plan without an equation to spare": planned(**{"plan.poses": 5}),
+    "plan without an equation to spare beside poses measured": planned_after(
+        "1,2,3,4,50,6\n9,8,7,6,60,4", **{"plan.poses": 3}
+    ),
+    # any two poses leave one direction of these unseen
+    "plan at random that tells too little": planned(
+        **ONLY_WHITENED,
+        **{
+            "identification.free": [f"{at}.{axis}" for at in ("base", "tool") for axis in "xyz"],
+            "plan.method": "random", "plan.poses": 2,
+        },
+    ),
+    "plan for nothing free": planned(**{"identification.free": []}),
+    "plan for a path out of reach": planned(
+        **{
+            "plan.goal": {
+                "kind": "path",
+                "tool_mm_deg": [[300.0, 0, 300, 0, 180, 0], [2000.0, 0, 300, 0, 180, 0]],
+            }
+        }
+    ),
+    "plan for a box out of reach": planned(
+        **{"plan.goal.center_mm": [3000.0, 0.0, 0.0], "plan.goal.size_mm": [100.0] * 3}
+    ),
+    "plan for a goal beyond a limit": planned(
+        **{"plan.goal": {"kind": "list", "joints_deg": [[0.0, 10.0, 300.0, 0.0, 30.0, 0.0]]}}
+    ),
+    "plan for a path with a corner in collision": planned(
+        **{"plan.goal": {"kind": "path", "joints_deg": [[0.0, 10.0, 20.0, 0.0, 30.0, 0.0], HIT]}}
+    ),
+    # a wall between the tracker and the middle of the robot's work space
+    "plan for held-out poses that nobody can measure": planned(
+        **{
+            "tracker.station_mm": INSIDE,
+            "plan.goal.center_mm": [350.0, 0.0, 150.0],
+            "plan.goal.size_mm": [120.0] * 3,
+            "cell.obstacle": [
+                {
+                    "kind": "box",
+                    "size_mm": [10.0, 280.0, 280.0], "position_mm": [1500.0, 0.0, 230.0],
+                }
+            ],
+        }
+    ),
+    "plan from a station that sees too little": planned(
+        **{"plan.stations.list_mm": [[0.0, 0.0, 3000.0]], "tracker.acceptance_deg": 10.0}
+    ),
+    "plan from a blind station of one's own": planned(
+        **{"tracker.station_mm": INSIDE, "cell.obstacle": [box_at(*INSIDE)]}
+    ),
+    "plan from a second station below the floor": planned(
+        **{"plan.stations.list_mm": [INSIDE, [2600.0, 0.0, -900.0]]}
+    ),
+    "plan from a station in meters": planned(**{"tracker.station_mm": [2.6, -2.0, 0.3]}),
+    "plan from a start of two joints": planned(**{"plan.start_deg": [1.0, 2.0]}),
+    "measured poses with a number that is none": measured("1,2,3,4,5,6\n1,2,nan,4,5,6"),
+    "measured poses without a joint": measured("1,2,3,4,5,6", HEAD.replace("q4_deg", "q4")),
+    "measured poses without a row": measured(""),
     "plan exists": lambda path: (plan_like(path), check_free(path, layout.PLAN, overwrite=False)),
     "plan below a file": lambda path: (
         path.write_text(""), check_free(path / "out", layout.PLAN, overwrite=False)
@@ -720,7 +801,7 @@ def message(name):
     """Kind and text of what a case is refused with."""
     with TemporaryDirectory() as made_here:
         path = Path(made_here) / "run"
-        with pytest.raises(CalibError) as caught:
+        with FEWER_DRAWS, pytest.raises(CalibError) as caught:
             CASES[name](path)
     shown = str(caught.value).replace(str(path), "RUN")
     shown = shown.replace(f"process {os.getpid()}", "process PID")
