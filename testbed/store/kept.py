@@ -27,6 +27,7 @@ from testbed.store.npz import (
     Failure,
     OtherVersionError,
     digest_of,
+    header_of,
     opened_archive,
     read_array,
     require_own,
@@ -145,13 +146,10 @@ def _wide(array: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
 def _content(archive: zipfile.ZipFile, name: str) -> Iterator[tuple[IO[bytes], Header]]:
     """The bytes of an array, behind what it says of itself."""
     with archive.open(f"{name}{NPY}") as member:
-        version = np.lib.format.read_magic(member)
-        read = np.lib.format.read_array_header_1_0
-        read = np.lib.format.read_array_header_2_0 if version > (1, 0) else read
-        shape, turned, dtype = read(member)
-        if turned and len(shape) > 1:
+        header, by_columns = header_of(member)
+        if by_columns and len(header.shape) > 1:
             raise DamagedError(f"{name} is stored by columns")
-        yield member, Header(shape, dtype)
+        yield member, header
 
 
 def _checked(archive: zipfile.ZipFile, name: str) -> Iterator[bytes]:

@@ -151,16 +151,22 @@ def _headers(archive: zipfile.ZipFile, size: int) -> dict[str, Header]:
     headers = {}
     for entry in entries:
         with archive.open(entry) as member:
-            version = np.lib.format.read_magic(member)
-            read = np.lib.format.read_array_header_1_0
-            read = np.lib.format.read_array_header_2_0 if version > (1, 0) else read
-            shape, _, dtype = read(member)
-            if dtype.kind not in KINDS:
-                raise DamagedError(f"{entry.filename} holds {dtype}; allow_pickle=False")
-            if math.prod(shape) * dtype.itemsize != entry.file_size - member.tell():
+            header, _ = header_of(member)
+            if header.dtype.kind not in KINDS:
+                raise DamagedError(f"{entry.filename} holds {header.dtype}; allow_pickle=False")
+            if math.prod(header.shape) * header.dtype.itemsize != entry.file_size - member.tell():
                 raise DamagedError(f"{entry.filename} claims another size than it has")
-        headers[entry.filename.removesuffix(NPY)] = Header(shape, dtype)
+        headers[entry.filename.removesuffix(NPY)] = header
     return headers
+
+
+def header_of(member: IO[bytes]) -> tuple[Header, bool]:
+    """What an entry says of its array, and whether that is stored by columns."""
+    version = np.lib.format.read_magic(member)
+    read = np.lib.format.read_array_header_1_0
+    read = np.lib.format.read_array_header_2_0 if version > (1, 0) else read
+    shape, by_columns, dtype = read(member)
+    return Header(shape, dtype), by_columns
 
 
 def read_array(archive: zipfile.ZipFile, name: str) -> np.ndarray[Any, Any]:
@@ -189,10 +195,17 @@ def record_content(key: str, record: object, spec: str, *, single: bool = False)
     head = {"format": FORMAT, "key": key, "spec_sha256": spec}
     if isinstance(record, Failure):
         return Content({**head, "status": FAILED, "reason": record.reason, "values": {}}, {})
-    packed = pack(record, single=single)
-    arrays = {name: value for name, value in packed.items() if isinstance(value, np.ndarray)}
-    values = {name: value for name, value in packed.items() if name not in arrays}
+    values, arrays = values_and_arrays(record, single=single)
     return Content({**head, "status": DONE, "reason": "", "values": values}, arrays)
+
+
+def values_and_arrays(
+    record: object, *, single: bool = False
+) -> tuple[dict[str, Any], dict[str, np.ndarray[Any, Any]]]:
+    """Flat content of a record (`pack`): what is written as JSON, and the arrays."""
+    content = pack(record, single=single)
+    arrays = {name: value for name, value in content.items() if isinstance(value, np.ndarray)}
+    return {name: value for name, value in content.items() if name not in arrays}, arrays
 
 
 def record_from(data: bytes | IO[bytes], key: str, cls: type[T], spec: str) -> T | Failure:

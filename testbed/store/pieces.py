@@ -7,7 +7,7 @@ from typing import IO, Any, TypeVar
 import numpy as np
 
 from calib.errors import CalibError, InputError
-from testbed.store.codec import pack, unpack
+from testbed.store.codec import unpack
 from testbed.store.layout import FORMAT
 from testbed.store.npz import (
     DONE,
@@ -18,6 +18,7 @@ from testbed.store.npz import (
     from_bytes,
     require_own,
     to_bytes,
+    values_and_arrays,
 )
 from testbed.store.packing import packed, unpacked
 
@@ -48,9 +49,7 @@ def piece_bytes(
         if isinstance(part, Failure):
             told[key] = {"status": FAILED, "reason": part.reason}
             continue
-        content = pack(part, single=single)
-        arrays = {path: value for path, value in content.items() if isinstance(value, np.ndarray)}
-        values = {path: value for path, value in content.items() if path not in arrays}
+        values, arrays = values_and_arrays(part, single=single)
         table, block = packed(arrays)
         told[key] = {"status": DONE, "values": values, "arrays": table}
         blocks[f"{key}{BLOCK}"] = np.frombuffer(block, np.uint8)
