@@ -15,6 +15,9 @@ from calib.errors import MachineError
 SCARCE = (errno.ENOMEM, errno.EMFILE, errno.ENFILE)
 """What the system says where memory or open files have run out."""
 
+LONGEST = 200
+"""Number of characters of another package's message that are passed on."""
+
 
 @dataclass(frozen=True, slots=True)
 class Room:
@@ -85,10 +88,13 @@ def ran_out(error: BaseException | None, room: Room | None = None) -> MachineErr
 
 
 def lacking(error: BaseException) -> MachineError | None:
-    """What to tell if a package of another house is not installed; else None."""
-    name = error.name if isinstance(error, ModuleNotFoundError) and error.name else "testbed"
+    """What to tell if a package of another house is not installed, or does not load; else None."""
+    name = error.name if isinstance(error, ImportError) and error.name else "testbed"
     package = name.partition(".")[0]
     if package in ("calib", "testbed", "truebed"):
         return None
+    if not isinstance(error, ModuleNotFoundError):
+        message = f"the package {package} cannot be loaded: {str(error)[:LONGEST]}"
+        return MachineError(message, code="F13", fix=f"pip install --force-reinstall {package}")
     fix = "pip install truebed brings it; `import calib` does without"
     return MachineError(f"the package {package} is not installed", code="F13", fix=fix)

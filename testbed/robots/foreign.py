@@ -23,8 +23,9 @@ def foreign(
 ) -> Iterator[None]:
     """Context manager for one call of a library that reads a user's file, with no code of ours.
 
-    Whatever the library raises becomes an InputError, except running out of memory, and its
-    warnings are kept off the terminal. `told` may make the error from the exception.
+    Whatever the library raises becomes an InputError, except running out of memory and a package
+    that does not load, and its warnings are kept off the terminal. `told` may make the error from
+    the exception.
 
     Raises
     ------
@@ -36,8 +37,8 @@ def foreign(
         warnings.simplefilter("ignore")
         try:
             yield
-        except (MemoryError, CalibError):
-            raise
+        except (MemoryError, CalibError, ImportError):
+            raise  # a package that does not load is no fault of the file
         except Exception as error:
             if told is not None:
                 raise told(error) from error

@@ -332,3 +332,5 @@ def test_a_package_that_is_not_installed_is_named_in_one_sentence(package):
 def test_a_module_of_our_own_that_is_missing_is_our_defect():
     assert lacking(ModuleNotFoundError("no", name="testbed.attic")) is None
     assert lacking(ImportError("no")) is None
+    broken = lacking(ImportError("libz.so.1: cannot open shared object file", name="lxml.etree"))
+    assert str(broken).startswith("the package lxml cannot be loaded: libz.so.1: cannot open")

@@ -43,7 +43,7 @@ def test_whatever_a_library_raises_is_our_error_and_its_warnings_stay_inside(err
     assert not recwarn
 
 
-@pytest.mark.parametrize("error", [MemoryError(), KeyboardInterrupt()])
+@pytest.mark.parametrize("error", [MemoryError(), KeyboardInterrupt(), ImportError("lxml")])
 def test_the_machine_s_own_trouble_passes_the_door(error):
     with pytest.raises(type(error)), foreign("reader", where="x.urdf"):
         raise error
