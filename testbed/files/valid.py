@@ -1,5 +1,7 @@
 """Rows of a table whose numbers are numbers, and of a size that makes sense."""
 
+import re
+
 import numpy as np
 
 from calib.arrays import Bool
@@ -54,7 +56,11 @@ def valid_rows(
         allowed = bounds[first].allowed(unit_of(name)) if code == "V9" else ""
         if not drop:
             fix = "correct them" if drop is None else "correct them or add --drop-invalid"
-            if code == "V9" and wrong.any(axis=1).mean() > 0.5:  # little would be left
+            most = wrong.any(axis=1).mean() > 0.5  # little would be left
+            row, column = np.argwhere(wrong)[0]
+            if most and code == "M25" and re.search(r"\d", table.texts(names[column])[row]):
+                fix = "write numbers alone in these cells, and their unit in the column's name"
+            if most and code == "V9":
                 fix = f"check the unit of {table.names[name]}"
                 if unit_of(name) in ANGLES:
                     fix += "; counts of an encoder are no angles"

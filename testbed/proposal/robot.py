@@ -6,12 +6,12 @@ from pathlib import Path
 
 import numpy as np
 
-from testbed.files.dialects.numbers import number_of
+from testbed.files.dialects.numbers import NUMBER, number_of
 from testbed.files.refusal import refusal
 from testbed.files.sources import text_of
 from testbed.files.text import Sheet, read_sheet
 from testbed.gates.kinds import require_no_program
-from testbed.gates.text import MAX_MB
+from testbed.gates.text import MAX_MB, FileText
 from testbed.proposal.naming.plain import without_unit
 from testbed.units import counted
 
@@ -26,6 +26,7 @@ KEYS = {
     "max_speed_deg_s": {"speed", "max speed", "velocity"},
 }
 """Keys of a turning joint, and names that people use for them."""
+ALLOWED = "theta_deg, d_mm, a_mm, alpha_deg, and lower_deg, upper_deg if there are some"
 BEFORE = re.compile(r"[\s_{(]*i\s*[-\u2212\u2013]\s*1[)}]*")
 """What is said of alpha and a of the joint before, as Craig writes them: alpha_{i-1}."""
 INDEX = re.compile(r"[\s_]*\{?[ijk]\}?$")
@@ -92,6 +93,7 @@ def robot_text(table: Path | None, joints: int, name: str) -> tuple[str, tuple[s
     else:
         given = text_of(table, str(table), sheet=None, max_mb=MAX_MB)
         require_no_program(given.lines, str(table))
+        _require_names(given)
         sheet = read_sheet(given)
         rows, slides, assumed = _rows(sheet)
         origin = f"Proposed by truebed new robot from {table.name} ({counted(len(rows), 'joint')})"
@@ -105,6 +107,17 @@ def robot_text(table: Path | None, joints: int, name: str) -> tuple[str, tuple[s
         text += JOINT.format(number=number, kind=SLIDING if slide else TURNING)
         text += "".join(f"{key} = {value + 0.0!r}\n" for key, value in whole.items())
     return text + REST, assumed
+
+
+def _require_names(given: FileText) -> None:
+    """Refuse a table whose first line is numbers, whatever a comment above it says."""
+    content = given.content("#")
+    cells = [cell for cell in re.split(r"[\s,;]+", content[0][1]) if cell] if content else []
+    if cells and all(map(NUMBER.fullmatch, cells)):
+        raise refusal(
+            f"{given.where}:{content[0][0]}", "columns", "does not name its columns",
+            allowed=ALLOWED, fix="name them in the first line, without a # before it",
+        )  # fmt: skip
 
 
 def _rows(sheet: Sheet) -> tuple[list[dict[str, float]], list[bool], tuple[str, ...]]:
@@ -130,7 +143,7 @@ def _rows(sheet: Sheet) -> tuple[list[dict[str, float]], list[bool], tuple[str, 
     if missing or not sheet.rows:
         raise refusal(
             sheet.where, "columns", f"has no column for {', '.join(missing) or 'any joint'}",
-            allowed="theta_deg, d_mm, a_mm, alpha_deg, and lower_deg, upper_deg if there are some",
+            allowed=ALLOWED,
             fix=f"name the columns so; found: {', '.join(sheet.head)[:120]}",
         )  # fmt: skip
     assumed = []

@@ -73,10 +73,12 @@ def not_on_one_tool(session: Session, groups: Sequence[Index]) -> InputError | N
         if why is not None:
             first, second = (target_name(session, int(k)) for k in (rows[0], beside[0]))
             said = f'targets "{first}" and "{second}" {why.words}'
+            fix = "keep what was measured: one of them may be where the robot was sent"
+            if why.kind == "one reflector":
+                fix += "; one reflector that was read again has a row for each reading"
             return refusal(
                 session.where, "target", said, code="M32",
-                allowed="targets are reflectors on one tool, each at a place of its own",
-                fix="keep what was measured: one of them may be where the robot was sent",
+                allowed="targets are reflectors on one tool, each at a place of its own", fix=fix,
             )  # fmt: skip
     return None
 

@@ -7,6 +7,9 @@ from calib.errors import InputError
 from testbed.files.columns import bound_of, covariance_names, unit_of
 from testbed.files.programs.correct import correct_program
 from testbed.files.read import ReadOptions, read_session
+from testbed.files.table import Columns, DataTable
+from testbed.files.text import Sheet
+from testbed.files.valid import valid_rows
 from tests.testbed.files.made import ROBOT, N, columns, csv, made, with_spread
 
 OPTIONAL = {
@@ -134,3 +137,18 @@ def test_a_program_without_names_is_refused(tmp_path):
     with pytest.raises(InputError, match=r"^p.csv:1: line 1 holds numbers"):
         correct_program(program, ROBOT, ROBOT.model, out)
     assert not out.exists()
+
+
+@pytest.mark.parametrize(
+    ("cells", "fix"),
+    [
+        (["12.5 mm"] * 8, "write numbers alone in these cells, and their unit in the column's"),
+        ([""] * 7 + ["12.5"], "correct them or add --drop-invalid"),  # a log of few readings
+        (["12.5"] * 7 + ["12.5 mm"], "correct them or add --drop-invalid"),
+    ],
+)
+def test_rows_none_of_which_would_be_left_are_not_to_be_dropped(cells, fix):
+    sheet = Sheet("a.csv", ("x_mm",), tuple((cell,) for cell in cells), (2,) * 8, "comma", "UTF-8")
+    with pytest.raises(InputError, match="cells that are not numbers") as caught:
+        valid_rows(DataTable(sheet, {"x_mm": "x_mm"}), Columns(("x_mm",)), drop=False)
+    assert fix in str(caught.value)

@@ -352,3 +352,15 @@ def test_check_refuses_a_trial_with_too_few_poses_in_the_words_of_run(tmp_path):
             assert (
                 f"{6 * poses} equations for 30 parameters; write poses = 6 or more" in done.stderr
             )
+
+
+@pytest.mark.parametrize("above", ["", "# alpha, a, theta, d\n"])
+def test_link_numbers_without_names_are_to_be_named(above, tmp_path):
+    """They were to get names of joints and places, or a session.toml."""
+    (tmp_path / "mdh.csv").write_text(above + "0,0,0,118\n1.57,0,3.14,0\n0,612.7,0,0\n")
+    out = tmp_path / "robot.toml"
+    done = call("new", "robot", tmp_path / "mdh.csv", "--out", out)
+    assert done.exit_code == 2
+    said = " ".join(done.stderr.split())
+    assert "does not name its columns; theta_deg, d_mm, a_mm, alpha_deg" in said
+    assert "session.toml" not in said
