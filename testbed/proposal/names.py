@@ -30,9 +30,11 @@ from testbed.proposal.words import (
     PLAIN,
     QUATERNION,
     READ,
+    ROTATIONS,
     SPREAD,
     STANDARD,
     TARGETS,
+    TURN,
     TURNS,
     WISHED,
 )
@@ -252,7 +254,9 @@ def _coordinate(name: str, text: str, unit: str, texts: Collection[str]) -> Mean
         return Meaning(name, f"q{words[-1]}", "")
     for word in (words[-1], words[0]) if words else ():
         if word in ("x", "y", "z"):
-            return Meaning(name, word, unit)
+            return Meaning(name, f"r{word}" if ROTATIONS & set(words) else word, unit)
+        if turn := TURN.fullmatch(word):
+            return Meaning(name, f"r{turn[1]}", unit)
         if place := PLACE.fullmatch(word):
             return Meaning(name, place[1], unit)
         if word in TURNS:

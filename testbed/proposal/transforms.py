@@ -9,8 +9,8 @@ import numpy as np
 from calib.arrays import Array, Bool
 from testbed.files.rotations import MENDED
 
-TRANSFORM = re.compile(r"([a-z]) ?([0-4]) ?([0-4])")
-"""T11 ... T34, m_00 ... m_23."""
+TRANSFORM = re.compile(r"([a-z]) ?([0-4]),? ?([0-4])")
+"""T11 ... T34, m_00 ... m_23, R(1,1) ... R(3,3)."""
 OF_PAUL = {f"{c}{a}": f"r{i}{j}" for j, c in enumerate("noa", 1) for i, a in enumerate("xyz", 1)}
 """Normal, orientation and approach of a hand (Paul 1981): the columns of its rotation."""
 

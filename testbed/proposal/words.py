@@ -21,6 +21,12 @@ JOINTS = (
 """Joints 1 to 6 by names of makers, used if all of them exist: Universal Robots, Yaskawa."""
 PLACE = re.compile(r"(?:p|pos|tcp|pt)([xyz])")
 """A coordinate written as one word: Px, TCPx."""
+ROTATIONS = {"rot", "rotation", "rotations", "euler", "angle", "angles", "rvec", "rotvec", "rv",
+             "rpy", "theta", "phi", "orientation", "winkel", "drehung", "rotazione", "rotación",
+             "rotacion"}  # fmt: skip
+"""Words that make a letter of an axis a turn about it: Rot X."""
+TURN = re.compile(rf"(?:{'|'.join(sorted(ROTATIONS, reverse=True))})([xyz])")
+"""The same written as one word: RotationX."""
 OF_TARGET = re.compile(r"(.*?) ?([xyz]) ?(\d{0,3})")
 """A coordinate of one of several targets: x1, P1 x, SMR A x."""
 BEHIND = re.compile(r"([xyz]) ([^\W\d].*)")
@@ -85,7 +91,6 @@ PLAIN = {
 }  # fmt: skip
 TURNS = {
     "rx": "rx", "ry": "ry", "rz": "rz", "roll": "rx", "pitch": "ry", "yaw": "rz",
-    "phix": "rx", "phiy": "ry", "phiz": "rz",
     "qw": "qw", "qx": "qx", "qy": "qy", "qz": "qz", "q0": "qw",
 }  # fmt: skip
 QUATERNION = ("qw", "qx", "qy", "qz")

@@ -9,13 +9,12 @@ from testbed.proposal.words import (
     EXPANDED,
     MEASURED,
     OF_TARGET,
+    ROTATIONS,
     SPREAD,
     STANDARD,
     WISHED,
 )
 
-ROTATIONS = {"phi", "rot", "rotation", "euler", "rvec", "rv", "angle", "rpy"}
-"""Words of angles, which are no targets: phix1."""
 OTHERS = ROTATIONS | WISHED | SPREAD | STANDARD | EXPANDED
 """Words of columns that belong to a target, but are no coordinates of it."""
 

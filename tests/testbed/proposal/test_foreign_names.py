@@ -28,6 +28,11 @@ FILES = {
     "normal, orientation, approach": (
         [*COUNTED, *(f"{c}{a}" for c in "noap" for a in "xyz")], [DEG, BY_COLUMNS, MM],
     ),
+    "a matrix as MATLAB counts": (
+        [*(f"J{k}" for k in range(1, 7)), *"XYZ",
+         *(f'"R({i},{j})"' for i in "123" for j in "123")],
+        [DEG, MM, TURNED.reshape(M, 9)],
+    ),
     "joints counted in words": ([f"第{c}轴" for c in "一二三四五六"] + PLACE, [DEG, MM]),
     "joints counted behind the word": ([f"关节{c}" for c in "一二三四五六"] + PLACE, [DEG, MM]),
 }  # fmt: skip
@@ -125,3 +130,29 @@ def test_a_scene_takes_the_arm_that_its_tip_tells_apart(tmp_path):
     there = load_robot(str(arm), tip="probe").model.poses(q)
     np.testing.assert_allclose(named.model.poses(q), there, rtol=0, atol=1e-12)
     assert np.abs(there - load_robot(str(arm), tip="lamp").model.poses(q)).max() > 0.04
+
+
+@pytest.mark.parametrize(
+    ("names", "euler"),
+    [
+        ("Rot X|Rot Y|Rot Z", "XYZ"),
+        ("Rot. X [°]|Rot. Y [°]|Rot. Z [°]", "XYZ"),
+        ("RotationX|RotationY|RotationZ", "xyz"),
+        ("EulerZ|EulerY|EulerX", "ZYX"),
+        ("theta_x|theta_y|theta_z", "xyz"),
+        ("Winkel X|Winkel Y|Winkel Z", "XYZ"),
+        ("rvec_x|rvec_y|rvec_z", ""),
+    ],
+)
+def test_turns_about_axes_are_no_second_places(names, euler, tmp_path):
+    """They left no place at all, or were the place themselves."""
+    R = Rotation.from_matrix(TURNED)
+    turns = R.as_euler(euler, degrees=True) if euler else R.as_rotvec()
+    head = ",".join([*(f"J{k}" for k in range(1, 7)), *"XYZ", *names.split("|")])
+    rows = np.hstack([DEG, MM, turns])
+    np.savetxt(tmp_path / "a.csv", rows, "%.11f", ",", header=head, comments="", encoding="utf-8")
+    said, _ = proposed(tmp_path, [tmp_path / "a.csv"], "--robot", UR10.name)
+    assert "unused" not in said
+    table = read_session(tmp_path / "session.toml", UR10).measurements
+    np.testing.assert_allclose(table.position, DATA.T[:, :3, 3], rtol=0, atol=1e-12)
+    np.testing.assert_allclose(table.rotation, TURNED, rtol=0, atol=1e-10)
