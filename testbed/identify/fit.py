@@ -15,7 +15,7 @@ from calib.identification.joint_models import extended_model, extended_parameter
 from calib.identification.ladders import ladders_of
 from calib.identification.larger_noise import HONEST, noise_factor, under_noise
 from calib.identification.levels import Ladder
-from calib.identification.model_choice import ModelChoice, choose, extended_by, identify_extended
+from calib.identification.model_choice import choose, extended_by, identify_extended
 from calib.identification.prior import Prior, own_prior, prior_rows, weak_prior
 from calib.identification.robust import Loss
 from calib.identification.row_ladders import NOTHING_KNOWN, RowTerms, row_ladders
@@ -84,26 +84,36 @@ def fit(
             "those of the robot's file"
         )
         return (first,), _unasked("geometric", model, sentence)
-    if model == "extended":
-        extended = identify_extended(
-            start, train, parameters, loss=loss, mounted=mounted, links=links if held else own
-        )
-        choice = _unasked("extended", model, "extended, as requested")
-        return (first, ("extended", extended_model(start, mounted), extended)), choice
     wide = wide_prior(parameters, start, links)
+    if model == "extended":
+        usual = links if held else own
+
+        def requested(prior: Prior | None) -> Identification:
+            return identify_extended(
+                start, train, parameters, loss=loss, mounted=mounted, links=prior
+            )
+
+        extended, held_words = _held_frames(
+            requested(usual), start, geometric, wide,
+            lambda frames: requested(frames if usual is None else usual.joined(frames)),
+        )  # fmt: skip
+        choice = _unasked("extended", model, f"extended, as requested{held_words}")
+        return (first, ("extended", extended_model(start, mounted), extended)), choice
     found = choose(
         start, train, parameters, prior=wide, own_prior=links, loss=loss, mounted=mounted,
         ladders=None if ladders is None else (*ladders, *row_ladders(start, train, known)),
         known=known, rng=stream(seed, "confirm"),
     )  # fmt: skip
-    climbed = found.climb
-    extended, held_words = _held_frames(
-        found, start, geometric, wide,
-        lambda held: extended_by(
-            start, train, parameters, climbed.taken, loss=loss, start=climbed.near,
-            prior=held if links is None else links.joined(held), factor=climbed.noise_factor,
-        )[1],
-    )  # fmt: skip
+    climbed, extended, held_words = found.climb, found.identifications[1], ""
+    if climbed.taken:
+        extended, held_words = _held_frames(
+            extended, start, geometric, wide,
+            lambda frames: extended_by(
+                start, train, parameters, climbed.taken, loss=loss, start=climbed.near,
+                prior=frames if links is None else links.joined(frames),
+                factor=climbed.noise_factor,
+            )[1],
+        )  # fmt: skip
     choice = Choice(
         found.chosen, model, found.log_evidence,
         frozen([climbed.before, climbed.after] if climbed.confirmed else []),
@@ -115,24 +125,24 @@ def fit(
 
 
 def _held_frames(
-    found: ModelChoice,
+    extended: Identification,
     start: RobotModel,
     geometric: Identification,
     wide: Prior,
     again: Callable[[Prior], Identification],
 ) -> tuple[Identification, str]:
-    """The extended fit; if its frames went astray, `again`, under a prior that holds them; words.
+    """An extended fit; if its frames went astray, `again`, under a prior that holds them; words.
 
     Where poses do not tell how far the target is from the flange, joint errors that are believed to
     be small do as much as they like at a target that is far enough away.
     """
-    ends = [one.model.chain for one in (geometric, found.identifications[1])]
+    ends = [one.model.chain for one in (geometric, extended)]
     step = np.abs(np.subtract(*(start.chain.step_to(end) for end in ends))).tolist()
     far = {name: size for name, size in zip(start.names, step, strict=False) if is_frame(name)}
     sd = {n: s for n, s in zip(wide.names, wide.sd.tolist(), strict=True) if n in far}
     off = max(sd, key=lambda name: far[name] / sd[name], default="")
-    if not found.climb.taken or not off or far[off] < ASTRAY * sd[off]:
-        return found.identifications[1], ""
+    if not off or far[off] < ASTRAY * sd[off]:
+        return extended, ""
     turns = off.rpartition(".")[2].startswith("r")
     size = f"{significant(far[off] * (DEG if turns else MM))} {unit_of(not turns)}"
     return again(Prior(np.zeros(len(sd)), list(sd.values()), list(sd))), (
