@@ -1,5 +1,6 @@
 """What the tests of kinds of measurement share: four arms, true robots anywhere, tables of them."""
 
+from collections.abc import Iterable
 from dataclasses import replace
 
 import numpy as np
@@ -11,7 +12,8 @@ from calib.geometry.frames import exp_so3, inverse, transform
 from calib.geometry.model import RobotModel
 from calib.measurement import tables
 from calib.measurement.observations import Measurements, joined
-from calib.measurement.prediction import targets
+from calib.measurement.prediction import predict, targets
+from tests.calib.slopes import slopes
 from tests.reference import DEG, TX60_LINKS
 
 # Universal Robots UR10 as measured by Landgraf et al. 2021: theta rad, d m, a m, alpha rad, beta
@@ -179,3 +181,17 @@ def measured(
     k, _, t, _ = true.fixtures.counts
     nowhere = Fixtures(np.zeros((k, 3)), known, np.tile(np.eye(4), (t, 1, 1)))
     return true, RobotModel(ARMS[arm], fixtures=nowhere), table, unknown
+
+
+def require_derivatives(
+    model: RobotModel, table: Measurements, by: Iterable[int] | None = None
+) -> None:
+    """Rows are the change of the residuals with the numbers of the model, or those at `by`."""
+    by = range(model.n_numbers) if by is None else list(by)
+    rows = predict(model, table).rows
+    change = slopes(
+        lambda step: predict(model.moved(step), table).residual,
+        np.zeros(model.n_numbers), 1e-5, by=by,
+    )  # fmt: skip
+    # h^2 / 6 of the third derivative and rounding 1e-15 / h are below 1e-9
+    assert np.abs(change + rows[:, :, by]).max() < 2e-9 * max(1.0, np.abs(rows).max())

@@ -25,7 +25,16 @@ from calib.uncertainty.held_out import held_out
 from calib.uncertainty.one_by_one import fitted_one_by_one, with_noise
 from calib.uncertainty.refit import freeze, refit
 from calib.uncertainty.tool_point import propagate
-from tests.calib.kinds import NOISE, distances, everything, places, points, poses, true_robot
+from tests.calib.kinds import (
+    NOISE,
+    distances,
+    everything,
+    places,
+    points,
+    poses,
+    require_derivatives,
+    true_robot,
+)
 from tests.reference import BASE6, pool_r, tx60
 
 
@@ -91,13 +100,7 @@ def test_every_kind_of_row_has_the_derivative_of_its_residual_in_every_number(si
     rng, true = np.random.default_rng(2), full_model()
     table = everything(true, pool_r(3), rng)
     model = true.moved(rng.normal(size=true.n_numbers) * size)
-    seen, h = predict(model, table), 1e-5
-    for k in range(model.n_numbers):
-        step = np.eye(model.n_numbers)[k] * h
-        ahead, behind = (predict(model.moved(sign * step), table).residual for sign in (1, -1))
-        # rows of order one; h^2 / 6 of the third derivative and rounding 1e-15 / h are below 1e-9
-        error = np.abs((behind - ahead) / (2 * h) - seen.rows[:, :, k]).max()
-        assert error < 2e-9 * max(1.0, np.abs(seen.rows).max()), model.names[k]
+    require_derivatives(model, table)
 
 
 def test_rows_of_the_truth_differ_from_what_it_predicts_by_noise_alone():

@@ -16,6 +16,7 @@ from calib.geometry.operating import AS_USUAL, OperatingConditions, approaches, 
 from calib.measurement.observations import joined
 from calib.measurement.tables import points, poses
 from tests.calib.geometry.bent import random_arm
+from tests.calib.slopes import slopes
 
 
 def one_of_each(chain):
@@ -62,14 +63,12 @@ def test_columns_of_terms_that_follow_the_rows_are_derivatives(which):
     T, J = model.poses_and_jacobian(q, at)
     # the sweep of the Jacobian adds what `forward` adds, in another order
     assert np.abs(T - model.poses(q, at)).max() < 1e-14
-    for k, name in enumerate(model.names):
-        h, e = 1e-5, np.zeros(model.n_numbers)
-        e[k] = h
-        ahead, back = model.moved(e).poses(q, at), model.moved(-e).poses(q, at)
-        numeric = (ahead - back)[:, :3, 3] / (2 * h)
-        # rounding 1e-16 / h and curvature h^2 of the order of the reach; torques are up to 100 N m
-        size = max(1.0, float(np.abs(numeric).max())) ** 2
-        assert np.abs(J[:, :3, k] - numeric).max() < 1e-9 * size, name
+    numeric = slopes(
+        lambda step: model.moved(step).poses(q, at)[:, :3, 3], np.zeros(model.n_numbers), 1e-5
+    )
+    # rounding 1e-16 / h and curvature h^2 of the order of the reach; torques are up to 100 N m
+    size = np.maximum(1.0, np.abs(numeric).max(axis=(0, 1))) ** 2
+    assert (np.abs(J[:, :3] - numeric).max(axis=(0, 1)) < 1e-9 * size).all()
 
 
 @pytest.mark.parametrize("passes", [1, 3])
@@ -92,14 +91,10 @@ def test_a_payload_of_each_row_bends_the_arm_as_one_of_the_whole_arm_does(passes
     # who says nothing has the payload of the arm
     usual = OperatingConditions(payload=np.ones(3), center=np.tile([0.1, 0.0, 0.2], (3, 1)))
     assert np.abs(model.poses(q[:3], usual) - model.poses(q[:3])).max() < 1e-15
-    _, J = joint_jacobian(model, q[:20], at.rows(np.arange(20)))
-    for j in range(6):
-        step = 1e-6 * np.eye(6)[j]
-        ahead, behind = (
-            model.poses(q[:20] + s * step, at.rows(np.arange(20)))[:, :3, 3] for s in (1, -1)
-        )
-        # rounding 1e-15 / 1e-6
-        assert np.abs((ahead - behind) / 2e-6 - J[:, :3, j]).max() < 1e-8
+    few = at.rows(np.arange(20))
+    _, J = joint_jacobian(model, q[:20], few)
+    # rounding 1e-15 / 1e-6
+    assert np.abs(slopes(lambda q: model.poses(q, few)[:, :3, 3], q[:20]) - J[:, :3]).max() < 1e-8
 
 
 def test_values_are_the_closed_forms_written_out():

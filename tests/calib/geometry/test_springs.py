@@ -5,12 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from calib.arrays import Array
 from calib.errors import InputError
 from calib.geometry.chain import Chain
 from calib.geometry.felt_springs import Felt
 from calib.geometry.fixtures import Fixtures
-from calib.geometry.frames import exp_so3, log_so3
+from calib.geometry.frames import exp_so3
 from calib.geometry.gravity import DOWN, Weight, guessed_moments, moments_of
 from calib.geometry.inverse import inverse_kinematics
 from calib.geometry.inverse_search import joint_jacobian
@@ -22,6 +21,7 @@ from calib.identification.identify import Status, identify
 from calib.measurement.tables import poses
 from tests.calib.geometry.bent import random_arm
 from tests.calib.geometry.test_gravity import energy, random_moments
+from tests.calib.slopes import slopes, twist
 from tests.reference import TX60_LIMITS, pool_r, tx60
 
 TX60 = tx60().chain
@@ -56,37 +56,30 @@ def sprung(
     return RobotModel(chain, errors, Fixtures(rng.normal(size=(1, 3))))
 
 
-def twist(T: Array, other: Array) -> Array:
-    """Rows [dp; dr] (m, 6) from one pose to another in world axes."""
-    turn = log_so3(T[:, :3, :3] @ np.swapaxes(other[:, :3, :3], 1, 2))
-    return np.hstack([T[:, :3, 3] - other[:, :3, 3], turn])
-
-
 @PASSES
 def test_every_column_is_the_derivative_of_the_pose(passes):
-    rng, h = np.random.default_rng(passes), 1e-5
+    rng = np.random.default_rng(passes)
     model, q = sprung(rng, passes), rng.uniform(-2, 2, (3, 6))
     T, J = model.poses_and_jacobian(q)
     assert np.array_equal(T, model.poses(q))
     assert J.shape == (3, 6, model.n_numbers) == (3, 6, len(model.names))
-    for k in range(0 if passes == 1 else 54, model.n_numbers):  # those of the chain once
-        e = h * np.eye(model.n_numbers)[k]
-        numeric = twist(model.moved(e).poses(q), model.moved(-e).poses(q)) / (2 * h)
-        # differences: third derivatives of order 100 times h^2 / 6, rounding of 1e-14 m / h
-        assert np.abs(J[:, :, k] - numeric).max() < 5e-9, model.names[k]
+    some = range(0 if passes == 1 else 54, model.n_numbers)  # those of the chain once
+    numeric = slopes(
+        lambda step: model.moved(step).poses(q), np.zeros(model.n_numbers), 1e-5,
+        by=some, minus=twist,
+    )  # fmt: skip
+    # differences: third derivatives of order 100 times h^2 / 6, rounding of 1e-14 m / h
+    assert np.abs(J[:, :, some] - numeric).max() < 5e-9
 
 
 @PASSES
 def test_joint_columns_are_the_derivative_by_the_commanded_joint(passes):
-    rng, h = np.random.default_rng(10 + passes), 1e-5
+    rng = np.random.default_rng(10 + passes)
     model, q = sprung(rng, passes), rng.uniform(-2, 2, (5, 6))
     bare = replace(model, joint_errors=replace(model.joint_errors, terms=(), coefficients=()))
     for one in (model, bare):
-        J = joint_jacobian(one, q)[1]
-        for i in range(6):
-            e = h * np.eye(6)[i]
-            numeric = twist(one.poses(q + e), one.poses(q - e)) / (2 * h)
-            assert np.abs(J[:, :, i] - numeric).max() < 5e-9  # as above
+        numeric = slopes(one.poses, q, 1e-5, minus=twist)
+        assert np.abs(joint_jacobian(one, q)[1] - numeric).max() < 5e-9  # as above
 
 
 def test_at_rest_springs_carry_the_slope_of_the_potential_energy():

@@ -22,7 +22,15 @@ from calib.measurement.observations import Measurements, joined
 from calib.measurement.prediction import perfect, predict, predicted_positions
 from calib.measurement.residual import linearize, paper_stack
 from calib.uncertainty.refit import unknown_to_loops
-from tests.calib.kinds import ARMS, NOISE, TURN_NOISE, anywhere, joints, true_robot
+from tests.calib.kinds import (
+    ARMS,
+    NOISE,
+    TURN_NOISE,
+    anywhere,
+    joints,
+    require_derivatives,
+    true_robot,
+)
 from tests.reference import pool_r
 
 
@@ -122,13 +130,9 @@ def test_every_row_has_the_derivative_of_its_residual_in_every_number_of_the_too
     rng, true = np.random.default_rng(3), robot_with_tools()
     table = every_tool(true, pool_r(2), rng)
     model = true.moved(rng.normal(size=true.n_numbers) * 0.1)
-    seen, h = predict(model, table), 1e-5
-    for k in (*range(36, 42), *range(model.n_numbers - 12, model.n_numbers), 0, 4, 12, 43):
-        step = np.eye(model.n_numbers)[k] * h
-        ahead, behind = (predict(model.moved(sign * step), table).residual for sign in (1, -1))
-        # h^2 / 6 of the third derivative and rounding 1e-15 / h are below 1e-9
-        error = np.abs((behind - ahead) / (2 * h) - seen.rows[:, :, k]).max()
-        assert error < 2e-9 * max(1.0, np.abs(seen.rows).max()), model.names[k]
+    require_derivatives(
+        model, table, (*range(36, 42), *range(model.n_numbers - 12, model.n_numbers), 0, 4, 12, 43)
+    )
 
 
 def test_a_climb_sees_the_rows_of_every_tool():

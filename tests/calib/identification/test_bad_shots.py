@@ -19,6 +19,7 @@ from calib.identification.outliers.search import search_outliers
 from calib.identification.prior import weak_prior
 from calib.measurement.prediction import predict
 from tests.calib import kinds
+from tests.calib.slopes import slopes, twist
 
 TX60 = RobotModel(kinds.ARMS["tx60"])
 MDEG = np.radians(1e-3)
@@ -164,15 +165,11 @@ def left_open(model, prior, table, rows, others):
 
     A second way: the numbers as a Gaussian process, its columns by differences of poses.
     """
-    step, columns = 1e-6, []
-    for k in (model.names.index(name) for name in prior.names):
-        ends = [model.moved(sign * step * np.eye(model.n_numbers)[k]) for sign in (1, -1)]
-        one, two = (each.poses(table.q) for each in ends)
-        turned = one[:, :3, :3] @ np.swapaxes(two[:, :3, :3], 1, 2)
-        turn = [turned[:, j, i] - turned[:, i, j] for i, j in ((1, 2), (2, 0), (0, 1))]
-        moved = np.column_stack([one[:, :3, 3] - two[:, :3, 3], *(each / 2 for each in turn)])
-        columns.append((moved / (2 * step * SPREAD)).ravel())
-    A = np.column_stack(columns)
+    columns = slopes(
+        lambda step: model.moved(step).poses(table.q), np.zeros(model.n_numbers),
+        by=[model.names.index(name) for name in prior.names], minus=twist,
+    )  # fmt: skip
+    A = (columns / np.reshape(SPREAD, (-1, 1))).reshape(-1, columns.shape[2])
     K = A @ np.linalg.inv(prior.precision) @ A.T + np.eye(len(A))
     at, to = (np.ravel(6 * each[:, None] + np.arange(6)) for each in (rows, others))
     V = K[np.ix_(at, at)] - K[np.ix_(at, to)] @ np.linalg.solve(

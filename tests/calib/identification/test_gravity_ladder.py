@@ -24,6 +24,7 @@ from calib.identification.spring_products import ModelSprings, settled
 from calib.information.sizes import SAG
 from calib.measurement.tables import poses
 from tests.calib import kinds
+from tests.calib.slopes import slopes
 from tests.reference import DEG, SIGMA_POSITION, SIGMA_ROTATION, TX60_LIMITS, pool_r, tx60
 
 NOMINAL = tx60()
@@ -191,12 +192,8 @@ def test_springs_settle_where_no_other_numbers_are_better():
         assert found.loss == pytest.approx(loss(found.numbers), rel=1e-9)
         assert found.loss <= other.fun + 1e-5
         np.testing.assert_allclose(springs.at(found.numbers)[0], found.products, rtol=1e-12)
-        h = 1e-6
-        slopes = [
-            (springs.at(found.numbers + e)[0] - springs.at(found.numbers - e)[0]) / (2 * h)
-            for e in h * np.eye(6)
-        ]
-        np.testing.assert_allclose(found.slopes, np.transpose(slopes), atol=1e-8)
+        numeric = slopes(lambda x, springs=springs: springs.at(x)[0], found.numbers)
+        np.testing.assert_allclose(found.slopes, numeric, atol=1e-8)
 
 
 def test_springs_settle_in_few_steps_where_compliance_and_weight_stand_for_each_other(monkeypatch):
@@ -207,20 +204,19 @@ def test_springs_settle_in_few_steps_where_compliance_and_weight_stand_for_each_
     A = rng.normal(size=(30, 12)) * np.tile([0.05, 1.0, 1.0], 4)
     true, _ = springs.at(rng.normal(size=6) / 2 + 0.3)
     pull = A.T @ (A @ true + rng.normal(size=30))
-    x, h = settled(springs, A.T @ A, pull).numbers, 1e-4
+    x = settled(springs, A.T @ A, pull).numbers
 
     def loss(x):
         y, _ = springs.at(x)
         return y @ A.T @ A @ y - 2 * pull @ y + x @ x
 
     def force_at(x):
-        return np.array([(loss(x - e) - loss(x + e)) / (4 * h) for e in h * np.eye(6)])
+        return -slopes(loss, x, 1e-4) / 2
 
     bowl, bend, force = springs.bowl(x, A.T @ A, pull)
     np.testing.assert_allclose(force, force_at(x), atol=1e-7)
-    curved = [(force_at(x - e) - force_at(x + e)) / (2 * h) for e in h * np.eye(6)]
     # differences of differences of a loss of some 10
-    np.testing.assert_allclose(bowl + bend, curved, atol=1e-5)
+    np.testing.assert_allclose(bowl + bend, -slopes(force_at, x, 1e-4), atol=1e-5)
     assert force @ np.linalg.solve(bowl + bend, force) < 1e-6
 
 

@@ -10,6 +10,7 @@ from calib.geometry.model import RobotModel
 from calib.geometry.parameters import parameters_of
 from calib.identification.joint_models import extended_model, extended_parameters, gravity_is_closed
 from calib.measurement.observations import Measurements
+from tests.calib.slopes import slopes
 from tests.reference import DEG, TX60_LINKS, WEN24, pool_r, rigid_truth, tx60
 from tests.truth.measuring import measured
 
@@ -93,12 +94,8 @@ def test_the_closed_form_is_the_torque_of_weights_on_the_arm():
         wrist = RobotModel(Chain(fore)).poses(at[:, :4])[:, 2, 3]
         return np.stack([elbow, wrist])
 
-    step = np.zeros(6)
     # d3 = 20 mm lies along the parallel axes and does not turn: pure sines remain
-    for joint in (1, 2):
-        step[:] = 0
-        step[joint] = 1e-6
-        drop = -(heights(q + step) - heights(q - step)) / 2e-6
+    for drop in np.moveaxis(-slopes(heights, q, by=(1, 2)), -1, 0):
         waves = np.stack([np.sin(q[:, 1]), np.sin(q[:, 1] + q[:, 2])], axis=1)
         for torque in drop:
             fit = np.linalg.lstsq(waves, torque)[0]

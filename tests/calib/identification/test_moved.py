@@ -17,6 +17,7 @@ from calib.identification.outliers.moved import FEWEST, moved_once
 from calib.measurement.observations import joined
 from calib.measurement.prediction import predicted_positions
 from tests.calib import kinds
+from tests.calib.slopes import slopes
 
 POSES, STEP = 70, 41
 LATER = np.arange(POSES) >= STEP
@@ -177,10 +178,8 @@ def bent(true, q, kilograms, down):
     Torques are the work that the weight does as each joint turns, by differences.
     """
     flange = RobotModel(Chain(true.chain.links, true.chain.kinds))
-    h = 1e-6 * np.eye(q.shape[1])
-    height = [(flange.poses(q + e)[:, :3, 3] - flange.poses(q - e)[:, :3, 3]) @ down for e in h]
-    torque = 9.81 * kilograms[:, None] * np.stack(height, axis=1) / 2e-6
-    return q + 5e-6 * torque
+    height = slopes(lambda q: flange.poses(q)[:, :3, 3] @ down, q)
+    return q + 5e-6 * 9.81 * kilograms[:, None] * height
 
 
 @pytest.mark.parametrize("down", [(0.0, 0.0, -1.0), (-1.0, 0.0, 0.0)], ids=["upright", "wall"])

@@ -9,6 +9,7 @@ from calib.information.criteria.named import criterion_named
 from calib.information.goals import Goals, goal_matrix
 from calib.information.propagation import point_uncertainty, tool_covariance
 from tests.calib.design.design_cases import goal_set, whitened_pool
+from tests.calib.slopes import slopes
 from tests.reference import WEN24, pool_r, tx60
 
 Q = pool_r(12, 99)
@@ -37,13 +38,12 @@ def test_v_and_g_are_the_mean_and_the_worst_of_propagated_covariances():
 def test_rows_are_the_motion_of_a_point_on_the_tool():
     model, parameters, target = tx60(), parameters_of(tx60(), WEN24), np.array([0.03, 0.1, 0.2])
     rows = goal_matrix(model, Q, parameters, target=target).rows
-    for k, place in enumerate(parameters.free_index):
-        step = np.zeros(model.n_numbers)
-        step[place] = h = 1e-6
-        moved = [model.moved(s * step).poses(Q) @ np.append(target, 1) for s in (1, -1)]
-        seen = (moved[0] - moved[1])[:, :3] / (2 * h) * parameters.scale[place]
-        # central difference: rounding 1e-16 / 1e-6 on values up to 3
-        np.testing.assert_allclose(rows[:, :, k], seen, atol=2e-9)
+    seen = slopes(
+        lambda step: (model.moved(step).poses(Q) @ np.append(target, 1))[:, :3],
+        np.zeros(model.n_numbers), by=parameters.free_index,
+    )  # fmt: skip
+    # central difference: rounding 1e-16 / 1e-6 on values up to 3
+    np.testing.assert_allclose(rows, seen * parameters.free_scale, atol=2e-9)
 
 
 def test_a_goal_pose_of_no_weight_does_not_count_as_the_worst():

@@ -10,6 +10,7 @@ from calib.geometry.fixtures import Fixtures
 from calib.measurement import tables
 from calib.measurement.prediction import predict
 from calib.measurement.tool_target import ToolTarget
+from tests.calib.slopes import slopes
 from tests.reference import pool_r, tx60
 
 PLACES = np.array([[0.05, 0.03, 0.08], [-0.06, 0.02, 0.1]])
@@ -18,15 +19,15 @@ MODEL = replace(tx60(), fixtures=Fixtures(reflectors=PLACES))
 
 @pytest.mark.parametrize("target", [ToolTarget((0.01, 0.02, 0.03)), ToolTarget(reflector=1)])
 def test_rows_are_the_differences_of_positions(target):
-    q, h = pool_r(4), 1e-6
+    q = pool_r(4)
     position, rows = target.positions_and_rows(MODEL, *MODEL.poses_and_jacobian(q))
     np.testing.assert_array_equal(position, target.positions(MODEL, MODEL.poses(q)))
-    found = np.empty_like(rows)
-    for k in range(MODEL.n_numbers):
-        step = h * (np.arange(MODEL.n_numbers) == k)
-        one, other = (MODEL.moved(sign * step) for sign in (1, -1))
-        ends = (target.positions(model, model.poses(q)) for model in (one, other))
-        found[:, :, k] = np.subtract(*ends) / (2 * h)
+
+    def seen(step):
+        model = MODEL.moved(step)
+        return target.positions(model, model.poses(q))
+
+    found = slopes(seen, np.zeros(MODEL.n_numbers))
     # central differences of 1 m: h^2 / 6 and 2e-16 / h
     np.testing.assert_allclose(rows, found, rtol=0, atol=1e-9)
 

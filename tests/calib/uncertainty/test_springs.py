@@ -6,6 +6,7 @@ import pytest
 from calib.measurement.noise import with_joint_noise
 from calib.uncertainty.monte_carlo import propagate
 from tests.calib.geometry.test_springs import sprung
+from tests.calib.slopes import slopes
 
 
 @pytest.mark.parametrize("passes", [1, 2])
@@ -20,14 +21,14 @@ def test_tool_points_of_many_sprung_robots_are_those_of_each_of_them(passes):
 
 def test_noise_of_the_joints_moves_a_sprung_arm_as_its_joints_do():
     """Against poses of an arm whose links are turned by as much, on the same springs."""
-    rng, h = np.random.default_rng(3), 1e-6
+    rng = np.random.default_rng(3)
     model, q = sprung(rng, 1), rng.uniform(-2, 2, (3, 6))
     turning = [i for i in range(6) if model.chain.kinds[i] == "revolute"]
     J = np.zeros((3, 3, 6))
-    for i in turning:
-        e = h * np.eye(model.n_numbers)[6 + 5 * i]
-        ends = [model.moved(sign * e).poses(q)[:, :3, 3] for sign in (1, -1)]
-        J[:, :, i] = (ends[0] - ends[1]) / (2 * h)
+    angles = [6 + 5 * i for i in turning]
+    J[:, :, turning] = slopes(
+        lambda step: model.moved(step).poses(q)[:, :3, 3], np.zeros(model.n_numbers), by=angles
+    )
     sd = np.zeros(6)
     sd[turning] = 1e-5
     sigma = with_joint_noise(model, q, np.zeros((3, 6, 6)), sd)[:, :3, :3]

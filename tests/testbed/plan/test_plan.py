@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from calib.geometry.frames import log_so3
+from calib.geometry.frames import transform
 from testbed.laboratory.bench import open_bench
 from testbed.laboratory.cell import cell_from
 from testbed.laboratory.goal import goal_of
@@ -12,6 +12,7 @@ from testbed.laboratory.tracker.of_scenario import tracker_from
 from testbed.plan.plan import compared, plan
 from testbed.plan.results import plan_csv
 from testbed.plan.words import measured_words
+from tests.calib.slopes import slopes, twist
 from tests.planned import BARE, ROBOT, SMALL, legs, quick_plan, scenario, small_plan
 
 CHAIN = ROBOT.model.chain
@@ -32,31 +33,27 @@ def tracker_of(made):
     return tracker_from(settings, CHAIN)
 
 
-def pose_change(q, k, *, point=(0.0, 0.0, 0.0)):
-    """Change of the tool point and turn (m, 6) per unit of number k, by central differences."""
-    ends = []
-    for sign in (1, -1):
-        step = np.zeros(ROBOT.model.n_numbers)
-        step[k] = sign * STEP
-        ends.append(ROBOT.model.moved(step).poses(q))
-    plus, minus = ends
-    turn = log_so3(plus[:, :3, :3] @ np.swapaxes(minus[:, :3, :3], 1, 2))
-    place = (plus - minus)[:, :3, 3] + (plus - minus)[:, :3, :3] @ np.asarray(point)
-    return np.hstack([place, turn]) / (2 * STEP)
+def pose_change(q, numbers, *, point=(0.0, 0.0, 0.0)):
+    """Change of the tool point and turn (m, 6, p) by these numbers, by central differences."""
+    at = transform(np.eye(3), np.asarray(point))
+    return slopes(
+        lambda step: ROBOT.model.moved(step).poses(q) @ at, np.zeros(ROBOT.model.n_numbers), STEP,
+        by=numbers, minus=twist,
+    )  # fmt: skip
 
 
 def matrices(made, q):
     """Information (m, p, p) of each pose q in scaled units, from differences and `inv` alone."""
     tracker, free = tracker_of(made), np.flatnonzero(made.parameters.free)
     C = tracker.covariance(ROBOT.model, q, open_bench(made.scenario).sigma_q)
-    J = np.stack([pose_change(q, k) for k in free], axis=-1) * made.parameters.free_scale
+    J = pose_change(q, free) * made.parameters.free_scale
     return np.swapaxes(J, 1, 2) @ np.linalg.inv(C) @ J
 
 
 def uncertainty(made, M):
     """Standard uncertainty (g,) over the goal with information M (p, p)."""
     free = np.flatnonzero(made.parameters.free)
-    G = np.stack([pose_change(made.goal.q, k, point=made.goal.point) for k in free], axis=-1)
+    G = pose_change(made.goal.q, free, point=made.goal.point)
     rows = (G * made.parameters.free_scale)[:, :3]
     return np.sqrt(np.einsum("gai,ij,gaj->g", rows, np.linalg.inv(M), rows))
 

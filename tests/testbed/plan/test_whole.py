@@ -27,6 +27,7 @@ from testbed.robots.catalog import load_robot
 from testbed.scenario.read import changed
 from testbed.studies import load_scenario
 from testbed.units import NARROW
+from tests.calib.slopes import slopes
 from tests.planned import QUICK, ROBOT, legs, quick_plan, scenario
 from tests.reported import VERSIONS, read
 from tests.testbed.robots.described_cases import ARMS
@@ -54,17 +55,11 @@ def fit_of(made):
 
 def at_goal(made):
     """Derivative (g, 3, p) of the tool point by the numbers, by central differences."""
-    free, step = np.flatnonzero(made.parameters.free), 1e-6
-    columns = []
-    for k in free:
-        ends = []
-        for sign in (1, -1):
-            moved = np.zeros(ROBOT.model.n_numbers)
-            moved[k] = sign * step
-            T = ROBOT.model.moved(moved).poses(made.goal.q)
-            ends.append(T[:, :3, 3] + T[:, :3, :3] @ made.goal.point)
-        columns.append((ends[0] - ends[1]) / (2 * step))
-    return np.stack(columns, axis=2)
+    point = np.append(made.goal.point, 1.0)
+    return slopes(
+        lambda step: (ROBOT.model.moved(step).poses(made.goal.q) @ point)[:, :3],
+        np.zeros(ROBOT.model.n_numbers), by=np.flatnonzero(made.parameters.free),
+    )  # fmt: skip
 
 
 def shared_u(made, plan_of):

@@ -28,6 +28,7 @@ from testbed.studies.coverage.summary import cells, followed, numbers_check, pub
 from testbed.studies.coverage.tables import attained_share
 from testbed.studies.over_robots import mean_over_robots, share_over_robots
 from testbed.units import NARROW, Mean
+from tests.calib.slopes import slopes
 from tests.campaign import record_hash, with_records
 from tests.reported import VERSIONS, assert_same, played
 from tests.sbc import evenness, prior_ranks
@@ -104,12 +105,7 @@ def test_shares_and_radii_of_one_robot_come_out_by_independent_code_too(model, v
 
     def predicted(q):
         point = moved(x).poses(q)[:, :3, 3]
-        slopes = []
-        for k in range(len(x)):
-            h = np.zeros(len(x))
-            h[k] = 1e-2
-            slopes.append((moved(x + h).poses(q) - moved(x - h).poses(q))[:, :3, 3] / 2e-2)
-        J = np.moveaxis(np.array(slopes), 0, -1)
+        J = slopes(lambda x: moved(x).poses(q)[:, :3, 3], x, 1e-2)
         return point, J @ covariance @ np.swapaxes(J, 1, 2)
 
     point, sigma = predicted(visit.judge_q)

@@ -26,6 +26,7 @@ from testbed.studies.pose_sets.plots import forest, kinds
 from testbed.studies.protocol import Records
 from testbed.studies.trial.play import criterion_of, select
 from testbed.studies.trial.records import campaign_of
+from tests.calib.slopes import slopes
 from tests.campaign import record_hash, with_records
 from tests.reported import VERSIONS, played, printed_pages, read
 
@@ -294,13 +295,9 @@ def brute_force_u(places):
     A = model.poses_and_jacobian(q)[1][:, :, free]
     M = sum(a.T @ np.linalg.inv(c) @ a for a, c in zip(A, covariance, strict=True))
     C = np.linalg.inv(M)
-    h, rows = 1e-6, []
-    for k in free:
-        step = np.zeros(model.n_numbers)
-        step[k] = h
-        ends = [model.moved(s * step).poses(goal.q)[:, :3, 3] for s in (1, -1)]
-        rows.append((ends[0] - ends[1]) / (2 * h))
-    J = np.moveaxis(np.array(rows), 0, 2)
+    J = slopes(
+        lambda step: model.moved(step).poses(goal.q)[:, :3, 3], np.zeros(model.n_numbers), by=free
+    )
     return float(np.sqrt(np.einsum("gip,pq,giq,g->", J, C, J, goal.weights)))
 
 

@@ -39,6 +39,7 @@ from testbed.studies.wen2022.report import few_repeats, procedure, verdict_of
 from testbed.studies.wen2022.summary import reexamination_of
 from testbed.studies.wen2022.tables import predicted_table
 from tests import campaign as campaigns
+from tests.calib.slopes import slopes
 from tests.campaign import record_hash, with_records, without
 from tests.reported import VERSIONS, assert_same, read
 from tests.sandwich import sandwich
@@ -173,8 +174,7 @@ def unweighted_covariance(model, seen, free):
         turned = (T[:, :3, :3] - seen.rotation).reshape(len(T), 9)
         return np.concatenate([turned, 1e3 * (T[:, :3, 3] - seen.position)], axis=1).ravel()
 
-    steps = 1e-6 * np.eye(free.n_free)
-    J = np.array([(rows(h) - rows(-h)) / 2e-6 for h in steps]).T
+    J = slopes(rows, np.zeros(free.n_free))
     left = rows(np.zeros(free.n_free))
     return left @ left / (len(left) - free.n_free) * np.linalg.inv(J.T @ J)
 
