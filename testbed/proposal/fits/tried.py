@@ -112,13 +112,13 @@ def tried_with(
         raise AssertionError("a draft can be read that could not be")
     if (explained := far_off(sessions, [one.score for one in whole], robot)) is not None:
         return drafts[explained[0]], explained[1], True
-    if (other := _otherwise(looks, robot)) is not None:
-        raise other
     session = sessions[likely]
     assert session is not None
     found = probe(robot, session)
     if found.stated is None or found.wrong is not None:
         found.raise_if_wrong()
+    elif (other := _otherwise(looks, robot)) is not None:
+        raise other
     if found.stated is None:
         poses = counted(len(np.unique(session.measurements.q, axis=0)), "different pose")
         tried = (

@@ -30,7 +30,8 @@ def on_its_side(looks: Sequence[Found], n: int) -> InputError | None:
     counts = {n, *seen, *(n + count for count in seen)}
     if not bare or len({one.width for one in bare}) > 1 or len(bare) < len(looks):
         return None
-    if all(one.rows in counts and one.rows < one.width for one in bare):
+    differ = len({one.rows for one in bare}) > 1  # of one file rows may be few and long
+    if all(one.rows in counts and (1 if differ else 2) * one.rows < one.width for one in bare):
         return _error(bare[0], f"has {bare[0].rows} rows of {bare[0].width} numbers")
     return None
 

@@ -306,7 +306,8 @@ def test_reflectors_beside_joints_need_no_names(rows, tmp_path):
 
 def on_their_side(folder, names):
     """Joints and places as MATLAB has them, a column for each pose."""
-    blocks = {"q": np.degrees(DATA.q).T, "p": MM.T}
+    many = made(5, 24, robot=UR10)  # more than any row has numbers
+    blocks = {"q": np.degrees(many.q).T, "p": 1e3 * many.T[:, :3, 3].T}
     if names == "in two files":
         for name, block in blocks.items():
             np.savetxt(folder / f"{name}.csv", block, delimiter=",", fmt="%.9f")
@@ -314,7 +315,7 @@ def on_their_side(folder, names):
     both = np.vstack(list(blocks.values()))
     rows = [",".join(f"{v:.9f}" for v in row) for row in both]
     if names != "without names":
-        head = {"below numbers": [f"pose,{','.join(map(str, range(M)))}"], "alone": []}[names]
+        head = {"below numbers": [f"pose,{','.join(map(str, range(24)))}"], "alone": []}[names]
         own = [*(f"J{k}" for k in range(1, 7)), *"XYZ"]
         rows = [*head, *(f"{name},{row}" for name, row in zip(own, rows, strict=True))]
     (folder / "a.csv").write_text("\n".join(rows))
