@@ -103,7 +103,8 @@ def tried_with(
                 better = by_other_zeros(error, robot, partial(_read_for, read, draft))
                 if better is not error:
                     raise better from error
-            if (other := _otherwise(looks, robot)) is not None:
+            turned = on_its_side(looks, robot.model.chain.n_joints)
+            if (other := turned or poses_for_joints(looks, robot)) is not None:
                 raise other from error
             nameless = next((one for one in looks if one.kind == "bare"), None)
             if nameless is None or error.code not in GUESSED:
@@ -112,13 +113,15 @@ def tried_with(
         raise AssertionError("a draft can be read that could not be")
     if (explained := far_off(sessions, [one.score for one in whole], robot)) is not None:
         return drafts[explained[0]], explained[1], True
+    if (told := poses_for_joints(looks, robot)) is not None:
+        raise told
     session = sessions[likely]
     assert session is not None
     found = probe(robot, session)
     if found.stated is None or found.wrong is not None:
         found.raise_if_wrong()
-    elif (other := _otherwise(looks, robot)) is not None:
-        raise other
+    elif (turned := on_its_side(looks, robot.model.chain.n_joints)) is not None:
+        raise turned
     if found.stated is None:
         poses = counted(len(np.unique(session.measurements.q, axis=0)), "different pose")
         tried = (
@@ -131,12 +134,6 @@ def tried_with(
         f"the robot that was measured? {BY_SIZE.capitalize()}"
     )
     return drafts[likely], tried, False
-
-
-def _otherwise(looks: Sequence[Found], robot: Robot) -> InputError | None:
-    """What files are that no interpretation explains, where that is known."""
-    turned = on_its_side(looks, robot.model.chain.n_joints)
-    return turned if turned is not None else poses_for_joints(looks, robot)
 
 
 def _read_for(read: Callable[..., Session], draft: Draft, robot: Robot) -> Session:
