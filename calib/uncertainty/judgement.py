@@ -190,7 +190,7 @@ def judge(
             identification, train, test, known, numbers, probability, quiet
         )
         if belief is not None:
-            point = stated_radius(belief, train, test, frame, known, quiet)
+            point = stated_radius(belief, identification, train, test, frame, known, quiet)
         apart = frame is not None and frame.found
         others = test if strays is None else test.rows(~np.isin(test.pose_id, strays.poses))
         tails = long_tails(identification, train, test.rows([]) if apart else others)

@@ -12,6 +12,7 @@ import numpy as np
 from calib.arrays import Array, check
 from calib.identification.identify import Identification
 from calib.measurement.observations import Measurements
+from calib.measurement.tool_target import ToolTarget
 from calib.uncertainty.circumstances import Circumstances, MeasuredNoise
 from calib.uncertainty.drift.drifting import Drifting, drifting
 from calib.uncertainty.outlying.angles import loud_turns
@@ -24,6 +25,7 @@ from calib.uncertainty.outlying.poses import (
 )
 from calib.uncertainty.statement.belief import Belief, adding, believe
 from calib.uncertainty.statement.counted import counted
+from calib.uncertainty.statement.left_out import left_out_covariance
 from calib.uncertainty.statement.other_frame import (
     FEWEST,
     OtherFrame,
@@ -157,16 +159,24 @@ def _half_radius(alone: Belief, points: Measurements, known: Circumstances) -> f
 
 
 def stated_radius(
-    belief: Belief, train: Measurements, test: Measurements, frame: OtherFrame | None,
-    known: Circumstances, quiet: MeasuredNoise,
+    belief: Belief, fit: Identification, train: Measurements, test: Measurements,
+    frame: OtherFrame | None, known: Circumstances, quiet: MeasuredNoise,
 ) -> StatedPoint:  # fmt: skip
-    """The believed radius at poses like the held-out ones, or else those identified from."""
+    """The believed radius at poses like the held-out ones, or else those identified from.
+
+    At poses identified from, each counts as one that was left out, for further ones like it are.
+    """
     held = len(test) > 0 and (frame is None or not frame.found)
     where = test if held else train
     sd = known.repeatability
     if sd is not None:
         (sd,) = check(f"{belief.model.chain.n_joints}", repeatability=sd)
     first = np.unique(where.pose_id, return_index=True)[1]
+    unseen = None
+    if not held:
+        T, J = belief.model.poses_and_jacobian(where.q[first], where.conditions.rows(first))
+        rows = ToolTarget.of(known.target).positions_and_rows(belief.model, T, J)[1]
+        unseen = belief.misfit.larger_noise**2 * left_out_covariance(fit, train, rows)
     return stated_point(
         belief, where.q[first], at=where.conditions.rows(first),
         target=known.target, held_out=held, repeatability=sd,
@@ -174,5 +184,5 @@ def stated_radius(
         measured=quiet.test.rows(~quiet.test.is_distance)
         if held and belief.n_guards
         else None,
-        visits=known.stations_are_visits,
+        visits=known.stations_are_visits, unseen=unseen,
     )  # fmt: skip

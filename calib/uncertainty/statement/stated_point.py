@@ -1,12 +1,12 @@
 """One number for people: the radius around a predicted tool point, and with what probability."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.special import bdtr
 
-from calib.arrays import Array, FloatOrNan
+from calib.arrays import Array, FloatOrNan, frozen
 from calib.geometry.operating import AS_USUAL, OperatingConditions
 from calib.measurement.observations import Measurements
 from calib.measurement.prediction import predict
@@ -75,6 +75,7 @@ def stated_point(
     measured: Measurements | None = None,
     visits: bool = False,
     at: OperatingConditions = AS_USUAL,
+    unseen: Array | None = None,
 ) -> StatedPoint:
     """What is believed at poses like q (n, j), as one radius.
 
@@ -102,12 +103,17 @@ def stated_point(
         grows here as it does there.
     at : OperatingConditions, optional
         Under which the robot stands there.
+    unseen : (n, 3, 3) array, optional
+        What further poses like these have more than these, which were identified from [m^2].
     """
     growth = belief.proven.applies(q, at).growth
     known = repeatability is not None and repeatability.any()
     mean, move = belief.mean_and_move(
         q, target=target, growth=growth, repeatability=repeatability if known else None, at=at
     )
+    if unseen is not None:
+        mean = replace(mean, covariance=frozen(mean.covariance + unseen))
+        move = move and replace(move, covariance=frozen(move.covariance + unseen))
     u_move = radius_move = float("nan")
     if move is not None:
         u_move, radius_move = _usual(move), common_radius(move)

@@ -5,11 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from calib.identification.identify import identify
 from calib.measurement.observations import joined
 from calib.measurement.prediction import predict
+from calib.uncertainty.circumstances import Circumstances, measured_noise
+from calib.uncertainty.proven_belief import stated_radius
 from calib.uncertainty.regions import coverage_factor
 from calib.uncertainty.statement.belief import believe
 from calib.uncertainty.statement.distance import distance_radius
+from calib.uncertainty.statement.left_out import left_out_covariance
 from calib.uncertainty.statement.stated_point import (
     StatedPoint,
     common_radius,
@@ -128,3 +132,37 @@ def test_a_radius_that_held_out_errors_widen_is_their_quantile_less_the_noise():
     variance = np.trace(off.covariance[:, :3, :3], axis1=1, axis2=2).mean() / 3
     expected = np.sqrt(missed[38] ** 2 - coverage_factor(3) ** 2 * variance)
     assert found.radius_mean == pytest.approx(expected, rel=1e-9)
+
+
+@pytest.mark.parametrize(("m", "most"), [(10, 1.6), (20, 1.25), (40, 1.12)])
+def test_without_held_out_poses_the_radius_is_that_of_further_poses_like_those_identified_from(
+    m, most
+):
+    """Numbers follow the noise of their own poses: against many other poses, drawn alike."""
+    alone, stated, further = [], [], []
+    for robot in range(16):
+        _, fit, train, others = campaign(np.random.default_rng([robot, 77]), 0.0, m=m, n=200)
+        belief = believe(fit, train)
+        belief = replace(belief, misfit=replace(belief.misfit, upper=0.0))  # the noise alone
+        nothing, known = others.rows([]), Circumstances()
+        quiet = measured_noise(fit.model, train, nothing, known)
+        found = stated_radius(belief, fit, train, nothing, None, known, quiet)
+        plain = {"target": (0.0, 0.0, 0.0), "held_out": False}
+        stated.append(found.u_mean**2)
+        alone.append(stated_point(belief, train.q, **plain).u_mean ** 2)
+        further.append(stated_point(belief, others.q, **plain).u_mean ** 2)
+    # a pose left out leaves one less to identify from: never too small, soon not much too large
+    assert 1.0 < np.mean(stated) / np.mean(further) < most
+    assert np.mean(alone) / np.mean(further) < 0.9
+
+
+def test_what_a_pose_adds_is_what_is_missing_without_it():
+    """Against an identification from all other poses."""
+    _, fit, train, _ = campaign(np.random.default_rng(5), 0.0, m=8)
+    _, J = fit.model.poses_and_jacobian(train.q)
+    more = left_out_covariance(fit, train, J[:, :3])
+    again = identify(fit.model, train.rows(train.pose_id != 3), fit.parameters)
+    there = J[train.pose_id == 3][0, :3]
+    grown = there @ (again.full_covariance - fit.full_covariance) @ there.T
+    # each is linearized where its own fit ends
+    np.testing.assert_allclose(more[3], grown, rtol=0, atol=1e-3 * np.abs(grown).max())
