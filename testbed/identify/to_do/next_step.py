@@ -90,7 +90,13 @@ def _what_is_left(calibration: Calibration) -> str:
     lack = fit.identification.lack_of_fit
     assert fit.test is not None  # asked for before
     if fit.test.position.mean > LEARNT * fit.train.position.mean:
-        return "Errors are larger than at the training poses: more of these may help."
+        text = "Errors are larger than at the training poses: more of these may help."
+        if lack is None and fit.identification.p_value < RED:
+            text += (
+                " If the readings are noisier than stated, state that, or measure every pose twice "
+                "to find out: R95 takes all of it for a misfit."
+            )
+        return text
     if lack is not None and lack.p_value < RED:
         return "More poses will not reduce what is left: it is not noise."
     return "Only repeated poses can show whether what is left is noise."

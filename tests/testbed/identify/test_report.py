@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from calib.geometry.joint_errors import harmonic_terms
+from calib.identification.fit_statistics import RED
 from calib.identification.identify import Status
 from calib.identification.lack_of_fit import LackOfFit
 from calib.identification.outliers.tails import LongTails
@@ -224,6 +225,22 @@ def test_only_repeats_tell_that_what_is_left_is_no_noise():
     fits = [replace(found.fit, identification=identification) if one is found.fit else one
             for one in found.fits]  # fmt: skip
     assert "it is not noise." in next_step(replace(found, fits=tuple(fits)))
+
+
+def test_more_poses_are_no_help_against_noise_that_is_larger_than_stated():
+    """Nobody who reads that R95 is wide knows that the noise he stated may be why."""
+    found = real()
+    assert found.fit.identification.p_value < RED
+    less = replace(found.fit.train.position, mean=0.5 * found.fit.test.position.mean)
+    few = replace(found.fit.train, position=less)
+    fits = [replace(one, train=few) if one is found.fit else one for one in found.fits]
+    step = next_step(replace(found, fits=tuple(fits)))
+    assert "more of these may help. If the readings are noisier than stated, state that" in step
+    explained = replace(found.fit.identification, p_value=0.5)
+    fits = [replace(one, train=few, identification=explained) if one is found.fit else one
+            for one in found.fits]  # fmt: skip
+    step = next_step(replace(found, fits=tuple(fits)))
+    assert step.endswith("more of these may help.")
 
 
 def test_where_geometry_alone_was_asked_for_and_is_refuted_the_next_step_is_the_choice():
