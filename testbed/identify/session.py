@@ -22,6 +22,9 @@ from testbed.identify.records import Origin
 from testbed.robots.catalog import Robot
 from testbed.scenario.hashes import robot_hash
 
+TARGET = ", target "
+"""What stands before the name of a target in that of a row."""
+
 
 def with_test(session: Session, other: Session) -> Session:
     """The session with the rows of another one held out; both in one measuring frame.
@@ -135,7 +138,7 @@ def row_names(session: Session, measurements: Measurements) -> list[str]:
         if several:
             name += f", visit {int(measurements.repeat[row]) + 1}"
         if len(session.reflector_names) > 1 and measurements.reflector[row] >= 0:
-            name += f", target {session.reflector_names[int(measurements.reflector[row])]}"
+            name += f"{TARGET}{session.reflector_names[int(measurements.reflector[row])]}"
         if measurements.is_distance[row]:
             name += f", distance from {session.anchor_names[int(measurements.anchor[row])]}"
         elif len(session.station_names) > 1 and not session.visits:

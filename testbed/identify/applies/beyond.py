@@ -3,6 +3,8 @@
 And a model taken that held-out poses do not bear out.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from calib.arrays import Array
@@ -10,6 +12,7 @@ from calib.geometry.model import RobotModel
 from calib.uncertainty.statement.departure import named
 from testbed.identify.calibration import Calibration
 from testbed.identify.errors import of_poses
+from testbed.identify.session import TARGET
 from testbed.units import DEG, MM, fixed, listed, micrometres, significant
 
 FARTHER = 2.0
@@ -84,15 +87,29 @@ def far_step(calibration: Calibration) -> str:
     less, names = drawn_out(calibration), calibration.gross.held_out_names
     if less is None:
         return ""
-    shown = [*names[:MOST_NAMED]]
-    if len(names) > MOST_NAMED:
-        shown.append(f"{len(names) - MOST_NAMED} more (see Outliers)")
+    poses = _of_one_pose(names)
+    shown = poses[:MOST_NAMED]
+    if len(poses) > MOST_NAMED:
+        shown.append(f"{len(poses) - MOST_NAMED} more (see Outliers)")
     them, are = ("it", "stands") if len(names) == 1 else ("them", "stand")
     return (
         f"First look into held-out {listed(shown)}, which {are} out: without {them}, R95 would be "
         f"{micrometres(less)} um. If the reading is wrong, measure the pose again, or remove "
         "the row and state that you did; if it is right, the model fails there. Until then, "
     )
+
+
+def _of_one_pose(names: Sequence[str]) -> list[str]:
+    """Names of rows as one for each pose, with its targets behind it where there are several."""
+    poses = dict[str, list[str]]()
+    for name in names:
+        poses.setdefault(name.partition(TARGET)[0], []).append(name)
+    return [
+        rows[0]
+        if len(rows) == 1
+        else f"{pose} ({listed([row.removeprefix(pose + TARGET) for row in rows])})"
+        for pose, rows in poses.items()
+    ]
 
 
 def simpler_words(calibration: Calibration) -> tuple[str, ...]:

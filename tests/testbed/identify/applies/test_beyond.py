@@ -90,6 +90,12 @@ def test_what_to_do_about_such_shots_names_five_at_most_and_comes_only_where_the
     )
     said = far_step(calibration(30e-4, far=far, **asked))
     assert "pose 3, pose 4 and 2 more (see Outliers), which stand out: without them" in said
+    # three targets that were shot at one pose are one place to look at
+    shots = [f"held-out pose {k}, target {t} is missed by 10 mm" for k in (4, 7) for t in "ABC"]
+    said = far_step(calibration(30e-4, far=[*shots[:4]], **asked))
+    assert said.startswith(
+        "First look into held-out pose 4 (A, B and C) and pose 7, target A, which stand out"
+    )
     assert far_step(calibration(30e-4, far=far, radii=(3.5e-4, 3e-4))) == ""
     assert far_step(calibration(30e-4, far=far, radii=(9e-3, 3e-4), elsewhere=True)) == ""
     assert far_step(calibration(30e-4)) == ""
