@@ -25,7 +25,7 @@ from calib.uncertainty.outlying.poses import (
 )
 from calib.uncertainty.statement.belief import Belief, adding, believe
 from calib.uncertainty.statement.counted import counted
-from calib.uncertainty.statement.left_out import left_out_covariance
+from calib.uncertainty.statement.gain import left_out_covariance
 from calib.uncertainty.statement.other_frame import (
     FEWEST,
     OtherFrame,

@@ -158,7 +158,8 @@ def choose_tip(
     message = f"the arm has {len(ends)} ends: {some(ends)}"
     raise refuse(
         "tip", ends, "it must be a serial arm, with one end", code="R16", message=message,
-        fix="name the end that is calibrated: --tip LINK", where=str(path),
+        fix="name the end that is calibrated: --tip LINK (for a scenario: truebed new scene)",
+        where=str(path),
     )  # fmt: skip
 
 
