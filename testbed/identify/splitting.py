@@ -188,9 +188,11 @@ def _count(measurements: Measurements, count: int, train: int | None, held_out: 
     # as many numbers as a serial arm of so many joints lets full poses tell apart
     numbers = 4 * measurements.q.shape[1] + 6
     each = min(measurements.n_equations / count, 6.0)
-    needed = int(np.ceil(SPARE * numbers / each))
-    wanted = max(round(HELD_OUT_SHARE * count), fewest_poses())
-    return max(0, min(wanted, count - needed))
+    spare, wanted = count - int(np.ceil(SPARE * numbers / each)), round(HELD_OUT_SHARE * count)
+    # fewer guard no statement: they test, and each of them costs accuracy
+    if spare >= fewest_poses():
+        wanted = max(wanted, fewest_poses())
+    return max(0, min(wanted, spare))
 
 
 def _poses(measurements: Measurements, rows: Bool) -> str:

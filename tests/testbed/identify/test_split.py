@@ -32,8 +32,9 @@ def test_rows_of_one_pose_or_one_joint_vector_stay_on_one_side():
 
 
 def test_a_third_is_held_out_or_what_a_radius_needs_and_fifteen_poses_stay():
+    """Where too few are left for that, a third at most: 15 of 30 cost accuracy."""
     model = true_model()
-    for count, out in ((90, 30), (40, 19), (34, 19), (27, 12), (20, 5), (8, 0)):
+    for count, out in ((90, 30), (40, 19), (34, 19), (33, 11), (30, 10), (27, 9), (20, 5), (8, 0)):
         split = split_of(table_of(model, pool_r(count)), None)
         assert int(split.is_test.sum()) == out, count
     assert "nothing tests the result" in split.sentence
