@@ -43,7 +43,9 @@ def with_joints(look: Found, own: Sequence[int], names: Sequence[str]) -> tuple[
     families = [family for words in known for family in _called(plain, words)]
     families = [one for k, one in enumerate(families) if one not in families[:k]]
     if not families and not told:
-        taken = {one.theirs for one in look.meanings}
+        # names alone tell joints of one digit: of more, the first nine are none yet
+        again = {f"q{k}" for k in own} if len(own) > 9 else set[str]()
+        taken = {one.theirs for one in look.meanings if one.plain not in again}
         free = {name: text for name, text in plain.items() if name not in taken}
         families = _numbered(free, own)
     families.sort(key=lambda one: not _is_of_joints(plain[one[own[0]]]))

@@ -76,6 +76,15 @@ def test_which_columns_are_taken_as_joints_is_said(tmp_path):
     assert "Tz1 to Tz6 are not used" in said
 
 
+def test_ten_joints_have_two_digits(tmp_path):
+    table = {f"j{k}_deg": DEG[:, k % 6] for k in range(1, 11)}
+    (tmp_path / "m.csv").write_text(csv(table | places("{}")))
+    (look,) = look_at([tmp_path / "m.csv"], tmp_path)
+    taken, *_ = with_joints(look, range(1, 11), ())
+    assert taken.has(*(f"q{k}" for k in range(1, 11)))
+    assert {one.plain: one.theirs for one in taken.meanings}["q10"] == "j10_deg"
+
+
 def test_names_that_makers_and_the_file_of_the_robot_share_are_no_second_group(tmp_path):
     (tmp_path / "m.csv").write_text(csv(of_ros("{}_deg", DEG) | places("{}")))
     (look,) = look_at([tmp_path / "m.csv"], tmp_path)
