@@ -18,12 +18,12 @@ from tests.testbed.identify.test_report import DELIVERED
 
 
 @cache
-def measured(m, noise=1.0):
+def measured(m, noise=1.0, seed=1):
     """A rigid robot from 2 m / 3 poses, read with so many times the noise that is stated then."""
-    q = pool_r(400)[np.random.default_rng(1).permutation(400)[:m]]
-    table = table_of(true_model(), q, seed=1, noise=noise)
+    q = pool_r(400)[np.random.default_rng(seed).permutation(400)[:m]]
+    table = table_of(true_model(), q, seed=seed, noise=noise)
     table = replace(table, covariance=noise**2 * table.covariance)
-    return calibrate(robot(), session_of(table), Options(seed=1, held_out=m // 3))
+    return calibrate(robot(), session_of(table), Options(seed=seed, held_out=m // 3))
 
 
 def largest(found, q):
@@ -43,12 +43,14 @@ def test_half_the_noise_halves_the_radius_as_it_was_forecast():
 
 
 def test_so_many_more_poses_are_enough():
-    few = measured(60)
-    belief, q = few.proof.belief, few.stated_q
-    found = what_decides(belief, q, largest(measured(240), q))
-    # on the safe side: the guard's factor falls with more held-out poses, too, and is not forecast;
-    # six draws of this and two other robots gave 4.2 to 8.9 where 4 were enough
-    assert 3.5 < found.poses < 10
+    found = []
+    for seed in range(1, 6):
+        few, many = measured(60, seed=seed), measured(240, seed=seed)
+        reached = largest(many, few.stated_q)
+        found.append(what_decides(few.proof.belief, few.stated_q, reached).poses)
+    # on the safe side on average: the guard's factor falls with more held-out poses, too, and is
+    # not forecast; eight single draws gave 1.3 to 36 where 4 were enough, half of them 8 or more
+    assert 3.5 < np.median(found) < 12
 
 
 def test_what_all_readings_share_no_number_of_poses_lowers():
