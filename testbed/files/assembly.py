@@ -115,6 +115,7 @@ def assemble(
         approach=_joined([_extra(part, "approach") for part in parts]),
         joint_source=source,
         uncertainty="; ".join(dict.fromkeys(part.readings.uncertainty for part in parts)),
+        noise_assumed=settings.uncertainty.assumed,
         systematic=settings.uncertainty.systematic,
         corrections=Corrections.stacked([(len(one), one.readings.corrections) for one in parts]),
         joint_scatter=frozen(np.zeros(q.shape[1]) if included else robot.repeatability),

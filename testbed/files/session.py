@@ -115,6 +115,8 @@ class Session(Shown):
     """Which joints `measurements.q` are."""
     uncertainty: str
     """Where the covariances come from, in a sentence."""
+    noise_assumed: bool = False
+    """Whether the file says that they are guesses."""
     systematic: SystematicTable | None = None
     """What the instrument gets wrong in all readings alike, where it is stated."""
     joint_scatter: Array

@@ -92,6 +92,8 @@ class UncertaintyTable(Strict):
     """The same of distances."""
     joint_repeatability: Literal["robot", "included"] = "robot"
     """Whether the scatter of the joints comes on top, or is in the stated numbers already."""
+    assumed: bool = False
+    """Whether these numbers are guesses, not the instrument's: what is stated then says so."""
     systematic: SystematicTable | None = None
 
     @model_validator(mode="after")

@@ -40,6 +40,8 @@ class Origin(Shown):
     warnings: tuple[str, ...]
     exact: Annotated[bool, LATER] = False
     """Whether the nominal robot explains them as no robot that was measured."""
+    noise_assumed: Annotated[bool, LATER] = False
+    """Whether the covariances are guesses."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)

@@ -83,6 +83,7 @@ def with_test(session: Session, other: Session) -> Session:
         ),
         stated=_both_stated(session.stated, other.stated),
         simulated=session.simulated or other.simulated,
+        noise_assumed=session.noise_assumed or other.noise_assumed,
         place=(*session.place, *other.place),
         read_back=_both(session.read_back, other.read_back),
         time=None,  # two files begin their clocks at different times
@@ -168,6 +169,7 @@ def origin_of(robot: Robot, session: Session, probes: Sequence[Probe]) -> Origin
             session, (*session.warnings, *(text for one in probes for text in one.warnings))
         ),
         exact=any(one.exact for one in probes),
+        noise_assumed=session.noise_assumed,
     )
 
 

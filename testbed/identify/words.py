@@ -96,7 +96,8 @@ def _believed_words(calibration: Calibration) -> str:
     if calibration.elsewhere:
         return f"{radius}; the held-out poses should have tested it, and could not."
     if belief.n_guards:
-        text = f"{radius}; it can be believed: {belief.n_guards} held-out poses guard it."
+        noise = "with the noise that is assumed " if calibration.source.noise_assumed else ""
+        text = f"{radius}; {noise}it can be believed: {belief.n_guards} held-out poses guard it."
         less, shots = drawn_out(calibration), len(calibration.gross.held_out_names)
         if less is not None:
             text += (
@@ -125,6 +126,11 @@ def reasons(calibration: Calibration) -> tuple[str, ...]:
 def _remarks(calibration: Calibration) -> list[str]:
     """What else a person should know: the model, rows not read, what is in no figure."""
     texts = list(unsaid_words(calibration))
+    if calibration.source.noise_assumed:
+        texts.append(
+            "The noise of the readings is assumed, and R95 with it: write what the certificate of "
+            "the instrument says, and take assumed = true out ([uncertainty])"
+        )
     factor = calibration.fit.noise_factor
     if calibration.refuted and factor > LARGER:
         texts.append(

@@ -200,6 +200,7 @@ def _uncertainty(look: Found, section: str) -> tuple[Document, tuple[str, ...]]:
         "instrument's certificate"
         for key, value in stated.items()
     ]
+    guessed: Document = {"assumed": True} if stated else {}
     if stated and scatter:
         more = f" and {len(scatter) - 1} more are" if scatter[1:] else " is"
         own = "u_distance_mm" if section == "ranges" else "ux_mm"
@@ -207,7 +208,7 @@ def _uncertainty(look: Found, section: str) -> tuple[Document, tuple[str, ...]]:
             f"uncertainty: {scatter[0]}{more} not used: scatter within a reading is less than its "
             f'uncertainty; where it is that, write [{section}.columns] {own} = "{scatter[0]}"'
         )
-    return stated, tuple(notes)
+    return stated | guessed, tuple(notes)
 
 
 def _coverage(look: Found) -> list[str]:

@@ -172,6 +172,7 @@ def _joined(
         stated=Stated(),
         rows_say=_rows_say(alone),
         simulated=any(one.simulated for one in alone),
+        noise_assumed=any(one.noise_assumed for one in alone),
         place=tuple(place for one in alone for place in one.place),
         visits=_visits(visits, alone, owner, numbered, fixtures),
         visit=np.repeat(np.arange(len(visits)), counts),

@@ -62,4 +62,5 @@ def _without_turns(draft: Draft) -> Draft | None:
         for note in draft.notes
         if not note.startswith(("rotations:", "transforms:")) and "rotation_mdeg" not in note
     )
+    noise = {} if list(noise) == ["assumed"] else noise
     return replace(draft, document=document | {"uncertainty": noise}, notes=(*notes, NOT_USED))

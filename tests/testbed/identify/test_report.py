@@ -35,6 +35,7 @@ from testbed.identify.words import (
     NOTHING,
     UNGUARDED,
     UNTESTED,
+    believed_words,
     mark,
     notice,
     reasons,
@@ -108,6 +109,16 @@ def test_what_is_believed_is_said_before_anything_else():
     # five times the stated noise, less what 56 numbers learn from 360 equations
     assert any(re.match(r"The residuals are [45]\.\d times", text) for text in shown.reasons)
     assert not any("times as large as the stated noise" in text for text in reasons(sound()))
+
+
+def test_noise_that_is_only_assumed_is_named_with_what_rests_on_it():
+    stated = real()
+    guessed = replace(stated, source=replace(stated.source, noise_assumed=True))
+    sure = "; with the noise that is assumed it can be believed: "
+    assert (sure in believed_words(guessed), sure in believed_words(stated)) == (True, False)
+    remark = "The noise of the readings is assumed, and R95 with it: "
+    counts = [sum(text.startswith(remark) for text in reasons(one)) for one in (guessed, stated)]
+    assert counts == [1, 0]
 
 
 def test_the_verdict_and_the_headline_are_the_held_out_figures():

@@ -65,7 +65,7 @@ def test_points_and_distances_are_proposed_as_one_session(tables, rows, match, b
     told = tomllib.loads(text)
     assert told["ranges"]["anchors_mm"] == {"N1": "free"}
     assert told["points"]["file"] == "p.csv"
-    assert told["uncertainty"] == {"position_um": 30, "distance_um": 30}
+    assert told["uncertainty"] == {"position_um": 30, "distance_um": 30, "assumed": True}
     assert told.get("match") == match
     assert "; the distances beside them leave 0." in said
     assert "unused" not in said

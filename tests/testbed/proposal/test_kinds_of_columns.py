@@ -209,7 +209,7 @@ def test_distances_from_fixed_points_are_proposed(unit, tmp_path):
     assert re.search(r"errors are [01]\.\d+ mm", text)
     told = tomllib.loads(text)
     assert told["ranges"]["anchors_mm"] == dict.fromkeys("ABC", "free")
-    assert told["uncertainty"] == {"distance_um": 30}
+    assert told["uncertainty"] == {"distance_um": 30, "assumed": True}
     session = read_session(tmp_path / "session.toml", ROBOT)
     np.testing.assert_allclose(session.measurements.distance, seen / 1e3, rtol=0, atol=1e-12)
     assert session.measurements.n_poses == M

@@ -475,4 +475,8 @@ def test_columns_of_scatter_are_named_where_uncertainty_is_assumed(tmp_path, nam
     out = tmp_path / "session.toml"
     shown = call("new", "session", file, "--out", out)
     assert shown.exit_code == 0, shown.output
-    assert said in out.read_text(encoding="utf-8")
+    text = out.read_text(encoding="utf-8")
+    assert said in text
+    assumed = names[:1] != ("Ux",)
+    assert tomllib.loads(text).get("uncertainty", {}).get("assumed", False) is assumed
+    assert read_session(out, ROBOT).noise_assumed is assumed

@@ -67,7 +67,7 @@ def test_angles_in_an_order_that_is_not_tried_do_not_lose_the_places(tmp_path):
     assert found.fits
     assert "frames" not in found.document
     assert found.document["points"]["columns"] == {"x_mm": "X", "y_mm": "Y", "z_mm": "Z"}
-    assert found.document["uncertainty"] == {"position_um": 30}
+    assert found.document["uncertainty"] == {"position_um": 30, "assumed": True}
     assert found.unused == ("d.csv: columns yaw, pitch, roll",)
     assert any(one.startswith("rotations: they fit in no order") for one in found.assumed)
 
