@@ -7,7 +7,7 @@ import numpy as np
 from calib.arrays import Array, Bool, Index
 from calib.geometry.frames import length, target_points
 from calib.geometry.model import RobotModel
-from testbed.files.frames_fit import flange_poses
+from testbed.files.frames_fit import far_for, flange_poses
 from testbed.files.readings import rows_said
 from testbed.files.rows.exact import METERS, digit_steps, moved_by_digits, step_of
 from testbed.files.rows.strays import FITS, trimmed_frames
@@ -27,6 +27,9 @@ NOISES = 10.0
 MISSES, TRAVEL = 10.0, 0.05
 """The same in medians of what the nominal arm misses, or as a part of how far its joints move the
 target one by one, where that is less: what links are off by grows with the way."""
+ELSEWHERE = 3.0
+"""How many times more a nominal arm misses, at most, by a place that rows elsewhere tell as well:
+few rows that come from one side are fitted better than the arm is."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -36,11 +39,11 @@ class _Seen:
     told: Bool
     """(m,) whether enough rows tell where the target is."""
     place: Array
-    """(m, 3) of the target [m]."""
+    """(2, m, 3) of the target, by readings that differ and by all of them [m]."""
     miss: Array
     """(m,) how far the reading is from it [m]."""
     usual: Array
-    """(m,) median of these for the target [m]."""
+    """(m,) median of these for the target, of rows that differ [m]."""
     travel: Array
     """(m, n) how far a joint moves the target [m/rad or m/m]."""
 
@@ -49,9 +52,10 @@ def stale_rows(part: TargetPart, model: RobotModel, *, fine: bool) -> tuple[Bool
     """Rows (m,) without those that were not measured, and a sentence on them.
 
     An instrument that stays on its last value repeats a reading to the last digit while the joints
-    lead elsewhere: by more than noise, digits and the errors of a nominal arm explain. Of such rows
-    the first stays whose joints fit, in time where the file tells it. Points on the axis of a joint
-    stay where they are; distances tell nothing.
+    lead elsewhere: by more than noise, digits and the errors of a nominal arm explain, wherever the
+    target is in the flange. Of such rows the first stays whose joints fit, in time where the file
+    tells it. Points on the axis of a joint stay where they are, and those that the arm turns about;
+    distances tell nothing, nor do joints that fit no reading.
 
     Parameters
     ----------
@@ -79,7 +83,7 @@ def stale_rows(part: TargetPart, model: RobotModel, *, fine: bool) -> tuple[Bool
             continue
         fits = seen.miss[rows] < np.maximum(FITS * seen.usual[rows], LEAST)
         first = int(rows[np.argmax(fits)])
-        moved = length(seen.place[rows] - seen.place[first])
+        moved = length(seen.place[:, rows] - seen.place[:, [first]]).min(axis=0)
         way = np.abs(part.joints.q[rows] - part.joints.q[first])
         travel = TRAVEL * (way * seen.travel[rows]).sum(axis=1)
         limit = np.maximum(np.minimum(MISSES * seen.usual[rows], travel), least)
@@ -119,11 +123,15 @@ def _uncertain(part: TargetPart, model: RobotModel) -> float:
 
 
 def _seen(part: TargetPart, model: RobotModel, alike: Index, in_time: Index) -> _Seen:
-    """Where the targets are, told by the first in time of the rows of each reading alone."""
+    """Where the targets are, told by the first in time of the rows of each reading alone.
+
+    Where these come from one side, as where points are touched from above and the tool is turned
+    about them then, all rows tell more: a place by both, of which the nearer one counts.
+    """
     readings, m = part.readings, len(part)
     F = flange_poses(model, part.joints.q)
     target, station = (np.array(names, dtype=str) for names in (readings.target, readings.station))
-    told, place, miss, usual = np.zeros(m, dtype=np.bool_), np.zeros((m, 3)), *np.zeros((2, m))
+    told, place, miss, usual = np.zeros(m, dtype=np.bool_), np.zeros((2, m, 3)), *np.zeros((2, m))
     travel = np.zeros((m, part.joints.q.shape[1]))
     names = np.column_stack([target, station])
     if readings.kind == "pose":
@@ -133,12 +141,15 @@ def _seen(part: TargetPart, model: RobotModel, alike: Index, in_time: Index) -> 
         first = rows[np.sort(np.unique(alike[rows], return_index=True)[1])]
         if len(first) < FEWEST:
             continue
-        turned = readings.rotation[first] if readings.kind == "pose" else None
-        frames, _ = trimmed_frames(F[first], readings.position[first], turned)
-        told[rows] = True
-        place[rows] = target_points(F[rows], frames.arm) @ frames.R.T + frames.t
-        miss[rows] = length(readings.position[rows] - place[rows])
-        usual[rows] = np.median(miss[first])
+        for k, some in enumerate((rows, first)):
+            turned = readings.rotation[some] if readings.kind == "pose" else None
+            frames, _ = trimmed_frames(F[some], readings.position[some], turned)
+            place[1 - k, rows] = target_points(F[rows], frames.arm) @ frames.R.T + frames.t
+        miss[rows] = length(readings.position[rows] - place[0, rows])
+        by_all = length(readings.position[first] - place[1, first])
+        own = float(np.median(miss[first]))
+        usual[rows] = max(own, min(float(np.median(by_all)), ELSEWHERE * own))
+        told[rows] = usual[first[0]] < far_for(readings.position[first])
         for j, step in enumerate(1e-6 * np.eye(part.joints.q.shape[1])):
             moved = target_points(flange_poses(model, part.joints.q[rows] + step), frames.arm)
             travel[rows, j] = length(moved - target_points(F[rows], frames.arm)) / 1e-6

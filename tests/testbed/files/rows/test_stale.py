@@ -147,6 +147,37 @@ def test_a_point_about_which_the_tool_turns_is_seen_at_one_place(others, tmp_pat
     assert len(session.measurements) == len(both)
 
 
+def touched():
+    """Joints (m, 6) that bring a tip to 12 points from above, and turn it about each; the points.
+
+    What comes first at each tells nothing of how long the tip is.
+    """
+    rng, truth = np.random.default_rng(0), made(0).truth
+    q0 = np.array([0.3, 0.5, 1.2, 0.4, 0.8, 0.2])
+    T = np.repeat(truth.poses(q0[None]), 72, axis=0)
+    T[:, :3, 3] += np.repeat(rng.uniform(-0.1, 0.1, (12, 3)), 6, axis=0)
+    tilts = rng.normal(0, 0.3, (72, 3))
+    tilts[::6] = 0
+    T[:, :3, :3] = exp_so3(tilts) @ T[:, :3, :3]
+    found = inverse_kinematics(truth, T, np.repeat(q0[None], 72, axis=0), ROBOT.limits)
+    return found.q[found.reached], T[found.reached]
+
+
+@pytest.mark.parametrize("stated", ["right", "signs", "tenths"])
+def test_points_about_which_a_tip_is_turned_that_came_from_above_stay(stated, tmp_path):
+    """As cones of known places are touched; of joints of wrong signs, or few digits, as well."""
+    q, T = touched()
+    assert len(q) >= 60
+    table = table_of(Made(q, T, made(0).truth), 7)
+    if stated == "signs":
+        table |= {name: -table[name] for name in ("q3_deg", "q5_deg")}
+    elif stated == "tenths":
+        table |= {f"q{joint}_deg": np.round(table[f"q{joint}_deg"], 1) for joint in range(1, 7)}
+    session = read(tmp_path, table, um=50)
+    assert left_out(session)[0] == ""
+    assert any("the digits of earlier" in text for text in session.warnings)
+
+
 def test_a_target_on_the_axis_of_the_last_joint_stays_while_that_turns(tmp_path):
     """Seen without noise, to all digits."""
     q = made(0, 40).q.copy()
