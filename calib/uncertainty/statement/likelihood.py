@@ -1,7 +1,7 @@
 """The restricted likelihood of sizes of misfit, the scale of the noise profiled out.
 
 Every size and every scale on a grid: many sizes share one pass over the rows, all scales one system
-of numbers, or with a prior three. The scale needs closer steps than the systems do, which lie
+of numbers, or with a prior five. The scale needs closer steps than the systems do, which lie
 smoothly between sizes: the more rows and repeats, the better these tell it.
 """
 
@@ -20,7 +20,7 @@ SMALLEST, LARGEST = 0.03, 1e4
 """Sizes tried, in standard deviations of the noise per axis; zero as well."""
 AT_ONCE = 24
 """Sizes looked at together: most rows deny all but the first fifty."""
-NODES = np.array([-3.0, 0.0, 3.0])
+NODES = np.array([-4.0, -2.0, 0.0, 2.0, 4.0])
 """Scales of the noise at which the system of numbers is solved, in their standard deviations."""
 REACH = 5.0
 """Standard deviations about the most likely scale within which scales are tried."""
@@ -74,7 +74,8 @@ def likelihood(
     ----------
     V = g^2 (N + t^2 D), H = A'inv(V)A + Lambda0: with the size t counted in scaled noise, -2 l =
     ln|V| + ln|H| + y'Py + (what is known of g). Without a prior one system of numbers per t does,
-    whatever g is; with one, ln|H| and g^2 y'Py are parabolas of ln g through `NODES` systems.
+    whatever g is; with one, ln|H| and g^2 y'Py are of fourth order in ln g, through those at
+    `NODES`.
     """
     both = rows if before is None or not len(before.y) else rows.joined(before)
     A = reduced(both.A, None if before is None else before.A)
@@ -160,7 +161,7 @@ class Grid:
 
     @property
     def nodes(self) -> Array:
-        """(3,) scales at which a system with a prior is solved."""
+        """(5,) scales at which a system with a prior is solved."""
         return np.asarray(self.center + NODES * self.sd)
 
     def of_both(self, found: Array, n: int, p: int, log_g: Array | None = None) -> Array:
@@ -178,7 +179,7 @@ class Grid:
             powers, wanted = (
                 np.vander(x, len(NODES)) for x in (NODES * self.sd, log_g - self.center)
             )
-            between = np.linalg.solve(powers.T, wanted.T).T  # parabolas
+            between = np.linalg.solve(powers.T, wanted.T).T  # polynomials
             quadratic = (between @ (square * np.exp(2 * self.nodes[:, None]))).T * less
             value = (between @ logarithm).T + 2 * n * log_g + quadratic
         return np.asarray(-value / 2 - of_rows[0, :, None] / 2 - self._known(log_g))
