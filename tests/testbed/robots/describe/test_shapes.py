@@ -250,7 +250,9 @@ def test_the_floor_is_where_the_lowest_shape_of_the_base_ends(tmp_path):
     drawn = part_mesh(base).vertices[:, 2].min()
     # corners of a drawn circle lie on it, its lowest point between two of them
     assert -1e-3 < robot.base_offset - drawn <= 1e-12
-    assert floor_of((), robot.model.chain, robot.limits) == pytest.approx(0.0, abs=1e-12)
+    floor, above = floor_of((), robot.model.chain, robot.limits)
+    assert floor == pytest.approx(0.0, abs=1e-12)
+    assert above is None
 
 
 @pytest.mark.parametrize(
