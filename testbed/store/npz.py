@@ -122,8 +122,7 @@ def opened_archive(
     DamagedError
         It is none that this module writes, or what is done with it fails.
     """
-    size = file.seek(0, io.SEEK_END)
-    if size > MOST_BYTES:
+    if (size := file.seek(0, io.SEEK_END)) > MOST_BYTES:
         raise DamagedError(f"it has {size / 1e6:.6g} MB, at most {MOST_BYTES / 1e6:.6g} are read")
     try:
         with zipfile.ZipFile(file) as archive:
@@ -162,9 +161,9 @@ def _headers(archive: zipfile.ZipFile, size: int) -> dict[str, Header]:
 
 def header_of(member: IO[bytes]) -> tuple[Header, bool]:
     """What an entry says of its array, and whether that is stored by columns."""
-    version = np.lib.format.read_magic(member)
-    read = np.lib.format.read_array_header_1_0
-    read = np.lib.format.read_array_header_2_0 if version > (1, 0) else read
+    npy = np.lib.format
+    first = npy.read_magic(member) == (1, 0)
+    read = npy.read_array_header_1_0 if first else npy.read_array_header_2_0
     shape, by_columns, dtype = read(member)
     return Header(shape, dtype), by_columns
 
@@ -195,17 +194,10 @@ def record_content(key: str, record: object, spec: str, *, single: bool = False)
     head = {"format": FORMAT, "key": key, "spec_sha256": spec}
     if isinstance(record, Failure):
         return Content({**head, "status": FAILED, "reason": record.reason, "values": {}}, {})
-    values, arrays = values_and_arrays(record, single=single)
+    packed = pack(record, single=single)
+    arrays = {name: value for name, value in packed.items() if isinstance(value, np.ndarray)}
+    values = {name: packed[name] for name in packed if name not in arrays}
     return Content({**head, "status": DONE, "reason": "", "values": values}, arrays)
-
-
-def values_and_arrays(
-    record: object, *, single: bool = False
-) -> tuple[dict[str, Any], dict[str, np.ndarray[Any, Any]]]:
-    """Flat content of a record (`pack`): what is written as JSON, and the arrays."""
-    content = pack(record, single=single)
-    arrays = {name: value for name, value in content.items() if isinstance(value, np.ndarray)}
-    return {name: value for name, value in content.items() if name not in arrays}, arrays
 
 
 def record_from(data: bytes | IO[bytes], key: str, cls: type[T], spec: str) -> T | Failure:

@@ -7,7 +7,7 @@ from typing import IO, Any, TypeVar
 import numpy as np
 
 from calib.errors import CalibError, InputError
-from testbed.store.codec import unpack
+from testbed.store.codec import pack, unpack
 from testbed.store.layout import FORMAT
 from testbed.store.npz import (
     DONE,
@@ -18,7 +18,6 @@ from testbed.store.npz import (
     from_bytes,
     require_own,
     to_bytes,
-    values_and_arrays,
 )
 from testbed.store.packing import packed, unpacked
 
@@ -49,7 +48,11 @@ def piece_bytes(
         if isinstance(part, Failure):
             told[key] = {"status": FAILED, "reason": part.reason}
             continue
-        values, arrays = values_and_arrays(part, single=single)
+        content = pack(part, single=single)
+        values = {
+            name: value for name, value in content.items() if not isinstance(value, np.ndarray)
+        }
+        arrays = {name: value for name, value in content.items() if name not in values}
         table, block = packed(arrays)
         told[key] = {"status": DONE, "values": values, "arrays": table}
         blocks[f"{key}{BLOCK}"] = np.frombuffer(block, np.uint8)
