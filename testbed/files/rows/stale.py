@@ -15,6 +15,8 @@ from testbed.files.targets import TargetPart
 from testbed.units import MM, significant
 
 INCH = 0.0254
+HALF = 0.5
+"""Part of the rows that have to be left: swapped columns of joints make most others look stale."""
 STEPS = (*METERS, *(INCH * 10.0**-k for k in range(1, 6)))
 """Steps to which coordinates are rounded in files [m]."""
 FEWEST = 8
@@ -89,8 +91,8 @@ def stale_rows(part: TargetPart, model: RobotModel, *, fine: bool) -> tuple[Bool
         limit = np.maximum(np.minimum(MISSES * seen.usual[rows], travel), least)
         keep[rows[moved > limit]] = False
         far += moved[moved > limit].tolist()
-    if keep.all():
-        return keep, []
+    if keep.all() or keep.mean() < HALF:  # then rather something else is wrong with the file
+        return np.ones_like(keep), []
     ends = [significant(size * MM, 2) for size in (min(far), max(far))]
     away = f"{ends[0]} to {ends[1]}" if ends[0] != ends[1] else ends[0]
     return keep, rows_said(

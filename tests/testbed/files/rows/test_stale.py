@@ -163,14 +163,17 @@ def touched():
     return found.q[found.reached], T[found.reached]
 
 
-@pytest.mark.parametrize("stated", ["right", "signs", "tenths"])
+@pytest.mark.parametrize("stated", ["right", "signs", "swapped", "tenths"])
 def test_points_about_which_a_tip_is_turned_that_came_from_above_stay(stated, tmp_path):
-    """As cones of known places are touched; of joints of wrong signs, or few digits, as well."""
+    """As cones of known places are touched; of joints in other columns, of wrong signs or of few
+    digits as well."""
     q, T = touched()
     assert len(q) >= 60
     table = table_of(Made(q, T, made(0).truth), 7)
     if stated == "signs":
         table |= {name: -table[name] for name in ("q3_deg", "q5_deg")}
+    elif stated == "swapped":
+        table |= {"q4_deg": table["q6_deg"], "q6_deg": table["q4_deg"]}
     elif stated == "tenths":
         table |= {f"q{joint}_deg": np.round(table[f"q{joint}_deg"], 1) for joint in range(1, 7)}
     session = read(tmp_path, table, um=50)
