@@ -76,7 +76,7 @@ def drift(position: ArrayLike, command: ArrayLike, *, block: int = BLOCK) -> Dri
         raise refuse("block", block, allowed, code="A3")
     c = per_pose(command, x.shape[:1], "command", (3,))
     bounds = [*(block * k for k in range(blocks)), n]
-    orders = orders_of(n)
+    orders = orders_of(n, DRAWS)
     every = [_figures(each[orders], to, bounds) for each, to in zip(x, c, strict=True)]
     AP, RP = (np.stack([one[k][0] for one in every]) for k in (0, 1))
     # the measured order is the first one, and counts; sums of other orders differ by rounding
@@ -92,10 +92,10 @@ def drift(position: ArrayLike, command: ArrayLike, *, block: int = BLOCK) -> Dri
 
 
 @lru_cache(maxsize=2)
-def orders_of(n: int) -> Index:
+def orders_of(n: int, draws: int) -> Index:
     """The measured order of n cycles, and random ones (k, n); fewer of many cycles."""
     rng = np.random.default_rng(9283)
-    several = range(max(min(DRAWS, MOST // n), 99))
+    several = range(max(min(draws, MOST // n), 99))
     orders = np.stack([np.arange(n), *(rng.permutation(n) for _ in several)])
     orders.flags.writeable = False
     return orders

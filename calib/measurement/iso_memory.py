@@ -9,7 +9,7 @@ from calib.arrays import Array, frozen
 from calib.errors import refuse
 from calib.measurement.cycles import cycles_of
 from calib.measurement.iso9283 import IsoFigure
-from calib.measurement.iso_drift import orders_of
+from calib.measurement.iso_drift import DRAWS, orders_of
 
 SURE = 0.01
 """Chance of cycles as alike as these in any order, below which they count as following each other:
@@ -137,7 +137,7 @@ def cycle_memory(position: ArrayLike) -> CycleMemory:
     if n < FEWEST or not square:
         return CycleMemory(0.0, float("nan"), n)
     products = np.einsum("eki,eli->kl", away, away) / square
-    orders = orders_of(n)
+    orders = orders_of(n, DRAWS)
     alike = products[orders[:, 1:], orders[:, :-1]].sum(axis=1)
     p = float((alike >= alike[0] - 1e-12).mean())
     kept = float((alike[0] + 1 / n) / (1 - 4 / n))
