@@ -1,4 +1,4 @@
-"""Kinds of arguments, checked where a call enters: what their annotations say, in a sentence."""
+"""Kinds of arguments: checked where a call enters, refused in a sentence, shown as written."""
 
 import inspect
 import re

@@ -13,7 +13,7 @@ from calib.measurement.prediction import predict
 LENGTH, ANGLE = 0.6e-3, float(np.radians(0.1))
 """What link numbers are taken to be off by, where no reading tells [m, rad]."""
 
-SURE = 1e-9
+KEPT = 1e-9
 """Share of its readings that a pose keeps when it is left out: what no other tells stays finite."""
 
 
@@ -163,7 +163,7 @@ def left_out_covariance(fit: Identification, train: Measurements, rows: Array) -
     starts = np.unique(train.pose_id[order], return_index=True)[1]
     out = np.empty((len(rows), 3, 3))
     for k, own in enumerate(np.split(order, starts[1:])):
-        told = np.einsum("mfi,mig->fg", F[own], A[own]) * (1 - SURE)
+        told = np.einsum("mfi,mig->fg", F[own], A[own]) * (1 - KEPT)
         J = rows[k][:, free]
         more = J @ np.linalg.solve(one - told, told @ C) @ J.T
         out[k] = (more + more.T) / 2

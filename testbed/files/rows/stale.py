@@ -15,8 +15,6 @@ from testbed.files.targets import TargetPart
 from testbed.units import MM, significant
 
 INCH = 0.0254
-HALF = 0.5
-"""Part of the rows that have to be left: swapped columns of joints make most others look stale."""
 STEPS = (*METERS, *(INCH * 10.0**-k for k in range(1, 6)))
 """Steps to which coordinates are rounded in files [m]."""
 FEWEST = 8
@@ -32,6 +30,8 @@ target one by one, where that is less: what links are off by grows with the way.
 ELSEWHERE = 3.0
 """How many times more a nominal arm misses, at most, by a place that rows elsewhere tell as well:
 few rows that come from one side are fitted better than the arm is."""
+HALF = 0.5
+"""Part of the rows that have to be left: swapped columns of joints make most others look stale."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

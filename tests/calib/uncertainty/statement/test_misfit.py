@@ -386,6 +386,7 @@ def test_the_limit_with_a_prior_is_that_of_the_likeliest_scales(n, p, root, fact
     pick = np.flatnonzero(found.value > found.value.max() - 3)[::4]
     ours = found.value[pick] - found.value[pick[0]]
     theirs = -np.array([least(size) for size in found.size[pick]])
+    # .05 of a drop of 1.35 moves the square of a limit by 4 %, the limit by 2 %
     np.testing.assert_allclose(ours, theirs - theirs[0], rtol=0, atol=0.05)
 
 
