@@ -20,6 +20,7 @@ from testbed.units import counted, micrometres, sentences, significant
 
 MEASURED = "MEASURED - a calibration report, not a certificate of traceability"
 GUARDED = "✓ The stated radius can be believed"
+GUESSED = "? The stated radius can be believed as far as the noise that is assumed"
 UNGUARDED = "? The stated radius was tested by too few held-out poses"
 UNTESTED = "? No held-out pose has tested the stated radius"
 ELSEWHERE = "✗ The held-out poses are off as a whole: they prove nothing until the cause is found"
@@ -43,7 +44,7 @@ def mark(calibration: Calibration) -> str:
     if calibration.elsewhere:
         return ELSEWHERE
     if belief.n_guards:
-        return GUARDED
+        return GUESSED if calibration.source.noise_assumed else GUARDED
     return UNGUARDED if calibration.proof.held_out is not None else UNTESTED
 
 

@@ -31,6 +31,7 @@ from testbed.identify.to_do.next_step import next_step
 from testbed.identify.words import (
     ELSEWHERE,
     GUARDED,
+    GUESSED,
     MEASURED,
     NOTHING,
     UNGUARDED,
@@ -116,6 +117,7 @@ def test_noise_that_is_only_assumed_is_named_with_what_rests_on_it():
     guessed = replace(stated, source=replace(stated.source, noise_assumed=True))
     sure = "; with the noise that is assumed it can be believed: "
     assert (sure in believed_words(guessed), sure in believed_words(stated)) == (True, False)
+    assert (mark(guessed), mark(stated)) == (GUESSED, GUARDED)
     remark = "The noise of the readings is assumed, and R95 with it: "
     counts = [sum(text.startswith(remark) for text in reasons(one)) for one in (guessed, stated)]
     assert counts == [1, 0]
