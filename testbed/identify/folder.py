@@ -11,8 +11,8 @@ from testbed.files.session import Session
 from testbed.gates.paths import real
 from testbed.identify.calibrate import STEPS, Options, calibrate
 from testbed.identify.calibration import Calibration
-from testbed.identify.handback.deliver import ROBOT, deliver
-from testbed.identify.handback.delivered import Delivered
+from testbed.identify.handback.deliver import deliver
+from testbed.identify.handback.delivered import ROBOT, Delivered
 from testbed.identify.report.page import sheet_rows
 from testbed.identify.results import arrays, headline, split_csv
 from testbed.jobsheet.report import JOB_SHEET, job_csv

@@ -37,7 +37,9 @@ from testbed.units import DEG, MM, sentences
 
 FORMAT = 1
 KIND = "calibration"
-DELIVERED = {name: name for name in ("robot", "program", "program_failed", "program_conditions")}
+DELIVERED = {
+    name: name for name in ("robot", "urdf", "program", "program_failed", "program_conditions")
+}
 
 
 def headline(calibration: Calibration, delivered: Delivered) -> dict[str, Any]:

@@ -12,10 +12,11 @@ from testbed.identify.applies.beyond import map_words
 from testbed.identify.applies.targets import statement_at, statement_csv, target_words, tool_words
 from testbed.identify.calibration import Calibration
 from testbed.identify.conditions import measured
-from testbed.identify.handback.delivered import GEOMETRIC, Delivered
+from testbed.identify.handback.delivered import GEOMETRIC, ROBOT, Delivered
 from testbed.identify.handback.least_moved import RULE
+from testbed.identify.handback.own_urdf import deliver_own_urdf
 from testbed.identify.handback.results import dh_csv, tool_csv
-from testbed.identify.handback.states import handed_robot
+from testbed.identify.handback.states import handed_robot, in_own_frames
 from testbed.identify.headline import mm
 from testbed.identify.records import FittedModel
 from testbed.identify.results import joint_map_csv
@@ -25,7 +26,7 @@ from testbed.robots.robot import Reflector
 from testbed.robots.write.folder import write_robot_folder
 from testbed.robots.write.identified import identified_robot
 
-ROBOT, DH_TABLE, JOINT_MAP = "robot", "dh_table.csv", "joint_map.csv"
+DH_TABLE, JOINT_MAP = "dh_table.csv", "joint_map.csv"
 TOOL_TABLE = "tool_in_use.csv"
 LONGEST_NAME = 64
 
@@ -47,7 +48,8 @@ def deliver(
         plain = delivered_robot(calibration, robot, calibration.fits[0])
         write_robot_folder(plain, folder / GEOMETRIC, package=package)
         sentences += (_geometric_words(calibration),)
-    sentences += (_frame_words(calibration, identified),)
+    urdf, told = deliver_own_urdf(calibration, robot, folder)
+    sentences += (*told, _frame_words(calibration, identified))
     if package is not None:
         sentences += (f"its URDF finds the meshes where {ROBOT}/ is the root of {package}",)
     (folder / DH_TABLE).write_bytes(dh_csv(calibration).encode())
@@ -56,7 +58,7 @@ def deliver(
         if text is not None:
             (folder / name).write_bytes(text.encode())
     if program is None:
-        return Delivered(sentences, (), 0)
+        return Delivered(sentences, (), 0, urdf=urdf)
     model = in_own_frames(calibration)
     result = correct_program(
         program,
@@ -73,7 +75,7 @@ def deliver(
     if targets is not None:
         told += target_words(targets) + tool_words(calibration, result)
         (folder / statement_name(program)).write_bytes(statement_csv(targets).encode())
-    return Delivered(sentences, told, failed, result.conditions, targets)
+    return Delivered(sentences, told, failed, result.conditions, targets, urdf)
 
 
 def delivered_robot(calibration: Calibration, robot: Robot, fit: FittedModel) -> Robot:
@@ -121,20 +123,6 @@ def corrected_name(program: Path) -> str:
 def statement_name(program: Path) -> str:
     """Name of what is stated at a program's targets: ``NAME_statement.csv``."""
     return f"{short_stem(program)}_statement.csv"
-
-
-def in_own_frames(calibration: Calibration) -> RobotModel:
-    """The robot handed out in the base and with the tool of the robot's file: what programs know.
-
-    Found from nothing, both say only where the tracker stood and where its target was mounted. Of
-    all robots of the same poses it has to be the one handed out: where links can stand for a part
-    of base and tool, each of them has a base of its own.
-    """
-    model, own = handed_robot(calibration).model, calibration.nominal.chain
-    if calibration.own_frames:
-        return RobotModel(model.chain, model.joint_errors)
-    chain = replace(model.chain, T_world_base=own.T_world_base, T_flange_tool=own.T_flange_tool)
-    return RobotModel(chain, model.joint_errors)
 
 
 def identified_name(name: str) -> str:

@@ -6,8 +6,8 @@ from typing import Annotated
 from calib.arrays import LATER, Array, Bool, Labels
 from calib.uncertainty.statement.conformity import Conformity
 
-GEOMETRIC = "robot_geometric"
-"""Folder of the geometric model beside an extended one."""
+ROBOT, GEOMETRIC = "robot", "robot_geometric"
+"""Folders of the identified robot, and of the geometric model beside an extended one."""
 NOT_CORRECTED = "not corrected"
 """The place of a target that was left as written."""
 
@@ -63,3 +63,5 @@ class Delivered:
     """What the conditions of each target of the program are, beside those of the rows."""
     targets: TargetStatement | None = None
     """What is believed there; None without a program, or where nothing is believed."""
+    urdf: Annotated[str, LATER] = ""
+    """Path, from the folder, of the user's URDF with corrected origins; empty if there is none."""

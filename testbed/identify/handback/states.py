@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from calib.arrays import Array
+from calib.geometry.model import RobotModel
 from testbed.identify.calibration import Calibration
 from testbed.identify.handback.least_moved import RULE, LeastMoved, least_moved
 from testbed.identify.handback.links import farthest
@@ -53,6 +54,20 @@ def handed_robot(calibration: Calibration, fit: FittedModel | None = None) -> Le
         calibration.nominal.chain, asked.identification, given.tolerance, given.limits,
         covariance=calibration.covariance if chosen else None,
     )  # fmt: skip
+
+
+def in_own_frames(calibration: Calibration, fit: FittedModel | None = None) -> RobotModel:
+    """The robot handed out in the base and with the tool of the robot's file: what programs know.
+
+    Found from nothing, both say only where the tracker stood and where its target was mounted. Of
+    all robots of the same poses it has to be the one handed out: where links can stand for a part
+    of base and tool, each of them has a base of its own.
+    """
+    model, own = handed_robot(calibration, fit).model, calibration.nominal.chain
+    if calibration.own_frames:
+        return RobotModel(model.chain, model.joint_errors)
+    chain = replace(model.chain, T_world_base=own.T_world_base, T_flange_tool=own.T_flange_tool)
+    return RobotModel(chain, model.joint_errors)
 
 
 def handed_numbers(calibration: Calibration) -> tuple[HandedNumber, ...]:

@@ -120,6 +120,8 @@ def delivered_blocks(delivered: Delivered) -> tuple[Block, ...]:
             "every number. joint_map.csv, if there is one: how far each joint turns beyond its "
             "command. split.csv: every row with its errors, and whether it lies inside what was "
             "proven."
+            + f" {delivered.urdf}: your own URDF with corrected origins."
+            * bool(delivered.urdf)
         ),
         Points(sentences(delivered.robot)),
     ]

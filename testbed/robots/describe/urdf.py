@@ -24,11 +24,12 @@ from testbed.robots.describe.description import (
 )
 from testbed.robots.describe.urdf_checks import check_urdf, mesh_files
 from testbed.robots.describe.urdf_shapes import form_of
-from testbed.robots.describe.xml_gate import FileOptions, read_xml
+from testbed.robots.describe.xml_gate import FileOptions, parse_xml, xml_bytes
 from testbed.robots.foreign import foreign
 from testbed.robots.parts import Form
 from testbed.robots.room import LEANS
 from testbed.robots.shapes import GRAY
+from testbed.robots.source import UrdfText
 
 UNIT = 1e-6
 """An axis that is longer or shorter than 1 by more than this is noted."""
@@ -46,7 +47,7 @@ def describe_urdf(path: Path, options: FileOptions) -> Description:
     """
     from lxml import etree
 
-    root = read_xml(path, "robot")
+    root = parse_xml(data := xml_bytes(path), "robot", where=str(path))
     notes = check_urdf(root, path, options)
     with foreign("yourdfpy", where=str(path)):
         model = load_urdf(etree.tostring(root))
@@ -94,6 +95,7 @@ def describe_urdf(path: Path, options: FileOptions) -> Description:
         poses=partial(_poses, way, path),
         notes=tuple(notes),
         stands=bool(poses[moving[0].parent][2, 2] > LEANS),
+        urdf=UrdfText(path, data, tip),
     )
 
 

@@ -63,6 +63,11 @@ def read_xml(path: Path, *roots: str) -> Any:
     InputError
         R1 truncated or malformed, R2 no such XML, R3 to R5 document type or entity, R17 too deep.
     """
+    return parse_xml(xml_bytes(path), *roots, where=str(path))
+
+
+def xml_bytes(path: Path) -> bytes:
+    """What `read_xml` reads of a file; R2 if there is nothing of that size."""
     where = str(path)
     try:
         size = path.stat().st_size
@@ -73,7 +78,7 @@ def read_xml(path: Path, *roots: str) -> Any:
     if size > LARGEST:
         message = f"has {size} bytes"
         raise refuse("file", size, f"at most {LARGEST}", code="R2", message=message, where=where)
-    return parse_xml(data, *roots, where=where)
+    return data
 
 
 def parse_xml(data: bytes, *roots: str, where: str) -> Any:

@@ -74,6 +74,7 @@ def identified_robot(
         notes=notes,
         reflectors=reflectors,
         agreement=None,
+        urdf=None,
     )
 
 

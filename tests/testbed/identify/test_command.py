@@ -27,6 +27,8 @@ SMALL = {
     "trial": [{"name": "only", "poses": 24, "method": "random"}],
 }
 
+URDF = load_robot("staubli_tx60").folder / "staubli_tx60.urdf"
+
 
 @cache
 def campaign():
@@ -44,7 +46,7 @@ def exported(tmp_path_factory):
 @pytest.fixture(scope="module")
 def done(exported):
     out = exported.parent / "out"
-    return out, call("identify", "staubli_tx60", exported / "session.toml", "--out", out)
+    return out, call("identify", URDF, exported / "session.toml", "--out", out)
 
 
 def test_what_was_exported_gives_the_same_parameters_as_the_run(done):
@@ -69,7 +71,14 @@ def test_the_command_says_what_came_out_and_what_to_type_next(done):
     lines = result.stdout.splitlines()
     assert lines[0] == "SIMULATED - not a calibration certificate"
     assert any(line.startswith("Verdict: The mean position error on 20 held-out") for line in lines)
-    assert lines[-1] == f"Next       truebed view {out}"
+    own = Path("robot") / "staubli_tx60_corrected.urdf"
+    assert lines[-2:] == [
+        f"Your URDF  {out / own}  in place of {URDF}",
+        f"Next       truebed view {out}",
+    ]
+    assert (out / own).is_file()
+    assert json.loads((out / "result.json").read_bytes())["delivered"]["urdf"] == str(own)
+    assert f"{own}: your own URDF with corrected origins." in (out / "report.html").read_text()
     assert result.stderr.splitlines()[-1].startswith("done in ")
 
 

@@ -17,8 +17,8 @@ from testbed.gates.text import read_text
 from testbed.identify.calibrate import Options
 from testbed.identify.conditions import conditions_words
 from testbed.identify.folder import load_calibration, play_calibration, rederive_calibration
-from testbed.identify.handback.deliver import identified_name, in_own_frames
-from testbed.identify.handback.states import handed_robot
+from testbed.identify.handback.deliver import identified_name
+from testbed.identify.handback.states import handed_robot, in_own_frames
 from testbed.identify.results import split_csv
 from testbed.robots.catalog import load_robot
 from testbed.store import layout, npz

@@ -14,7 +14,7 @@ from testbed.identify.applies import targets
 from testbed.identify.applies.targets import statement_at
 from testbed.identify.applies.unsaid import unsaid_words
 from testbed.identify.calibrate import Options, calibrate
-from testbed.identify.handback.deliver import in_own_frames
+from testbed.identify.handback.states import in_own_frames
 from testbed.identify.words import reasons
 from tests.calibrated import robot, session_of, table_of, true_model
 from tests.reference import DEG, pool_r

@@ -24,8 +24,9 @@ from testbed.identify.applies.region import reach_section
 from testbed.identify.applies.targets import statement_csv, target_words, tool_point, tool_words
 from testbed.identify.calibrate import Options, calibrate
 from testbed.identify.decisions import at_held_out, decided_at, decision_line, decision_section
-from testbed.identify.handback.deliver import deliver, in_own_frames
+from testbed.identify.handback.deliver import deliver
 from testbed.identify.handback.delivered import Delivered
+from testbed.identify.handback.states import in_own_frames
 from testbed.identify.results import headline
 from testbed.report.text import csv_text
 from testbed.robots.tolerances import usual_tolerances

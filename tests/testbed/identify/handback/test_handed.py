@@ -20,7 +20,7 @@ from testbed.identify.applies.targets import statement_at
 from testbed.identify.calibrate import Options, calibrate
 from testbed.identify.calibration import Calibration
 from testbed.identify.conditions import measured
-from testbed.identify.handback.deliver import delivered_robot, in_own_frames
+from testbed.identify.handback.deliver import delivered_robot
 from testbed.identify.handback.delivered import Delivered
 from testbed.identify.handback.handed import hand_back
 from testbed.identify.handback.links import LinkBelief
@@ -37,6 +37,7 @@ from testbed.identify.handback.states import (
     hand_back_words,
     handed_numbers,
     handed_robot,
+    in_own_frames,
     tool_words,
 )
 from testbed.identify.results import headline
