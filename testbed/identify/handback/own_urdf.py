@@ -50,11 +50,12 @@ def deliver_own_urdf(
             f"{file} is not handed back with corrected origins, because its text is in an "
             "encoding that is not understood here: save it as UTF-8",
         )
-    where = GEOMETRIC if calibration.choice.chosen == "extended" else ROBOT
-    name = own_urdf_name(source.path)
-    (folder / where / name).write_bytes(found.data)
+    extended = calibration.choice.chosen == "extended"
+    name = f"{GEOMETRIC if extended else ROBOT}/{own_urdf_name(source.path)}"
+    (folder / name).write_bytes(found.data)
     told = _what_changed(found, file, one_line(name))
-    return f"{where}/{name}", (told, _frames(calibration, source, found))
+    told += "; no URDF has joint terms, so that it is the geometric fit" * extended
+    return name, (told, _frames(calibration, source, found))
 
 
 def _what_changed(found: CorrectedUrdf, file: str, name: str) -> str:

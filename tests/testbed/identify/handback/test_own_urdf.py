@@ -40,8 +40,8 @@ def test_the_file_has_the_robot_that_corrected_programs_are_computed_for(folder)
     T = yourdfpy_poses(folder / name, q)
     assert np.abs(T - in_own_frames(found).poses(q)).max() < PROVEN
     assert said[0].startswith(
-        "staubli_tx60_corrected.urdf is staubli_tx60.urdf with the origins of 5 joints corrected "
-        "(by up to "
+        "robot/staubli_tx60_corrected.urdf is staubli_tx60.urdf with the origins of 5 joints "
+        "corrected (by up to "
     )
     assert said[1] == (
         "in it the base is world and the tool is tool0 as your programs know them: it has the "
@@ -57,7 +57,8 @@ def test_the_file_has_the_robot_that_corrected_programs_are_computed_for(folder)
 def test_joint_terms_cannot_be_in_it_so_that_it_is_the_geometric_fit(folder):
     found, q = real(), pool_r(30, seed=9)
     assert found.choice.chosen == "extended"
-    name, _ = deliver_own_urdf(found, arm(), folder)
+    name, said = deliver_own_urdf(found, arm(), folder)
+    assert said[0].endswith("; no URDF has joint terms, so that it is the geometric fit")
     assert name == "robot_geometric/staubli_tx60_corrected.urdf"
     T = yourdfpy_poses(folder / name, q)
     assert np.abs(T - in_own_frames(found, found.fits[0]).poses(q)).max() < PROVEN
@@ -93,7 +94,7 @@ def test_a_calibration_that_frees_no_link_hands_the_file_back_as_it_is(folder, m
     monkeypatch.setattr(own_urdf, "in_own_frames", lambda *_: arm().model)
     name, said = deliver_own_urdf(sound(), arm(), folder)
     assert (folder / name).read_bytes() == FILE.read_bytes()
-    assert said[0].startswith("staubli_tx60_corrected.urdf is staubli_tx60.urdf as it is: no ")
+    assert said[0].startswith(f"{name} is staubli_tx60.urdf as it is: no number of its links ")
 
 
 def test_its_name_is_one_that_a_folder_can_hold():
