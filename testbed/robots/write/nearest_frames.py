@@ -68,14 +68,14 @@ def nearest_frames(arm: DescribedArm, chain: Chain, T_flange_tool: Array) -> Arr
     def placed(own: Array) -> tuple[Array, Array]:
         return _placed(arm, lines, tip, slides, lever, own)
 
-    own = _settled(placed, np.zeros((n, 2)), slice(None), slice(None))
+    own = _settled(placed, np.zeros((n, 2)), slice(None), range(2 * n))
     own[np.abs(own) < SMALLEST] = 0.0
     # the last link follows the tip alone, which so stays where it is on it if it can
-    return placed(_settled(placed, own, slice(-6, None), slice(-2, None)))[1]
+    return placed(_settled(placed, own, slice(-6, None), range(2 * n - 2, 2 * n)))[1]
 
 
 def _settled(
-    placed: Callable[[Array], tuple[Array, Array]], own: Array, rows: slice, free: slice
+    placed: Callable[[Array], tuple[Array, Array]], own: Array, rows: slice, free: range
 ) -> Array:
     """Slides and turns (n, 2) of which some, `free`, make the squares of some `rows` least.
 
@@ -86,15 +86,15 @@ def _settled(
     own = own.copy()
     for _ in range(STEPS):
         base, _ = placed(own)
-        J = np.empty((len(base), own.size))
-        for k in range(own.size):
+        columns = []
+        for k in free:
             other = own.copy()
             other.flat[k] += APART
-            J[:, k] = (placed(other)[0] - base) / APART
-        U, s, Vt = np.linalg.svd(J[rows, free], full_matrices=False)
+            columns.append((placed(other)[0] - base)[rows] / APART)
+        U, s, Vt = np.linalg.svd(np.stack(columns, axis=1), full_matrices=False)
         kept = s > WORTH
         step = -Vt[kept].T @ (U[:, kept].T @ base[rows] / s[kept])
-        own.reshape(-1)[free] += step
+        own.flat[free] += step
         if np.abs(step).max() < SETTLED:
             break
     return own
