@@ -63,7 +63,7 @@ BETTER = 0.98
 """The other source of joints fits better if it leaves less than this part."""
 
 
-def probe(robot: Robot, session: Session) -> Probe:
+def probe(robot: Robot, session: Session, *, links: bool = True) -> Probe:
     """Try other readings of a session's files.
 
     Parameters
@@ -72,6 +72,8 @@ def probe(robot: Robot, session: Session) -> Probe:
         Nominal.
     session : Session
         As it was read.
+    links : bool
+        Whether links are fitted as well where frames leave doubt, which takes seconds.
     """
     table = session.measurements
     plain = Probe(session.where, robot.name)
@@ -104,16 +106,13 @@ def probe(robot: Robot, session: Session) -> Probe:
     for count, left in ratios_that_fit(robot, read, stated):
         tried.append((Tried(coupling_of(count), left), replace(read, q=count.q)))
     if stated.score > SUSPECT:
-        renamed = exchanged_names(robot.model, session, groups, rows)
-        tried += [
-            (Tried(one.alternative, misfit_of(robot.model, one.read)), one.read) for one in renamed
-        ]
+        for named in exchanged_names(robot.model, session, groups, rows):
+            tried.append((Tried(named.alternative, misfit_of(robot.model, named.read)), named.read))
     some_lines = lines or other_rows(session, rows)
     tried += [(_of_rows(robot.model, one, stated.score), one.read) for one in some_lines]
     # dear, and only where nothing else explains the rows
     if min(stated.score, *(one.misfit.score for one, _ in tried)) > FAR:
-        turned = quarter_turns(robot.model, read)
-        if turned is not None:
+        if (turned := quarter_turns(robot.model, read)) is not None:
             tried.append((Tried(turned[0], misfit_of(robot.model, turned[1])), turned[1]))
     tried.sort(key=lambda one: one[0].misfit.score)
     exact = exactness(robot.model, session, some, stated)
@@ -126,7 +125,8 @@ def probe(robot: Robot, session: Session) -> Probe:
         warnings=tuple(filter(None, odd)),
         no_target=not_on_one_tool(session, groups),
     )
-    found = _with_links(found, robot, session, read, [one for _, one in tried])
+    if links:
+        found = _with_links(found, robot, session, read, [one for _, one in tried])
     if found.linked is not None or found.wrong is not None or stated.score <= found.far:
         return found
     full = as_read(session, rows)  # an arm is measured in the order of the rows

@@ -46,7 +46,7 @@ def explained(error: InputError, robot: Robot, read: Callable[[Robot], Session])
     whole = _beyond(robot, _by_full_turns(robot, q))
     if (np.minimum(beyond.min(axis=0), whole) > MANY).any():
         return error
-    found = probe(free, session)
+    found = probe(free, session, links=False)  # zeros and turns are told by frames alone
     if found.stated is not None and found.wrong is None and found.stated.score <= FAR:
         return _of_ends(error, robot, beyond, whole, found.stated)
     if found.wrong is None or found.wrong.alternative.name != ZEROS:

@@ -154,3 +154,17 @@ def quarter_turns_of_one():
     data = made(seed=2, m=M)
     rows = Interpretation(data.q - [0, QUARTER, 0, 0, 0, 0], data.T[:, :3, 3], data.T[:, :3, :3])
     return quarter_turns(ROBOT.model, rows)[0]
+
+
+def test_no_links_are_fitted_to_joints_beyond_their_limits(tmp_path, monkeypatch):
+    """Sixteen rows of nine numbers that are no joints took a minute: two seconds for each fit of
+    links, four of them for each of eight interpretations."""
+    fitted = []
+    monkeypatch.setattr("testbed.files.probe.links_fit", lambda *args, **more: fitted.append(args))
+    numbers = np.random.default_rng(1).uniform(0, 1000, (16, 9))
+    robot = load_robot("universal_ur10")  # full turns bring any angle within its limits
+    names = [*(f"q{j + 1}_deg" for j in range(6)), "x_mm", "y_mm", "z_mm"]
+    (tmp_path / "m.csv").write_text(csv(dict(zip(names, numbers.T, strict=True))))
+    with pytest.raises(InputError, match="% of the joint values lie outside the limits"):
+        propose_session(look_at([tmp_path / "m.csv"], tmp_path), robot, tmp_path)
+    assert fitted == []
