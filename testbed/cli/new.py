@@ -42,6 +42,7 @@ def session(
     """Write the session.toml that measurement files are likely to need."""
     with exit_codes(debug=debug, plain=plain):
         from testbed.proposal.data import look_at
+        from testbed.proposal.own_outputs import without_ours
         from testbed.proposal.session import propose_session
         from testbed.proposal.text import next_command, session_text
         from testbed.proposal.write import require_folder, require_new, write_new
@@ -53,9 +54,10 @@ def session(
         if robot is not None:
             arm = load_robot(robot, tip=tip, allow_missing_meshes=True)
         bare = arm is not None and arm.lacks_meshes
-        looks = look_at(data, out.parent)
+        given, ours = without_ours(data)
+        looks = look_at(given, out.parent)
         require_new(out)
-        proposed = propose_session(looks, arm, out.parent)
+        proposed = propose_session(looks, arm, out.parent, ours)
         named = arm.name if arm else None
         text = session_text(proposed, looks, str(out), robot, named, tip, lacks_meshes=bare)
         write_new(out, (line := schema_beside(out, "session")) + text)

@@ -21,6 +21,7 @@ from testbed.iso9283.words import extent
 from testbed.proposal.cycles import cycles_in
 from testbed.proposal.data import look_at
 from testbed.proposal.missing import with_rows
+from testbed.proposal.own_outputs import WROTE, what_we_wrote
 from testbed.robots.catalog import ROBOT_FILE, TRACKER_FILE, load_robot, robot_names
 from testbed.robots.file import TrackerFile
 from testbed.robots.robot import Robot
@@ -64,6 +65,8 @@ def checked(file: Path, robot: str | None, tip: str | None = None) -> list[str]:
         return _robot(load_robot(file, tip=tip), "a robot description", str(file))
     if file.suffix.lower() == ".toml":
         return _toml(file, robot, tip)
+    if ours := what_we_wrote(file):
+        return [f"{ours} {WROTE}"]
     arm = None if robot is None else load_robot(robot, tip=tip, allow_missing_meshes=True)
     return _table(file, arm)
 

@@ -52,7 +52,9 @@ class Proposed:
     """Whether it is for `iso9283`, not for `identify`."""
 
 
-def propose_session(looks: tuple[Found, ...], robot: Robot | None, root: Path) -> Proposed:
+def propose_session(
+    looks: tuple[Found, ...], robot: Robot | None, root: Path, aside: Sequence[str] = ()
+) -> Proposed:
     """The session that some files are most likely to be.
 
     Parameters
@@ -63,6 +65,8 @@ def propose_session(looks: tuple[Found, ...], robot: Robot | None, root: Path) -
         Robot with which interpretations are tried; without it units follow from sizes.
     root : Path
         Folder of the session.
+    aside : sequence of str
+        What was left out before, in words.
 
     Raises
     ------
@@ -70,12 +74,12 @@ def propose_session(looks: tuple[Found, ...], robot: Robot | None, root: Path) -
         M27: a file has no rows; M35: no file has readings, or headers do not fit together; or the
         error of reading the files, if no interpretation can be proposed.
     """
-    covers = tuple(one.called for one in looks if not one.rows)
+    covers = (*aside, *(one.called for one in looks if not one.rows))
     looks = with_rows(looks)
     cycles = cycles_in(looks, root)
     if cycles is not None and cycles.document is not None:
         return Proposed(
-            cycles.document, cycles.assumed, cycles.sentence, fits=False,
+            cycles.document, cycles.assumed, cycles.sentence, fits=False, unused=covers,
             to_mend=cycles.refused, odd=cycles.odd, is_test=True,
         )  # fmt: skip
     proposed = _of_visits(_proposed(looks, robot, root), looks)

@@ -20,14 +20,12 @@ from testbed.scenario.planning import BoxGoal, PlanSettings
 from testbed.scenario.presets import REPEATABILITY
 from testbed.schemas.described import meaning, summary, unit
 from testbed.schemas.files import FILES, roots
-from testbed.schemas.names import directive, schema_name
+from testbed.schemas.names import TITLE, directive, schema_name
 from testbed.strict import Strict, models_in
 
 Json = dict[str, Any]
 Tables = tuple[tuple[str, type[Strict]], ...]
 DRAFT = "http://json-schema.org/draft-07/schema#"
-TITLE = "truebed"
-"""How the title of every schema begins: a file that has it may be written again."""
 FILLED = (TruthSettings, PlanSettings)
 """Tables whose keys presets and the robot fill in: none of them must be given."""
 PRESUMED = (PaperTracker, BoxGoal)

@@ -1,6 +1,8 @@
 """Where the schema of a file lies, and the line in the file by which editors find it."""
 
 DIRECTIVE = "#:schema"
+TITLE = "truebed"
+"""How the title of every schema begins: a file that has it may be written again."""
 
 
 def schema_name(file: str) -> str:
