@@ -111,9 +111,9 @@ def probe(robot: Robot, session: Session, *, links: bool = True) -> Probe:
     some_lines = lines or other_rows(session, rows)
     tried += [(_of_rows(robot.model, one, stated.score), one.read) for one in some_lines]
     # dear, and only where nothing else explains the rows
-    if min(stated.score, *(one.misfit.score for one, _ in tried)) > FAR:
-        if (turned := quarter_turns(robot.model, read)) is not None:
-            tried.append((Tried(turned[0], misfit_of(robot.model, turned[1])), turned[1]))
+    least = min(stated.score, *(one.misfit.score for one, _ in tried))
+    if least > FAR and (turned := quarter_turns(robot.model, read)) is not None:
+        tried.append((Tried(turned[0], misfit_of(robot.model, turned[1])), turned[1]))
     tried.sort(key=lambda one: one[0].misfit.score)
     exact = exactness(robot.model, session, some, stated)
     odd = (exact, *_warnings(robot, session, some, stated), *_others(robot, session, groups, rows))

@@ -1,4 +1,4 @@
-"""Files that this program wrote, among those of a user: a pattern such as *.json names them, too."""
+"""Files that this program wrote among those of a user, as a pattern such as *.json names them."""
 
 import json
 from collections.abc import Sequence

@@ -160,7 +160,7 @@ def test_no_links_are_fitted_to_joints_beyond_their_limits(tmp_path, monkeypatch
     """Sixteen rows of nine numbers that are no joints took a minute: two seconds for each fit of
     links, four of them for each of eight interpretations."""
     fitted = []
-    monkeypatch.setattr("testbed.files.probe.links_fit", lambda *args, **more: fitted.append(args))
+    monkeypatch.setattr("testbed.files.probe.links_fit", lambda *args, **_: fitted.append(args))
     numbers = np.random.default_rng(1).uniform(0, 1000, (16, 9))
     robot = load_robot("universal_ur10")  # full turns bring any angle within its limits
     names = [*(f"q{j + 1}_deg" for j in range(6)), "x_mm", "y_mm", "z_mm"]
