@@ -8,8 +8,8 @@ from testbed.files.dialects.blocks import with_block_rows
 from testbed.files.dialects.controllers.read import READERS
 from testbed.files.dialects.key_values import with_named_numbers
 from testbed.files.dialects.marker_names import with_marker_columns
-from testbed.files.dialects.numbers import with_bare_numbers
-from testbed.files.dialects.quoted import with_quoted_lines
+from testbed.files.dialects.numbers import with_bare_numbers, with_exponents
+from testbed.files.dialects.quoted import with_quoted_lines, with_row_names
 from testbed.files.dialects.records import is_records, read_records
 from testbed.files.dialects.squares import with_square_rows
 from testbed.files.refusal import how_to_read, no_session, refusal
@@ -97,11 +97,11 @@ def text_of(path: Path, where: str, *, sheet: str | None, max_mb: float) -> File
         message, fix = f'has no sheet "{sheet[:40]}": it is not a workbook', "remove the key sheet"
         raise refusal(where, "sheet", message, code="S37", fix=fix)
     text = read_text(path, where, max_mb=max_mb, markup=path.suffix.lower() in APPLICATIONS)
-    text = with_quoted_lines(text)
+    text = with_row_names(with_quoted_lines(text))
     require_no_program(text.lines, where, read=tuple(READERS))
     require_no_yaml(text.lines, where)
     if not program_of(text.lines):
-        text = with_named_numbers(text)
+        text = with_named_numbers(with_exponents(text))
     return with_square_rows(with_bare_numbers(with_block_rows(with_marker_columns(text))))
 
 

@@ -1,6 +1,5 @@
 """A table under the project's column names: texts and numbers, units and decimal mark known."""
 
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -10,21 +9,14 @@ from calib.arrays import Array
 from calib.errors import InputError
 from testbed.bounds import FACTORS
 from testbed.files.columns import AXES, TEXTS, UNITS, close_to, is_known, misspelling, unit_of
+from testbed.files.dialects.marks import STATE_IT, Column, marks_of
 from testbed.files.dialects.numbers import digits_after, floats, number_of, pointed
 from testbed.files.refusal import refusal
 from testbed.files.text import Sheet
 from testbed.names import choice_of
 
-GROUPED = re.compile(r"\d[ '\u00a0\u202f\u2019]\d")
-ODD = re.compile("[, '\u00a0\u202f\u2019]"), re.compile(r"\.[^\n]*\.")
-"""What no column of plain numbers has in it, its cells one a line."""
 LONGEST = 200
 """Characters of a name in a cell, as in session.toml."""
-THREE = re.compile(r"[+-]?[1-9]\d{0,2},\d{3}")
-TURNS = ("deg", "rad")
-"""Units of which nothing measures a thousand: a comma before three digits is the decimal mark."""
-STATE_IT = 'write decimal = "," or "." under [dialect] in session.toml'
-"""What to do where a decimal comma may be a thousands mark."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,6 +59,8 @@ class DataTable:
     """Own name to the name in the file, of all columns."""
     decimal: str = ""
     """"." or ","; found in the numbers if empty."""
+    thousands: str = ""
+    """What stands between groups of three digits, if anything does."""
 
     @property
     def where(self) -> str:
@@ -106,6 +100,8 @@ class DataTable:
         out = np.empty((len(self), len(names)))
         for k, name in enumerate(names):
             cells = self.texts(name)
+            if self.thousands:
+                cells = tuple(cell.replace(self.thousands, "") for cell in cells)
             out[:, k] = floats(cells if self.decimal != "," else [pointed(c) for c in cells])
         out[~np.isfinite(out)] = np.nan
         return out
@@ -175,6 +171,7 @@ def table_of(
     mapping: Mapping[str, str],
     *,
     decimal: str | None = None,
+    grouped: bool = True,
     in_doubt: str = STATE_IT,
 ) -> DataTable:
     """A sheet with its columns renamed and its decimal mark known.
@@ -187,6 +184,8 @@ def table_of(
         Own name to name in the file; columns left out keep their names.
     decimal : {".", ","}, optional
         Stated mark; else all columns of this program that hold numbers decide it.
+    grouped : bool
+        Whether thousands marks are read where nothing else can be meant.
     in_doubt : str
         What to do where it stays in doubt.
 
@@ -214,8 +213,12 @@ def table_of(
         require_short(table, name)
     if decimal:
         _require_mark(table)
-        return table
-    return replace(table, decimal=_decimal_mark(table, in_doubt))
+    numeric = [name for name in table.names if is_known(name) and name not in TEXTS]
+    columns = [Column(name, table.names[name], table.texts(name)) for name in numeric]
+    found = marks_of(
+        sheet.where, sheet.lines, columns, decimal=decimal or "", grouped=grouped, in_doubt=in_doubt
+    )
+    return replace(table, decimal=found.decimal, thousands=found.thousands)
 
 
 def _require_mark(table: DataTable) -> None:
@@ -261,40 +264,3 @@ def unknown_column(where: str, key: str, own: str, fix: str) -> InputError:
     """The error of a name under a key of session.toml that is none of ours; a likely one first."""
     message = f'{key.rpartition(".")[2]}: "{own}" is not a column of this program'
     return refusal(where, key, message, code="S37", value=own, fix=close_to(own) or fix)
-
-
-def _decimal_mark(table: DataTable, in_doubt: str) -> str:
-    """The decimal mark that all numbers agree on."""
-    numeric = [name for name in table.names if is_known(name) and name not in TEXTS]
-    comma = point = None
-    sure = False
-    for name in numeric:
-        cells = table.texts(name)
-        if not any(odd.search("\n".join(cells)) for odd in ODD):
-            first = next((row for row, cell in enumerate(cells) if "." in cell), None)
-            point = point or (None if first is None else (cells[first], first))
-            continue
-        for row, cell in enumerate(cells):
-            marks = cell.count(","), cell.count(".")
-            if sum(marks) > 1 or (GROUPED.search(cell) and "°" not in cell):
-                raise refusal(
-                    table.place(row), name,
-                    f'{table.names[name]} is "{cell[:40]}", which has thousands marks',
-                    value=cell[:40], allowed="a number has one decimal mark and no other",
-                    fix="save it without thousands marks",
-                )  # fmt: skip
-            if marks[0]:
-                comma = comma or (cell, row)
-                sure = sure or unit_of(name) in TURNS or not THREE.fullmatch(cell)
-            elif marks[1]:
-                point = point or (cell, row)
-    if comma and point:
-        message = (
-            f'numbers have a decimal comma ("{comma[0][:20]}", line {table.sheet.lines[comma[1]]}) '
-            f'and a point ("{point[0][:20]}", line {table.sheet.lines[point[1]]})'
-        )
-        raise refusal(table.where, "decimal", message, fix="save all of them in one form")
-    if comma and not sure:
-        message = f'numbers such as "{comma[0]}" may have a decimal comma or thousands marks'
-        raise refusal(table.place(comma[1]), "decimal", message, fix=in_doubt)
-    return "," if comma else "."

@@ -11,7 +11,7 @@ from testbed.files.dialects.numbers import NUMBER
 from testbed.files.refusal import refusal
 from testbed.files.rows.below import table_ends
 from testbed.gates.text import EMPTY, FileText, separator_of, split
-from testbed.report.text import unguarded
+from testbed.report.text import runs, unguarded
 from testbed.units import counted
 
 FIRST = 3
@@ -154,7 +154,13 @@ def split_cells(content: Sequence[tuple[int, str]], separator: str, where: str) 
     """Cells of each numbered line, stripped; quotes as in CSV, and `guarded` ones as they were."""
     rows = split(content, separator, where)
     quoted = any("'" in line for _, line in content)
-    return [list(map(unguarded, row)) for row in rows] if quoted else rows
+    return [list(map(_unquoted, row)) for row in rows] if quoted else rows
+
+
+def _unquoted(cell: str) -> str:
+    """A cell without the apostrophes around it, or before what a spreadsheet would run."""
+    inside = cell[1:-1] if len(cell) > 2 and cell[0] == cell[-1] == "'" else ""
+    return inside if inside and (NUMBER.fullmatch(inside) or not runs(inside)) else unguarded(cell)
 
 
 def _trimmed(cells: Sequence[str]) -> tuple[str, ...]:

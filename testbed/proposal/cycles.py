@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from calib.errors import InputError
-from testbed.files.dialects.numbers import number_of
+from testbed.files.dialects.marks import either_mark
 from testbed.files.session_toml import SESSION_FILE
 from testbed.files.sources import Given, Sources
 from testbed.files.visits.tables import CampaignFile
@@ -118,6 +118,6 @@ def _pose(look: Found, rows: list[tuple[str, ...]] | None = None) -> str:
 
 def _by_size(look: Found, means: Sequence[Meaning]) -> str:
     """The likely unit of some columns, by the size of their numbers."""
-    cells = [cell.replace(",", ".") for one in means for cell in look.column(one.theirs)]
-    sizes = np.nan_to_num(np.abs([number_of(cell) for cell in cells]))
+    cells = [cell for one in means for cell in look.column(one.theirs)]
+    sizes = np.nan_to_num(np.abs([either_mark(cell) for cell in cells]))
     return "mm" if sizes.max(initial=0.0) > REACH else "m"

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from calib.arrays import Array
-from testbed.files.dialects.numbers import number_of
+from testbed.files.dialects.marks import either_mark
 from testbed.proposal.data import Found
 
 FEW = 300
@@ -25,8 +25,7 @@ def by_size(
 
 def signed(look: Found, names: Sequence[str]) -> Array:
     """Numbers (k, m) of some columns; nan for cells that are not numbers."""
-    cells = [[cell.replace(",", ".") for cell in look.column(name)[:FEW]] for name in names]
-    return np.array([[number_of(cell) for cell in column] for column in cells])
+    return np.array([[either_mark(cell) for cell in look.column(name)[:FEW]] for name in names])
 
 
 def _numbers(look: Found, names: Sequence[str]) -> Array:

@@ -6,6 +6,7 @@ import numpy as np
 
 from calib.arrays import Array
 from testbed.bounds import FACTORS
+from testbed.files.dialects.marks import with_point
 from testbed.files.dialects.numbers import number_of
 from testbed.proposal.data import Found
 from testbed.proposal.names import Meaning
@@ -77,7 +78,7 @@ def _units(columns: list[Meaning]) -> tuple[str, ...]:
 
 def _meters(look: Found, columns: list[Meaning], unit: str) -> tuple[Array, float]:
     """Numbers (m, 3) of columns with a unit [m], and the size of their last digit [m]."""
-    cells = [[cell.replace(",", ".") for cell in look.column(one.theirs)] for one in columns]
+    cells = [[with_point(cell) for cell in look.column(one.theirs)] for one in columns]
     digits = min(len(cell.partition(".")[2]) for column in cells for cell in column)
     values: Array = np.array([[number_of(cell) for cell in column] for column in cells]).T
     return values * FACTORS[unit], 10.0**-digits * FACTORS[unit]

@@ -14,8 +14,17 @@ NUMBERS_ALONE = re.compile(r"[\s\d.,;eE+\u2212\[\](){}-]*")
 """A line of nothing but numbers, and brackets around some of them."""
 ASSIGNED = re.compile(r"\s*\w+\s*=\s*(np\.|numpy\.)?(array\()?(?=\[)")
 """What a script writes before numbers in brackets."""
+FORTRAN = re.compile(r"(?<![\w.])([+-]?(?:\d++\.\d*+|\.\d++))[dD]([+-]\d{1,3})(?!\w)")
+"""A number of double precision as Fortran writes it, 1.234D-03."""
 GLUED = re.compile(r"(?<=\d)-(?=\d)")
 """A minus that is all there is between two numbers of fixed width."""
+
+
+def with_exponents(text: FileText) -> FileText:
+    """A file with an E in place of the D of Fortran's exponents."""
+    if not any(sign in line for line in text.lines for sign in ("D-", "D+", "d-", "d+")):
+        return text
+    return replace(text, lines=tuple(FORTRAN.sub(r"\1E\2", line) for line in text.lines))
 
 
 def with_bare_numbers(text: FileText) -> FileText:

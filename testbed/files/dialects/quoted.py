@@ -1,10 +1,11 @@
-"""Cells over several lines, as spreadsheets write them in quotes: each row in its first line."""
+"""Cells in quotes: over several lines, as spreadsheets write them, or parted by spaces, as by R."""
 
+import csv
 import re
 from collections.abc import Sequence
 from dataclasses import replace
 
-from testbed.gates.text import FileText
+from testbed.gates.text import SEPARATORS, FileText, separator_of
 
 MARK = '"'
 MOST = 20
@@ -49,3 +50,30 @@ def _end_of(lines: Sequence[str], k: int) -> int | None:
         if not WITHIN.fullmatch(lines[n]) or MARK in lines[n]:
             return None
     return None
+
+
+def with_row_names(text: FileText) -> FileText:
+    """A table as R's write.table writes it, its cells parted by tabs; other files as they come.
+
+    Its first line names the columns in quotes, but not the one of the names of the rows, which each
+    line begins with, in quotes as well. Spaces part cells, unless another mark was chosen.
+    """
+    first = next((line for line in text.lines if line.strip()), "")
+    mark = SEPARATORS[separator_of(first)]
+    names = rf'"[^"{mark}]*"'
+    if not re.fullmatch(rf"{names}(?:{re.escape(mark)}{names})+", first.strip()):
+        return text
+    content = text.content("#")
+    head, *rows = (
+        next(csv.reader([line], delimiter=mark, skipinitialspace=True), []) for _, line in content
+    )
+    named = all(line.startswith(MARK) for _, line in content)
+    more = {len(row) - len(head) for row in rows}
+    if (more != {1} or not named) and (more != {0} or mark != " "):
+        return text
+    lines = list(text.lines)
+    for (number, _), row in zip(content, [[""] * more.pop() + head, *rows], strict=True):
+        if any("\t" in cell or MARK in cell for cell in row):
+            return text
+        lines[number - text.first] = "\t".join(row)
+    return replace(text, lines=tuple(lines))

@@ -65,7 +65,8 @@ def read_program(path: Path, robot: Robot) -> tuple[FileText, DataTable]:
             message = f'already has a column "{name}", as corrected programs do'
             fix = "correct the original program, not a corrected one"
             raise refusal(path.name, name, message, fix=fix)
-    table = table_of(sheet, joints_by_number(sheet, robot), in_doubt=ONE_MORE)
+    # thousands marks would stand beside corrected numbers that have none
+    table = table_of(sheet, joints_by_number(sheet, robot), grouped=False, in_doubt=ONE_MORE)
     names = {own: name for own, name in table.names.items() if own not in OF_READINGS}
     table = replace(table, names=names)
     if not len(table):

@@ -32,6 +32,16 @@ def with_units(text, mark, units):
 
 
 PLAIN = joints("J{}") | places("{}")
+
+
+def grouped(value, marks=".,"):
+    return f"{value:,.9f}".translate(str.maketrans(",.", marks))
+
+
+def grouped_places(marks):
+    return {axis: [grouped(v, marks) for v in MM[:, k]] for k, axis in enumerate("XYZ")}
+
+
 GERMAN = {"separator": ";", "decimal": ","}
 COMMENTS = "# Export of a tracker\n# units: mm, deg\n"
 ODD = {
@@ -150,14 +160,10 @@ def test_several_targets_in_a_row_are_points_of_one_pose(form, names, lengths, t
     np.testing.assert_allclose(table.position, SEEN.reshape(-1, 3)[there], rtol=0, atol=1e-12)
 
 
-def grouped(value):
-    return f"{value:,.3f}".translate(str.maketrans(",.", ".,"))
-
-
 WRONG = {
     "a mirrored frame": (PLAIN | {"X": -MM[:, 0]}, "if one of x, y, z has the other sign"),
-    "thousands marks": (
-        joints("J{}") | {a: [grouped(v) for v in MM[:, k]] for k, a in enumerate("XYZ")},
+    "thousands marks in one row alone": (
+        PLAIN | {"X": [grouped(MM[0, 0]), *map("{:.4f}".format, MM[1:, 0])]},
         "which has thousands marks",
     ),
     "a joint that is missing": (

@@ -1,0 +1,122 @@
+"""Numbers as programs and people write them: exponents of Fortran, thousands marks, quotes.
+
+Truth: the files are written here from poses that are known.
+"""
+
+import numpy as np
+import pytest
+
+from calib.errors import InputError
+from testbed.files.dialects.marks import Column, Marks, marks_of
+from testbed.files.read import read_session
+from testbed.proposal.data import look_at
+from testbed.proposal.session import propose_session
+from tests.testbed.files.made import csv
+from tests.testbed.proposal.test_odd_files import (
+    DATA,
+    DEG,
+    MM,
+    UR10,
+    M,
+    grouped_places,
+    joints,
+    places,
+)
+from tests.testbed.proposal.test_session import proposed
+
+COMMAS = {f"J{k + 1}": [f"{v:.12f}".replace(".", ",") for v in DEG[:, k]] for k in range(6)}
+POINTS = {f"J{k + 1}": [f"{v:.12f}" for v in DEG[:, k]] for k in range(6)}
+QUOTED = [f'"{v:.12f}"' for v in np.column_stack([DEG, MM]).ravel()]
+NAMES = [*(f'"J{k}"' for k in range(1, 7)), '"X"', '"Y"', '"Z"']
+
+
+def rows_of(mark, before=None):
+    """Rows of numbers in quotes, or of plain ones behind names in quotes."""
+    rows = np.array(QUOTED).reshape(M, 9)
+    if before is None:
+        return [mark.join(row) for row in rows]
+    return [mark.join([f'"{k + 1}"', *(cell.strip('"') for cell in row)])
+            for k, row in enumerate(rows)]  # fmt: skip
+
+
+WRITTEN = {
+    "exponents of Fortran": csv(joints("J{}") | places("{}"), form="{:.14E}").replace("E", "D"),
+    "the same without names": "\n".join(
+        " ".join(f"{v:.14e}".replace("e", "d") for v in row) for row in np.hstack([DEG, MM])
+    ),
+    "points between thousands": csv(COMMAS | grouped_places(".,"), separator=";"),
+    "commas between thousands": csv(POINTS | grouped_places(",."), separator="\t"),
+    "commas between thousands, in quotes": csv(
+        POINTS | {axis: [f'"{cell}"' for cell in cells] for axis, cells in
+                  grouped_places(",.").items()}
+    ),
+    "apostrophes between thousands": csv(POINTS | grouped_places("\u2019."), separator=";"),
+    "narrow spaces between thousands": csv(COMMAS | grouped_places("\u202f,"), separator=";"),
+    "apostrophes around numbers": csv(
+        {name: [f"'{cell}'" for cell in cells] for name, cells in (POINTS | grouped_places(",."))
+         .items()}, separator=";"
+    ).replace("J1", "'J1'"),
+    "quotes around cells between spaces": "\n".join([" ".join(NAMES), *rows_of(" ")]),
+    "names of rows, as by R": "\n".join([" ".join(NAMES), *rows_of(" ", "names")]),
+    "names of rows, as by R with commas": "\n".join([",".join(NAMES), *rows_of(",", "names")]),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("text", WRITTEN.values(), ids=WRITTEN)
+def test_numbers_are_read_as_they_were_meant(text, tmp_path):
+    (tmp_path / "m.txt").write_text(text, encoding="utf-8")
+    said, _ = proposed(tmp_path, [tmp_path / "m.txt"], "--robot", UR10.name)
+    assert "to fix" not in said
+    table = read_session(tmp_path / "session.toml", UR10).measurements
+    # twelve decimals of a degree, nine of a millimeter and fifteen digits are written
+    np.testing.assert_allclose(table.q, DATA.q, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(table.position, DATA.T[:, :3, 3], rtol=0, atol=1e-12)
+
+
+def test_the_size_of_numbers_with_thousands_marks_tells_their_unit(tmp_path):
+    """Without a robot millimeters were taken for meters."""
+    (tmp_path / "m.csv").write_text(csv(COMMAS | grouped_places(".,"), separator=";"))
+    found = propose_session(look_at([tmp_path / "m.csv"], tmp_path), None, tmp_path)
+    assert found.document["points"]["columns"] == {f"{a.lower()}_mm": a for a in "XYZ"}
+
+
+def found(*cells, unit="mm", **how):
+    column = Column(f"x_{unit}", "X", cells)
+    return marks_of("m.csv", range(2, 2 + len(cells)), [column], **how)
+
+
+@pytest.mark.parametrize(
+    ("cells", "marks"),
+    [
+        (("1.234,5", "0,25"), Marks(",", ".")),
+        (("-1,234,567", "12.5"), Marks(".", ",")),
+        (("1'234", "0.25"), Marks(".", "'")),
+        (("1 234,5e-1", "1"), Marks(",", " ")),
+        (("1,25", "2"), Marks(",")),
+    ],
+)
+def test_marks_are_told_by_all_numbers_together(cells, marks):
+    assert found(*cells) == marks
+
+
+@pytest.mark.parametrize(
+    ("cells", "message"),
+    [
+        (("1.234.567", "2345.6"), r'm.csv:2: X is "1.234.567", which has thousands marks'),
+        (("1.234,5", "1'234"), r'm.csv:3: X is "1\'234", which has thousands marks'),
+        (("1.234,5", "0.25"), "have a decimal comma .* and a point"),
+        (("1 234", "5"), "which has thousands marks"),  # or two numbers
+        (("0.123,5", "5"), "which has thousands marks"),
+        (("1,234", "2,345"), "may have a decimal comma or thousands marks"),
+    ],
+)
+def test_marks_that_may_mean_two_things_are_refused(cells, message):
+    with pytest.raises(InputError, match=message):
+        found(*cells)
+
+
+def test_a_stated_mark_tells_what_the_other_one_is():
+    assert found("1,234", "2,345", decimal=".") == Marks(".", ",")
+    assert found("1,234", "2,345", decimal=",") == Marks(",")
+    with pytest.raises(InputError, match="thousands marks"):  # as in programs
+        found("1,234.5", grouped=False)
