@@ -15,13 +15,17 @@ OPENS = re.compile(r'(?:^|[,;\t])\s*"[^",;\t]*$')
 CLOSES = re.compile(r'[^",;\t]*"\s*(?:[,;\t]|$)')
 """The beginning of the line in which it ends."""
 WITHIN = re.compile(r"[^,;\t]*")
+OPENS_LIST = re.compile(r'(?:^|[,;\t])\s*"(?:[\w.]{1,20}\()?[\[(][^"]*$')
+"""The same where the cell is a list, in which separators may stand."""
+CLOSES_LIST = re.compile(r'[^"]*[\])]"\s*(?:[,;\t]|$)')
+WITHIN_LIST = re.compile(r"[\s\d.,;eE+\[\]()-]*")
 
 
 def with_quoted_lines(text: FileText) -> FileText:
     """A file whose cells stay in their line, the lines that they ended in empty.
 
-    A quote that is open across a separator may be a slip that would swallow rows: such a file
-    comes back as it is.
+    A quote that is open across a separator, other than in a list of numbers, may be a slip that
+    would swallow rows: such a file comes back as it is.
     """
     if not any(line.count(MARK) % 2 for line in text.lines):
         return text
@@ -41,13 +45,16 @@ def with_quoted_lines(text: FileText) -> FileText:
 
 def _end_of(lines: Sequence[str], k: int) -> int | None:
     """The line in which the cell ends that line k leaves open; None where it is no such cell."""
+    closes, within = CLOSES, WITHIN
     if not OPENS.search(lines[k]):
-        return None
+        if not OPENS_LIST.search(lines[k]):
+            return None
+        closes, within = CLOSES_LIST, WITHIN_LIST
     below = [n for n in range(k + 1, min(k + 1 + MOST, len(lines))) if lines[n]]
     for n in below:
-        if CLOSES.match(lines[n]):
+        if closes.match(lines[n]):
             return n
-        if not WITHIN.fullmatch(lines[n]) or MARK in lines[n]:
+        if not within.fullmatch(lines[n]) or MARK in lines[n]:
             return None
     return None
 

@@ -11,6 +11,13 @@ from testbed.gates.text import FileText
 
 OPEN, CLOSED = ("[", "(", "{"), ("]", ")", "}")
 BETWEEN = re.compile(r"[\s,;\[\](){}]+")
+SCALAR = re.compile(r"\b(?:np\.|numpy\.)?float(?:32|64)?\(([^()]*+)\)")
+"""A number as newer numpy prints it in a list."""
+ARRAY = re.compile(
+    r"(?:[a-z]{1,20}\.)?(?:array|tensor|Array|deque|list|tuple)\(([\[(].*?[\])])"
+    r"(?:,\s*(?:dtype|device)\s*=[^\[\](){}]*+)*+\)"
+)
+"""Numbers as Python prints an array, or one of another package."""
 PLACES = {"position", "pos", "xyz", "point", "translation", "place", "p", "tcp", "coordinates",
           "measured", "tvec", "t", "tracker", "smr", "marker"}  # fmt: skip
 """Words of a list of three that is a place."""
@@ -66,13 +73,22 @@ def _lists(column: Sequence[str]) -> list[list[str]]:
     """Numbers of each cell where all of them are lists of as many; else none."""
     found = []
     for cell in column:
-        text = cell.strip()
+        text = _plain(cell.strip())
         inside = BETWEEN.split(text) if text.startswith(OPEN) and text.endswith(CLOSED) else []
         numbers = [one for one in inside if one]
         if not 2 <= len(numbers) <= MOST or not all(map(NUMBER.fullmatch, numbers)):
             return []
         found.append(numbers)
     return found if found and len({len(one) for one in found}) == 1 else []
+
+
+def _plain(text: str) -> str:
+    """A list as it stands in what Python prints, np.array([...]) or [np.float64(...) ...]."""
+    if "(" not in text:
+        return text
+    text = SCALAR.sub(r"\1", text)
+    array = ARRAY.fullmatch(text)
+    return text if array is None else array[1]
 
 
 def _names(name: str, lists: Sequence[Sequence[str]]) -> list[str]:

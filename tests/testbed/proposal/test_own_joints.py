@@ -34,6 +34,14 @@ def of_ros(form, values):
     return {form.format(name): values[:, k] for k, name in enumerate(ROS)}
 
 
+def cells_of(written):
+    """Joints and places in two cells of each row, as pandas writes a column of arrays."""
+    rows = [
+        f'{k},"{written(q)}","{written(p)}"' for k, (q, p) in enumerate(zip(DEG, MM, strict=True))
+    ]
+    return "\n".join([",joints,position", *rows, ""])
+
+
 NAMED = {
     "letters and a number": csv(joints("Th{}") | places("{}")),
     "between words": csv(joints("arm_{}_joint", DATA.q) | places("{}")),
@@ -56,6 +64,16 @@ NAMED = {
     ),
     "lists in cells": "joints;position\n" + "\n".join(
         f"{list(map(float, q))};{tuple(map(float, p))}" for q, p in zip(DEG, MM, strict=True)
+    ),
+    "arrays in cells, as numpy prints them": cells_of(
+        lambda row: str(np.array2string(row, precision=16, max_line_width=60))
+    ),
+    "arrays in cells, as Python does": cells_of(
+        lambda row: np.array_repr(row, precision=16, max_line_width=60)
+    ),
+    "tensors in cells": cells_of(lambda row: f"tensor({row.tolist()}, dtype=torch.float64)"),
+    "lists of numbers of numpy": cells_of(
+        lambda row: f"[{', '.join(f'np.float64({v!r})' for v in row.tolist())}]"
     ),
     "one target": csv(joints("J{}") | places("{}1", axes="xyz")),
     "Chinese words beside letters": csv(joints("关节角{}") | places("实测{}")),
