@@ -14,6 +14,7 @@ DEG = pi / 180
 FACTORS: dict[str, float] = {
     "m": 1.0, "mm": 1e-3, "um": 1e-6, "in": 0.0254,
     "rad": 1.0, "deg": DEG, "mdeg": pi / 180e3, "mrad": 1e-3, "urad": 1e-6, "gon": pi / 200,
+    "rev": 2 * pi,
     "rad/s": 1.0, "m/s": 1.0, "deg/s": DEG, "mm/s": 1e-3, "degC": 1.0, "s": 1.0, "": 1.0,
     "kg": 1.0, "kg m": 1.0, "kg m2": 1.0, "kg/m3": 1.0, "m2": 1.0, "m rad": 1.0, "rad2": 1.0,
     "um/m": 1e-6, "hPa": 100.0, "Nm": 1.0, "Nmm": 1e-3, "N": 1.0, "A": 1.0, "mA": 1e-3,

@@ -27,7 +27,13 @@ TURN = np.pi / 180
 ANGLES = (
     (TURN, "if the joints are in deg, not rad", "name the columns q1_deg ..."),
     (1 / TURN, "if the joints are in rad, not deg", "name the columns q1_rad ..."),
+    (0.9, "if the joints are in gon, not deg", "name the columns q1_gon ..."),
+    (1 / 0.9, "if the joints are in deg, not gon", "name the columns q1_deg ..."),
+    (2 * np.pi, "if the joints are in revolutions, not rad", "name the columns q1_rev ..."),
+    (360.0, "if the joints are in revolutions, not deg", "name the columns q1_rev ..."),
 )
+UNIT = "joints"
+"""Name of the alternative that joints have another unit."""
 SMALL = 2 * np.pi * TURN
 """A joint of so few degrees, or of one turn in radians that were taken for degrees [rad]."""
 MOST_MIXED = 3
@@ -142,12 +148,12 @@ def _joints(rows: Interpretation, chain: Chain, controller: Controller) -> Other
     """Units, signs and order of joints, as the controller counts them."""
     turning = chain.prismatic == 0
     for factor, condition, fix in ANGLES if turning.any() else ():
-        unit = Alternative("joints", condition, fix, "M20", "joints")
+        unit = Alternative(UNIT, condition, fix, "M20", "joints")
         yield unit, replace(rows, q=np.where(turning, rows.q * factor, rows.q))
     yield from _some_joints(rows, turning)
     for factor, condition, fix in LENGTHS[:2] if not turning.all() else ():
         condition, fix = condition.replace("positions", "sliding joints"), fix.replace("x_", "q1_")
-        unit = Alternative("joints", condition, fix, "M20", "joints")
+        unit = Alternative(UNIT, condition, fix, "M20", "joints")
         yield unit, replace(rows, q=np.where(turning, rows.q, rows.q * factor))
     for j in controller.counted(chain.n_joints).tolist():
         name, condition = f"q{j + 1}", f"if joint {j + 1} turns the other way"
@@ -176,7 +182,7 @@ def _some_joints(rows: Interpretation, turning: Bool) -> OtherReadings:
         names = [f"q{j + 1}" for j in chosen]
         condition = f"if {', '.join(names)} {'is' if len(names) == 1 else 'are'} in rad, not deg"
         fix = f"name {'this column' if len(names) == 1 else 'these columns'} {names[0]}_rad"
-        unit = Alternative("joints", condition, fix + " ..." * (len(names) > 1), "M20", names[0])
+        unit = Alternative(UNIT, condition, fix + " ..." * (len(names) > 1), "M20", names[0])
         yield unit, replace(rows, q=rows.q * factor)
 
 
@@ -202,7 +208,7 @@ def some_rows(rows: Interpretation, turning: Bool, first: str) -> OtherReadings:
     if small.any():
         line = first.rpartition(":")[2]
         condition = f"if the joints of some rows, the first in line {line}, are in rad, not deg"
-        unit = Alternative("joints", condition, "write all rows in one unit", "M20", "joints")
+        unit = Alternative(UNIT, condition, "write all rows in one unit", "M20", "joints")
         factor = np.where(small[:, None] & turning, 1 / TURN, 1.0)
         yield unit, replace(rows, q=rows.q * factor)
 

@@ -24,7 +24,7 @@ from testbed.bounds import (
 )
 
 LENGTHS = {unit: FACTORS[unit] for unit in ("m", "mm", "um", "in")}
-ANGLES = {unit: FACTORS[unit] for unit in ("rad", "mrad", "deg", "mdeg", "urad", "gon")}
+ANGLES = {unit: FACTORS[unit] for unit in ("rad", "mrad", "deg", "mdeg", "urad", "gon", "rev")}
 LOADS = {unit: FACTORS[unit] for unit in ("Nm", "Nmm", "N")}
 CURRENTS = {unit: FACTORS[unit] for unit in ("A", "mA")}
 UNITS = {"length": LENGTHS, "angle": ANGLES, "torque": LOADS, "current": CURRENTS}
@@ -37,6 +37,8 @@ WRITTEN = {
     "rad": "rad", "radian": "rad", "radians": "rad", "mrad": "mrad", "mdeg": "mdeg", "c": "degC",
     "degc": "degC", "°c": "degC", "kg": "kg", "s": "s", "sec": "s", "second": "s", "seconds": "s",
     "nm": "Nm", "n m": "Nm", "n*m": "Nm", "n·m": "Nm", "nmm": "Nmm", "n mm": "Nmm", "n": "N",
+    "rev": "rev", "revs": "rev", "revolution": "rev", "revolutions": "rev", "turns": "rev",
+    "umdrehung": "rev", "umdrehungen": "rev", "tours": "rev", "giri": "rev",
     "a": "A", "amp": "A", "ma": "mA",
 }  # fmt: skip
 """Units as people write them, in small letters."""

@@ -1,7 +1,7 @@
 """Names of columns in other programs: their meaning in our names, and what stays ambiguous."""
 
 import re
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from testbed.bounds import FACTORS
@@ -13,6 +13,7 @@ from testbed.proposal.polar.names import polar_names
 from testbed.proposal.transforms import axis_names, entry_of
 from testbed.proposal.words import (
     ANGLE,
+    COUNTED,
     DIFFERENCES,
     DISTANCE,
     DRIVES,
@@ -115,13 +116,28 @@ def _of_this_head(head: Sequence[str]) -> dict[str, str]:
         if texts.issuperset(names):
             found = found | {name: f"q{k}" for k, name in enumerate(names, start=1)}
     found = found | shift_names(texts)
-    fours = {f"q{k}": stem for k, stem in enumerate(QUATERNION, start=1)}
-    others = {joint[1] for text in texts - set(fours)
-              if (joint := JOINT.fullmatch(_joint_alone(text))) is not None}  # fmt: skip
-    if texts.issuperset(fours) and "q5" not in texts and others >= set("1234"):
-        found = found | fours
+    for fours in _counted_fours(texts):
+        others = {joint[1] for text in texts - set(fours)
+                  if (joint := JOINT.fullmatch(_joint_alone(text))) is not None}  # fmt: skip
+        if others >= set("1234"):
+            found = found | fours
     found = found | axis_names(texts - set(found))
     return found | polar_names(texts - set(found))
+
+
+def _counted_fours(texts: Collection[str]) -> Iterator[dict[str, str]]:
+    """Four numbers that are counted from 0 or 1, as stems of a quaternion whose scalar is first."""
+    families: dict[str, dict[int, str]] = {}
+    for text in sorted(texts):
+        if (one := COUNTED.fullmatch(text)) is not None:
+            families.setdefault(one[1], {})[int(one[2])] = text
+    for word, own in families.items():
+        if (
+            len(own) == len(QUATERNION)
+            and max(own) - min(own) == 3
+            and not (word == "q" and {"q5", "q 5"} & set(texts))
+        ):
+            yield {own[k]: stem for k, stem in zip(sorted(own), QUATERNION, strict=True)}
 
 
 def _joint_alone(text: str) -> str:

@@ -12,7 +12,7 @@ from testbed.proposal.data import Document, Found, Part
 from testbed.proposal.exports import exported_parts
 from testbed.proposal.layouts import Layout, layouts
 from testbed.proposal.names import Meaning
-from testbed.proposal.naming.plain import without_unit
+from testbed.proposal.naming.plain import EITHER, says_either, without_unit
 from testbed.proposal.naming.targets import targets_in_a_row
 from testbed.proposal.polar.parts import is_polar, polar_ways
 from testbed.proposal.rows.markers import beside_joints, marker_parts
@@ -60,10 +60,15 @@ def joint_parts(
         both = {"", "_read"} <= {one.plain[2:] for one in found}
         source = {"source": "commanded"} if both else {}
         notes = (*((BOTH_JOINTS,) if both else ()), *look.notes)
-        for units, assumed in _each_unit(look, open_, slides):
-            mapped = {f"{one.stem}_{one.unit or units[_number(one)]}": one.theirs
-                      for one in foreign}  # fmt: skip
+        either = {one.theirs for one in foreign if one.unit and says_either(one.theirs)}
+        both_units = ("deg", "gon") if either else ("",)
+        for (units, assumed), grad in product(_each_unit(look, open_, slides), both_units):
+            mapped = {
+                f"{one.stem}_{grad if one.theirs in either else one.unit or units[_number(one)]}":
+                    one.theirs for one in foreign
+            }  # fmt: skip
             unit = (f"joints: no column states its unit; assumed: {assumed}",) if open_ else ()
+            unit = (f"joints: {EITHER} is taken as {grad}",) if grad else unit
             beside = BESIDE_JOINTS if look.has(*"xyz") else (*BESIDE_JOINTS, "target")
             named = {key: name for key, name in _more(look).items() if key in beside}
             named |= _drives(look, own[-1])

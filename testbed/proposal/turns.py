@@ -42,9 +42,14 @@ def turnings(
         return
     known = all(name in means and means[name].known for name in turns)
     if len(turns) == 4:
-        told = turns[0] in means  # a name such as qw says which number it is
+        # a name such as qw says which number it is, and one that counts does not
+        told = turns[0] in means and not all(name.rstrip("]) ")[-1:].isdigit() for name in turns)
         for order, gives in product(("wxyz",) if told else ("wxyz", "xyzw"), DIRECTIONS):
-            columns = {} if known else {f"q{a}": name for a, name in zip(order, turns, strict=True)}
+            columns = (
+                {}
+                if known and told
+                else {f"q{a}": name for a, name in zip(order, turns, strict=True)}
+            )
             said = "rotations: no name states the order of the quaternions; assumed: "
             said += " ".join(order)
             yield columns, gives, (_direction(gives), *(() if told else (said,)))

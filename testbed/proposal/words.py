@@ -95,6 +95,8 @@ TURNS = {
 }  # fmt: skip
 QUATERNION = ("qw", "qx", "qy", "qz")
 """Names of four numbers counted from 0, as q0, or from 1 beside joints of another name (ABB)."""
+COUNTED = re.compile(r"(q|quat|quaternion|rot quat|orientation|orient) ?([0-4])")
+"""One of four numbers that are counted."""
 OF_TURNS = {
     *TURNS.values(),
     *(f"r{i}{j}" for i in "123" for j in "123"),

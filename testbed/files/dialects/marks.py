@@ -22,7 +22,7 @@ GROUPED = re.compile(
 LONG = re.compile(r"[+\u2212-]?\d{4}")
 """The beginning of a number of thousands without such marks."""
 THREE = re.compile(r"[+-]?[1-9]\d{0,2},\d{3}")
-TURNS = ("deg", "rad")
+TURNS = ("deg", "rad", "gon", "rev")
 """Units of which nothing measures a thousand: a comma before three digits is the decimal mark."""
 STATE_IT = 'write decimal = "," or "." under [dialect] in session.toml'
 """What to do where a decimal comma may be a thousands mark."""

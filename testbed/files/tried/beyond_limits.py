@@ -7,6 +7,7 @@ import numpy as np
 
 from calib.arrays import Array, Bool, frozen
 from calib.errors import InputError
+from testbed.files.alternatives import UNIT
 from testbed.files.frames_fit import FAR, Misfit
 from testbed.files.probe import probe
 from testbed.files.refusal import refusal
@@ -49,7 +50,7 @@ def explained(error: InputError, robot: Robot, read: Callable[[Robot], Session])
     found = probe(free, session, links=False)  # zeros and turns are told by frames alone
     if found.stated is not None and found.wrong is None and found.stated.score <= FAR:
         return _of_ends(error, robot, beyond, whole, found.stated)
-    if found.wrong is None or found.wrong.alternative.name != ZEROS:
+    if found.wrong is None or found.wrong.alternative.name not in (ZEROS, UNIT):
         return error
     try:
         found.raise_if_wrong()

@@ -22,6 +22,9 @@ COUNTED = re.compile(r"[一二三四五六七](?=[轴軸关関])|(?<=[轴軸节�
 MOST = 8
 """Families of columns that are tried, and numbers of a name that may be those of joints."""
 
+EITHER = "grad"
+"""A unit that is deg in one language and gon in another."""
+
 Family = dict[int, str]
 """Columns of joints, by their numbers."""
 
@@ -42,6 +45,12 @@ def without_unit(name: str) -> tuple[str, str]:
     text = " ".join(words)
     behind = BEHIND_95.fullmatch(text)
     return f"u95 {behind[1]}" if behind else OF_95.sub("u95", text), unit
+
+
+def says_either(name: str) -> bool:
+    """Whether a name ends with a unit that may be deg or gon."""
+    words = re.sub(r"[\s_\[\](),/]+", " ", name.lower()).split()
+    return words[-1:] == [EITHER]
 
 
 def small_words(name: str) -> str:

@@ -7,7 +7,7 @@ import numpy as np
 
 from testbed.proposal.data import Document, Found
 from testbed.proposal.names import Meaning
-from testbed.proposal.naming.plain import without_unit
+from testbed.proposal.naming.plain import says_either, without_unit
 from testbed.proposal.polar.names import HEIGHTS, SURVEYED
 from testbed.proposal.sizes import by_size, signed
 
@@ -15,8 +15,6 @@ TURN, FULL = 6.4, 360.0
 """Angles are never larger where they are in radians, or in degrees."""
 REACH = 20.0
 """Ranges are never longer where they are in meters [m]."""
-EITHER = "grad"
-"""A unit that is deg in one language and gon in another."""
 
 
 def is_polar(look: Found) -> bool:
@@ -59,8 +57,7 @@ def _unit(one: Meaning) -> str:
     """The unit that a column says; empty where it says none, or one that is two."""
     if one.known:
         return one.stem.rpartition("_")[2]
-    words = one.theirs.lower().replace("[", " ").replace("(", " ").rstrip(")] ").split()
-    return "" if words[-1:] == [EITHER] else one.unit
+    return "" if says_either(one.theirs) else one.unit
 
 
 def _angles_by_size(look: Found, columns: tuple[Meaning, ...]) -> tuple[str, ...]:

@@ -81,6 +81,9 @@ DIALECTS = {
         dict(zip(("Base", "Shoulder", "Elbow", *(f"Wrist {k}" for k in "123")), DEG.T, strict=True))
         | places("{}")
     ),
+    "revolutions": csv(joints("J{} [rev]", DEG / 360) | places("{}")),
+    "grad that are deg": csv(joints("J{} [grad]") | places("{}")),
+    "grad that are gon": csv(joints("J{} (grad)", DEG / 0.9) | places("{}")),
     "gon": csv(joints("J{} [gon]", DEG / 0.9) | places("{} [mm]")),
     "units behind a comma": csv(joints('"J{}, deg"') | places('"{}, mm"')),
     "entries of transforms counted from 0": csv(
@@ -138,6 +141,26 @@ def test_a_dialect_is_proposed_as_it_was_meant(text, tmp_path):
     if table.is_pose.any():
         # fifteen digits of each of three or four numbers
         np.testing.assert_allclose(table.rotation, DATA.T[:, :3, :3], rtol=0, atol=1e-11)
+
+
+@pytest.mark.parametrize(
+    ("form", "first", "order"),
+    [("quat{}", 1, "w x y z"), ("q_{}", 1, "x y z w"), ("quaternion[{}]", 0, "x y z w")],
+)
+def test_four_numbers_that_are_counted_are_a_quaternion_in_the_order_that_fits(
+    form, first, order, tmp_path
+):
+    """The rotations were left aside, or joints were missing: q_1 to q_4 were taken for some."""
+    own = {"w": W, "x": X, "y": Y, "z": Z}
+    turn = {form.format(first + k): own[letter] for k, letter in enumerate(order.split())}
+    (tmp_path / "m.csv").write_text(csv(joints("joint{}") | places("{}") | turn))
+    said, _ = proposed(tmp_path, [tmp_path / "m.csv"], "--robot", UR10.name)
+    assert f"no name states the order of the quaternions; assumed: {order}" in " ".join(
+        said.split()
+    )
+    table = read_session(tmp_path / "session.toml", UR10).measurements
+    # fifteen digits of four numbers
+    np.testing.assert_allclose(table.rotation, DATA.T[:, :3, :3], rtol=0, atol=1e-11)
 
 
 JOINTED = {"Target": NAMES} | joints("J{}")

@@ -156,6 +156,16 @@ def quarter_turns_of_one():
     return quarter_turns(ROBOT.model, rows)[0]
 
 
+def test_joints_in_gon_and_in_revolutions_are_named_with_their_unit(tmp_path):
+    """Of the former it was said to correct the cells beyond the limits, of the latter nothing."""
+    numbers = table([0] * 6, poses=False)
+    for factor, said in ((400 / 360, "in gon, not deg"), (1 / 360, "in revolutions, not deg")):
+        other = {name: column * (factor if name[0] == "q" else 1) for name, column in
+                 numbers.items()}  # fmt: skip
+        with pytest.raises(InputError, match=f"if the joints are {said}; name the columns q1_"):
+            probe(ROBOT, read(tmp_path, other)).raise_if_wrong()
+
+
 def test_no_links_are_fitted_to_joints_beyond_their_limits(tmp_path, monkeypatch):
     """Sixteen rows of nine numbers that are no joints took a minute: two seconds for each fit of
     links, four of them for each of eight interpretations."""
