@@ -14,7 +14,6 @@ from calib.errors import refuse
 from calib.geometry.chain import JointKind
 from testbed.names import some
 from testbed.robots.describe.description import (
-    HELD_ELSEWHERE,
     Body,
     Description,
     Shape,
@@ -23,6 +22,7 @@ from testbed.robots.describe.description import (
     shapes_of,
 )
 from testbed.robots.describe.urdf_checks import check_urdf, mesh_files
+from testbed.robots.describe.urdf_mimic import how_to_follow
 from testbed.robots.describe.urdf_shapes import form_of
 from testbed.robots.describe.xml_gate import FileOptions, parse_xml, xml_bytes
 from testbed.robots.foreign import foreign
@@ -56,7 +56,7 @@ def describe_urdf(path: Path, options: FileOptions) -> Description:
     tip, choice = choose_tip(options.tip, _ends(model, tree), model.link_map, path)
     notes += [choice] if choice else []
     way = way_to(above, tip)
-    moving = [joint for joint in way if _moves(joint, path)]
+    moving = [joint for joint in way if _moves(joint, way, path)]
     check_count(len(moving), tip, path)
     for joint in moving:
         length = float(np.linalg.norm(joint.axis))
@@ -179,7 +179,7 @@ def _ends(model: Any, tree: Sequence[Any]) -> list[str]:
     return [end for end in ends if end in moved] or ends
 
 
-def _moves(joint: Any, path: Path) -> bool:
+def _moves(joint: Any, way: Sequence[Any], path: Path) -> bool:
     """Whether a joint on the way moves; one that cannot be calibrated alone is refused."""
     if joint.type == "fixed":
         return False
@@ -187,7 +187,7 @@ def _moves(joint: Any, path: Path) -> bool:
         kind = f"a mimic joint of {joint.mimic.joint}" if joint.mimic is not None else joint.type
         allowed = "joints must be revolute, continuous, prismatic or fixed, and move independently"
         message = f"joint {joint.name} is {kind}"
-        fix = HELD_ELSEWHERE if joint.mimic is not None else ""
+        fix = how_to_follow(joint, way) if joint.mimic is not None else ""
         raise refuse(
             "type", joint.type, allowed, code="R16", message=message, fix=fix, where=str(path)
         )

@@ -1,5 +1,6 @@
 """Robots read from URDF and MJCF: poses of other readers, masses, meshes, what is assumed."""
 
+import re
 from itertools import pairwise
 
 import mujoco
@@ -17,6 +18,7 @@ from testbed.robots.describe import description
 from testbed.robots.describe.axes import chain_from_axes, reach, regauged
 from testbed.robots.meshes.files import part_mesh
 from testbed.robots.placements import difference, link_poses
+from testbed.robots.write.folder import write_robot_folder
 from tests.testbed.robots.described_cases import (
     ARMS,
     IIWA_LIKE,
@@ -238,9 +240,28 @@ def test_several_ends_are_listed_and_one_can_be_chosen(tmp_path):
     robot = load_robot(path, tip="ee_link")
     assert robot.model.chain.n_joints == 7
     assert any("left out: left, right" in note for note in robot.notes)
-    with pytest.raises(InputError, match="joint follow is a mimic joint of open"):
+    with pytest.raises(InputError, match="end the arm before it: --tip ee_link") as caught:
         load_robot(path, tip="right")
+    assert str(caught.value).count("joint follow is a mimic joint of open") == 1
     assert load_robot(path, tip="left").model.chain.kinds[-1] == "prismatic"
+
+
+def test_a_joint_that_follows_another_on_the_way_is_told_by_its_line_of_robot_toml(tmp_path):
+    """Which is taken as it stands, and moves the arm as the URDF says."""
+    tag = '<mimic joint="a2" multiplier="-0.5" offset="0.1"/>'
+    head = 'name="a3" type="revolute">'
+    path = written(IIWA_LIKE.replace(head, head + tag), tmp_path)
+    with pytest.raises(InputError, match="joint a3 is a mimic joint of a2") as caught:
+        load_robot(path)
+    line = re.search(r"joints = \[.*\]", caught.value.fix)[0]
+    assert "add its offset of 0.1 to the zero of joint 3" in caught.value.fix
+    arm = load_robot(written(IIWA_LIKE, tmp_path))
+    write_robot_folder(arm, tmp_path / "arm")
+    toml = tmp_path / "arm" / "robot.toml"
+    toml.write_text(f"{toml.read_text()}\n[controller]\n{line}\n")
+    held = load_robot(toml)
+    q = held.controller.read(np.array([0.1, 0.2, 0.4, 0.5, 0.6, 0.7]), 7)
+    np.testing.assert_allclose(q, [0.1, 0.2, -0.1, 0.4, 0.5, 0.6, 0.7], rtol=0, atol=1e-15)
 
 
 def test_an_end_called_tool_is_the_tool_and_that_is_told(tmp_path):
