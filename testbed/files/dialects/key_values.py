@@ -4,6 +4,7 @@
 """
 
 import re
+from collections.abc import Iterator
 from dataclasses import replace
 
 from testbed.gates.text import FileText
@@ -16,7 +17,11 @@ PAIR = re.compile(
 """A name, its number, and perhaps a unit."""
 BEFORE = re.compile(r"[^=,;:]{1,40}+:")
 """What may stand before the first name of all lines, as ``E6AXIS:``."""
+WORDS = re.compile(r"[\s=;{]+")
+CLOCK, DAY = re.compile(r"\d{1,2}:\d{2}\S*"), re.compile(r"\d{1,4}[-./]\d{1,2}[-./]\d{1,4}")
 OPENS, CLOSES, BETWEEN = " \t{[(", " \t}]),;", re.compile(r"[,;|\s]*+")
+LONGEST = 60
+"""Letters that may stand before the numbers."""
 FEWEST = 3
 """Names of a line, and lines of a file."""
 
@@ -27,34 +32,63 @@ Row = list[tuple[str, str, str]]
 def with_named_numbers(text: FileText) -> FileText:
     """A file all of whose rows name the same numbers, as a table; others as they come.
 
-    The line of names has the number 0, so that rows keep theirs.
+    A name may stand before them, or a time, or both a day and a time. The line of names has the
+    number 0, so that rows keep theirs.
     """
     rows: dict[int, Row] = {}
-    heads = set()
+    words, heads = list[list[str]](), set()
     for number, line in text.content("#"):
         before, row = _row(line)
-        heads.add((before, tuple((name, unit) for name, _, unit in row)))
-        if not row or len(heads) > 1:
+        heads.add(tuple((name, unit) for name, _, unit in row))
+        words.append(_words(before))
+        if not row or len(heads) > 1 or len(words[-1]) != len(words[0]):
             return text
         rows[number] = row
-    _, head = heads.pop() if heads else ("", ())
+    head = heads.pop() if heads else ()
     if len(rows) < FEWEST or len({name for name, _ in head}) < len(head):
         return text
-    names = [f"{name} [{unit}]" if unit else name for name, unit in head]
+    told = [cells for cells in zip(*words, strict=True) if len({*cells}) > 1]
+    clocks = [all(map(CLOCK.search, cells)) for cells in told]
+    if len(told) > 2 or clocks.count(True) > 1 or clocks.count(False) > 1:
+        return text
+    names = ["time" if clock else "name" for clock in clocks]
+    names += [f"{name} [{unit}]" if unit else name for name, unit in head]
     lines = [""] * len(text.lines)
-    for number, row in rows.items():
-        lines[number - 1] = "\t".join(cell for _, cell, _ in row)
+    for k, (number, row) in enumerate(rows.items()):
+        cells = (*(column[k] for column in told), *(cell for _, cell, _ in row))
+        lines[number - 1] = "\t".join(cells)
     return replace(text, lines=("\t".join(names), *lines), first=0)
+
+
+def _words(before: str) -> list[str]:
+    """What stands before the numbers of a line, a day and the time behind it as one."""
+    words = [word.rstrip(":") for word in WORDS.split(before) if word]
+    for k in range(len(words) - 1, 0, -1):
+        if CLOCK.fullmatch(words[k]) and DAY.fullmatch(words[k - 1]):
+            words[k - 1 : k + 1] = [f"{words[k - 1]} {words[k]}"]
+    return words
 
 
 def _row(line: str) -> tuple[str, Row]:
     """What stands before the pairs of a line, and these; none where it holds anything else."""
-    line, before = line.strip(OPENS + CLOSES), ""
-    found, at = _pairs(line)
-    if not found and (said := BEFORE.match(line)) is not None:
-        before, line = said[0], line[said.end() :].lstrip(OPENS)
-        found, at = _pairs(line)
-    return before, found if at == len(line) and len(found) >= FEWEST else []
+    line = line.strip(OPENS + CLOSES)
+    for at in _beginnings(line):
+        rest = line[at:].lstrip(OPENS)
+        said = BEFORE.match(rest)
+        for part in (rest, rest[said.end() :].lstrip(OPENS) if said is not None else ""):
+            found, end = _pairs(part)
+            if found and end == len(part) and len(found) >= FEWEST:
+                return line[: len(line) - len(part)], found
+    return "", []
+
+
+def _beginnings(line: str) -> Iterator[int]:
+    """Where the pairs of a line may begin: with it, behind a brace, or behind its first word."""
+    yield 0
+    if (brace := line.find("{", 0, LONGEST)) > 0:
+        yield brace
+    elif (blank := line.find(" ", 0, LONGEST)) > 0:
+        yield blank
 
 
 def _pairs(line: str) -> tuple[Row, int]:

@@ -65,7 +65,8 @@ def text_of(*lines):
         ("P1 1.0 2.0 3.0", "P2 1.0 2.0 3.0", "P3 1.0 2.0 3.0"),  # points behind names
         ("X=1 Y=2 Z=3", "X=1 Y=2 Z=3", "X=1 Y=2 W=3"),
         ("X=1 Y=2 Z=3", "stopped", "X=1 Y=2 Z=3", "X=1 Y=2 Z=3"),
-        ("Pose 1: X=1 Y=2 Z=3", "Pose 2: X=1 Y=2 Z=3", "Pose 3: X=1 Y=2 Z=3"),
+        ("A B X=1 Y=2 Z=3", "C D X=1 Y=2 Z=3", "E F X=1 Y=2 Z=3"),
+        ("at 1:00 X=1 Y=2 Z=3", "at X=1 Y=2 Z=3", "at 3:00 X=1 Y=2 Z=3"),
         ("X=1 X=2 Z=3",) * 3,
         ("X = 1",) * 3,
         ("X=1,5; Y=2,5; Z=3,5",) * 3,  # a decimal comma, or two numbers
@@ -76,6 +77,27 @@ def text_of(*lines):
 def test_other_lines_stay_as_they_are(lines):
     text = text_of(*lines)
     assert with_named_numbers(text) is text
+
+
+NUMBERS = "X=1 Y=2 Z=3"
+
+
+@pytest.mark.parametrize(
+    ("before", "names", "cells"),
+    [
+        ("P{} = {{E6AXIS: ", "name", "P{}"),
+        ("Pose {}: ", "name", "{}"),
+        ("P{}  ", "name", "P{}"),
+        ("2026-03-02 10:0{}:00.5 $AXIS_ACT={{", "time", "2026-03-02 10:0{}:00.5"),
+        ("P{0}; 10:0{0}:00 {{", "name\ttime", "P{0}\t10:0{0}:00"),
+        ("$AXIS_ACT = {{", "", ""),
+    ],
+)
+def test_a_name_and_a_time_before_the_numbers_are_columns(before, names, cells):
+    """They left "there are no joints: nothing could be tried"."""
+    lines = with_named_numbers(text_of(*(before.format(k) + NUMBERS for k in range(3)))).lines
+    assert lines[0] == f"{names}\tX\tY\tZ".lstrip("\t")
+    assert lines[1:] == tuple(f"{cells.format(k)}\t1\t2\t3".lstrip("\t") for k in range(3))
 
 
 @pytest.mark.parametrize(
