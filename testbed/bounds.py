@@ -12,7 +12,7 @@ from pydantic import Field
 
 DEG = pi / 180
 FACTORS: dict[str, float] = {
-    "m": 1.0, "mm": 1e-3, "um": 1e-6, "in": 0.0254,
+    "m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "in": 0.0254, "ft": 0.3048,
     "rad": 1.0, "deg": DEG, "mdeg": pi / 180e3, "mrad": 1e-3, "urad": 1e-6, "gon": pi / 200,
     "rev": 2 * pi,
     "rad/s": 1.0, "m/s": 1.0, "deg/s": DEG, "mm/s": 1e-3, "degC": 1.0, "s": 1.0, "": 1.0,

@@ -23,12 +23,15 @@ LENGTHS = (
     (1 / 25.4, "if the positions are in mm, not inches", "name the columns x_mm ..."),
 )
 """Factor, condition and fix."""
+RARE = [(by, f"if the positions are in {unit}, not {read}", f"name the columns x_{unit} ...")
+        for by, unit, read in ((10.0, "cm", "mm"), (0.01, "cm", "m"), (304.8, "ft", "mm"),
+                               (0.3048, "ft", "m"))]  # fmt: skip
+"""The same of units that few programs write."""
 TURN = np.pi / 180
 ANGLES = (
     (TURN, "if the joints are in deg, not rad", "name the columns q1_deg ..."),
     (1 / TURN, "if the joints are in rad, not deg", "name the columns q1_rad ..."),
     (0.9, "if the joints are in gon, not deg", "name the columns q1_gon ..."),
-    (1 / 0.9, "if the joints are in deg, not gon", "name the columns q1_deg ..."),
     (2 * np.pi, "if the joints are in revolutions, not rad", "name the columns q1_rev ..."),
     (360.0, "if the joints are in revolutions, not deg", "name the columns q1_rev ..."),
 )
@@ -91,7 +94,7 @@ def alternatives_of(
     controller : Controller
         How the file was taken to count them.
     """
-    for factor, condition, fix in LENGTHS:
+    for factor, condition, fix in (*LENGTHS, *RARE):
         length = Alternative("length", condition, fix, "M21", "length")
         yield length, replace(rows, position=rows.position * factor)
     J = controller.of_arm(rows.q)

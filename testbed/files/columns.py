@@ -23,7 +23,7 @@ from testbed.bounds import (
     Bound,
 )
 
-LENGTHS = {unit: FACTORS[unit] for unit in ("m", "mm", "um", "in")}
+LENGTHS = {unit: FACTORS[unit] for unit in ("m", "mm", "um", "in", "cm", "ft")}
 ANGLES = {unit: FACTORS[unit] for unit in ("rad", "mrad", "deg", "mdeg", "urad", "gon", "rev")}
 LOADS = {unit: FACTORS[unit] for unit in ("Nm", "Nmm", "N")}
 CURRENTS = {unit: FACTORS[unit] for unit in ("A", "mA")}
@@ -32,6 +32,8 @@ WRITTEN = {
     "mm": "mm", "m": "m", "um": "um", "µm": "um", "μm": "um", "in": "in", "inch": "in",
     "inches": "in", "meter": "m", "meters": "m", "metre": "m", "metres": "m", "millimeter": "mm",
     "millimeters": "mm", "millimetre": "mm", "millimetres": "mm", "micron": "um", "microns": "um",
+    "cm": "cm", "centimeter": "cm", "centimeters": "cm", "centimetre": "cm", "centimetres": "cm",
+    "zentimeter": "cm", "ft": "ft", "feet": "ft", "foot": "ft",
     "deg": "deg", "°": "deg", "º": "deg", "degree": "deg", "degrees": "deg", "grad": "deg",
     "degré": "deg", "degrés": "deg", "gradi": "deg", "grados": "deg", "gon": "gon",
     "rad": "rad", "radian": "rad", "radians": "rad", "mrad": "mrad", "mdeg": "mdeg", "c": "degC",

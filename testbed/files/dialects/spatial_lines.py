@@ -131,7 +131,9 @@ def unit_of(
     unit = written or stated
     if not unit:
         table, _, name = key.partition(".")
-        usual, units = ("mm", "mm, m or in") if known is LENGTHS else ("deg", "deg or rad")
+        usual, units = (
+            ("mm", "mm, m, in, um, cm or ft") if known is LENGTHS else ("deg", "deg or rad")
+        )
         fix = f'write {name} = "{usual}" under [{table}] in session.toml'
         raise refusal(lines.where, key, "does not say its unit", allowed=f"it is {units}", fix=fix)
     return unit

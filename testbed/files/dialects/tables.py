@@ -90,7 +90,7 @@ class OpticalTable(ObservedTable):
 
     format: Literal["csv", "sa"] = "csv"
     """A table with named columns, or an export of Spatial Analyzer."""
-    length: Literal["mm", "m", "in"] | None = None
+    length: Literal["mm", "m", "in", "um", "cm", "ft"] | None = None
     """For format = "sa", where the file does not state it; for targets, mm unless stated."""
     angle: Literal["deg", "rad"] | None = None
     """For format = "sa": of Euler angles, or of polar readings."""

@@ -81,6 +81,10 @@ DIALECTS = {
         dict(zip(("Base", "Shoulder", "Elbow", *(f"Wrist {k}" for k in "123")), DEG.T, strict=True))
         | places("{}")
     ),
+    "centimeters": csv(joints("J{}") | places("{} (cm)", MM / 10)),
+    "feet below the names": csv(joints("J{}") | places("{}", MM / 304.8)).replace(
+        "Z\n", "Z\ndeg,deg,deg,deg,deg,deg,ft,ft,ft\n", 1
+    ),
     "revolutions": csv(joints("J{} [rev]", DEG / 360) | places("{}")),
     "grad that are deg": csv(joints("J{} [grad]") | places("{}")),
     "grad that are gon": csv(joints("J{} (grad)", DEG / 0.9) | places("{}")),

@@ -161,6 +161,9 @@ def test_several_targets_in_a_row_are_points_of_one_pose(form, names, lengths, t
 
 
 WRONG = {
+    "centimeters that nothing states": (
+        joints("J{}") | places("{}", MM / 10), "if the positions are in cm, not mm",
+    ),
     "a mirrored frame": (PLAIN | {"X": -MM[:, 0]}, "if one of x, y, z has the other sign"),
     "thousands marks in one row alone": (
         PLAIN | {"X": [grouped(MM[0, 0]), *map("{:.4f}".format, MM[1:, 0])]},
