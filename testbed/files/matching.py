@@ -1,6 +1,5 @@
 """Which joints belong to which reading: by row, by pose_id, or by order if that is stated."""
 
-import re
 from collections import Counter
 from collections.abc import Collection, Hashable, Iterable, Sequence
 from dataclasses import dataclass
@@ -11,6 +10,7 @@ import numpy as np
 from calib.arrays import Array, Index
 from calib.errors import InputError
 from calib.geometry.model import RobotModel
+from testbed.files.dialects.pose_names import numbers_in, plain, stay_apart, written_alike
 from testbed.files.joints import Extras, Joints
 from testbed.files.readings import Readings
 from testbed.files.refusal import refusal, require_names
@@ -20,8 +20,6 @@ from testbed.units import named
 LARGEST_ID = 100_000
 """Whole numbers up to this are kept as pose numbers."""
 SHOWN = 8
-WHOLE = re.compile(r"(\d{1,17})\.0*", re.ASCII)
-COUNTED = re.compile(r"(\D*)(\d{1,17})", re.ASCII)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -128,7 +126,7 @@ def by_pose(
     commanded, measured = _keys(joints.extras, visits=visits), _keys(readings.extras, visits=visits)
     if not {key[0] for key in measured} <= {key[0] for key in commanded} and not elsewhere:
         commanded, measured = _written_alike(commanded, measured)
-    others = {_plain(name) for name in elsewhere}
+    others = {plain(name) for name in elsewhere}
     once = _stops(commanded, joints.q)
     at = {commanded[k]: k for k in once}
     if len(at) < len(once):
@@ -234,12 +232,7 @@ def _keys(extras: Extras, *, visits: bool) -> list[tuple[str, int]]:
     """Pose and visit of each row; numbers are equal however they are written."""
     names = extras.pose or ()
     repeat = extras.repeat if visits and extras.repeat is not None else np.zeros(len(names))
-    return [(_plain(name), int(k)) for name, k in zip(names, repeat, strict=True)]
-
-
-def _plain(name: str) -> str:
-    """A pose's name; 07 is 7."""
-    return str(int(name)) if name.isascii() and name.isdigit() and len(name) < 19 else name
+    return [(plain(name), int(k)) for name, k in zip(names, repeat, strict=True)]
 
 
 def _written_alike(
@@ -251,28 +244,12 @@ def _written_alike(
     found = {name for name, _ in other} <= {name for name, _ in one}
     if found and all(stay_apart(names) for names in files):
         return one, other
+    numbers = [numbers_in(names) for names in files]
+    if set(numbers[1].values()) <= set(numbers[0].values()) and numbers[1]:
+        keys = zip((commanded, measured), numbers, strict=True)
+        one, other = ([(own[name], k) for name, k in each] for each, own in keys)
+        return one, other
     return list(commanded), list(measured)
-
-
-def written_alike(name: str) -> str:
-    """A pose's name however a program writes it: P001, p 1 and P1 are one, and so are 7.0 and 7.
-
-    Examples
-    --------
-    >>> [written_alike(name) for name in ("P001", "p 1", "7.0", "P1_2")]
-    ['p1', 'p1', '7', 'p1_2']
-    """
-    name = name.casefold().replace(" ", "")
-    if (whole := WHOLE.fullmatch(name)) is not None:
-        return str(int(whole[1]))
-    counted = COUNTED.fullmatch(name)
-    return f"{counted[1]}{int(counted[2])}" if counted is not None else name
-
-
-def stay_apart(names: Iterable[str]) -> bool:
-    """Whether different names of one file stay different where two programs write alike."""
-    own = {_plain(name) for name in names}
-    return len({written_alike(name) for name in own}) == len(own)
 
 
 def _listed(keys: Sequence[tuple[str, int]]) -> str:

@@ -27,6 +27,7 @@ from testbed.proposal.fits.poses_for_joints import poses_for_joints
 from testbed.proposal.fits.sent import is_of_a_controller, places_of, without_sent
 from testbed.proposal.rows.beginning import SEEN, beginnings
 from testbed.proposal.rows.sideways import on_its_side
+from testbed.proposal.rows.sorted_names import sorted_by_letters
 from testbed.robots.robot import Robot
 from testbed.units import counted
 
@@ -133,6 +134,8 @@ def tried_with(
         f"none of {len(drafts)} interpretations of these files fits a nominal {robot.name}: is it "
         f"the robot that was measured? {BY_SIZE.capitalize()}"
     )
+    if order := sorted_by_letters(looks):
+        tried += f". {order}"
     return drafts[likely], tried, False
 
 

@@ -2,7 +2,7 @@
 
 from collections import Counter
 
-from testbed.files.matching import written_alike
+from testbed.files.dialects.pose_names import written_alike
 from testbed.proposal.data import Found
 
 LEAST = 3

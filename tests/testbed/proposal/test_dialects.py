@@ -7,9 +7,11 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from testbed.files.matching import stay_apart
+from testbed.files.dialects.pose_names import stay_apart
 from testbed.files.read import ReadOptions, read_session
+from testbed.proposal.data import look_at
 from testbed.proposal.names import meanings
+from testbed.proposal.rows.sorted_names import sorted_by_letters
 from tests.command import call
 from tests.testbed.files.made import csv
 from tests.testbed.proposal.test_odd_files import (
@@ -203,6 +205,7 @@ WRITTEN = {
     "zeros before": ("P{:03d}", "P{}"),
     "small letters and a space": ("p {}", "P{}"),
     "whole numbers of a table program": ("{}.0", "{}"),
+    "a number alone, and behind a word": ("Pose {}", "{}"),
 }
 
 
@@ -221,6 +224,21 @@ def test_names_of_poses_that_two_programs_write_in_their_ways_are_one(seen, sent
     read = read_session(tmp_path / "session.toml", UR10, options=options).measurements
     np.testing.assert_allclose(read.q, DATA.q[rows], rtol=0, atol=1e-12)
     np.testing.assert_allclose(read.position, DATA.T[rows, :3, 3], rtol=0, atol=1e-12)
+
+
+def test_points_sorted_by_the_letters_of_their_names_are_named(tmp_path):
+    """Of P1, P10, P11 beside joints without names it was said that this is another robot."""
+    rows = sorted(range(M), key=NAMES.__getitem__)
+    points = {"Point": [NAMES[k] for k in rows]} | places("{}", MM[rows])
+    (tmp_path / "p.csv").write_text(csv(points))
+    (tmp_path / "q.csv").write_text(csv(joints("J{}")))
+    files = look_at([tmp_path / "p.csv", tmp_path / "q.csv"], tmp_path)
+    said = sorted_by_letters(files)
+    assert said.startswith("p.csv is sorted by the letters of its names (P1, P10, P11 ...)")
+    (tmp_path / "n.csv").write_text(csv({"Point": NAMES} | joints("J{}")))
+    named = look_at([tmp_path / "n.csv"], tmp_path)
+    assert sorted_by_letters((files[0], *named)) == ""
+    assert sorted_by_letters((files[1], *named)) == ""
 
 
 def test_names_that_one_file_tells_apart_stay_apart():
