@@ -5,6 +5,7 @@ from hashlib import sha256
 from pathlib import Path
 
 from testbed.files.dialects.blocks import with_block_rows
+from testbed.files.dialects.commented_names import with_marked_comments
 from testbed.files.dialects.controllers.read import READERS
 from testbed.files.dialects.key_values import with_named_numbers
 from testbed.files.dialects.marker_names import with_marker_columns
@@ -101,7 +102,7 @@ def text_of(path: Path, where: str, *, sheet: str | None, max_mb: float) -> File
     require_no_program(text.lines, where, read=tuple(READERS))
     require_no_yaml(text.lines, where)
     if not program_of(text.lines):
-        text = with_named_numbers(with_exponents(text))
+        text = with_named_numbers(with_exponents(with_marked_comments(text)))
     return with_square_rows(with_bare_numbers(with_block_rows(with_marker_columns(text))))
 
 

@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 
 from testbed.files.alternatives import BY_AXIS
+from testbed.files.dialects.spatial_lines import sa_lines
 from testbed.proposal.data import Document, Found, Part
 
 
@@ -17,6 +18,9 @@ def exported_parts(look: Found) -> Iterator[Part]:
                 keys = {"section": "points", "format": "sa", "names": count, **length}
                 said = (f"names: {count} fields before the coordinates",)
                 yield look, keys, (*note, *said[: len(look.named) - 1]), ""
+                if _has_targets_again(look, count):
+                    again = "poses: each target is one, and each group has them again"
+                    yield look, {**keys, "pose": "target"}, (*note, again), ""
             continue
         form = {6: "euler", 7: "quaternion", 12: "matrix", 16: "matrix", 19: "matrix"}[look.width]
         conventions: list[Document] = [{"rotation": "matrix"}]
@@ -33,3 +37,12 @@ def exported_parts(look: Found) -> Iterator[Part]:
             taken = ", ".join(f"{key} {value}" for key, value in keys.items())
             words = f"rotations: the export does not state how they turn; assumed: {taken}"
             yield look, {"section": "frames", "format": "sa", **keys, **length}, (*note, words), ""
+
+
+def _has_targets_again(look: Found, count: int) -> bool:
+    """Whether groups, the last but one of `count` names of each line, have the same targets."""
+    if count < 2:
+        return False
+    pairs = [(line[count - 2], line[count - 1]) for line in sa_lines(look.text).fields]
+    groups, targets = ({pair[k] for pair in pairs} for k in (0, 1))
+    return len(groups) > 1 and len(targets) < len(pairs) == len(set(pairs))

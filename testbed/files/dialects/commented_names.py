@@ -1,4 +1,4 @@
-"""Names of columns in a comment right above the numbers, as numpy.savetxt writes them."""
+"""Comments: those that begin with a semicolon, and one that names columns, as by numpy.savetxt."""
 
 import re
 from dataclasses import replace
@@ -48,3 +48,15 @@ def with_commented_names(text: FileText) -> FileText:
             break
         at -= 1
     return text
+
+
+def with_marked_comments(text: FileText) -> FileText:
+    """A file with the mark of comments before lines that begin with a semicolon.
+
+    Controllers write comments so. No other line has a semicolon then: else it separates cells.
+    """
+    begun = [line.lstrip().startswith(";") for line in text.lines]
+    lines = list(zip(text.lines, begun, strict=True))
+    if not any(begun) or any(";" in line for line, own in lines if not own):
+        return text
+    return replace(text, lines=tuple(f"{MARK}{line}" if own else line for line, own in lines))

@@ -11,6 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from calib.arrays import Array
 from testbed.files.columns import ANGLES, LENGTHS, MATRIX_COLUMNS, QUATERNION_COLUMNS, is_known
 from testbed.files.dialects.spatial_lines import (
     NAMES,
@@ -25,6 +26,7 @@ from testbed.files.joints import Extras
 from testbed.files.matching import visits_of
 from testbed.files.observed import cartesian, inverse_poses
 from testbed.files.readings import Readings, plain_readings
+from testbed.files.reflectors.one_tool import apart_or_alike
 from testbed.files.refusal import refusal
 from testbed.files.rotations import checked_rotations, sequence_of
 from testbed.files.session import Stated
@@ -75,7 +77,7 @@ def _read_points(
     good, warnings = valid_rows(table, together(columns, scatter), drop=drop)
     position = cartesian(lines.system, np.where(good[:, None], table.values(columns), 0.0))
     spread = spread_of("point", table, position, good, uncertainty)
-    pose, target, rule = _poses(table, k, section)
+    pose, target, rule = _poses(table, k, section, position)
     note = f"Spatial Analyzer points, {lines.system.lower()}, {length}, {k} name fields; {rule}"
     unread = room - sum(bool(own) for own in section.after)
     note += "; decimal commas" if lines.decimal == "," else ""
@@ -178,7 +180,7 @@ def _table(lines: Lines, head: Sequence[str]) -> DataTable:
 
 
 def _poses(
-    table: DataTable, k: int, section: PointsTable
+    table: DataTable, k: int, section: PointsTable, position: Array
 ) -> tuple[tuple[str, ...], tuple[str, ...], str]:
     """Pose and reflector of each row, and how they were told apart."""
     n = len(table)
@@ -194,9 +196,26 @@ def _poses(
         else:
             rule = "occurrence"
     if rule == "target" and len(set(target)) < n and len(set(zip(group, target, strict=True))) == n:
+        if _repeat(target, group, position):
+            return target, nameless, "each target is a pose, and each group measured it again"
         return target, group, "each target is a pose, and each group a reflector"
     if rule == "target":
         return target, nameless, "each target is a pose"
     if rule == "group":
         return group, target, "each group is a pose"
     return tuple(map(str, visits_of(target))), target, CYCLING
+
+
+def _repeat(target: Sequence[str], group: Sequence[str], position: Array) -> bool:
+    """Whether all groups saw their targets (m,) where no two reflectors can be [m]."""
+    at: dict[str, dict[str, int]] = {}
+    for row, (own, name) in enumerate(zip(group, target, strict=True)):
+        at.setdefault(own, {})[name] = row
+    first, *others = at.values()
+    for other in others:
+        both = [(first[name], other[name]) for name in first.keys() & other.keys()]
+        one, two = np.array(both, dtype=np.int64).reshape(-1, 2).T
+        why = apart_or_alike(position[one], position[two])
+        if why is None or why.kind != "one reflector":
+            return False
+    return True

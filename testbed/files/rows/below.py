@@ -62,7 +62,7 @@ def said_below(where: str, below: Sequence[tuple[int, str]]) -> list[str]:
 def _may_stand_below(row: Sequence[str], width: int) -> bool:
     """Whether a line is a sentence, a word and its number, a rule, or begins as a summary does."""
     said = [cell for cell in row if cell]
-    word = WORD.match(said[0]) if said else None
+    word = WORD.match(said[0].lstrip("[<(* ")) if said else None
     first = word[0].casefold() if word is not None else ""
     if first in SUMMARY or not said:
         return bool(said)

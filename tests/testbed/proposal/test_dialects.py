@@ -201,6 +201,26 @@ def test_names_of_points_in_two_files_are_those_of_poses(text, tmp_path):
     np.testing.assert_allclose(table.position, DATA.T[SHUFFLED, :3, 3], rtol=0, atol=1e-12)
 
 
+@pytest.mark.parametrize(("apart", "names"), [(0.01, ()), (60.0, ("Run1", "Run2"))])
+def test_groups_that_have_the_same_points_again_are_repeats_or_reflectors(apart, names, tmp_path):
+    """They were taken as poses: "no joints for poses Run1, Run2"."""
+    seen = [MM, MM + apart * DATA.T[:, :3, 0]]
+    rows = [f"A::Run{g}::{name}, {x:.9f}, {y:.9f}, {z:.9f}" for g, points in enumerate(seen, 1)
+            for name, (x, y, z) in zip(NAMES, points, strict=True)]  # fmt: skip
+    head = "// AXES = CARTESIAN: X, Y, Z (mm)"
+    (tmp_path / "points.txt").write_text("\n".join([head, *rows]))
+    (tmp_path / "joints.csv").write_text(csv({"name": NAMES} | joints("J{}")))
+    files = [tmp_path / "points.txt", tmp_path / "joints.csv"]
+    said, _ = proposed(tmp_path, files, "--robot", UR10.name)
+    assert "to fix" not in said
+    session = read_session(tmp_path / "session.toml", UR10)
+    assert session.reflector_names == names
+    np.testing.assert_allclose(session.measurements.q, np.tile(DATA.q, (2, 1)), rtol=0, atol=1e-12)
+    # nine decimals of a millimeter are written
+    np.testing.assert_allclose(session.measurements.position, np.vstack(seen) / 1e3, rtol=0,
+                               atol=1e-12)  # fmt: skip
+
+
 WRITTEN = {
     "zeros before": ("P{:03d}", "P{}"),
     "small letters and a space": ("p {}", "P{}"),

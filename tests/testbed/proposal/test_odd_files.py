@@ -68,6 +68,9 @@ ODD = {
         PLAIN | places("MPE {}", np.full((M, 3), 0.04)) | places("Tol {}", np.full((M, 3), 0.5))
     ),
     "comments above": COMMENTS + csv(PLAIN),
+    "comments of a controller, also between rows": "; exported\n" + csv(
+        {"Nr": [f"{k}" if k != 7 else "; beam broken\n7" for k in range(M)]} | PLAIN
+    ),
     "a line of units below the names": with_units(
         csv(PLAIN, **GERMAN), ";", ["°"] * 6 + ["mm"] * 3
     ),

@@ -32,6 +32,7 @@ BELOW = {
     "who exported it": ("\nExported by Tracker X\nOperator,Meier", 2),
     "a comma in a sentence": ("End of export, 12 points", 1),
     "one word": ("EOF", 1),
+    "one word in brackets": ("[End]", 1),
     "words and their values": ("Operator:,Meier\nTemperature:,20.5\nFit error,0.012", 3),
     "a rule": ("------\nTotal: 12", 2),
 }
