@@ -21,6 +21,7 @@ from testbed.proposal.missing import (
 )
 from testbed.proposal.naming.own_joints import with_joints
 from testbed.proposal.rows.clocks import REACH
+from testbed.proposal.rows.nominal_files import without_nominal
 from testbed.proposal.rows.reflectors import with_reflectors
 from testbed.proposal.rows.sideways import on_its_side
 from testbed.proposal.verdict import verdict_on
@@ -75,7 +76,8 @@ def propose_session(
         error of reading the files, if no interpretation can be proposed.
     """
     covers = (*aside, *(one.called for one in looks if not one.rows))
-    looks = with_rows(looks)
+    looks, sent = without_nominal(with_rows(looks))
+    covers += sent
     cycles = cycles_in(looks, root)
     if cycles is not None and cycles.document is not None:
         return Proposed(

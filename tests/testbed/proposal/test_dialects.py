@@ -261,6 +261,19 @@ def test_points_sorted_by_the_letters_of_their_names_are_named(tmp_path):
     assert sorted_by_letters((files[1], *named)) == ""
 
 
+def test_a_file_of_targets_beside_what_was_measured_is_no_station(tmp_path):
+    """Rounded places passed for those of a second station, 0.7 mm off, without a word."""
+    for name, values in (("nominal", SOLL), ("measured", MM)):
+        (tmp_path / f"{name}.csv").write_text(csv({"Name": NAMES} | places("{}", values)))
+    (tmp_path / "joints.csv").write_text(csv({"Name": NAMES} | joints("J{}")))
+    files = [tmp_path / f"{name}.csv" for name in ("nominal", "measured", "joints")]
+    said, _ = proposed(tmp_path, files, "--robot", UR10.name)
+    assert "nominal.csv: called so, it is taken as where the robot was sent" in said
+    assert "stations" not in said
+    table = read_session(tmp_path / "session.toml", UR10).measurements
+    np.testing.assert_allclose(table.position, DATA.T[:, :3, 3], rtol=0, atol=1e-12)
+
+
 def test_names_that_one_file_tells_apart_stay_apart():
     assert stay_apart(["P1", "P01", "P2"]) is False
     assert stay_apart(["P1", "P2", "P1_2", "P12"]) is True
