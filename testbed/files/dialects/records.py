@@ -32,7 +32,8 @@ class _SeveralError(Exception):
 def read_records(path: Path, where: str, *, max_mb: float) -> FileText:
     """Lines of a table: the names, then one line a record; line k + 2 is record k, from 0.
 
-    Objects in a record become columns called by both names; lists are cells.
+    Objects in a record become columns called by both names; lists of numbers are cells. A list of
+    objects in each record, as of the readings at a pose, has a line for each of them.
 
     Raises
     ------
@@ -41,7 +42,7 @@ def read_records(path: Path, where: str, *, max_mb: float) -> FileText:
     """
     data = bytes_of(path, where, max_mb)
     try:
-        rows = _rows(_parsed(data.decode("utf-8-sig")))
+        rows = _opened(_rows(_parsed(data.decode("utf-8-sig"))))
     except _SeveralError as error:
         message, fix = error.args
         raise refusal(where, "file", message, fix=fix) from error
@@ -93,6 +94,19 @@ def _rows(found: Any) -> Rows:
         message = f"holds several tables with the same names: {listed(alike[:SHOWN])}"
         raise _SeveralError(message, "give each a file of its own")
     return rows
+
+
+def _opened(rows: Rows) -> Rows:
+    """The same with a record for each object of the only list of objects that all records have."""
+    inside = [
+        name for name in (rows[0] if rows else ())
+        if all(isinstance(row.get(name), list) and row[name]
+               and all(isinstance(one, dict) for one in row[name]) for row in rows)
+    ]  # fmt: skip
+    if len(inside) != 1:
+        return rows
+    name = inside[0]
+    return [row | {name: one} for row in rows for one in row[name]]
 
 
 def _tables(found: Any, name: str) -> list[tuple[str, Rows]]:

@@ -119,6 +119,9 @@ RECORDS = {
     ],
     "in an object": {"robot": "ur10", "samples": [
         {"q": q, "xyz": p} for q, p in zip(DATA.q.tolist(), (MM / 1e3).tolist(), strict=True)]},
+    "readings in each object": {"poses": [
+        {"id": k, "joints": q, "shots": [{"x": p[0], "y": p[1], "z": p[2]}]}
+        for k, (q, p) in enumerate(zip(DEG.tolist(), MM.tolist(), strict=True))]},
     "a list for each column": {"q": DATA.q.tolist(), "tvec": (MM / 1e3).tolist()},
     "by names of poses": {f"P{k}": {"joints": q, "measured": p} for k, (q, p) in
                           enumerate(zip(DEG.tolist(), MM.tolist(), strict=True))},
