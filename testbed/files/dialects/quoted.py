@@ -1,13 +1,14 @@
 """Cells in quotes: over several lines, as spreadsheets write them, or parted by spaces, as by R."""
 
-import csv
 import re
 from collections.abc import Sequence
 from dataclasses import replace
 
-from testbed.gates.text import SEPARATORS, FileText, separator_of
+from testbed.gates.text import SEPARATORS, FileText, separator_of, split
 
 MARK = '"'
+CELL = re.compile(r'"([^"]*)"|([^\s"]+)')
+"""A cell between spaces: what it holds in quotes, or without."""
 MOST = 20
 """Lines of a cell."""
 OPENS = re.compile(r'(?:^|[,;\t])\s*"[^",;\t]*$')
@@ -66,17 +67,20 @@ def with_row_names(text: FileText) -> FileText:
     line begins with, in quotes as well. Spaces part cells, unless another mark was chosen.
     """
     first = next((line for line in text.lines if line.strip()), "")
-    mark = SEPARATORS[separator_of(first)]
+    separator = separator_of(first)
+    mark = SEPARATORS[separator]
     names = rf'"[^"{mark}]*"'
     if not re.fullmatch(rf"{names}(?:{re.escape(mark)}{names})+", first.strip()):
         return text
     content = text.content("#")
-    head, *rows = (
-        next(csv.reader([line], delimiter=mark, skipinitialspace=True), []) for _, line in content
-    )
-    named = all(line.startswith(MARK) for _, line in content)
+    head, *second = _cells(content[:2], separator, text.where)
+    usual = (1,) if separator != "space" else (0, 1)
+    if not second or len(second[0]) - len(head) not in usual:
+        return text
+    rows = _cells(content[1:], separator, text.where)
     more = {len(row) - len(head) for row in rows}
-    if (more != {1} or not named) and (more != {0} or mark != " "):
+    named = all(line.startswith(MARK) for _, line in content)
+    if len(more) > 1 or (more == {1} and not named):
         return text
     lines = list(text.lines)
     for (number, _), row in zip(content, [[""] * more.pop() + head, *rows], strict=True):
@@ -84,3 +88,11 @@ def with_row_names(text: FileText) -> FileText:
             return text
         lines[number - text.first] = "\t".join(row)
     return replace(text, lines=tuple(lines))
+
+
+def _cells(content: Sequence[tuple[int, str]], separator: str, where: str) -> list[list[str]]:
+    """Cells of numbered lines, also of those in quotes between spaces."""
+    if separator != "space":
+        return split(content, separator, where)
+    found = (CELL.finditer(line) for _, line in content)
+    return [[one[1] if one[2] is None else one[2] for one in line] for line in found]
