@@ -43,6 +43,7 @@ def _has_targets_again(look: Found, count: int) -> bool:
     """Whether groups, the last but one of `count` names of each line, have the same targets."""
     if count < 2:
         return False
-    pairs = [(line[count - 2], line[count - 1]) for line in sa_lines(look.text).fields]
+    lines = (line for line in sa_lines(look.text).fields if len(line) >= count)
+    pairs = [(line[count - 2], line[count - 1]) for line in lines]
     groups, targets = ({pair[k] for pair in pairs} for k in (0, 1))
     return len(groups) > 1 and len(targets) < len(pairs) == len(set(pairs))
