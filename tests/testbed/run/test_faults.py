@@ -16,10 +16,12 @@ import pytest
 from calib.errors import MachineError
 from testbed import disk as atomic
 from testbed.disk import atomic_write
+from testbed.run.derive import derived_file
 from testbed.run.play import play_run
 from testbed.scenario.read import changed, dump_scenario
 from testbed.store import layout
 from testbed.studies import load_scenario
+from tests.testbed.cli.fake_command import run_command
 from tests.testbed.studies.trial.fake_campaign import Fake, content, scenario
 
 ROOT = Path(__file__).parents[3]
@@ -27,16 +29,23 @@ needs_fork = pytest.mark.skipif(sys.platform == "win32", reason="kills forked ch
 
 
 def forked(work):
-    """Pid of a child process that runs `work` and ends with 0, or 1 if it raises."""
+    """Pid of a child process that runs `work` and ends with its exit code, or 1 if it raises."""
     pid = os.fork()
     if pid == 0:
         code = 1
         try:
             work()
             code = 0
+        except SystemExit as end:
+            code = end.code
         finally:
             os._exit(code)
     return pid
+
+
+def ended(pid):
+    """The exit code of a child, once it has ended."""
+    return os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1])
 
 
 def play(out, pause=0.0, **options):
@@ -44,9 +53,12 @@ def play(out, pause=0.0, **options):
     return play_run(scenario(), out, studies=(fake,), derive=fake.derive, **options)
 
 
-def uninterrupted(tmp_path):
-    play(tmp_path / "whole")
-    return content(tmp_path / "whole")
+@pytest.fixture(scope="module")
+def expected(tmp_path_factory):
+    """Bytes of all files of a run that nothing interrupts."""
+    out = tmp_path_factory.mktemp("whole")
+    play(out)
+    return content(out)
 
 
 def times(folder):
@@ -55,21 +67,21 @@ def times(folder):
 
 
 @needs_fork
-def test_f1_a_run_killed_at_any_instant_goes_on_to_the_same_bytes(tmp_path):
-    expected = uninterrupted(tmp_path)
-    records = len(times(tmp_path / "whole"))
+def test_f1_a_run_killed_at_any_instant_goes_on_to_the_same_bytes(tmp_path, expected):
+    """In each stage once; every step of a write has its turn in F11."""
+    records = sum(name.startswith("trials/") for name in expected)
     rng = np.random.default_rng(1)
     reached = set()
-    for k in range(20):
+    for k in range(records + 2):
         out = tmp_path / f"{k}"
         pid = forked(lambda out=out: play(out, pause=0.012))
         # by what is finished, as a busy machine takes any time to it; then anywhere in a step
-        ended = 0
-        while len(times(out)) < k % (records + 1) and not ended:
-            ended, _ = os.waitpid(pid, os.WNOHANG)
+        over = 0
+        while len(times(out)) < k % (records + 1) and not over:
+            over, _ = os.waitpid(pid, os.WNOHANG)
             time.sleep(0.001)
         time.sleep(rng.uniform(0, 0.03))  # steps take 12 ms, the recording twice that
-        if not ended:
+        if not over:
             os.kill(pid, signal.SIGKILL)
             os.waitpid(pid, 0)
         finished = times(out)
@@ -82,10 +94,9 @@ def test_f1_a_run_killed_at_any_instant_goes_on_to_the_same_bytes(tmp_path):
 
 
 @needs_fork
-def test_f3_a_full_disk_keeps_earlier_records_and_the_run_goes_on_later(tmp_path):
+def test_f3_a_full_disk_keeps_earlier_records_and_the_run_goes_on_later(tmp_path, expected):
     import resource
 
-    expected = uninterrupted(tmp_path)
     out = tmp_path / "full"
     largest = len(expected["trials/setting.npz"])
 
@@ -97,15 +108,16 @@ def test_f3_a_full_disk_keeps_earlier_records_and_the_run_goes_on_later(tmp_path
 
     sizes = {name: len(data) for name, data in expected.items()}
     assert sizes["trials/setting.npz"] > largest - 1 > sizes["trials/trial-a.npz"]
-    assert os.waitstatus_to_exitcode(os.waitpid(forked(limited), 0)[1]) == 0
+    assert ended(forked(limited)) == 0
     assert list((out / layout.TRIALS).iterdir()) == []
     play(out, resume=True)
     assert content(out) == expected
 
 
 @pytest.mark.parametrize("number", range(1, 15))
-def test_f3_no_space_at_any_flush_leaves_old_or_new_files_only(tmp_path, monkeypatch, number):
-    expected = uninterrupted(tmp_path)
+def test_f3_no_space_at_any_flush_leaves_old_or_new_files_only(
+    tmp_path, monkeypatch, number, expected
+):
     out, calls, real = tmp_path / "full", itertools.count(1), os.fsync
 
     def fsync(handle):
@@ -124,15 +136,21 @@ def test_f3_no_space_at_any_flush_leaves_old_or_new_files_only(tmp_path, monkeyp
     assert finished.items() <= times(out).items()
 
 
-def command(*words, **environment):
-    return subprocess.Popen(
-        [sys.executable, "-m", "tests.testbed.cli.fake_command", *map(str, words)],
-        cwd=ROOT,
-        env={**os.environ, **environment},
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-    )
+def command(told, *words, pause=0.0, before=lambda: None):
+    """Pid of a process that runs the command; what it says goes to the file `told`.
+
+    The command starts in a copy of this process: a new one would load everything again.
+    """
+
+    def work():
+        file = os.open(told, os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
+        for stream in (1, 2):
+            os.dup2(file, stream)
+        sys.stdout, sys.stderr = open(1, "w", closefd=False), open(2, "w", closefd=False)
+        before()
+        run_command(words, Fake(pause))
+
+    return forked(work)
 
 
 @pytest.fixture
@@ -142,44 +160,46 @@ def scene(tmp_path):
     return file
 
 
+@needs_fork
 @pytest.mark.parametrize(("name", "code"), [("SIGINT", 130), ("SIGTERM", 143)])
-def test_f5_an_interrupted_run_prints_the_command_that_goes_on(tmp_path, scene, name, code):
-    expected = uninterrupted(tmp_path)
-    out = tmp_path / "a run"
-    child = command("run", scene, "--out", out, FAKE_PAUSE="0.2")
+def test_f5_an_interrupted_run_prints_the_command_that_goes_on(
+    tmp_path, scene, name, code, expected
+):
+    out, told = tmp_path / "a run", tmp_path / "told"
+    child = command(told, "run", scene, "--out", out, pause=0.2)
     while not (out / layout.TRIALS / "trial-a.npz").exists():
-        assert child.poll() is None
+        assert os.waitpid(child, os.WNOHANG) == (0, 0), told.read_text()
         time.sleep(0.01)
-    child.send_signal(getattr(signal, name))
-    _, told = child.communicate(timeout=30)
-    assert child.returncode == code
-    assert "Traceback" not in told
-    *_, note, line = told.splitlines()
+    os.kill(child, getattr(signal, name))
+    assert ended(child) == code
+    assert "Traceback" not in told.read_text()
+    *_, note, line = told.read_text().splitlines()
     assert note == "stopped; what is finished is kept. To go on:"
     assert not list(out.rglob(f"*{layout.TEMPORARY}"))
     assert (out / layout.UNFINISHED).is_file()
     truebed, *words = shlex.split(line)
     assert truebed == "truebed"
-    again = command(*words)
-    again.communicate(timeout=30)
-    assert again.returncode == 0
+    assert ended(command(told, *words)) == 0
     assert content(out) == expected
 
 
+@needs_fork
 def test_f3_the_command_says_exit_code_3_when_the_disk_is_full(tmp_path, scene):
-    words = f"-m tests.testbed.cli.fake_command run {scene} --out {tmp_path}/x"
-    # above the resolved scenario, below the first record, in KiB
-    limit = f"ulimit -f 3; exec {sys.executable} {words}"
-    done = subprocess.run(
-        ["bash", "-c", limit], cwd=ROOT, capture_output=True, text=True, check=False, timeout=60
-    )
-    assert done.returncode == 3
-    assert "setting.npz cannot be written: File too large; free some space" in done.stderr
+    import resource
+
+    def limited():
+        signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+        # above the resolved scenario, below the first record, in bytes
+        resource.setrlimit(resource.RLIMIT_FSIZE, (3072, resource.RLIM_INFINITY))
+
+    told = tmp_path / "told"
+    child = command(told, "run", scene, "--out", tmp_path / "x", before=limited)
+    assert ended(child) == 3
+    assert "setting.npz cannot be written: File too large; free some space" in told.read_text()
 
 
 @needs_fork
-def test_f6_a_run_killed_while_recording_has_no_recording_and_loses_nothing(tmp_path):
-    expected = uninterrupted(tmp_path)
+def test_f6_a_run_killed_while_recording_has_no_recording_and_loses_nothing(tmp_path, expected):
     out = tmp_path / "killed"
 
     def slow_recording():
@@ -231,8 +251,7 @@ def bare(words, out, *variables):
     )
 
 
-def test_f7_no_home_no_display_no_writable_folder_and_a_clock_set_back(tmp_path, scene):
-    expected = uninterrupted(tmp_path)
+def test_f7_no_home_no_display_no_writable_folder_and_a_clock_set_back(tmp_path, scene, expected):
     out = tmp_path / "bare"
     done = bare(["tests.testbed.cli.fake_command", "run", str(scene)], out)
     assert (done.returncode, content(out)) == (0, expected)
@@ -253,7 +272,7 @@ def test_f7_a_real_run_needs_no_home_and_writes_nothing_outside_its_folder(tmp_p
         "identification.estimators": ["whitened"],
         "uncertainty.repeats": 2,
         "uncertainty.replications": 2,
-        "studies.random_sets": 2,
+        "studies.random_sets": 0,
         "trial": [{"name": "one", "poses": 12, "method": "detmax"}],
     }
     scene = tmp_path / "few.toml"
@@ -263,28 +282,29 @@ def test_f7_a_real_run_needs_no_home_and_writes_nothing_outside_its_folder(tmp_p
     assert (done.returncode, done.stderr.splitlines()[-1][:7]) == (0, "done in")
     assert {p for top in ("models", "scenes") for p in (ROOT / top).rglob("*")} == before
     assert sorted(p.name for p in tmp_path.iterdir()) == ["few.toml", "run"]
-    play_run(few, tmp_path / "again")
+
+    def unrecorded(name, played):  # rows of a recording have random identifiers
+        return b"" if name == layout.RECORDING else derived_file(name, played)
+
+    play_run(few, tmp_path / "again", derive=unrecorded)
     one, other = content(tmp_path / "run"), content(tmp_path / "again")
-    different = {name for name in one if one[name] != other[name]}
-    assert different <= {layout.RECORDING}  # its rows have random identifiers
+    assert {name for name in one if one[name] != other[name]} == {layout.RECORDING}
 
 
+@needs_fork
 def test_f8_a_second_process_in_the_same_folder_is_told_the_first_one_s_pid(tmp_path, scene):
-    out = tmp_path / "shared"
-    first = command("run", scene, "--out", out, FAKE_PAUSE="5")
+    out, told = tmp_path / "shared", tmp_path / "told"
+    first = command(tmp_path / "first", "run", scene, "--out", out, pause=60)
     while not (out / layout.MANIFEST).exists():
-        assert first.poll() is None
+        assert os.waitpid(first, os.WNOHANG) == (0, 0)
         time.sleep(0.01)
     for more in ([], ["--resume"], ["--overwrite"]):
-        second = command("run", scene, "--out", out, *more)
-        _, told = second.communicate(timeout=90)
-        assert second.returncode == 3
-        assert f"in use by process {first.pid} since" in told
-    first.send_signal(signal.SIGKILL)
-    first.communicate(timeout=90)
-    after = command("run", scene, "--out", out, "--resume")  # no stale lock
-    after.communicate(timeout=30)
-    assert after.returncode == 0
+        assert ended(command(told, "run", scene, "--out", out, *more)) == 3
+        assert f"in use by process {first} since" in told.read_text()
+    os.kill(first, signal.SIGKILL)
+    assert ended(first) == -signal.SIGKILL
+    # no stale lock
+    assert ended(command(told, "run", scene, "--out", out, "--resume")) == 0
 
 
 STEPS = [
@@ -319,8 +339,7 @@ def test_f11_a_process_that_dies_at_any_step_of_a_write_leaves_old_or_new(
         setattr(owner, name, last)
         atomic_write(path, b"new" * 10**5)
 
-    code = os.waitstatus_to_exitcode(os.waitpid(forked(dying), 0)[1])
-    assert code == 77  # the step was reached
+    assert ended(forked(dying)) == 77  # the step was reached
     seen = path.read_bytes()
     assert seen in (b"old" * 10**5, b"new" * 10**5)
     steps = [step for _, step in STEPS]
