@@ -113,12 +113,14 @@ def set_geometry(model: Any, chain: Chain) -> None:
     """Rewrite the geometry of a compiled model (`build_spec`) in place: no recompilation."""
     frames, flange, tool = placements(chain)
     free_sites(model)
-    for i, T in enumerate((chain.T_world_base, *frames)):
+    T = np.stack([chain.T_world_base, *frames, flange, tool])
+    place, turn = T[:, :3, 3], quaternion_wxyz(T[:, :3, :3])
+    for i in range(len(frames) + 1):
         k = model.body(body_name(i)).id
-        model.body_pos[k], model.body_quat[k] = T[:3, 3], quaternion_wxyz(T[:3, :3])
-    for name, T in (("flange", flange), ("tool", tool)):
+        model.body_pos[k], model.body_quat[k] = place[i], turn[i]
+    for i, name in ((-2, "flange"), (-1, "tool")):
         k = model.site(name).id
-        model.site_pos[k], model.site_quat[k] = T[:3, 3], quaternion_wxyz(T[:3, :3])
+        model.site_pos[k], model.site_quat[k] = place[i], turn[i]
 
 
 def always_touching(robot: Robot, q: Array) -> tuple[tuple[str, str], ...]:

@@ -10,6 +10,7 @@ from calib.errors import InputError
 from calib.geometry.chain import forward
 from calib.geometry.frames import rot_z, slide
 from calib.geometry.model import RobotModel
+from testbed.laboratory import pool as pool_module
 from testbed.laboratory.pool import CONE, OBSTACLE, PATIENCE, SAMPLE, Candidates, PosePool
 from testbed.laboratory.pool import REASONS as ALL
 from testbed.laboratory.simulator import Simulator
@@ -191,7 +192,8 @@ def test_arrays_are_read_only(pool):
         ({"station": (0.0, 0.0, -0.3)}, r'"line of sight" rejects .* move \[tracker\] station_mm'),
     ],
 )
-def test_a_hopeless_pool_says_which_test_to_change(robot, simulator, changes, message):
+def test_a_hopeless_pool_says_which_test_to_change(robot, simulator, changes, message, monkeypatch):
+    monkeypatch.setattr(pool_module, "PATIENCE", ((20_000, 1e-3), (2_000, 1e-2)))
     with pytest.raises(InputError, match=message) as caught:
         drawn(robot, simulator, size=50, **changes)
     assert caught.value.code == "S37"
@@ -207,14 +209,15 @@ def test_a_pose_that_lost_digits_in_a_table_does_not_come_again(robot, simulator
     assert np.array_equal(again.q[:15], first.q[5:])
 
 
-def test_a_rare_pool_is_still_filled(robot, simulator):
+def test_a_rare_pool_is_still_filled(robot, simulator, monkeypatch):
     # a box of 6 cm: one candidate in thousands, well above where patience ends
+    monkeypatch.setattr(pool_module, "PATIENCE", ((4_000, 1e-4), PATIENCE[1]))
     rare = drawn(
-        robot, simulator, size=20, box_center_mm=(400.0, 0.0, 200.0), box_size_mm=(60.0,) * 3
+        robot, simulator, size=5, box_center_mm=(400.0, 0.0, 200.0), box_size_mm=(60.0,) * 3
     )
-    assert len(rare.q) == 20
-    assert rare.n_drawn > 20 / 1e-2
-    assert PATIENCE[0][1] < 20 / rare.n_drawn
+    assert len(rare.q) == 5
+    assert rare.n_drawn > max(4_000, 5 / 1e-2)
+    assert PATIENCE[0][1] < 5 / rare.n_drawn
 
 
 def test_the_acceptance_cone_keeps_the_probe_turned_to_the_tracker(robot, simulator, pool):

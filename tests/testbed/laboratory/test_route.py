@@ -226,7 +226,7 @@ def test_ways_of_several_stops_lead_to_the_right_pose_in_both_directions(
     robot, simulator, pool, monkeypatch
 ):
     monkeypatch.setattr(moves, "VIAS", 0)
-    found = [routed(robot, simulator, pool.q[k : k + 15]) for k in (0, 15, 30, 45)]
+    found = [routed(robot, simulator, pool.q[k : k + 8]) for k in (0, 80)]
     # some detour of two stops or more is driven against the direction it was searched in
     assert any(
         len(via) > 1 and a > b
@@ -297,8 +297,8 @@ def test_islands_are_those_of_a_search_through_all_that_was_told():
 def test_postures_of_other_turns_are_given_up_after_bounded_work(monkeypatch):
     # every joint of a UR10 may turn once either way; the shoulder and the elbow cannot pass from
     # one turn to the next, so that most pairs of random postures have no way between them
-    monkeypatch.setattr(moves, "NODES", 300)
-    monkeypatch.setattr(moves, "PATIENCE", 60_000)
+    monkeypatch.setattr(moves, "NODES", 100)
+    monkeypatch.setattr(moves, "PATIENCE", 20_000)
     robot = load_robot("universal_ur10")
     simulator = Simulator(robot, robot.model.chain)
     q = np.random.default_rng(6).uniform(*robot.limits.T, (60, 6))
@@ -314,7 +314,7 @@ def test_postures_of_other_turns_are_given_up_after_bounded_work(monkeypatch):
     # a straight move is at most 2 pi on every joint twice: the bound of postures tested for one
     straight = float(np.ptp(robot.limits, axis=1) @ simulator.travel_bounds()) / RESOLUTION + 2
     # the last search may begin just before the patience ends; each way found may need one too
-    assert sum(tested) < 3 * 60_000 + len(told) * straight
+    assert sum(tested) < 3 * 20_000 + len(told) * straight
     assert len(searched) < len(told) / 3
     # what is called free is: islands say only where not to search
     mover = Mover(simulator, robot.limits, robot.speeds)

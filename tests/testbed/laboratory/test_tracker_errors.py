@@ -1,6 +1,8 @@
 """What a tracker gets wrong on purpose: the same every time, wandering, grossly, or not at all."""
 
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -25,9 +27,24 @@ EVERY = {"systematic": True, "drift_um_per_sqrt_h": 20.0, "outliers": 3, "missed
 
 def read(tracker: Tracker, q: Array, seed: int = 0, time: Array | None = None) -> Measurements:
     """One visit of poses (m, 6)."""
-    stated = tracker.covariance(MODEL, q, NO_SCATTER)
-    rng = np.random.default_rng(seed)
-    return tracker.measure(MODEL.poses(q), q, np.arange(len(q)), 0, stated, rng, time=time)
+    return next(visits(tracker, q, [seed], time))
+
+
+def visits(
+    tracker: Tracker, q: Array, seeds: Iterable[int], time: Array | None = None
+) -> Iterator[Measurements]:
+    """Visits of the same poses (m, 6)."""
+    T, stated = MODEL.poses(q), tracker.covariance(MODEL, q, NO_SCATTER)
+    for seed in seeds:
+        rng = np.random.default_rng(seed)
+        yield tracker.measure(T, q, np.arange(len(q)), 0, stated, rng, time=time)
+
+
+@cache
+def campaigns() -> Array:
+    """The fourteen numbers of 20 000 campaigns."""
+    rng = np.random.default_rng(0)
+    return np.array([draw(SIZE, rng) for _ in range(20_000)])
 
 
 def at960(*, seed: int | None = 3, **changes) -> Tracker:
@@ -114,7 +131,7 @@ def from_spherical(azimuth: float, elevation: float, distance: float) -> Array:
 
 
 def test_the_fourteen_numbers_have_the_stated_variances():
-    b = np.array([draw(SIZE, np.random.default_rng(k)) for k in range(20_000)])
+    b = campaigns()
     normal = b / np.sqrt(SIZE.variance)
     correlation = normal.T @ normal / len(b)
     # kurtosis is at most 3: sd of a mean square is sqrt(2/n), of a mean product sqrt(1/n); the
@@ -155,7 +172,7 @@ def test_shots_scatter_as_stated_about_a_shifted_mean():
 def test_over_many_campaigns_the_systematic_part_has_the_covariance_of_its_sensitivity():
     tracker, T = at960(), MODEL.poses(Q[:2])
     B = SIZE.sensitivity(T[:, :3, 3], T[:, :3, :3], tracker.T_world_tracker).reshape(12, 14)
-    drawn = np.array([draw(SIZE, np.random.default_rng(k)) for k in range(20_000)])
+    drawn = campaigns()
     expected = B @ np.diag(SIZE.variance) @ B.T
     # two poses share their errors: the blocks off the diagonal are there
     assert np.abs(expected[:6, 6:]).max() > 0.1 * np.abs(expected).max()
@@ -200,7 +217,8 @@ def test_the_station_walks_at_random_between_two_rounds_over_the_nests():
     rate = 20 * UM / 60
     drift = StationDrift(rate, 600.0, np.array(NESTS))
     time = np.array([0.0, 100.0, 599.0, 600.0, 700.0, 1900.0])
-    walks = np.array([drift.walk(time, np.random.default_rng(k)) for k in range(4000)])
+    rng = np.random.default_rng(0)
+    walks = np.array([drift.walk(time, rng) for _ in range(4000)])
     since = np.array([0.0, 100.0, 599.0, 0.0, 100.0, 100.0])
     # sd of an sd from 12 000 numbers: .65 %, four of them
     np.testing.assert_allclose(
@@ -209,7 +227,7 @@ def test_the_station_walks_at_random_between_two_rounds_over_the_nests():
     # 20 um after an hour without nests
     hour = np.array([0.0, 3600.0])
     never = StationDrift(rate, 1e9, np.array(NESTS))
-    free = [never.walk(hour, np.random.default_rng(k))[1] for k in range(4000)]
+    free = [never.walk(hour, rng)[1] for _ in range(4000)]
     assert np.std(free) == pytest.approx(20 * UM, rel=0.026)
     x = walks[:, :, 0]
     # within one round the later shot holds the walk of the earlier one; rounds are independent
@@ -240,9 +258,8 @@ def test_no_later_shot_changes_an_earlier_walk_within_a_round():
 
 def test_readings_hold_the_walk_and_the_noise_of_the_nests():
     tracker, plain = at960(drift_um_per_sqrt_h=50.0, nests_s=200.0), at960()
-    added = np.array(
-        [read(tracker, Q[:61], s).position - read(plain, Q[:61], s).position for s in range(200)]
-    )
+    both = zip(*(visits(one, Q[:61], range(200)) for one in (tracker, plain)), strict=True)
+    added = np.array([moved.position - still.position for moved, still in both])
     nests = tracker.own_covariance(tracker.drift.nests)[:, :3, :3].mean(0) / len(NESTS)
     since = np.arange(61) * 10.0 % 200.0
     for k in (0, 19, 20, 60):
@@ -278,8 +295,8 @@ def test_time_counts_from_the_first_shot_of_a_visit():
 def test_outliers_are_as_many_and_as_large_as_asked_and_flagged_nowhere():
     tracker, plain = at960(outliers=3, outlier_mm=0.5, outlier_deg=0.1), at960()
     errors, chosen = [], np.zeros(61)
-    for seed in range(150):
-        seen, good = read(tracker, Q[:61], seed), read(plain, Q[:61], seed)
+    both = (visits(one, Q[:61], range(150)) for one in (tracker, plain))
+    for seen, good in zip(*both, strict=True):
         moved = seen.position - good.position
         rows = np.flatnonzero(moved.any(1))
         assert len(rows) == 3

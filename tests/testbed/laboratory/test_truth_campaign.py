@@ -13,6 +13,7 @@ from testbed.scenario.presets import TRUTH_PRESETS
 from testbed.scenario.read import dump_scenario
 from testbed.scenario.scenario import Scenario
 from testbed.studies import parse_scenario, scenario_of
+from testbed.studies.trial import play
 from tests import campaign
 
 EVERYTHING = {
@@ -51,7 +52,8 @@ def small(truth: dict, tracker: dict, **changes) -> Scenario:
 
 
 @pytest.mark.parametrize("preset", TRUTH_PRESETS)
-def test_a_campaign_on_each_preset_with_all_that_can_go_wrong(preset):
+def test_a_campaign_on_each_preset_with_all_that_can_go_wrong(preset, monkeypatch):
+    monkeypatch.setattr(play, "JUDGES", 10)
     truth = {"preset": preset, "speed_deg_s": 120.0, "dwell_s": 0.1} | EVERYTHING
     scenario = small(truth, MISHAPS)
     assert parse_scenario(dump_scenario(scenario), where="again") == scenario

@@ -334,17 +334,16 @@ REAL = {
     "robot": "staubli_tx60",
     "pool": {"size": 80},
     "test": {"poses": 8},
-    "uncertainty": {"repeats": 2, "replications": 10, "draws": 2000},
+    "uncertainty": {"repeats": 2, "replications": 2, "draws": 2000},
     "studies": {
         "pose_count": True,
-        "pose_count_max": 40,
-        "random_sets": 5,
+        "pose_count_max": 30,
+        "random_sets": 2,
         "tool_point": True,
         "paper_budget": True,
     },
     "trial": [
         {"name": "best", "poses": 16, "method": "detmax"},
-        {"name": "greedy", "poses": 16, "method": "greedy"},
         {"name": "random", "poses": 16, "method": "random"},
     ],
 }
@@ -374,9 +373,9 @@ def test_the_real_campaign_has_the_same_bytes_in_any_order_and_after_a_stop(tmp_
     outcome = play_light(tmp_path / "usual", what, resume=True)
     assert set(keys) - set(outcome.kept) == {"best", "pose_count", "tool_point"}
     assert content(tmp_path / "usual") == expected
-    more = [{"name": "more", "poses": 20, "method": "random"}, *REAL["trial"][:2]]
+    more = [{"name": "more", "poses": 16, "method": "random"}, REAL["trial"][0]]
     fewer = {"random_sets": 0}
     play_light(tmp_path / "more", scenario_of(REAL | {"trial": more, "studies": fewer}))
-    for name in ("setting", "best", "greedy"):
+    for name in ("setting", "best"):
         key = f"trials/{name}.npz"
         assert content(tmp_path / "more")[key] == expected[key]
