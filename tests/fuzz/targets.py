@@ -67,8 +67,8 @@ class Target:
     """Fields that hold nan or inf where there is nothing."""
     largest: float = 1e100
     """Above it the fourth power of a number is none; what is only shown or kept may be larger."""
-    share: int = 1
-    """Of all inputs; those that are read at once have more."""
+    share: int = 2
+    """Of all inputs; those that are read at once have more, those that are fitted to less."""
 
 
 def damaged(name: str, data: bytes, rng: Random) -> bytes:
@@ -179,10 +179,10 @@ TARGETS = {
     "scenario": Target(
         read_scenario, whole.SCENARIOS, ("scenario.toml", "measured.csv", "fixture.stl")
     ),
-    "session": Target(read_measured, whole.SESSIONS, ("session.toml",), NOT_STATED, share=3),
+    "session": Target(read_measured, whole.SESSIONS, ("session.toml",), NOT_STATED, share=6),
     "measurements": Target(read_measured, whole.SESSIONS, ("a.csv", "joints.csv"), NOT_STATED),
-    "spatial analyzer": Target(read_measured, whole.SESSIONS, ("smr.txt",), NOT_STATED),
-    "joints of a program": Target(read_measured, whole.SESSIONS, ("cal.txt",), NOT_STATED),
+    "spatial analyzer": Target(read_measured, whole.SESSIONS, ("smr.txt",), NOT_STATED, share=1),
+    "joints of a program": Target(read_measured, whole.SESSIONS, ("cal.txt",), NOT_STATED, share=1),
     "proposal": Target(read_proposal, whole.SESSIONS, ("a.csv", "smr.txt", "cal.txt")),
     "records of JSON": Target(read_proposal, whole.DOCUMENTS, ("m.json",)),
     "logs": Target(read_proposal, whole.LOGS, ("m.txt",)),
@@ -199,7 +199,7 @@ TARGETS = {
     ),
     "mesh of an MJCF": Target(read_robot("arm.xml"), whole.ARMS, ("assets/block.stl",)),
     "robot.toml": Target(
-        read_robot("robot.toml"), whole.ROBOTS, ("robot.toml", "part.stl", "part.obj"), share=3
+        read_robot("robot.toml"), whole.ROBOTS, ("robot.toml", "part.stl", "part.obj"), share=6
     ),
     "plan.csv": Target(
         lambda folder: (
@@ -208,11 +208,11 @@ TARGETS = {
         ),
         whole.PLANS,
         ("plan.csv",),
-        share=3,
+        share=6,
     ),
-    "program": Target(read_program, whole.PROGRAMS, ("program.csv",), share=3),
+    "program": Target(read_program, whole.PROGRAMS, ("program.csv",), share=6),
     "result.json": Target(
-        read_results, whole.RUNS, (layout.RESULT, layout.ARRAYS), largest=np.inf, share=3
+        read_results, whole.RUNS, (layout.RESULT, layout.ARRAYS), largest=np.inf, share=6
     ),
     "run folder": Target(read_run, whole.RUNS, (layout.MANIFEST, layout.SCENARIO)),
     "record": Target(
@@ -220,6 +220,6 @@ TARGETS = {
         whole.RECORDS,
         tuple(f"{name}.npz" for name in whole.KINDS),
         largest=np.inf,
-        share=3,
+        share=6,
     ),
 }
