@@ -88,11 +88,14 @@ def tried_with(
                 and (k == best or not _same_rows(sessions[k], sessions[best]))
             ]  # fmt: skip
             others = [fits[k].left for k in same if k != best and fits[k].is_one]
-            tried = _fitting(robot, fits[best].left, others, len(same) - 1, parts)
+            left = fits[best].left
             draft, more = _of_both(drafts, sessions, fits, best, robot, read)
             if draft is drafts[best]:
                 draft, sent = without_sent(robot, draft, sessions[best])
+                if sent:  # what is said is said of the readings that are used
+                    left, others = fit_of(robot, read(draft), parts).left, []
                 more += sent
+            tried = _fitting(robot, left, others, len(same) - 1, parts)
             return draft, tried + aside + more, True
     likely = next((k for k, one in enumerate(sessions) if one is not None), None)
     if likely is None:

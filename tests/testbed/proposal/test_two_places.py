@@ -4,6 +4,8 @@ Truth: the files are written here; where the robot was sent is the forward kinem
 one, to the last digit that a file has.
 """
 
+import re
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -130,14 +132,14 @@ def test_reflectors_on_one_tool_stay_targets_whichever_shots_were_missed(tmp_pat
     assert "do not stay together" not in done.stdout + done.stderr
 
 
-@pytest.mark.parametrize("names", [("m", "nominal"), ("z", "nominal")])
+@pytest.mark.parametrize("names", [("m", "o"), ("z", "o")])
 def test_a_file_of_where_the_robot_was_sent_is_left_aside(names, tmp_path):
     tables = {"j": joints(*J), names[0]: places(*"XYZ"), names[1]: places(*"XYZ", values=SENT)}
     for name, table in tables.items():
         (tmp_path / f"{name}.csv").write_text(csv(table))
     files = sorted(tmp_path.glob("*.csv"))
     said, _ = proposed(tmp_path, files, "--robot", ROBOT.name)
-    assert "nominal.csv, X, Y, Z are not used: they are a controller's own poses" in said
+    assert "o.csv, X, Y, Z are not used: they are a controller's own poses" in said
     table = read_session(tmp_path / "session.toml", ROBOT).measurements
     np.testing.assert_allclose(table.position, points() / 1e3, rtol=0, atol=1e-12)
 
@@ -146,13 +148,15 @@ def test_a_file_of_where_the_robot_was_sent_is_left_aside(names, tmp_path):
 def test_a_station_whose_readings_a_controller_made_is_left_aside(more, tmp_path):
     """Beside one station, and beside two: the second one stands elsewhere."""
     own = {"id": np.arange(M)}
-    tables = {"j": joints(*J), "m": places(*"XYZ"), "nominal": places(*"XYZ", values=nominal())}
+    tables = {"j": joints(*J), "m": places(*"XYZ"), "k": places(*"XYZ", values=nominal())}
     if more:
         tables["n"] = places(*"XYZ", values=points() @ BASE[:3, :3] + [10.0, 20.0, 30.0])
     for name, table in tables.items():
         (tmp_path / f"{name}.csv").write_text(csv(own | table))
     said, _ = proposed(tmp_path, sorted(tmp_path.glob("*.csv")), "--robot", ROBOT.name)
-    assert "nominal.csv is left aside: it has a controller's own poses" in said
+    assert "k.csv is left aside: it has a controller's own poses" in said
+    (left,) = re.findall(r"errors are ([\d.]+) mm", " ".join(said.split()))
+    assert float(left) > 0.01  # those of the tracker, not what rounding leaves of the controller's
     assert ("stations: each file is one" in said) is more
     table = read_session(tmp_path / "session.toml", ROBOT).measurements
     assert len(table) == M * (1 + more)
