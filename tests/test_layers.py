@@ -130,12 +130,22 @@ class Facts(NamedTuple):
     lines: int
 
 
+def statements(tree):
+    """Every statement of a file, those inside others too; no expression holds an import."""
+    left = [tree]
+    while left:
+        node = left.pop()
+        for name in ("body", "orelse", "finalbody", "handlers", "cases"):
+            left += getattr(node, name, ())
+        yield node
+
+
 @cache
 def facts_of(text):
     """Facts of a file with this text: each is parsed once, for all tests."""
     tree = ast.parse(text)
     imports, classes = [], []
-    for node in ast.walk(tree):
+    for node in statements(tree):
         if isinstance(node, ast.Import):
             imports += [alias.name for alias in node.names]
         elif isinstance(node, ast.ImportFrom):
