@@ -10,7 +10,7 @@ from unittest.mock import patch
 
 import numpy as np
 
-from testbed.plan import rehearsal
+from testbed.plan import design, rehearsal
 from testbed.plan.plan import plan
 from testbed.plan.results import plan_csv
 from testbed.robots.catalog import load_robot
@@ -51,9 +51,19 @@ def scenario(changes=None, **more):
 
 
 @contextmanager
+def few_points():
+    """Three numbers of poses on the curves of plans made within, and few random sets behind them.
+
+    A search and a bound at each of the nine are most of the time of a small plan.
+    """
+    with patch.object(design, "CURVE_POINTS", 3), patch.object(design, "RANDOM_SETS", 5):
+        yield
+
+
+@contextmanager
 def few_rehearsals():
-    """Two of each kind in plans made within: for files, which do not depend on how many."""
-    with patch.object(rehearsal, "DRAWS", 2):
+    """Two of each kind, and few points: for files, which do not depend on how many."""
+    with patch.object(rehearsal, "DRAWS", 2), few_points():
         yield
 
 
@@ -66,7 +76,8 @@ def small_plan():
 @cache
 def quick_plan():
     """Eight poses without target, station or obstacle."""
-    return plan(scenario(QUICK))
+    with few_points():
+        return plan(scenario(QUICK))
 
 
 def rows_of(made):

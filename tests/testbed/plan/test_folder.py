@@ -22,6 +22,7 @@ from testbed.store import layout
 from testbed.studies import load_scenario
 from tests.command import call
 from tests.planned import (
+    BARE,
     QUICK,
     ROBOT,
     few_rehearsals,
@@ -282,7 +283,7 @@ def test_json_on_the_terminal_is_the_file_and_a_second_plan_is_refused(folder):
 
 def test_overwrite_renames_the_old_plan_and_another_seed_gives_another(folder, tmp_path):
     file, out = tmp_path / "mine.toml", tmp_path / "out"
-    file.write_text(dump_scenario(scenario(QUICK)), encoding="utf-8")
+    file.write_text(dump_scenario(scenario(BARE)), encoding="utf-8")
     out.mkdir()
     for path in folder.iterdir():
         (out / path.name).write_bytes(path.read_bytes())

@@ -28,7 +28,7 @@ from testbed.scenario.read import changed
 from testbed.studies import load_scenario
 from testbed.units import NARROW
 from tests.calib.slopes import slopes
-from tests.planned import QUICK, ROBOT, legs, quick_plan, scenario
+from tests.planned import QUICK, ROBOT, few_rehearsals, legs, quick_plan, scenario
 from tests.reported import VERSIONS, read
 from tests.testbed.robots.described_cases import ARMS
 
@@ -38,7 +38,8 @@ WHOLE = {"tracker.systematic": True, "plan.method": "exchange", "plan.held_out":
 @cache
 def whole_plan():
     """Eight poses by a tracker that states systematic errors."""
-    return plan(scenario(QUICK, **WHOLE))
+    with few_rehearsals():
+        return plan(scenario(QUICK, **WHOLE))
 
 
 def bench_of(made):
@@ -167,7 +168,8 @@ def test_a_goal_that_the_statement_will_not_reach_is_warned_of():
         "pool.box_size_mm": [3000.0] * 3,
     }
     changes = {key: value for key, value in QUICK.items() if key != "plan.goal.poses"}
-    made = plan(scenario(changes | narrow))
+    with few_rehearsals():
+        made = plan(scenario(changes | narrow))
     assert not made.foresight.applies.reaches
     page = " ".join(read(plan_report_html(made, ROBOT, versions=VERSIONS)).text)
     document = plan_numbers(made, ROBOT)["applies"]
@@ -289,7 +291,9 @@ def test_without_held_out_poses_that_is_said():
 
 
 def test_in_random_order_poses_of_both_kinds_are_mixed_and_moves_are_free():
-    tour, made = quick_plan(), plan(scenario(QUICK, **{"plan.order": "random"}))
+    tour = quick_plan()
+    with few_rehearsals():
+        made = plan(scenario(QUICK, **{"plan.order": "random"}))
     assert sorted(made.tour.pool_place) == sorted(tour.tour.pool_place)
     assert made.tour.blocked == ()
     assert not np.array_equal(made.tour.q, tour.tour.q)
