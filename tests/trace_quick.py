@@ -17,6 +17,7 @@ from pathlib import Path
 ROOT = Path(__file__).parents[1]
 PACKAGES = tuple(str(ROOT / name) for name in ("calib", "testbed"))
 READ = "read"
+FEW = {"pool.size": 80, "test.poses": 20, "uncertainty.repeats": 2, "uncertainty.replications": 4}
 
 
 class Tracer:
@@ -62,8 +63,12 @@ class Enough(BaseException):
 
 
 def traced(scene="quick", *, records_only=False):
-    """(called, imported): sets of files by stage, in the order of the stages."""
+    """(called, imported): sets of files by stage, in the order of the stages.
+
+    Of the records alone with few poses and replications: the same files make many.
+    """
     from testbed.run.play import play_run
+    from testbed.scenario.read import changed
     from testbed.store.layout import DERIVED
     from testbed.studies import load_scenario
 
@@ -78,6 +83,7 @@ def traced(scene="quick", *, records_only=False):
     sys.settrace(tracer)
     try:
         scenario = load_scenario(scene)
+        scenario = changed(scenario, FEW) if records_only else scenario
         begin("begin")
         with tempfile.TemporaryDirectory() as folder, suppress(Enough):
             play_run(scenario, Path(folder) / "run", progress=begin)

@@ -85,6 +85,7 @@ def test_whatever_hangs_on_what_is_loaded_says_what_it_is_in_a_line_or_two(folde
 def test_a_plan_is_made_and_its_numbers_come_back(tmp_path):
     with planned.few_rehearsals():
         made = truebed.plan(planned.scenario(planned.QUICK), tmp_path / "plan")
+        alone = truebed.plan(planned.scenario(planned.BARE))
     numbers = truebed.load(tmp_path / "plan")
     assert numbers["poses"] == len(made.places)
     assert "a plan's folder" in repr(numbers)
@@ -93,7 +94,7 @@ def test_a_plan_is_made_and_its_numbers_come_back(tmp_path):
         role for role in stops if role in ("identify", "test")
     ]
     np.testing.assert_allclose(made.tables()["goal"]["u_um"], 1e6 * made.u)
-    assert len(truebed.plan(planned.scenario(planned.BARE)).places) == len(made.places)
+    assert len(alone.places) == len(made.places)
 
 
 def test_what_is_no_folder_is_not_loaded(tmp_path):
