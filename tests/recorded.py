@@ -37,10 +37,15 @@ def small_campaign():
     return campaign.played(scenario)
 
 
+@cache
+def bytes_of(played):
+    """The recording of a campaign."""
+    return recording_bytes(played, load_robot(played.scenario.robot))
+
+
 def record(path, played=None):
-    """Write the recording of a campaign; returns its path."""
-    played = played or small_campaign()
-    path.write_bytes(recording_bytes(played, load_robot(played.scenario.robot)))
+    """Write the recording of a campaign, made once per process; returns its path."""
+    path.write_bytes(bytes_of(played or small_campaign()))
     return path
 
 

@@ -311,11 +311,11 @@ def test_a_trial_alone_has_the_one_window(tmp_path):
     assert other_windows(alone, recorded.shown(alone), load_robot("staubli_tx60"), {}) == ()
 
 
-def test_each_window_has_words_curves_and_parameters_of_its_own(folder, tmp_path):
+def test_each_window_has_words_curves_and_parameters_of_its_own(folder):
     """By the numbers of its trial, on the steps at which its own robot is at its poses."""
     campaign = load_run(folder)
     one, other = campaign.trials
-    path = record(tmp_path / "two.rrd", campaign)
+    path = folder / "campaign.rrd"
     opened, lines = store(path), recorded.timeline(campaign)
     own = own_timeline(show(campaign, other), lines)
     assert (len(one.measurements), len(other.measurements)) == (14, 16)
@@ -398,7 +398,7 @@ def column_static(opened, entity, component):
     return found
 
 
-def test_in_its_window_the_robot_goes_through_the_trials_own_poses(folder, tmp_path):
+def test_in_its_window_the_robot_goes_through_the_trials_own_poses(folder):
     """Sets of unequal size: each pose has its turn in the measuring phase of the first trial."""
     campaign = load_run(folder)
     setting = campaign.setting
@@ -418,7 +418,7 @@ def test_in_its_window_the_robot_goes_through_the_trials_own_poses(folder, tmp_p
     after = lines.phase("evaluate").steps
     np.testing.assert_array_equal(own.q[after], lines.q[after])
     # what is drawn: the beam ends at its target, at every pose, and the first link is turned so
-    opened = store(record(tmp_path / "two.rrd", campaign))
+    opened = store(folder / "campaign.rrd")
     root = "/world/trials/other"
     steps, strips = column(opened, f"{root}/beam", "LineStrips3D:strips")
     ends = np.array([strips[list(steps).index(step)][0][1] for step in at])
