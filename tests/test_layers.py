@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import pytest
 
-from tests.fresh import printed
+from tests.fresh import printed, python
 
 ROOT = Path(__file__).parents[1]
 ALLOWED = {
@@ -388,38 +388,52 @@ def loaded_by(statement):
     return set(printed(f"import sys; {statement}; print(*sys.modules)"))
 
 
+@cache
+def loaded_in_turn():
+    """Modules loaded after each of some statements in one interpreter, each needing more."""
+    scenes = ", ".join(f"'{path.stem}'" for path in (ROOT / "scenes").glob("*.toml"))
+    statements = (
+        "import calib, testbed, truebed",
+        "calib.Chain; calib.RobotModel; calib.points; calib.poses",
+        f"from testbed import studies; [*map(studies.load_scenario, [{scenes}])]",
+        f"import {', '.join(ROOMS)}; testbed.robots.catalog.load_robot('staubli_tx60')",
+    )
+    told = [f"{one}\nprint(*sys.modules)\n" for one in statements]
+    lines = python("-c", "import sys\n" + "".join(told)).stdout.splitlines()
+    return [set(line.split()) for line in lines]
+
+
+ROOMS = (
+    "calib", "calib.uncertainty.bootstrap", "testbed.scenario.read", "testbed.run.play",
+    "testbed.studies.trial.study", "testbed.run.derive", "testbed.cli.viewer",
+    "testbed.robots.catalog", "testbed.robots.write.mjcf", "testbed.robots.write.urdf",
+    "testbed.robots.meshes.solids", "testbed.laboratory.pool", "testbed.files.read",
+    "testbed.laboratory.truth.robot", "testbed.laboratory.tracker.tracker",
+)  # fmt: skip
+
+
 def test_what_is_not_needed_yet_stays_unloaded():
     """One process for all: what any of them loads, all load."""
-    modules = (
-        "calib", "calib.uncertainty.bootstrap", "testbed.scenario.read", "testbed.run.play",
-        "testbed.studies.trial.study", "testbed.run.derive", "testbed.cli.viewer",
-        "testbed.robots.catalog", "testbed.robots.write.mjcf", "testbed.robots.write.urdf",
-        "testbed.robots.meshes.solids", "testbed.laboratory.pool",
-        "testbed.laboratory.truth.robot", "testbed.laboratory.tracker.tracker",
-    )  # fmt: skip
-    loaded = loaded_by(
-        f"import {', '.join(modules)}; testbed.robots.catalog.load_robot('staubli_tx60')"
-    )
-    assert set(modules) <= loaded
+    *_, loaded = loaded_in_turn()
+    assert set(ROOMS) <= loaded
     assert not loaded & {*HEAVY, "scipy.stats"}
 
 
 def test_importing_a_package_loads_nothing_else():
-    loaded = loaded_by("import calib, testbed, truebed")
+    loaded, *_ = loaded_in_turn()
     assert "truebed" in loaded
     assert not {m.split(".")[0] for m in loaded} & {"numpy", "pydantic"}
 
 
 def test_the_types_that_pass_the_door_load_no_scipy():
-    loaded = loaded_by("import calib; calib.Chain; calib.RobotModel; calib.points; calib.poses")
+    loaded = loaded_in_turn()[1]
     assert "numpy" in loaded
     assert "scipy" not in loaded
 
 
 def test_reading_every_shipped_scene_and_robot_loads_no_scipy():
     """It takes as long as all else that `truebed scenes` does."""
-    scenes = ", ".join(f"'{path.stem}'" for path in (ROOT / "scenes").glob("*.toml"))
-    loaded = loaded_by(f"from testbed import studies; [*map(studies.load_scenario, [{scenes}])]")
+    loaded = loaded_in_turn()[2]
     assert "pydantic" in loaded
     assert "scipy" not in loaded
 

@@ -17,6 +17,7 @@ from testbed.cli.exit_codes import exit_codes
 from testbed.machine import lacking, ran_out
 from testbed.scenario.read import dump_scenario
 from tests.fresh import python
+from tests.testbed.cli.fake_command import run_command
 from tests.testbed.studies.trial.fake_campaign import Fake, scenario
 
 ROOT = Path(__file__).parents[3]
@@ -223,13 +224,18 @@ def test_a_terminal_that_closes_ends_a_run_unless_it_was_told_to_go_on(tmp_path,
     import pty
 
     out = tmp_path / "out"
-    words = [sys.executable, "-m", FAKE, "run", str(scene), "--out", str(out)]
     pid, main = pty.fork()
-    if pid == 0:
-        os.chdir(ROOT)
-        os.environ.update(FAKE_PAUSE="0.1", TERM="xterm", COLUMNS="100")
-        signal.signal(signal.SIGHUP, signal.SIG_IGN if ignored else signal.SIG_DFL)
-        os.execv(sys.executable, words)
+    if pid == 0:  # a copy of this process, which has loaded the command already
+        code = 1
+        try:
+            os.environ.update(TERM="xterm", COLUMNS="100")
+            signal.signal(signal.SIGHUP, signal.SIG_IGN if ignored else signal.SIG_DFL)
+            sys.stdin, sys.stdout, sys.stderr = (os.fdopen(k, "rww"[k]) for k in range(3))
+            run_command(["run", scene, "--out", out], Fake(0.1))
+        except SystemExit as end:
+            code = end.code
+        finally:
+            os._exit(code)
     while not (out / "trials" / "trial-a.npz").exists():
         assert os.waitpid(pid, os.WNOHANG) == (0, 0), os.read(main, 10**4)
         time.sleep(0.01)

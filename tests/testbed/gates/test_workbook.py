@@ -9,7 +9,6 @@ import pytest
 from calib.errors import InputError
 from testbed.files.read import ReadOptions, read_session
 from testbed.gates.workbook import read_workbook
-from tests.fresh import printed
 from tests.hangs import no_hang
 from tests.testbed.files.made import ROBOT, columns, csv, made, with_spread
 
@@ -185,8 +184,3 @@ def test_a_large_file_is_refused_unread(tmp_path):
     assert "[M36]" in refused(file, max_mb=0.01)
     with pytest.raises(InputError, match="M36"):
         read_session(file, ROBOT, options=ReadOptions(max_mb=0.3))
-
-
-def test_text_is_read_without_openpyxl():
-    code = "import sys, testbed.files.read; print('openpyxl' in sys.modules)"
-    assert printed(code) == ["False"]
