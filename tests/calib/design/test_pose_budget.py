@@ -173,10 +173,10 @@ def test_one_pose_is_told_as_one():
 
 @pytest.mark.slow
 def test_what_is_known_before_saves_poses(v):
-    blocks = whitened_pool(200)
+    blocks = whitened_pool(80)
     alone, after = (
         pose_budget(
-            Problem.of_blocks(blocks, 192, v, **known),
+            Problem.of_blocks(blocks, 72, v, **known),
             20e-6,
             np.random.default_rng(0),
             counts=[8, 24],
