@@ -24,7 +24,7 @@ from calib.measurement.observations import Measurements
 from calib.measurement.residual import linearize
 from calib.uncertainty.statement.stops import judged_by_stops
 from testbed.identify.errors import figures_of, row_errors
-from testbed.identify.frames import FRAMES_ALONE, is_frame
+from testbed.identify.frames import FRAMES_ALONE, astray, frames_prior, is_frame, wide_prior
 from testbed.identify.records import Choice, FittedModel, ModelName
 from testbed.robots.robot import Robot
 from testbed.streams import stream
@@ -33,10 +33,6 @@ from testbed.units import DEG, MM, either, significant, unit_of
 MODELS = ("geometric", "extended", "choose")
 Fitted = tuple[ModelName, RobotModel, Identification]
 """A model, where its fit began, and what was identified of it."""
-WIDE = 100.0
-"""How many times wider than usual frames may lie from their start while models compete."""
-ASTRAY = 5.0
-"""Of these widths: so far from where geometry alone has them are frames no better explanation."""
 
 
 def fit(
@@ -75,16 +71,17 @@ def fit(
         factor = noise_factor(geometric.model, train)
         factor = factor if factor > HONEST else 1.0
         geometric = under_noise(start, train, parameters, links, factor, loss=loss)
+    wide = wide_prior(parameters, start, links)
+    geometric, near = _near_start(geometric, start, train, parameters, wide, loss)
     first: Fitted = ("geometric", start, geometric)
     if model == "geometric":
-        return (first,), _unasked("geometric", model, "geometric, as requested")
+        return (first,), _unasked("geometric", model, f"geometric, as requested{near}")
     if model == FRAMES_ALONE:
         sentence = (
             'base, tool and fixtures alone, as free = "frames" asks: links and joint terms are '
-            "those of the robot's file"
+            f"those of the robot's file{near}"
         )
         return (first,), _unasked("geometric", model, sentence)
-    wide = wide_prior(parameters, start, links)
     if model == "extended":
         usual = links if held else own
 
@@ -97,7 +94,7 @@ def fit(
             requested(usual), start, geometric, wide,
             lambda frames: requested(frames if usual is None else usual.joined(frames)),
         )  # fmt: skip
-        choice = _unasked("extended", model, f"extended, as requested{held_words}")
+        choice = _unasked("extended", model, f"extended, as requested{held_words or near}")
         return (first, ("extended", extended_model(start, mounted), extended)), choice
     found = choose(
         start, train, parameters, prior=wide, own_prior=links, loss=loss, mounted=mounted,
@@ -117,7 +114,7 @@ def fit(
     choice = Choice(
         found.chosen, model, found.log_evidence,
         frozen([climbed.before, climbed.after] if climbed.confirmed else []),
-        found.sentence + held_words, climbed.steps, climbed.offered,
+        found.sentence + (held_words or near), climbed.steps, climbed.offered,
     )  # fmt: skip
     if climbed.best is None:
         return (first,), choice
@@ -136,19 +133,43 @@ def _held_frames(
     Where poses do not tell how far the target is from the flange, joint errors that are believed to
     be small do as much as they like at a target that is far enough away.
     """
-    ends = [one.model.chain for one in (geometric, extended)]
-    step = np.abs(np.subtract(*(start.chain.step_to(end) for end in ends))).tolist()
-    far = {name: size for name, size in zip(start.names, step, strict=False) if is_frame(name)}
-    sd = {n: s for n, s in zip(wide.names, wide.sd.tolist(), strict=True) if n in far}
-    off = max(sd, key=lambda name: far[name] / sd[name], default="")
-    if not off or far[off] < ASTRAY * sd[off]:
+    off, far = astray(start, geometric.model, extended.model, wide)
+    if not off:
         return extended, ""
-    turns = off.rpartition(".")[2].startswith("r")
-    size = f"{significant(far[off] * (DEG if turns else MM))} {unit_of(not turns)}"
-    return again(Prior(np.zeros(len(sd)), list(sd.values()), list(sd))), (
-        f"; these poses do not tell {off}, which joint errors carried {size} away from where "
-        "geometry alone has it: base and tool are held near their start; turn the tool about "
-        "more axes"
+    said = _untold(off, far, "joint errors", "where geometry alone has it")
+    return again(frames_prior(wide)), said
+
+
+def _near_start(
+    fit: Identification,
+    start: RobotModel,
+    train: Measurements,
+    parameters: Parameters,
+    wide: Prior,
+    loss: Loss,
+) -> tuple[Identification, str]:
+    """A geometric fit; if its frames went astray, again, under a prior that holds them; words.
+
+    Along what poses do not tell, noise decides where it ends, and whether it does.
+    """
+    off, far = astray(start, start, fit.model, wide)
+    if not off:
+        return fit, ""
+    factor, prior = noise_factor(fit.model, train), frames_prior(wide)
+    if fit.prior is not None:
+        factor, prior = fit.tightened**0.5, fit.prior.weighed(1 / fit.tightened).joined(prior)
+    factor = factor if factor > HONEST else 1.0
+    found = under_noise(start, train, parameters, prior, factor, loss=loss)
+    return found, _untold(off, far, "the fit", "its start")
+
+
+def _untold(name: str, far: float, by: str, where: str) -> str:
+    """That poses do not tell a number of base or tool, which was carried so far off [m, rad]."""
+    turns = name.rpartition(".")[2].startswith("r")
+    size = f"{significant(far * (DEG if turns else MM))} {unit_of(not turns)}"
+    return (
+        f"; these poses do not tell {name}, which {by} carried {size} away from {where}: base and "
+        "tool are held near their start; turn the tool about more axes"
     )
 
 
@@ -208,17 +229,6 @@ def bends_of(
     carried = None if payload is None else np.array(payload)
     stands, limits = robot.model.chain, robot.limits
     return ladders_of(start, stands, moments=robot.moments, limits=limits, payload=carried)
-
-
-def wide_prior(parameters: Parameters, start: RobotModel, links: Prior | None = None) -> Prior:
-    """The weak prior, wide for frames: their start knows nothing of the links' true lengths."""
-    prior = weak_prior(parameters, start)
-    own = {} if links is None else dict(zip(links.names, links.sd.tolist(), strict=True))
-    sd = [
-        own.get(name, WIDE * usual if is_frame(name) else usual)
-        for name, usual in zip(prior.names, prior.sd.tolist(), strict=True)
-    ]
-    return Prior(prior.mean, np.array(sd), prior.names)
 
 
 def fitted_model(

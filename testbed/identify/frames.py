@@ -12,6 +12,8 @@ from calib.geometry.frames import inverse
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import Parameters, parameters_of
 from calib.identification.identify import identify
+from calib.identification.larger_noise import noise_factor, under_noise
+from calib.identification.prior import Prior, weak_prior
 from calib.identification.start.start import start_frames
 from calib.information.sizes import FRAMES
 from calib.measurement.observations import Measurements
@@ -24,6 +26,10 @@ from testbed.robots.catalog import Robot
 FRAMES_ALONE = "frames"
 """What `free` says where a calibrated robot is only placed anew."""
 WORDS = ("identifiable", FRAMES_ALONE)
+WIDE = 100.0
+"""How many times wider than usual frames may lie from their start while models compete."""
+ASTRAY = 5.0
+"""Of these widths: so far from where geometry alone has them are frames no better explanation."""
 AS_GOOD = 3.0
 """Frames of the robot's own file stand if they miss at most so many times what fitted ones do."""
 
@@ -73,7 +79,7 @@ def frames_of(robot: Robot, session: Session, train: Measurements) -> StartFrame
         found = start_frames(own, train, free_tool=wanted.tool == "free")
         start = at_base(found.model, own.chain.T_world_base)
     parameters = free_numbers(start, robot, session)
-    before = fitted_frames(start, train, parameters)
+    before = _not_astray(start, fitted_frames(start, train, parameters), train, parameters)
     return StartFrames(start, before, start is own, parameters, sentences)
 
 
@@ -81,6 +87,51 @@ def fitted_frames(start: RobotModel, train: Measurements, parameters: Parameters
     """The model with base, tool and fixtures fitted as far as they are free; links as they were."""
     frames = [name for name in parameters.free_names if "." in name and is_frame(name)]
     return identify(start, train, parameters.freeing(frames)).model if frames else start
+
+
+def wide_prior(parameters: Parameters, start: RobotModel, links: Prior | None = None) -> Prior:
+    """The weak prior, wide for frames: their start knows nothing of the links' true lengths."""
+    prior = weak_prior(parameters, start)
+    own = {} if links is None else dict(zip(links.names, links.sd.tolist(), strict=True))
+    sd = [
+        own.get(name, WIDE * usual if is_frame(name) else usual)
+        for name, usual in zip(prior.names, prior.sd.tolist(), strict=True)
+    ]
+    return Prior(prior.mean, np.array(sd), prior.names)
+
+
+def frames_prior(wide: Prior) -> Prior:
+    """The part of a wide prior that is of frames."""
+    sd = {n: s for n, s in zip(wide.names, wide.sd.tolist(), strict=True) if is_frame(n)}
+    return Prior(np.zeros(len(sd)), list(sd.values()), list(sd))
+
+
+def astray(start: RobotModel, one: RobotModel, other: RobotModel, wide: Prior) -> tuple[str, float]:
+    """The number of base or tool in which two fits differ most, and by how much [m, rad].
+
+    Its name is empty where that is less than `ASTRAY` widths of the wide prior.
+    """
+    step = np.abs(np.subtract(*(start.chain.step_to(end.chain) for end in (one, other)))).tolist()
+    far = {name: size for name, size in zip(start.names, step, strict=False) if is_frame(name)}
+    sd = {n: s for n, s in zip(wide.names, wide.sd.tolist(), strict=True) if n in far}
+    off = max(sd, key=lambda name: far[name] / sd[name], default="")
+    return (off, far[off]) if off and far[off] >= ASTRAY * sd[off] else ("", 0.0)
+
+
+def _not_astray(
+    start: RobotModel, before: RobotModel, train: Measurements, parameters: Parameters
+) -> RobotModel:
+    """Fitted frames; held near their start by the wide prior where the fit carried them far off.
+
+    Where the flange always points the same way, the noise of the readings decides how far the
+    target is from it: by some tens of meters, over which joints that scatter would move it.
+    """
+    wide = wide_prior(parameters, start)
+    if not astray(start, start, before, wide)[0]:
+        return before
+    held, factor = frames_prior(wide), max(1.0, noise_factor(before, train))
+    free = parameters.freeing(held.names)
+    return under_noise(start, train, free, held, factor).model
 
 
 def free_numbers(model: RobotModel, robot: Robot, session: Session) -> Parameters:

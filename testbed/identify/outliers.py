@@ -17,8 +17,8 @@ from calib.identification.outliers.search import search_outliers
 from calib.identification.row_ladders import RowTerms, row_ladders
 from calib.measurement.observations import Measurements
 from calib.measurement.prediction import missed, predict, tool_poses
-from testbed.identify.fit import Fitted, bends_of, plain_fit, wide_prior
-from testbed.identify.frames import StartFrames
+from testbed.identify.fit import Fitted, bends_of, plain_fit
+from testbed.identify.frames import StartFrames, wide_prior
 from testbed.identify.records import FittedModel
 from testbed.robots.robot import Robot
 from testbed.streams import stream

@@ -33,8 +33,7 @@ from calib.uncertainty.statement.distance import distance_radius
 from calib.uncertainty.statement.stated_point import widened
 from testbed.files.read import read_session
 from testbed.identify.calibrate import Options, calibrate
-from testbed.identify.fit import wide_prior
-from testbed.identify.frames import is_frame
+from testbed.identify.frames import is_frame, wide_prior
 from testbed.robots.catalog import load_robot
 from testbed.streams import stream
 from tests.testbed.identify.test_ur10 import CONFIG, SERIES, read

@@ -15,7 +15,7 @@ from calib.identification.model_choice import extended_by
 from calib.identification.row_ladders import row_ladders
 from calib.information.sizes import SAG
 from testbed.identify.calibration import Calibration
-from testbed.identify.fit import wide_prior
+from testbed.identify.frames import wide_prior
 from testbed.identify.outliers import Looking
 from testbed.units import significant
 

@@ -1,12 +1,17 @@
 """A target whose distance from the flange no pose tells: joint errors must not run away with it."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from calib.geometry.parameters import parameters_of
+from calib.identification.identify import Status
 from calib.measurement import tables
 from calib.measurement.prediction import predicted_positions
 from testbed.identify.fit import fit
+from testbed.identify.frames import frames_of
 from testbed.robots.catalog import load_robot
+from tests.calibrated import session_of
 
 LINKS = (
     *((0.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0, -90.0), (-90.0, 0.0, 290.0, 0.0)),
@@ -104,6 +109,27 @@ def test_nor_by_those_that_were_requested(tmp_path):
     truth = leaning(model, new, 0.005, waves)
     errors = [np.linalg.norm(where(one.model, new) - truth, axis=1) for _, _, one in pairs]
     assert errors[1].mean() < 1.05 * errors[0].mean()
+
+
+def test_nor_by_noise_where_the_flange_points_up_within_the_digits_of_the_joints(tmp_path):
+    """1e-4 deg: some 0.1 mm of noise are, in the end, a target 16 m away."""
+    arm = lifted(tmp_path)
+    rng, nominal = np.random.default_rng(1), arm.model
+    off = rng.standard_normal(nominal.chain.links.shape) * [1e-3, 3e-4, 3e-4, 1e-3, 1e-3]
+    true = replace(nominal, chain=replace(nominal.chain, links=nominal.chain.links + off))
+    q, noise = upright(30, 3, 2e-6), 1e-4
+    rows = tables.points(q, where(true, q) + noise * rng.standard_normal((30, 3)), sd=noise)
+    frames = frames_of(arm, session_of(rows), rows)
+    assert np.abs(nominal.chain.step_to(frames.before.chain)[:3]).max() < 0.5
+    ((_, _, found),), choice = fit(
+        frames.start, rows, frames.parameters, model="geometric", loss="squared", seed=0, held=True
+    )
+    assert found.status is Status.CONVERGED
+    assert "these poses do not tell base.z, which the fit carried" in choice.sentence
+    assert np.abs(nominal.chain.step_to(found.model.chain)[:3]).max() < 0.5
+    new = upright(200, 52, 2e-6)
+    left = np.linalg.norm(where(found.model, new) - where(true, new), axis=1)
+    assert left.mean() < noise  # 83 um, and 109 um with the target 16 m away
 
 
 def test_nothing_is_held_where_poses_tell_where_the_target_is(tmp_path):
