@@ -86,9 +86,14 @@ def _without_region(calibration: Calibration, use: str) -> str:
 
 def _what_is_left(calibration: Calibration) -> str:
     """What more poses may do about errors that the model does not explain."""
-    fit = calibration.fit
+    fit, order = calibration.fit, calibration.proof.drifting
     lack = fit.identification.lack_of_fit
     assert fit.test is not None  # asked for before
+    if order is not None and order.void and order.drift is None:
+        return (
+            "Measure the poses a second time in the same order: only that shows whether what is "
+            "left is a drift, and R95 does not include one."
+        )
     if fit.test.position.mean > LEARNT * fit.train.position.mean:
         text = "Errors are larger than at the training poses: more of these may help."
         if lack is None and fit.identification.p_value < RED:
