@@ -69,6 +69,7 @@ def read_line(folder, robot, q, position):
     return read_session(folder / "a.csv", robot, config=folder / "s.toml")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("m", [10, 25])
 @pytest.mark.parametrize("name", STARTS)
 def test_a_perfect_robot_on_a_line_is_not_refused(name, m, tmp_path):
@@ -148,6 +149,7 @@ ONCE_REFUSED = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "size", "seeds"), ONCE_REFUSED)
 def test_a_robot_some_millimeters_off_on_a_line_is_not_refused(name, size, seeds, tmp_path):
     """Neither where the fit has several valleys, nor where fewer rows are fitted better."""

@@ -286,6 +286,7 @@ def test_distances_of_an_arm_far_from_nominal_are_read_with_a_warning(tmp_path, 
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("shift", [1, -1])
 def test_distances_beside_the_joints_of_other_rows_are_named(shift, tmp_path):
     table = distances(made(9, 60))
@@ -333,6 +334,7 @@ def test_one_target_whose_shots_have_slipped_is_named(tmp_path):
         probe(ROBOT, read(tmp_path, table, "", "points")).raise_if_wrong()
 
 
+@pytest.mark.slow
 def test_another_robot_is_not_taken_for_this_one(tmp_path):
     other = load_robot("universal_ur10")
     links = ROBOT.model.chain.links.copy()

@@ -85,6 +85,7 @@ def outcome(file, rows):
     return "taken"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "counts", [(8, 10), *(pytest.param((m,), marks=pytest.mark.study) for m in range(7, 31))]
 )

@@ -82,6 +82,7 @@ def test_whatever_hangs_on_what_is_loaded_says_what_it_is_in_a_line_or_two(folde
     )
 
 
+@pytest.mark.slow
 def test_a_plan_is_made_and_its_numbers_come_back(tmp_path):
     with planned.few_rehearsals():
         made = truebed.plan(planned.scenario(planned.QUICK), tmp_path / "plan")

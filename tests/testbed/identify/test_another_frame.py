@@ -254,6 +254,7 @@ def test_a_zero_that_slipped_is_named_where_waves_of_the_joints_took_it_up():
     assert next_step(found).startswith("First find out what moved")
 
 
+@pytest.mark.slow
 def test_a_payload_that_no_row_states_and_another_arm_are_told_as_such():
     rng, q, true, second = (
         np.random.default_rng(9),

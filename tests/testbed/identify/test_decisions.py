@@ -42,6 +42,7 @@ def test_half_the_noise_halves_the_radius_as_it_was_forecast():
     assert what_decides(belief, q, quiet.radius * (1 + 1e-9)).poses == 1.0
 
 
+@pytest.mark.slow
 def test_so_many_more_poses_are_enough():
     found = []
     for seed in range(1, 6):

@@ -57,6 +57,7 @@ def test_gross_errors_are_named_and_left_out_and_nothing_else_is(noise):
     np.testing.assert_allclose(a.T_world_base, b.T_world_base, atol=1e-12)
 
 
+@pytest.mark.slow
 def test_kept_gross_errors_are_still_named_and_pull_the_fit():
     session, rows = spoilt()
     kept = calibrate(robot(), session, Options(seed=1, loss="squared"))
@@ -82,6 +83,7 @@ def test_swapped_rows_are_told_apart_from_bad_ones():
     assert f"it fits the joints of pose P{two + 1}: were they swapped?" in told
 
 
+@pytest.mark.slow
 def test_many_misfits_are_the_model_s_fault():
     table = sound_session().measurements
     position = table.position.copy()

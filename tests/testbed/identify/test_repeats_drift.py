@@ -19,6 +19,7 @@ def calibrated():
     return of
 
 
+@pytest.mark.slow
 def test_single_moves_are_not_blamed_for_a_drift_of_the_station(calibrated):
     """They were: 170 um instead of 54, "repeats show 6.2 times what the description states"."""
     steady, drifts = calibrated(0.0), calibrated(150e-6)

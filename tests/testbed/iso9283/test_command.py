@@ -105,6 +105,7 @@ def test_a_session_without_a_name_is_called_after_its_folder(files, monkeypatch)
     assert read_test(Path("session.toml")).name == "press 4"
 
 
+@pytest.mark.slow
 def test_the_same_files_give_the_same_bytes_and_nothing_is_written_over(done, files):
     out, _ = done
     again = files / "again"

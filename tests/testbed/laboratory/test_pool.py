@@ -209,6 +209,7 @@ def test_a_pose_that_lost_digits_in_a_table_does_not_come_again(robot, simulator
     assert np.array_equal(again.q[:15], first.q[5:])
 
 
+@pytest.mark.slow
 def test_a_rare_pool_is_still_filled(robot, simulator, monkeypatch):
     # a box of 6 cm: one candidate in thousands, well above where patience ends
     monkeypatch.setattr(pool_module, "PATIENCE", ((4_000, 1e-4), PATIENCE[1]))

@@ -222,6 +222,7 @@ def test_without_anything_offered_a_way_around_is_searched(robot, simulator, poo
         assert way.time >= travel_times(a, b, robot.speeds)
 
 
+@pytest.mark.slow
 def test_ways_of_several_stops_lead_to_the_right_pose_in_both_directions(
     robot, simulator, pool, monkeypatch
 ):
@@ -294,6 +295,7 @@ def test_islands_are_those_of_a_search_through_all_that_was_told():
                 assert islands.apart(x, y) == (known and not together[x, y])
 
 
+@pytest.mark.slow
 def test_postures_of_other_turns_are_given_up_after_bounded_work(monkeypatch):
     # every joint of a UR10 may turn once either way; the shoulder and the elbow cannot pass from
     # one turn to the next, so that most pairs of random postures have no way between them

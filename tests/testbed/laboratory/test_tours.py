@@ -42,6 +42,7 @@ def test_the_best_move_is_the_best_by_brute_force(n):
         assert length(times, tour) - length(times, changed) == pytest.approx(gain, abs=1e-13)
 
 
+@pytest.mark.slow
 def test_hundreds_of_points_take_seconds_and_no_longer_way_than_from_neighbor_to_neighbor(
     monkeypatch,
 ):

@@ -169,6 +169,7 @@ def test_shots_scatter_as_stated_about_a_shifted_mean():
     assert (np.abs(errors.mean(0) - shift) < 4 * np.sqrt(np.diag(stated) / len(q))).all()
 
 
+@pytest.mark.slow
 def test_over_many_campaigns_the_systematic_part_has_the_covariance_of_its_sensitivity():
     tracker, T = at960(), MODEL.poses(Q[:2])
     B = SIZE.sensitivity(T[:, :3, 3], T[:, :3, :3], tracker.T_world_tracker).reshape(12, 14)
@@ -256,6 +257,7 @@ def test_no_later_shot_changes_an_earlier_walk_within_a_round():
     np.testing.assert_allclose(whole[:12], part, atol=1e-18)
 
 
+@pytest.mark.slow
 def test_readings_hold_the_walk_and_the_noise_of_the_nests():
     tracker, plain = at960(drift_um_per_sqrt_h=50.0, nests_s=200.0), at960()
     both = zip(*(visits(one, Q[:61], range(200)) for one in (tracker, plain)), strict=True)

@@ -20,6 +20,7 @@ from tests.planned import BARE, QUICK, ROBOT, legs, quick_plan, scenario, small_
 CHAIN = ROBOT.model.chain
 
 
+@pytest.mark.slow
 def test_poses_and_moves_keep_the_clearance_asked_for():
     made = small_plan()
     cell = cell_from(made.scenario.cell, CHAIN)

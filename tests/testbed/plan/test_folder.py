@@ -53,6 +53,7 @@ def content(path):
     return {file.name: file.read_bytes() for file in path.iterdir() if file.suffix != ".rrd"}
 
 
+@pytest.mark.slow
 def test_a_plan_has_its_files_and_a_second_one_the_same_bytes(folder, tmp_path):
     assert {file.name for file in folder.iterdir()} == FILES
     again = tmp_path / "again"
@@ -281,6 +282,7 @@ def test_json_on_the_terminal_is_the_file_and_a_second_plan_is_refused(folder):
     assert content(folder) == before
 
 
+@pytest.mark.slow
 def test_overwrite_renames_the_old_plan_and_another_seed_gives_another(folder, tmp_path):
     file, out = tmp_path / "mine.toml", tmp_path / "out"
     file.write_text(dump_scenario(scenario(BARE)), encoding="utf-8")

@@ -54,6 +54,7 @@ def test_a_plan_of_a_ur10_searches_for_no_way_in_vain(monkeypatch):
     assert told.count((STEPS[3], 3, len(STEPS))) > len(made.tour.q)
 
 
+@pytest.mark.slow
 def test_with_all_its_turns_it_ends_too_and_says_what_to_narrow(monkeypatch):
     monkeypatch.setattr(moves, "RESOLUTION", 0.05)  # a fifth of the postures, and of the patience
     monkeypatch.setattr(moves, "PATIENCE", 6_000)

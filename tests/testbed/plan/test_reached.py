@@ -29,6 +29,7 @@ def wall(monkeypatch):
     return wall
 
 
+@pytest.mark.slow
 def test_no_pose_of_a_plan_lies_where_no_way_leads(wall):
     with few_rehearsals():
         made = plan(scenario(QUICK))

@@ -75,6 +75,7 @@ def shared_u(made, plan_of):
     return np.sqrt((moved**2).sum(axis=(1, 2)))
 
 
+@pytest.mark.slow
 def test_both_parts_and_the_radii_are_those_of_an_identification():
     made = whole_plan()
     seen, (fit, _) = made.foresight, fit_of(made)
@@ -157,6 +158,7 @@ def test_the_misfit_that_would_be_seen_and_the_reach_are_those_after_such_a_cali
     assert np.array_equal(made.foresight.applies.beyond, after.beyond)
 
 
+@pytest.mark.slow
 def test_a_goal_that_the_statement_will_not_reach_is_warned_of():
     """The arm turned away from the tracker: no held-out pose can stand there."""
     around = np.array([160.0, 70.0, -110.0, 60.0, -100.0, 0.0])

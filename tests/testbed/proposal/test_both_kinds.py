@@ -81,6 +81,7 @@ def test_points_and_distances_are_proposed_as_one_session(tables, rows, match, b
     np.testing.assert_allclose(1e3 * seen.distance[far], FAR[at[far]], rtol=0, atol=1e-6)
 
 
+@pytest.mark.slow
 def test_identify_takes_such_a_session_and_finds_the_fixed_point(tmp_path):
     (tmp_path / "p.csv").write_text(csv(FILES["one file with one of both in each row"][0]["p"]))
     proposed(tmp_path, [tmp_path / "p.csv"], "--robot", ROBOT.name)
@@ -100,6 +101,7 @@ def test_a_row_without_either_reading_is_refused_as_ever(tmp_path):
     assert "[M25]" in done.stderr
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("far", "count", "why"),
     [

@@ -125,6 +125,7 @@ def test_joints_that_are_not_all_there_are_named(source, tmp_path):
     assert not out.exists()
 
 
+@pytest.mark.slow
 def test_more_joints_than_the_robot_has_are_said_where_nothing_fits(tmp_path):
     own = table() | {"q7_deg": np.linspace(0, 9, M)}
     done, out = proposal(tmp_path, own, *TX60)

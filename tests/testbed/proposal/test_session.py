@@ -262,6 +262,7 @@ def test_nothing_is_written_over_another_or_where_nothing_is_understood(tmp_path
     assert "session.toml: exists already; choose another --out" in refused(tmp_path, file)
 
 
+@pytest.mark.slow
 def test_another_robot_fits_no_reading_and_a_missed_shot_still_shows_it(tmp_path):
     said, _ = proposed(tmp_path, headerless(tmp_path), "--robot", "universal_ur10")
     assert re.search(

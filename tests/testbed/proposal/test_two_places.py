@@ -56,6 +56,7 @@ def test_where_the_robot_was_sent_is_no_second_target_whatever_it_is_called(labe
     np.testing.assert_allclose(table.position, points() / 1e3, rtol=0, atol=1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("order", ["joints first", "joints last"])
 def test_without_a_head_the_places_that_were_measured_are_read(order, tmp_path):
     values = list((joints(*J) | places("a", "b", "c", values=nominal())).values())
@@ -235,6 +236,7 @@ def test_poses_of_a_controller_in_place_of_joints_are_told(poses, numbered, tmp_
     assert "pose.txt: has where a controller says that the tool is, and no joints" in said
 
 
+@pytest.mark.slow
 def test_joints_of_another_arm_are_no_poses(tmp_path):
     np.savetxt(tmp_path / "a.txt", np.random.default_rng(0).uniform(-90, 90, (M, 6)), fmt="%.6f")
     np.savetxt(tmp_path / "b.txt", points(), fmt="%.6f")
@@ -243,6 +245,7 @@ def test_joints_of_another_arm_are_no_poses(tmp_path):
     assert "is it the robot that was measured?" in said
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("order", ["joints first", "joints last"])
 def test_a_pose_of_the_controller_between_joints_and_what_was_seen_is_left_aside(order, tmp_path):
     """Twelve numbers and a place that the tracker saw: the pose was read, with a warning."""

@@ -101,6 +101,7 @@ def test_endless_xml_is_refused_while_it_is_read(data, code):
         parse_xml(data, "robot", where="x")
 
 
+@pytest.mark.slow
 def test_a_long_row_of_links_is_refused_or_read_at_once(tmp_path):
     """1,999 links: joint by joint refused, fixed to each other read."""
     path = tmp_path / "row.urdf"

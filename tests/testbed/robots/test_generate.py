@@ -11,6 +11,8 @@ from testbed.robots.write.generate import generate_robot, main, model_names
 from tests.fresh import python
 from tests.testbed.robots.robot_cases import TX60
 
+pytestmark = pytest.mark.slow  # meshes of every robot are made
+
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory):

@@ -360,6 +360,7 @@ def play_light(out, what, **options):
     return play_run(what, out, derive=light, **options)
 
 
+@pytest.mark.slow
 def test_the_real_campaign_has_the_same_bytes_in_any_order_and_after_a_stop(tmp_path):
     what = scenario_of(REAL)
     keys = campaign.record_keys(what)

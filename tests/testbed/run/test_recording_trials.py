@@ -143,6 +143,7 @@ def test_the_beam_comes_from_what_measures_and_ends_on_the_target_of_the_row():
         np.testing.assert_allclose(ends[step], expected, atol=1e-14)
 
 
+@pytest.mark.slow
 def test_another_trial_is_shown_like_the_first(tmp_path):
     campaign = small_campaign()
     name = campaign.trials[1].name

@@ -100,6 +100,7 @@ def test_a_name_and_a_time_before_the_numbers_are_columns(before, names, cells):
     assert lines[1:] == tuple(f"{cells.format(k)}\t1\t2\t3".lstrip("\t") for k in range(3))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "line", ["A 1 " * 5000, "A" * 9000 + " 1", "A=1 " * 9000 + "!", "{" * 9000]
 )

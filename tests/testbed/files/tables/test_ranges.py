@@ -14,6 +14,7 @@ MIDDLE = DATA.T[:, :3, 3].mean(axis=0)
 ANCHORS = {"near": MIDDLE + np.array([1.5, 0.5, 0.2]), "far": MIDDLE + np.array([-3.0, 5.0, 1.5])}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("factor", [1.0, 1e-3], ids=["as they are", "in another unit"])
 def test_anchors_at_different_distances_are_of_one_robot(factor, tmp_path):
     joints = {f"q{j + 1}_deg": np.tile(np.degrees(DATA.q[:, j]), 2) for j in range(6)}

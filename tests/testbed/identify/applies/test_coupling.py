@@ -34,6 +34,7 @@ def said(found):
     return [text for text in found.warnings if "pass through each other" in text]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("ratios", "lines"),
     [({(3, 5): 0.004}, ("q6 = J6 + 0.004",)),
@@ -79,6 +80,7 @@ def test_joints_that_err_otherwise_are_not_said_to_turn_with_others():
             assert said(found) == []
 
 
+@pytest.mark.slow
 def test_an_eccentric_that_joint_5_turns_is_no_ratio():
     """Of 8 arms, 4 were told to state ratios."""
     home, half = np.radians([0, 20, 60, 30, 60, 0]), np.radians([60, 36, 36, 60, 60, 90])

@@ -131,6 +131,7 @@ def test_a_set_compared_with_itself_has_ratio_one_exactly():
     assert outcome_of(ratio) == "undecided"
 
 
+@pytest.mark.slow
 def test_a_copy_of_the_random_set_is_undecided_with_ratio_one():
     campaign = crowd()
     errors = population_of(campaign).mean_error[:, 0].copy()

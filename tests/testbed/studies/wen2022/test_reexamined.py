@@ -107,6 +107,7 @@ def changed_study(**changes):
     return reexamination_of(changed)
 
 
+@pytest.mark.slow
 def test_the_kind_of_robots_that_is_judged_keeps_an_error_like_the_printed_one():
     assert again().judged.truth == "wen2022"
     small = changed_study(error=0.1 * study("rigid").error)
