@@ -39,8 +39,6 @@ WRITTEN = {
     "rad": "rad", "radian": "rad", "radians": "rad", "mrad": "mrad", "mdeg": "mdeg", "c": "degC",
     "degc": "degC", "°c": "degC", "kg": "kg", "s": "s", "sec": "s", "second": "s", "seconds": "s",
     "nm": "Nm", "n m": "Nm", "n*m": "Nm", "n·m": "Nm", "nmm": "Nmm", "n mm": "Nmm", "n": "N",
-    "rev": "rev", "revs": "rev", "revolution": "rev", "revolutions": "rev", "turns": "rev",
-    "umdrehung": "rev", "umdrehungen": "rev", "tours": "rev", "giri": "rev",
     "a": "A", "amp": "A", "ma": "mA",
 }  # fmt: skip
 """Units as people write them, in small letters."""

@@ -10,7 +10,7 @@ import numpy as np
 from calib.arrays import Array, Index
 from calib.errors import InputError
 from calib.geometry.model import RobotModel
-from testbed.files.dialects.pose_names import numbers_in, plain, stay_apart, written_alike
+from testbed.files.dialects.pose_names import counted_alike, plain, stay_apart, written_alike
 from testbed.files.joints import Extras, Joints
 from testbed.files.readings import Readings
 from testbed.files.refusal import refusal, require_names
@@ -244,8 +244,8 @@ def _written_alike(
     found = {name for name, _ in other} <= {name for name, _ in one}
     if found and all(stay_apart(names) for names in files):
         return one, other
-    numbers = [numbers_in(names) for names in files]
-    if set(numbers[1].values()) <= set(numbers[0].values()) and numbers[1]:
+    numbers = counted_alike(*files)
+    if numbers is not None:
         keys = zip((commanded, measured), numbers, strict=True)
         one, other = ([(own[name], k) for name, k in each] for each, own in keys)
         return one, other

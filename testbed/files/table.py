@@ -9,7 +9,7 @@ from calib.arrays import Array
 from calib.errors import InputError
 from testbed.bounds import FACTORS
 from testbed.files.columns import AXES, TEXTS, UNITS, close_to, is_known, misspelling, unit_of
-from testbed.files.dialects.marks import STATE_IT, Column, marks_of
+from testbed.files.dialects.marks import STATE_IT, Column, marks_of, without_thousands
 from testbed.files.dialects.numbers import digits_after, floats, number_of, pointed
 from testbed.files.refusal import refusal
 from testbed.files.text import Sheet
@@ -101,7 +101,7 @@ class DataTable:
         for k, name in enumerate(names):
             cells = self.texts(name)
             if self.thousands:
-                cells = tuple(cell.replace(self.thousands, "") for cell in cells)
+                cells = tuple(without_thousands(cell, self.thousands) for cell in cells)
             out[:, k] = floats(cells if self.decimal != "," else [pointed(c) for c in cells])
         out[~np.isfinite(out)] = np.nan
         return out

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from itertools import product
 
 from testbed.files.columns import covariance_names
-from testbed.files.dialects.pose_names import numbers_in, stay_apart, written_alike
+from testbed.files.dialects.pose_names import counted_alike, stay_apart, written_alike
 from testbed.files.refusal import refusal
 from testbed.proposal.data import Document, Found, Part
 from testbed.proposal.naming.targets import targets_in_a_row
@@ -252,8 +252,7 @@ def _ways(one: Found, two: Found, nests: tuple[str, ...] = ()) -> tuple[str, ...
         return others
     if not seen <= named and stay_apart(seen) and stay_apart(named):
         named, seen = ({written_alike(name) for name in names} for names in (named, seen))
-    counted = [set(numbers_in(names).values()) for names in (named, seen)]
-    if not seen <= named and counted[1] and counted[1] <= counted[0]:
+    if not seen <= named and counted_alike(named, seen) is not None:
         return ("pose_id", *others)
     # readings of another kind may be those of the other poses
     if seen <= named:

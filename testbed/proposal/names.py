@@ -119,7 +119,8 @@ def _of_this_head(head: Sequence[str]) -> dict[str, str]:
     for fours in _counted_fours(texts):
         others = {joint[1] for text in texts - set(fours)
                   if (joint := JOINT.fullmatch(_joint_alone(text))) is not None}  # fmt: skip
-        if others >= set("1234"):
+        # four joints beside others that are counted alike are those of a smaller arm
+        if others >= set("123456" if any(text.startswith("q ") for text in fours) else "1234"):
             found = found | fours
     found = found | axis_names(texts - set(found))
     return found | polar_names(texts - set(found))

@@ -72,7 +72,7 @@ def marks_of(
     decimal : {"", ".", ","}
         Stated mark.
     grouped : bool
-        Whether thousands marks are read, instead of refused.
+        Whether thousands marks are read, instead of refused; never beside a stated decimal mark.
     in_doubt : str
         What to do where the decimal mark stays in doubt.
 
@@ -82,23 +82,23 @@ def marks_of(
         M35: thousands marks that are odd, both decimal marks, or one that may be either.
     """
     comma = point = thousands = None
+    grouped = grouped and not decimal  # beside a stated mark another one is a mistake
     sure = bool(decimal)
     for column in columns:
-        text = "\n".join(column.cells)
+        text, of_turns = "\n".join(column.cells), unit_of(column.own) in TURNS
         if not any(odd.search(text) for odd in ODD):
             first = next((row for row, cell in enumerate(column.cells) if "." in cell), None)
             point = point or (None if first is None else (column.cells[first], first))
             continue
         whole = None
         for row, cell in enumerate(column.cells):
-            mark, end = _parted(cell, decimal) if grouped else ("", "")
+            mark, end = _parted(cell) if grouped and not of_turns else ("", "")
             if mark and thousands in (None, mark) and end != mark:
                 thousands, whole = mark, whole or (cell, row)
             elif (mark or _is_odd(cell)) and not decimal:
                 raise _refused(where, lines[row], column, cell)
             if (end or cell.count(",")) and end != ".":
                 comma = comma or (cell, row)
-                of_turns = unit_of(column.own) in TURNS
                 sure = sure or bool(end) or of_turns or not THREE.fullmatch(cell)
             elif end or "." in cell:
                 point = point or (cell, row)
@@ -116,7 +116,7 @@ def marks_of(
     return Marks(decimal or ("," if comma else "."), thousands or "")
 
 
-def _parted(cell: str, decimal: str) -> tuple[str, str]:
+def _parted(cell: str) -> tuple[str, str]:
     """The thousands mark of a cell and its decimal mark; both empty where it has none for sure.
 
     Of two groups that a point or comma parts, the other one of these is the decimal mark.
@@ -126,11 +126,11 @@ def _parted(cell: str, decimal: str) -> tuple[str, str]:
         return "", ""
     mark, end = found[1], found[2] or ""
     if mark in ".,":
-        sure = bool(end) or cell.count(mark) > 1 or decimal not in ("", mark)
+        sure = bool(end) or cell.count(mark) > 1
         end = end or ("," if mark == "." else ".")
     else:
         sure = bool(end) or mark != " "
-    return (mark, end) if sure and (not decimal or end in ("", decimal)) else ("", "")
+    return (mark, end) if sure else ("", "")
 
 
 def _is_odd(cell: str) -> bool:
@@ -160,3 +160,9 @@ def with_point(cell: str) -> str:
     if found is not None and (found[2] or found[1] not in ".,"):
         cell = cell.replace(found[1], "")
     return cell.replace(",", ".")
+
+
+def without_thousands(cell: str, mark: str) -> str:
+    """A number without the thousands marks that its table has, if it is in groups of three."""
+    found = GROUPED.fullmatch(cell)
+    return cell.replace(mark, "") if found is not None and found[1] == mark else cell

@@ -33,6 +33,20 @@ def stay_apart(names: Iterable[str]) -> bool:
     return len({written_alike(name) for name in own}) == len(own)
 
 
+def counted_alike(named: Collection[str], seen: Collection[str]) -> list[dict[str, str]] | None:
+    """The numbers of the names of two files, where one has words before them: Pose12 is 12.
+
+    None where both have words, which may tell them apart, where numbers of `seen` lack in the
+    other file, or where they are fewer than half of those: R1 and R2 are no poses.
+    """
+    words = [any(not name.strip().isdecimal() for name in names) for names in (named, seen)]
+    one, two = numbers_in(named), numbers_in(seen)
+    few = not two or 2 * len(two) < len(one)
+    if all(words) or few or not set(two.values()) <= set(one.values()):
+        return None
+    return [one, two]
+
+
 def numbers_in(names: Collection[str]) -> dict[str, str]:
     """The number that each name ends with, where all have one behind the same word; else none."""
     counted = {name: COUNTED.fullmatch(name.casefold().replace(" ", "")) for name in names}

@@ -96,8 +96,26 @@ def _rows(found: Any) -> Rows:
     return rows
 
 
+def _is_place(row: Mapping[str, Any]) -> bool:
+    """Whether a record has three coordinates, by their names or as a list of three numbers."""
+    if {name.casefold()[:1] for name in row if not isinstance(row[name], (dict, list))} >= {*"xyz"}:
+        return True
+    return any(_is_place(one) if isinstance(one, dict) else _is_three(one) for one in row.values())
+
+
+def _is_three(value: object) -> bool:
+    """Whether a value is a list of three numbers."""
+    return (
+        isinstance(value, list) and len(value) == 3
+        and all(isinstance(one, (int, float)) for one in value)
+    )  # fmt: skip
+
+
 def _opened(rows: Rows) -> Rows:
-    """The same with a record for each object of the only list of objects that all records have."""
+    """The same with a record for each reading in the only list of objects that all records have.
+
+    Not where a record has a place of its own: what is listed beside it tells something else.
+    """
     inside = [
         name for name in (rows[0] if rows else ())
         if all(isinstance(row.get(name), list) and row[name]
@@ -106,6 +124,8 @@ def _opened(rows: Rows) -> Rows:
     if len(inside) != 1:
         return rows
     name = inside[0]
+    if any(map(_is_place, rows)) or not all(_is_place(one) for row in rows for one in row[name]):
+        return rows
     return [row | {name: one} for row in rows for one in row[name]]
 
 

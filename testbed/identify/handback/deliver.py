@@ -49,7 +49,7 @@ def deliver(
         write_robot_folder(plain, folder / GEOMETRIC, package=package)
         sentences += (_geometric_words(calibration),)
     urdf, told = deliver_own_urdf(calibration, robot, folder)
-    sentences += (*told, _frame_words(calibration, identified))
+    sentences += (_frame_words(calibration, identified), *told)
     if package is not None:
         sentences += (f"its URDF finds the meshes where {ROBOT}/ is the root of {package}",)
     (folder / DH_TABLE).write_bytes(dh_csv(calibration).encode())

@@ -50,6 +50,8 @@ def deliver_own_urdf(
             f"{file} is not handed back with corrected origins, because its text is in an "
             "encoding that is not understood here: save it as UTF-8",
         )
+    if not found.changed:
+        return "", (f"{file} stays as it is: no number that it has was identified anew",)
     extended = calibration.choice.chosen == "extended"
     name = f"{GEOMETRIC if extended else ROBOT}/{own_urdf_name(source.path)}"
     (folder / name).write_bytes(found.data)
@@ -61,8 +63,6 @@ def deliver_own_urdf(
 def _what_changed(found: CorrectedUrdf, file: str, name: str) -> str:
     """What was done to the file, and how it is used."""
     proof = agreement(f"{name} (yourdfpy)", *found.agreement)
-    if not found.changed:
-        return f"{name} is {file} as it is: no number of its links was identified anew; {proof}"
     shift, turn = found.moved
     return (
         f"{name} is {file} with the origins of {counted(len(found.changed), 'joint')} corrected "

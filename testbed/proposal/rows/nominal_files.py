@@ -7,32 +7,48 @@ from testbed.proposal.data import Found
 from testbed.proposal.naming.plain import small_words
 
 SENT = {
-    "nominal", "nominals", "nom", "target", "targets", "commanded", "command", "commands", "cmd",
-    "soll", "sollwerte", "sollpunkte", "theo", "theoretical", "theoretisch", "planned", "desired",
+    "nominal", "nominals", "nom", "commanded", "cmd", "soll", "sollwerte", "sollpunkte", "theo",
+    "theoretical", "theoretisch", "planned", "desired",
     "nominell", "nominali", "théorique", "consigne", "teorico", "teórico",
 }  # fmt: skip
-"""Words of such names."""
+"""Words of such names; targets may as well be those of a tracker."""
+BESIDE = {
+    "points", "point", "poses", "pose", "positions", "position", "coordinates", "coords", "xyz",
+    "data", "values", "punkte", "posen", "positionen", "koordinaten", "werte", "mm",
+}  # fmt: skip
+"""Words that may stand beside them: any other one tells of more than this."""
 
 
 def without_nominal(looks: Sequence[Found]) -> tuple[tuple[Found, ...], tuple[str, ...]]:
     """The other files, and a sentence on each of these.
 
-    Only a file beside one with the same columns is left aside, which nothing calls so: as a station
-    of its own it would count targets as measured.
+    Only a file without joints is left aside, beside one with the same columns and poses that
+    nothing calls so: as a station of its own it would count targets as measured.
     """
     sent = [one for one in looks if one.has("x", "y", "z") and _says_so(one)]
+    sent = [one for one in sent if not one.has("q1")]
     said = dict[int, str]()
     for one in sent:
-        other = next((each for each in looks if each not in sent and each.head == one.head), None)
+        alike = (each for each in looks if each not in sent and _of_the_same_poses(one, each))
+        other = next(alike, None)
         if other is not None:
             said[id(one)] = (
                 f"{one.called}: called so, it is taken as where the robot was sent, and "
-                f"{other.called}, of the same columns, as what was measured"
+                f"{other.called}, of the same columns and poses, as what was measured there"
             )
     return tuple(one for one in looks if id(one) not in said), tuple(said.values())
 
 
+def _of_the_same_poses(one: Found, other: Found) -> bool:
+    """Whether two files have the same columns, as many rows, and the same names of poses."""
+    if one.head != other.head or one.rows != other.rows:
+        return False
+    found = one.stems.get("pose_id")
+    return found is None or set(one.column(found.theirs)) == set(other.column(found.theirs))
+
+
 def _says_so(look: Found) -> bool:
-    """Whether the name of a file, or of a sheet, has such a word."""
-    return any(SENT & set(small_words(name).split()) for name in (Path(look.name).stem,
-               look.sheet or ""))  # fmt: skip
+    """Whether the name of a file, or of a sheet, has such a word, and none that tells of more."""
+    each = ({word for word in small_words(name).split() if not word.isdecimal()}
+            for name in (Path(look.name).stem, look.sheet or ""))  # fmt: skip
+    return any(words & SENT and words <= SENT | BESIDE for words in each)

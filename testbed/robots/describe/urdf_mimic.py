@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from testbed.robots.describe.description import HELD_ELSEWHERE
+from testbed.units import DEG, MM
 
 STATED = (
     "take <mimic> out, write the arm as a robot.toml by truebed.write_robot, and state there under "
@@ -32,5 +33,8 @@ def how_to_follow(joint: Any, way: Sequence[Any]) -> str:
     told = {1.0: "", -1.0: "-"}.get(factor, f"{factor:.9g} ")
     fix = f'{STATED}joints = ["q{at + 1} = {told}q{lead + 1}"]'
     if mimic.offset:
-        fix += f"; add its offset of {float(mimic.offset):.9g} to the zero of joint {at + 1} there"
+        slides = joint.type == "prismatic"
+        offset = float(mimic.offset) * (MM if slides else DEG)
+        key, unit = ("d_mm", "mm") if slides else ("theta_deg", "deg")
+        fix += f"; add its offset, {offset:.9g} {unit}, to {key} of joint {at + 1} there"
     return fix

@@ -7,11 +7,15 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from testbed.files.dialects.pose_names import stay_apart
+from testbed.files.dialects.pose_names import counted_alike, stay_apart
+from testbed.files.dialects.records import _opened
 from testbed.files.read import ReadOptions, read_session
 from testbed.proposal.data import look_at
-from testbed.proposal.names import meanings
+from testbed.proposal.missing import with_rows
+from testbed.proposal.names import _of_this_head, meanings
+from testbed.proposal.rows.nominal_files import without_nominal
 from testbed.proposal.rows.sorted_names import sorted_by_letters
+from testbed.proposal.words import QUATERNION
 from tests.command import call
 from tests.testbed.files.made import csv
 from tests.testbed.proposal.test_odd_files import (
@@ -87,7 +91,6 @@ DIALECTS = {
     "feet below the names": csv(joints("J{}") | places("{}", MM / 304.8)).replace(
         "Z\n", "Z\ndeg,deg,deg,deg,deg,deg,ft,ft,ft\n", 1
     ),
-    "revolutions": csv(joints("J{} [rev]", DEG / 360) | places("{}")),
     "grad that are deg": csv(joints("J{} [grad]") | places("{}")),
     "grad that are gon": csv(joints("J{} (grad)", DEG / 0.9) | places("{}")),
     "gon": csv(joints("J{} [gon]", DEG / 0.9) | places("{} [mm]")),
@@ -306,3 +309,43 @@ def test_a_shift_beside_a_place_is_no_place():
 def test_four_joints_of_an_arm_are_no_quaternion():
     own = {one.theirs: one.stem for one in meanings(["q1", "q2", "q3", "q4", "X", "Y", "Z"])}
     assert own["q1"] == "q1"
+
+
+@pytest.mark.parametrize(
+    ("own", "other", "aside"),
+    [
+        ("nominal_points", "measured", True),
+        ("nominal_load", "full_load", False),  # two loads
+        ("target_a", "smr_b", False),  # two targets of a tracker
+    ],
+)
+def test_only_what_a_name_plainly_calls_nominal_is_left_aside(own, other, aside, tmp_path):
+    for name, values in ((own, SOLL), (other, MM)):
+        (tmp_path / f"{name}.csv").write_text(csv({"Name": NAMES} | places("{}", values)))
+    looks = look_at([tmp_path / f"{name}.csv" for name in (own, other)], tmp_path)
+    left, said = without_nominal(with_rows(looks))
+    assert (len(left), len(said)) == ((1, 1) if aside else (2, 0))
+
+
+def test_names_of_poses_meet_by_their_numbers_only_where_one_file_has_no_words():
+    numbers = [f"{k}" for k in range(1, 7)]
+    assert counted_alike(numbers, [f"Pose{k}" for k in (6, 2, 1, 3)]) is not None
+    assert counted_alike([f"A{k}" for k in numbers], [f"B{k}" for k in numbers]) is None
+    assert counted_alike(numbers, ["R1", "R2"]) is None  # groups of a program, not poses
+    assert counted_alike(numbers, [f"P{k}" for k in (1, 2, 9)]) is None
+
+
+def test_a_list_beside_a_place_is_no_list_of_readings():
+    tag = [{"id": 7, "x": 1.0, "y": 2.0, "z": 3.0}]
+    shots = [{"x": 1.0, "y": 2.0, "z": 3.0}, {"x": 1.1, "y": 2.0, "z": 3.0}]
+    assert _opened([{"xyz": [1.0, 2.0, 3.0], "tags": tag}]) == [
+        {"xyz": [1.0, 2.0, 3.0], "tags": tag}
+    ]
+    assert _opened([{"J1": 1.0, "events": [{"id": 1}, {"id": 2}]}])[0]["events"][0] == {"id": 1}
+    assert len(_opened([{"J1": 1.0, "shots": shots}])) == 2
+
+
+def test_four_counted_joints_beside_four_others_are_no_quaternion():
+    four = ["q_1", "q_2", "q_3", "q_4"]
+    assert not set(_of_this_head([*four, "J1", "J2", "J3", "J4"])) & {"q 1"}
+    assert _of_this_head([*four, *(f"J{k}" for k in range(1, 7))])["q 1"] == QUATERNION[0]

@@ -254,7 +254,7 @@ def test_a_joint_that_follows_another_on_the_way_is_told_by_its_line_of_robot_to
     with pytest.raises(InputError, match="joint a3 is a mimic joint of a2") as caught:
         load_robot(path)
     line = re.search(r"joints = \[.*\]", caught.value.fix)[0]
-    assert "add its offset of 0.1 to the zero of joint 3" in caught.value.fix
+    assert "add its offset, 5.72957795 deg, to theta_deg of joint 3" in caught.value.fix
     arm = load_robot(written(IIWA_LIKE, tmp_path))
     write_robot_folder(arm, tmp_path / "arm")
     toml = tmp_path / "arm" / "robot.toml"

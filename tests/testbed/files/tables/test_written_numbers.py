@@ -115,8 +115,10 @@ def test_marks_that_may_mean_two_things_are_refused(cells, message):
         found(*cells)
 
 
-def test_a_stated_mark_tells_what_the_other_one_is():
-    assert found("1,234", "2,345", decimal=".") == Marks(".", ",")
+def test_beside_a_stated_mark_and_in_turns_nothing_is_a_thousands_mark():
+    """A slip of the pen among them would be read a thousand times too large."""
+    assert found("-1,234", "-2,345", decimal=".") == Marks(".")
+    assert found("-1.775,629", "-1.776", decimal=",") == Marks(",")
     assert found("1,234", "2,345", decimal=",") == Marks(",")
     with pytest.raises(InputError, match="thousands marks"):  # as in programs
         found("1,234.5", grouped=False)
