@@ -185,7 +185,7 @@ def table_of(
     decimal : {".", ","}, optional
         Stated mark; else all columns of this program that hold numbers decide it.
     grouped : bool
-        Whether thousands marks are read where nothing else can be meant.
+        Whether thousands marks are read where nothing else can be meant and no mark is stated.
     in_doubt : str
         What to do where it stays in doubt.
 
@@ -211,13 +211,12 @@ def table_of(
     _require_units(table)
     for name in TEXTS:
         require_short(table, name)
-    if decimal:
+    if decimal:  # beside a stated mark another one is a mistake
         _require_mark(table)
+        return table
     numeric = [name for name in table.names if is_known(name) and name not in TEXTS]
     columns = [Column(name, table.names[name], table.texts(name)) for name in numeric]
-    found = marks_of(
-        sheet.where, sheet.lines, columns, decimal=decimal or "", grouped=grouped, in_doubt=in_doubt
-    )
+    found = marks_of(sheet.where, sheet.lines, columns, grouped=grouped, in_doubt=in_doubt)
     return replace(table, decimal=found.decimal, thousands=found.thousands)
 
 

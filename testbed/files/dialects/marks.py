@@ -52,7 +52,6 @@ def marks_of(
     lines: Sequence[int],
     columns: Sequence[Column],
     *,
-    decimal: str = "",
     grouped: bool = True,
     in_doubt: str = STATE_IT,
 ) -> Marks:
@@ -69,10 +68,8 @@ def marks_of(
         Line of each row.
     columns : sequence of Column
         (m,) cells of each.
-    decimal : {"", ".", ","}
-        Stated mark.
     grouped : bool
-        Whether thousands marks are read, instead of refused; never beside a stated decimal mark.
+        Whether thousands marks are read, instead of refused.
     in_doubt : str
         What to do where the decimal mark stays in doubt.
 
@@ -82,8 +79,7 @@ def marks_of(
         M35: thousands marks that are odd, both decimal marks, or one that may be either.
     """
     comma = point = thousands = None
-    grouped = grouped and not decimal  # beside a stated mark another one is a mistake
-    sure = bool(decimal)
+    sure = False
     for column in columns:
         text, of_turns = "\n".join(column.cells), unit_of(column.own) in TURNS
         if not any(odd.search(text) for odd in ODD):
@@ -95,16 +91,16 @@ def marks_of(
             mark, end = _parted(cell) if grouped and not of_turns else ("", "")
             if mark and thousands in (None, mark) and end != mark:
                 thousands, whole = mark, whole or (cell, row)
-            elif (mark or _is_odd(cell)) and not decimal:
+            elif mark or _is_odd(cell):
                 raise _refused(where, lines[row], column, cell)
             if (end or cell.count(",")) and end != ".":
                 comma = comma or (cell, row)
                 sure = sure or bool(end) or of_turns or not THREE.fullmatch(cell)
             elif end or "." in cell:
                 point = point or (cell, row)
-        if whole is not None and not decimal and any(map(LONG.match, column.cells)):
+        if whole is not None and any(map(LONG.match, column.cells)):
             raise _refused(where, lines[whole[1]], column, whole[0])
-    if comma and point and not decimal:
+    if comma and point:
         message = (
             f'numbers have a decimal comma ("{comma[0][:20]}", line {lines[comma[1]]}) '
             f'and a point ("{point[0][:20]}", line {lines[point[1]]})'
@@ -113,7 +109,7 @@ def marks_of(
     if comma and not sure:
         message = f'numbers such as "{comma[0]}" may have a decimal comma or thousands marks'
         raise refusal(f"{where}:{lines[comma[1]]}", "decimal", message, fix=in_doubt)
-    return Marks(decimal or ("," if comma else "."), thousands or "")
+    return Marks("," if comma else ".", thousands or "")
 
 
 def _parted(cell: str) -> tuple[str, str]:

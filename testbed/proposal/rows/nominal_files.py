@@ -25,8 +25,7 @@ def without_nominal(looks: Sequence[Found]) -> tuple[tuple[Found, ...], tuple[st
     Only a file without joints is left aside, beside one with the same columns and poses that
     nothing calls so: as a station of its own it would count targets as measured.
     """
-    sent = [one for one in looks if one.has("x", "y", "z") and _says_so(one)]
-    sent = [one for one in sent if not one.has("q1")]
+    sent = [one for one in looks if one.has("x", "y", "z") and not one.has("q1") and _says_so(one)]
     said = dict[int, str]()
     for one in sent:
         alike = (each for each in looks if each not in sent and _of_the_same_poses(one, each))

@@ -3,16 +3,18 @@
 Truth: the files are written here from poses that are known.
 """
 
+import json
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
 from testbed.files.dialects.pose_names import counted_alike, stay_apart
-from testbed.files.dialects.records import _opened
+from testbed.files.dialects.records import read_records
 from testbed.files.read import ReadOptions, read_session
 from testbed.proposal.data import look_at
 from testbed.proposal.missing import with_rows
-from testbed.proposal.names import _of_this_head, meanings
+from testbed.proposal.names import meanings
 from testbed.proposal.rows.nominal_files import without_nominal
 from testbed.proposal.rows.sorted_names import sorted_by_letters
 from testbed.proposal.words import QUATERNION
@@ -335,17 +337,22 @@ def test_names_of_poses_meet_by_their_numbers_only_where_one_file_has_no_words()
     assert counted_alike(numbers, [f"P{k}" for k in (1, 2, 9)]) is None
 
 
-def test_a_list_beside_a_place_is_no_list_of_readings():
-    tag = [{"id": 7, "x": 1.0, "y": 2.0, "z": 3.0}]
-    shots = [{"x": 1.0, "y": 2.0, "z": 3.0}, {"x": 1.1, "y": 2.0, "z": 3.0}]
-    assert _opened([{"xyz": [1.0, 2.0, 3.0], "tags": tag}]) == [
-        {"xyz": [1.0, 2.0, 3.0], "tags": tag}
-    ]
-    assert _opened([{"J1": 1.0, "events": [{"id": 1}, {"id": 2}]}])[0]["events"][0] == {"id": 1}
-    assert len(_opened([{"J1": 1.0, "shots": shots}])) == 2
+@pytest.mark.parametrize(
+    ("record", "rows"),
+    [
+        ({"xyz": [1.0, 2.0, 3.0], "tags": [{"id": 7, "x": 1.0, "y": 2.0, "z": 3.0}] * 2}, 1),
+        ({"J1": 1.0, "events": [{"id": 1}, {"id": 2}]}, 1),
+        ({"J1": 1.0, "shots": [{"x": k, "y": 2.0, "z": 3.0} for k in (1.0, 1.1)]}, 2),
+    ],
+)
+def test_a_list_of_readings_is_one_where_no_place_stands_beside_it(record, rows, tmp_path):
+    (tmp_path / "m.json").write_text(json.dumps([record] * 3))
+    text = read_records(tmp_path / "m.json", "m.json", max_mb=1.0)
+    assert len(text.lines) == 1 + 3 * rows
 
 
 def test_four_counted_joints_beside_four_others_are_no_quaternion():
     four = ["q_1", "q_2", "q_3", "q_4"]
-    assert not set(_of_this_head([*four, "J1", "J2", "J3", "J4"])) & {"q 1"}
-    assert _of_this_head([*four, *(f"J{k}" for k in range(1, 7))])["q 1"] == QUATERNION[0]
+    for count, turned in ((4, False), (6, True)):
+        found = meanings([*four, *(f"J{k}" for k in range(1, count + 1))])
+        assert any(one.plain in QUATERNION for one in found) is turned

@@ -8,21 +8,14 @@ import pytest
 
 from calib.errors import InputError
 from testbed.files.dialects.marks import Column, Marks, marks_of
-from testbed.files.read import read_session
+from testbed.files.table import table_of
+from testbed.files.text import read_sheet
+from testbed.gates.text import read_text
 from testbed.proposal.data import look_at
 from testbed.proposal.session import propose_session
 from tests.testbed.files.made import csv
-from tests.testbed.proposal.test_odd_files import (
-    DATA,
-    DEG,
-    MM,
-    UR10,
-    M,
-    grouped_places,
-    joints,
-    places,
-)
-from tests.testbed.proposal.test_session import proposed
+from tests.testbed.proposal.test_dialects import read_as_meant
+from tests.testbed.proposal.test_odd_files import DEG, MM, M, grouped_places, joints, places
 
 COMMAS = {f"J{k + 1}": [f"{v:.12f}".replace(".", ",") for v in DEG[:, k]] for k in range(6)}
 POINTS = {f"J{k + 1}": [f"{v:.12f}" for v in DEG[:, k]] for k in range(6)}
@@ -64,13 +57,7 @@ WRITTEN = {
 
 @pytest.mark.parametrize("text", WRITTEN.values(), ids=WRITTEN)
 def test_numbers_are_read_as_they_were_meant(text, tmp_path):
-    (tmp_path / "m.txt").write_text(text, encoding="utf-8")
-    said, _ = proposed(tmp_path, [tmp_path / "m.txt"], "--robot", UR10.name)
-    assert "to fix" not in said
-    table = read_session(tmp_path / "session.toml", UR10).measurements
-    # twelve decimals of a degree, nine of a millimeter and fifteen digits are written
-    np.testing.assert_allclose(table.q, DATA.q, rtol=0, atol=1e-12)
-    np.testing.assert_allclose(table.position, DATA.T[:, :3, 3], rtol=0, atol=1e-12)
+    read_as_meant(text, tmp_path)
 
 
 def test_the_size_of_numbers_with_thousands_marks_tells_their_unit(tmp_path):
@@ -115,10 +102,15 @@ def test_marks_that_may_mean_two_things_are_refused(cells, message):
         found(*cells)
 
 
-def test_beside_a_stated_mark_and_in_turns_nothing_is_a_thousands_mark():
+def test_beside_a_stated_mark_and_in_turns_nothing_is_a_thousands_mark(tmp_path):
     """A slip of the pen among them would be read a thousand times too large."""
-    assert found("-1,234", "-2,345", decimal=".") == Marks(".")
-    assert found("-1.775,629", "-1.776", decimal=",") == Marks(",")
-    assert found("1,234", "2,345", decimal=",") == Marks(",")
+    (tmp_path / "m.csv").write_text("x_mm;y_mm\n-1,700823;0,5\n-1.776;0,25\n-1.775,629;1\n")
+    sheet = read_sheet(read_text(tmp_path / "m.csv", "m.csv"))
+    table = table_of(sheet, {name: name for name in sheet.head}, decimal=",")
+    seen = table.numbers(("x_mm", "y_mm"))
+    np.testing.assert_array_equal(seen, [[-1.700823, 0.5], [np.nan, 0.25], [np.nan, 1.0]])
+    assert found("57,931", "-1,5", unit="deg") == Marks(",")
+    with pytest.raises(InputError, match="thousands marks"):
+        found("1.057,931", unit="deg")
     with pytest.raises(InputError, match="thousands marks"):  # as in programs
         found("1,234.5", grouped=False)
