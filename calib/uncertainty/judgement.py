@@ -25,6 +25,7 @@ from calib.uncertainty.circumstances import measured_noise
 from calib.uncertainty.conformal import Conformal, conformal
 from calib.uncertainty.discrepancy import Discrepancy, discrepancy
 from calib.uncertainty.drift.drifting import Drifting
+from calib.uncertainty.frames.other_frame import OtherFrame
 from calib.uncertainty.held_out import (
     HeldOut,
     errors_of_poses,
@@ -37,7 +38,6 @@ from calib.uncertainty.proven_belief import proven_belief, stated_radius
 from calib.uncertainty.refit import unknown_to_loops
 from calib.uncertainty.statement.belief import Belief
 from calib.uncertainty.statement.gain import of_all_numbers
-from calib.uncertainty.statement.other_frame import OtherFrame
 from calib.uncertainty.statement.questions import Questions, fisher
 from calib.uncertainty.statement.stated_point import StatedPoint
 from calib.uncertainty.statement.stops import judged_by_stops, stop_covariance

@@ -15,6 +15,7 @@ from calib.measurement.observations import Measurements
 from calib.measurement.tool_target import ToolTarget
 from calib.uncertainty.circumstances import Circumstances, MeasuredNoise
 from calib.uncertainty.drift.drifting import Drifting, drifting
+from calib.uncertainty.frames.other_frame import FEWEST, OtherFrame, after_the_motion, other_frame
 from calib.uncertainty.outlying.angles import loud_turns
 from calib.uncertainty.outlying.poses import (
     Strays,
@@ -23,15 +24,10 @@ from calib.uncertainty.outlying.poses import (
     strays_of,
     without_motion,
 )
-from calib.uncertainty.statement.belief import Belief, adding, believe
+from calib.uncertainty.statement.belief import Belief
+from calib.uncertainty.statement.believe import adding, believe
 from calib.uncertainty.statement.counted import counted
 from calib.uncertainty.statement.gain import left_out_covariance
-from calib.uncertainty.statement.other_frame import (
-    FEWEST,
-    OtherFrame,
-    after_the_motion,
-    other_frame,
-)
 from calib.uncertainty.statement.stated_point import StatedPoint, common_radius, stated_point
 
 
@@ -175,8 +171,9 @@ def stated_radius(
     unseen = None
     if not held:
         T, J = belief.model.poses_and_jacobian(where.q[first], where.conditions.rows(first))
-        rows = ToolTarget.of(known.target).positions_and_rows(belief.model, T, J)[1]
-        unseen = belief.misfit.larger_noise**2 * left_out_covariance(fit, train, rows)
+        there = ToolTarget.of(known.target).positions_and_rows(belief.model, T, J)
+        unseen = left_out_covariance(fit, train, belief.relative(*there))
+        unseen *= belief.misfit.larger_noise**2
     return stated_point(
         belief, where.q[first], at=where.conditions.rows(first),
         target=known.target, held_out=held, repeatability=sd,

@@ -15,10 +15,10 @@ from calib.shown import Shown
 from calib.uncertainty.bootstrap import Bootstrap
 from calib.uncertainty.conformal import Conformal
 from calib.uncertainty.drift.drifting import Drifting
+from calib.uncertainty.frames.other_frame import OtherFrame
 from calib.uncertainty.held_out import HeldOut
 from calib.uncertainty.outlying.poses import Strays
 from calib.uncertainty.statement.belief import Belief
-from calib.uncertainty.statement.other_frame import OtherFrame
 from calib.uncertainty.statement.places import steps_words
 from calib.uncertainty.statement.questions import LEVEL, Questions
 from calib.uncertainty.statement.stated_point import StatedPoint
@@ -26,6 +26,12 @@ from calib.uncertainty.validation import LinearCheck
 
 FRAME, MISFIT = "another frame", "misfit"
 """Name of that question."""
+DATUM = (
+    "These distances do not show where the robot stands: radii are of tool "
+    "points to each other, in the frame that fits those at the poses identified from best; where "
+    "that lies in the base is known no better than the links were, and is in no radius"
+)
+"""What a statement in an inner datum leaves out."""
 StatementName = Literal["region", "none"]
 
 
@@ -168,6 +174,13 @@ def _believed(
         words.append(
             f"{belief.n_guards} held-out poses guard the coverage factor, k = {belief.factor:.2f}"
         )
+    elif belief.n_ranged:
+        words.append(
+            f"Distances at {belief.n_ranged} held-out poses guard the coverage factor, k = "
+            f"{belief.factor:.2f}, in their own directions alone, so a stricter limit of the "
+            f"misfit is used as well; {fewest_poses(belief.probability)} poses measured as "
+            "positions would guard all"
+        )
     else:
         seen = " and measured as positions (a distance shows one direction only)" * ranged
         words.append(
@@ -175,6 +188,8 @@ def _believed(
             f"used instead; {fewest_poses(belief.probability)} poses drawn from where the robot "
             f"is used{seen} would guard it"
         )
+    if belief.datum is not None:
+        words.append(DATUM)
     if steps := steps_words(belief.proven):
         words.append(_capital(steps))
     if drifting is not None and (drifting.void or drifting.drift is not None):

@@ -38,7 +38,6 @@ from testbed.identify.proof import (
     standing_warnings,
     stated_target,
     target_warnings,
-    turn_warnings,
 )
 from testbed.identify.records import HeldOutSplit, OutlierRows
 from testbed.identify.session import origin_of, row_names, scatter_root, with_scatter
@@ -271,7 +270,6 @@ def _warned(
         *placed,
         *guard_warnings(session, found.measurements.rows(is_test)),
         *standing_warnings(session, identification, found.proof.belief),
-        *turn_warnings(session, found.measurements, identification.model.fixtures.anchors),
     ]
     if not found.handback.in_use:
         warnings += target_warnings(found.measurements, found.target, session.reflector_names)

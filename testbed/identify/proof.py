@@ -33,9 +33,6 @@ MOST_ROWS = 300
 QUIET = 0.3
 """Repeats that scatter by less than this part of the noise of one reading are no readings anew, or
 the noise is stated much too large."""
-ON_LINE = 1e-3
-"""Part of their spread by which points lie off a line at most: places are known to some tenths of a
-millimeter over meters, so that these errors would tell the turn about it, and no reading."""
 
 
 def proof_of(
@@ -146,29 +143,6 @@ def target_warnings(
             "about the tool's orientation or about another tool",
         )
     return ()
-
-
-def turn_warnings(session: Session, measurements: Measurements, anchors: Array) -> tuple[str, ...]:
-    """That distances from points on one line leave a turn of the whole robot about them.
-
-    Such a turn moves every tool point in the base and changes no reading. The places of all anchors
-    are `anchors` (s, 3) [m].
-    """
-    alone = len(measurements) > 0 and bool(measurements.is_distance.all())
-    if not alone or session.wanted.base != "free":
-        return ()
-    used = np.unique(anchors[np.unique(measurements.anchor)], axis=0)
-    spread = np.linalg.svd(used - used.mean(axis=0), compute_uv=False)
-    if len(used) > 2 and spread[1] > ON_LINE * spread[0]:
-        return ()
-    points, about = {1: ("one point", "it"), 2: ("two points", "both")}.get(
-        len(used), (f"{len(used)} points that lie on one line", "that line")
-    )
-    return (
-        f"distances from {points} leave a turn of the whole robot about {about} undetermined: the "
-        "radius does not include such a turn of the base, which no reading shows; measure from "
-        "three points or more that do not lie on one line",
-    )
 
 
 def standing_warnings(

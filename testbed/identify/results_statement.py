@@ -113,9 +113,11 @@ def _region(point: StatedPoint, belief: Belief) -> list[Quantity]:
         "probability": point.probability,
         "factor": belief.factor,
         "guards": belief.n_guards,
+        "poses_ranged": belief.n_ranged,
         "poses": point.n_poses,
         "poses_held_out": point.held_out,
         "move_told_by": point.move_told_by,
+        "relative": point.relative,
         "noise_scale": belief.misfit.noise_scale,
         "noise_told_by_repeats": belief.misfit.repeated,
     }

@@ -22,6 +22,7 @@ MEASURED = "MEASURED - a calibration report, not a certificate of traceability"
 GUARDED = "✓ The stated radius can be believed"
 GUESSED = "? The stated radius can be believed as far as the noise that is assumed"
 UNGUARDED = "? The stated radius was tested by too few held-out poses"
+RANGED = "? The stated radius was tested by distances alone"
 UNTESTED = "? No held-out pose has tested the stated radius"
 ELSEWHERE = "✗ The held-out poses are off as a whole: they prove nothing until the cause is found"
 NOTHING = "✗ No statement about the tool point can be believed"
@@ -45,6 +46,8 @@ def mark(calibration: Calibration) -> str:
         return ELSEWHERE
     if belief.n_guards:
         return GUESSED if calibration.source.noise_assumed else GUARDED
+    if belief.n_ranged:
+        return RANGED
     return UNGUARDED if calibration.proof.held_out is not None else UNTESTED
 
 
@@ -94,26 +97,39 @@ def _believed_words(calibration: Calibration) -> str:
     if point is None or belief is None:
         return "No statement about the true tool point can be believed."
     radius = f"{r95(point)} of the mean tool point is {micrometres(point.radius_mean)} um"
+    radius += " in the frame that fits its places best" * point.relative
     if calibration.elsewhere:
         return f"{radius}; the held-out poses should have tested it, and could not."
     if belief.n_guards:
         noise = "with the noise that is assumed " if calibration.source.noise_assumed else ""
-        text = f"{radius}; {noise}it can be believed: {belief.n_guards} held-out poses guard it."
-        less, shots = drawn_out(calibration), len(calibration.gross.held_out_names)
-        if less is not None:
-            text += (
-                f" It is so wide because of {counted(shots, 'held-out row')} that "
-                f"{'stands' if shots == 1 else 'stand'} out: without "
-                f"{'it' if shots == 1 else 'them'}, R95 would be {micrometres(less)} um."
-            )
-        return text
+        return (
+            f"{radius}; {noise}it can be believed: {belief.n_guards} held-out poses guard it."
+            f"{_drawn_out_words(calibration)}"
+        )
+    if belief.n_ranged:
+        return (
+            f"{radius}; distances at {belief.n_ranged} held-out poses have tested it, in one "
+            f"direction each: they guard no other.{_drawn_out_words(calibration)}"
+        )
     if calibration.proof.held_out is None:
         alone = f"{radius}; it rests on the fit alone: "
         if held_out_poses(calibration) and calibration.measurements.is_distance.all():
-            return f"{alone}held-out distances show one direction each, and guard no radius."
+            return f"{alone}few held-out distances, of one direction each, guard no radius."
         return f"{alone}no held-out pose has tested it."
     few = counted(len(calibration.proof.held_out), "held-out pose")
     return f"{radius}; it allows for a larger misfit, because {few} tested it: too few to guard it."
+
+
+def _drawn_out_words(calibration: Calibration) -> str:
+    """That the radius is so wide because of held-out rows that stand out; empty where it is not."""
+    less, shots = drawn_out(calibration), len(calibration.gross.held_out_names)
+    if less is None:
+        return ""
+    stand, them = ("stands", "it") if shots == 1 else ("stand", "them")
+    return (
+        f" It is so wide because of {counted(shots, 'held-out row')} that {stand} out: without "
+        f"{them}, R95 would be {micrometres(less)} um."
+    )
 
 
 def reasons(calibration: Calibration) -> tuple[str, ...]:

@@ -4,9 +4,9 @@ import numpy as np
 from scipy.special import chdtrc
 
 from calib.arrays import Array
+from calib.uncertainty.frames.motion_fit import FOLLOWED
 from calib.uncertainty.many.gains import ManyGains, halved, many_whiteners
 from calib.uncertainty.many.sights import ManyRowsSeen, ManySights
-from calib.uncertainty.statement.motion_fit import FOLLOWED
 
 
 def motion_chances(seen: ManySights, gains: ManyGains, covariance: Array, upper: Array) -> Array:

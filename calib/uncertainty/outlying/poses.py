@@ -19,10 +19,10 @@ from calib.information.propagation import propagated
 from calib.measurement.observations import Measurements
 from calib.measurement.prediction import predict, predicted_positions
 from calib.shown import Shown, length_words
+from calib.uncertainty.frames.motion_fit import asked, chi_square
+from calib.uncertainty.frames.rigid import motions_of, rest_of
 from calib.uncertainty.regions import mahalanobis_squared
 from calib.uncertainty.statement.belief import Belief
-from calib.uncertainty.statement.motion_fit import asked, chi_square
-from calib.uncertainty.statement.rigid import motions_of, rest_of
 from calib.uncertainty.statement.shape import same_count
 
 CHANCE = 0.01

@@ -14,7 +14,8 @@ from calib.arrays import Array, require_probability
 from calib.measurement.observations import Measurements
 from calib.measurement.prediction import predict
 from calib.uncertainty.regions import coverage_factor
-from calib.uncertainty.statement.belief import Belief, adding
+from calib.uncertainty.statement.belief import Belief
+from calib.uncertainty.statement.believe import adding
 
 CONFIDENCE = 0.95
 """With which a share of errors that was counted is one of all poses."""

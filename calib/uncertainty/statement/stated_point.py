@@ -16,6 +16,8 @@ from calib.uncertainty.statement.belief import Belief
 from calib.uncertainty.statement.distance import radius_over
 from calib.uncertainty.tool_point import ToolStatement
 
+IN_DATUM = ", in the frame that fits the tool points best"
+"""Where a radius is stated that no reading ties to the base."""
 CHANCE = 0.05
 """Chance of so few held-out poses within the radius below which they widen it."""
 
@@ -37,6 +39,8 @@ class StatedPoint:
     """Whether the poses were held out, else identified from."""
     move_told_by: str
     """What tells how well joints come back; empty where nothing does."""
+    relative: bool = False
+    """Whether points are stated to each other, in the frame that fits them best: none is shown."""
 
     @property
     def sentence(self) -> str:
@@ -45,6 +49,8 @@ class StatedPoint:
             f"the mean tool point lies within {_in_um(self.radius_mean)} um of the predicted one "
             f"with {100 * self.probability:g} % probability (3-D radius, poses like the "
             f"{self.n_poses} {'held out' if self.held_out else 'identified from'})"
+            + IN_DATUM
+            * self.relative
         )
 
     @property
@@ -129,6 +135,7 @@ def stated_point(
     return StatedPoint(
         grown * _usual(mean), grown * radius, grown * u_move, grown * radius_move,
         belief.probability, len(q), held_out, told_by if np.isfinite(u_move) else "",
+        belief.datum is not None,
     )  # fmt: skip
 
 

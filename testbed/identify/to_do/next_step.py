@@ -53,7 +53,11 @@ def next_step(calibration: Calibration) -> str:
         return f"{first}{text[0].lower()}{text[1:]}"
     if not proof.belief.n_guards:
         done = "guards" if proof.held_out is not None else "has tested"
-        return f"{text} State with it that no held-out pose {done} it. {_more_poses(calibration)}"
+        said = f"no held-out pose {done} it"
+        if proof.belief.n_ranged:
+            said = "distances alone have tested it"
+        said += ", and that it is of tool points to each other" * proof.point.relative
+        return f"{text} State with it that {said}. {_more_poses(calibration)}"
     if drifts := drift_step(calibration):
         return f"{text} {drifts}"
     if proof.tails is not None and not proof.tails.source:

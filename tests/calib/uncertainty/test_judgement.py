@@ -18,7 +18,7 @@ from calib.uncertainty.conformal import conformal
 from calib.uncertainty.discrepancy import discrepancy
 from calib.uncertainty.held_out import held_out
 from calib.uncertainty.judgement import Circumstances, judge
-from calib.uncertainty.statement.belief import believe
+from calib.uncertainty.statement.believe import believe
 from tests.reference import SIGMA_POSITION, WEN24, pool_r, rigid_truth, tx60
 from tests.truth.measuring import measured
 

@@ -10,12 +10,13 @@ from calib.measurement import tables
 from calib.measurement.observations import joined
 from calib.uncertainty.statement.distance import distance_radius
 from calib.uncertainty.statement.stated_point import widened
+from calib.uncertainty.trust import DATUM
 from testbed.identify.calibrate import Options, calibrate
 from testbed.identify.frames import frames_of
 from testbed.identify.headline import kind
 from testbed.identify.session import with_test
 from testbed.identify.to_do.next_step import next_step
-from testbed.identify.words import verdict
+from testbed.identify.words import RANGED, UNTESTED, mark, verdict
 from tests.calibrated import robot, session_of, true_model
 from tests.reference import SIGMA_POSITION, pool_r
 
@@ -134,11 +135,19 @@ def test_distances_to_known_points_are_judged_as_distances():
     assert found.proof.held_out is None
     # a distance shows an error along its own line only: no radius around a point comes of it
     assert found.proof.conformal is None
-    assert "no held-out pose has tested it" in next_step(found)
+    assert "distances alone have tested it" in next_step(found)
     # 25 more distances would not help, though 19 positions would
     assert "Measure positions, not distances, of at least 19 held-out poses" in next_step(found)
-    assert "held-out distances show one direction each, and guard no radius" in verdict(found)
-    assert "is used and measured as positions (a distance shows" in found.proof.trust.sentence
+    assert mark(found) == RANGED
+    assert "distances at 25 held-out poses have tested it, in one direction each" in verdict(found)
+    assert "Distances at 25 held-out poses guard the coverage factor" in found.proof.trust.sentence
+    # the anchors are known, and with them where the robot stands
+    assert found.proof.belief.datum is None
+    assert not found.proof.point.relative
+    few = calibrate(robot(), session, Options(held_out=18))
+    assert mark(few) == UNTESTED
+    assert "few held-out distances, of one direction each, guard no radius" in verdict(few)
+    assert "is used and measured as positions (a distance shows" in few.proof.trust.sentence
     # E|noise| of one distance is 14 um
     assert found.fit.test.position.mean < 40e-6
     assert kind(found) == "mean distance error"
@@ -146,3 +155,18 @@ def test_distances_to_known_points_are_judged_as_distances():
     # no proof looks at the joints of distances: the split does
     with pytest.raises(InputError, match="90 of 90 held-out poses stand at the same joints"):
         calibrate(robot(), with_test(session, session))
+
+
+def test_distances_from_points_of_unknown_place_state_tool_points_to_each_other():
+    """In the base, a radius of what is known there would be that of the prior of the links."""
+    table = distances(true_model(), pool_r(90), np.random.default_rng(1))
+    where = {"fixtures": Fixtures(anchors=ANCHORS), "anchor_names": ("P", "Q", "R")}
+    loose = {"link_sd": np.tile([1e-3, 5e-4, 5e-4, 1e-3, 1e-3], (6, 1))}
+    found = calibrate(robot(), session_of(table, **where, **loose), Options(held_out=25))
+    point = found.proof.point
+    assert point.relative
+    # u of one link number alone, .5 mm, would make a radius of some .8 mm
+    assert point.radius_mean < 5e-4
+    assert "um in the frame that fits its places best" in verdict(found)
+    assert "and that it is of tool points to each other." in next_step(found)
+    assert DATUM in found.proof.trust.sentences

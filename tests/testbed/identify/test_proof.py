@@ -2,26 +2,18 @@
 
 from dataclasses import replace
 from functools import cache
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from calib.errors import InputError
-from calib.geometry.frames import exp_so3
 from calib.geometry.jacobian import joint_columns
 from calib.measurement import tables
 from calib.measurement.observations import joined
 from calib.measurement.tool_target import ToolTarget
 from testbed.identify.calibrate import Options, calibrate
 from testbed.identify.order import order_words, require_order
-from testbed.identify.proof import (
-    one_after_another,
-    repeatability,
-    stated_target,
-    target_warnings,
-    turn_warnings,
-)
+from testbed.identify.proof import one_after_another, repeatability, stated_target, target_warnings
 from testbed.identify.report.belief import questions_table
 from testbed.identify.session import with_test
 from testbed.identify.words import ELSEWHERE, UNGUARDED, mark, verdict
@@ -210,62 +202,6 @@ def test_of_one_point_nothing_is_said_of_another():
     assert "how the tool point lies relative to them" in said(joined([one, found]))
     # a lone target of unknown place need not have a name
     assert "are about this point; how the flange lies" in said(found, name="", reflector=0)
-
-
-CORNERS = np.array([[2.0, 0.0, 0.5], [2.0, 1.0, 0.5], [0.0, 2.0, 0.5]])
-RAIL = np.array([[2.0, 0.0, 0.5], [2.0, 1.0, 0.5], [2.0, 2.0, 0.5]])
-
-
-def bent_rail(off):
-    """The rail with its middle point off the line [m]."""
-    places = RAIL.copy()
-    places[1, 0] += off
-    return places
-
-
-def distances_from(places):
-    """Six rows, from each of some points in turn."""
-    at = np.arange(6) % len(places)
-    return tables.distances(np.zeros((6, 6)), np.ones(6), sd=1e-5, anchor=at)
-
-
-@pytest.mark.parametrize(
-    ("places", "base", "said"),
-    [(CORNERS[:1], "free", "one point leave a turn of the whole robot about it undetermined:"),
-     (CORNERS[:2], "free", "two points leave a turn of the whole robot about both undetermined:"),
-     (CORNERS[[0, 1, 0]], "free", "two points leave a turn of the whole robot about both"),
-     (RAIL, "free", "3 points that lie on one line leave a turn of the whole robot about that"),
-     (bent_rail(1e-4), "free", "3 points that lie on one line"),
-     (bent_rail(1e-2), "free", ""),
-     (CORNERS, "free", ""), (np.concatenate([RAIL, CORNERS[2:]]), "free", ""),
-     (CORNERS[:1], "fixed", ""), (RAIL, "fixed", "")],
-)  # fmt: skip
-def test_distances_from_points_on_a_line_leave_a_turn_of_the_whole_robot(places, base, said):
-    """Of one point 3 to 12 mm were the true error of points stated within 63 um."""
-    rows, session = distances_from(places), SimpleNamespace(wanted=SimpleNamespace(base=base))
-    (text,) = turn_warnings(session, rows, places) or ("",)
-    assert said in text
-    assert ("which no reading shows" in text) == bool(said)
-    assert not turn_warnings(session, rows.rows([]), places)
-
-
-def test_only_points_that_were_measured_from_hold_the_robot():
-    session = SimpleNamespace(wanted=SimpleNamespace(base="free"))
-    places = np.concatenate([RAIL, CORNERS[2:]])
-    assert turn_warnings(session, distances_from(RAIL), places)
-
-
-@pytest.mark.parametrize(("places", "turns"), [(RAIL, True), (CORNERS, False)])
-def test_a_turn_about_all_points_changes_no_distance(places, turns):
-    """The turn itself: of tool points about the line through the first two."""
-    rng = np.random.default_rng(1)
-    at, axis = rng.normal(size=(20, 3)), places[1] - places[0]
-    turned = (at - places[0]) @ exp_so3(0.3 * axis / np.linalg.norm(axis)).T + places[0]
-    assert np.linalg.norm(turned - at, axis=1).min() > 0.01
-    before, after = (np.linalg.norm(x[:, None] - places, axis=2) for x in (at, turned))
-    assert np.allclose(before, after, rtol=0, atol=1e-12) == turns  # rounding
-    session = SimpleNamespace(wanted=SimpleNamespace(base="free"))
-    assert bool(turn_warnings(session, distances_from(places), places)) == turns
 
 
 def wanting(session, **wanted):

@@ -12,10 +12,10 @@ from calib.shown import Shown
 from calib.uncertainty.conformal import Conformal
 from calib.uncertainty.discrepancy import Discrepancy
 from calib.uncertainty.drift.drifting import Drifting
+from calib.uncertainty.frames.other_frame import OtherFrame
 from calib.uncertainty.held_out import HeldOut
 from calib.uncertainty.outlying.poses import Strays
 from calib.uncertainty.statement.belief import Belief
-from calib.uncertainty.statement.other_frame import OtherFrame
 from calib.uncertainty.statement.questions import Questions
 from calib.uncertainty.statement.stated_point import StatedPoint
 from calib.uncertainty.trust import Trust

@@ -19,7 +19,7 @@ from calib.uncertainty.drift.drifting import (
     where_poses_stand,
 )
 from calib.uncertainty.drift.memory import REMEMBERS, interchangeable, memory_p, visits_of_poses
-from calib.uncertainty.statement.belief import adding, believe
+from calib.uncertainty.statement.believe import adding, believe
 from tests.calib import kinds
 
 TX60 = RobotModel(kinds.ARMS["tx60"])

@@ -25,7 +25,7 @@ from calib.uncertainty.drift.memory import (
     sum_of_remembered,
     whitened_positions,
 )
-from calib.uncertainty.statement.belief import believe
+from calib.uncertainty.statement.believe import believe
 from calib.uncertainty.statement.gain import estimator_gain
 from calib.uncertainty.statement.misfit import misfit
 from calib.uncertainty.statement.shape import misfit_shape

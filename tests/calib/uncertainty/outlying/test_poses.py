@@ -13,13 +13,13 @@ from calib.geometry.model import RobotModel
 from calib.geometry.parameters import parameters_of
 from calib.identification.identify import identify
 from calib.measurement.prediction import predict, predicted_positions
+from calib.uncertainty.frames.rigid import rest_of
 from calib.uncertainty.judgement import Circumstances, judge
 from calib.uncertainty.outlying.poses import Strays, strays_beside, strays_of
-from calib.uncertainty.statement.belief import believe
-from calib.uncertainty.statement.rigid import rest_of
+from calib.uncertainty.statement.believe import believe
 from tests.calib import kinds
+from tests.calib.uncertainty.frames.test_other_frame import shifted
 from tests.calib.uncertainty.statement.test_belief import TX60, campaign
-from tests.calib.uncertainty.statement.test_other_frame import shifted
 
 BLAMED = "joints, payload or the model changed"
 

@@ -22,7 +22,7 @@ from calib.uncertainty.statement.applicability import (
     proven_at,
     steps_of,
 )
-from calib.uncertainty.statement.belief import believe
+from calib.uncertainty.statement.believe import believe
 from calib.uncertainty.statement.places import reasons, steps_words
 from tests.calib import kinds
 

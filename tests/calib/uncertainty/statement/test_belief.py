@@ -12,7 +12,7 @@ from calib.geometry.parameters import parameters_of
 from calib.identification.identify import identify
 from calib.measurement.observations import joined
 from calib.measurement.prediction import predict
-from calib.uncertainty.statement.belief import APART, adding, believe, drawn_rows
+from calib.uncertainty.statement.believe import APART, adding, believe, drawn_rows
 from calib.uncertainty.statement.distance import distance_radius
 from calib.uncertainty.statement.repeats import scatter_chance
 from calib.uncertainty.tool_point import tool_statement

@@ -9,7 +9,7 @@ from scipy.stats import binom, chi2
 from calib.uncertainty.judgement import Circumstances, judge
 from calib.uncertainty.many.judgements import judge_many
 from calib.uncertainty.regions import mahalanobis_squared
-from calib.uncertainty.statement.belief import believe
+from calib.uncertainty.statement.believe import believe
 from calib.uncertainty.statement.counted import CONFIDENCE, counted, counted_rank, enclosing_sizes
 from tests.calib import kinds
 from tests.calib.uncertainty.statement.test_belief import campaign

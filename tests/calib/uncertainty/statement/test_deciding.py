@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from calib.uncertainty.statement.belief import believe
+from calib.uncertainty.statement.believe import believe
 from calib.uncertainty.statement.deciding import MOST, what_decides
 from calib.uncertainty.statement.distance import distance_radius
 from calib.uncertainty.statement.misfit import HiddenMisfit

@@ -16,7 +16,7 @@ from calib.measurement import tables
 from calib.measurement.noise import spherical_covariance, with_joint_noise
 from calib.measurement.observations import joined
 from calib.measurement.prediction import perfect, predict, targets
-from calib.uncertainty.statement.belief import believe
+from calib.uncertainty.statement.believe import believe
 from calib.uncertainty.statement.instrument import (
     LEVEL,
     PLACE,

@@ -11,7 +11,7 @@ from calib.measurement.prediction import predict
 from calib.uncertainty.circumstances import Circumstances, measured_noise
 from calib.uncertainty.proven_belief import stated_radius
 from calib.uncertainty.regions import coverage_factor
-from calib.uncertainty.statement.belief import believe
+from calib.uncertainty.statement.believe import believe
 from calib.uncertainty.statement.distance import distance_radius
 from calib.uncertainty.statement.gain import left_out_covariance
 from calib.uncertainty.statement.stated_point import (

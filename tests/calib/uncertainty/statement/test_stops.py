@@ -17,7 +17,7 @@ from calib.measurement.observations import joined
 from calib.measurement.prediction import predict
 from calib.measurement.residual import linearize, table_whiteners
 from calib.uncertainty.judgement import Circumstances, judge
-from calib.uncertainty.statement.belief import believe
+from calib.uncertainty.statement.believe import believe
 from calib.uncertainty.statement.evidence import position_rows
 from calib.uncertainty.statement.gain import estimator_gain
 from calib.uncertainty.statement.misfit import misfit, misfit_shape

@@ -16,7 +16,7 @@ from calib.identification.identify import identify
 from calib.measurement.observations import joined
 from calib.uncertainty.conformal import conformal
 from calib.uncertainty.held_out import errors_of_poses
-from calib.uncertainty.statement.belief import believe
+from calib.uncertainty.statement.believe import believe
 from calib.uncertainty.statement.repeats import noise_repeats
 from calib.uncertainty.statement.stated_point import common_radius
 from tests.calib import kinds

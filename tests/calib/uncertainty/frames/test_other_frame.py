@@ -13,9 +13,9 @@ from calib.identification.identify import identify
 from calib.identification.prior import weak_prior
 from calib.measurement.observations import joined
 from calib.measurement.prediction import predict, predicted_positions
+from calib.uncertainty.frames.other_frame import other_frame
 from calib.uncertainty.judgement import Circumstances, judge
-from calib.uncertainty.statement.belief import believe
-from calib.uncertainty.statement.other_frame import other_frame
+from calib.uncertainty.statement.believe import believe
 from tests.calib import kinds
 from tests.calib.uncertainty.statement.test_belief import TX60, bent, campaign, visit
 from tests.memory import peak_below

@@ -8,9 +8,9 @@ from calib.arrays import Array
 from calib.identification.identify import Identification
 from calib.measurement.observations import Measurements
 from calib.measurement.prediction import predict
+from calib.uncertainty.frames.rigid import motions_of, rms_length
 from calib.uncertainty.statement.belief import Belief
 from calib.uncertainty.statement.gain import estimator_gain
-from calib.uncertainty.statement.rigid import motions_of, rms_length
 from calib.uncertainty.statement.shape import of_poses, same_count
 
 FOLLOWED = 0.01

@@ -13,15 +13,15 @@ from calib.identification.identify import Identification
 from calib.measurement.observations import Measurements
 from calib.measurement.prediction import predict, predicted_positions
 from calib.shown import Shown, length_words
-from calib.uncertainty.statement.belief import Belief
-from calib.uncertainty.statement.motion_fit import asked, chi_square, explained
-from calib.uncertainty.statement.rigid import (
+from calib.uncertainty.frames.motion_fit import asked, chi_square, explained
+from calib.uncertainty.frames.rigid import (
     motions_of,
     plain_offset,
     rest_of,
     rms_length,
     whole_motion,
 )
+from calib.uncertainty.statement.belief import Belief
 
 PLAIN = 5.0
 """One kind of motion that leaves so many times less than the other is plainly the one."""

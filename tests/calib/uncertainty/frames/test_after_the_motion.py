@@ -8,13 +8,13 @@ from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
 from calib.measurement.prediction import predict, predicted_positions
+from calib.uncertainty.frames.other_frame import after_the_motion, other_frame
+from calib.uncertainty.frames.rigid import rest_of, rms_length
 from calib.uncertainty.judgement import judge
-from calib.uncertainty.statement.belief import believe
-from calib.uncertainty.statement.other_frame import after_the_motion, other_frame
-from calib.uncertainty.statement.rigid import rest_of, rms_length
+from calib.uncertainty.statement.believe import believe
 from tests.calib import kinds
+from tests.calib.uncertainty.frames.test_other_frame import shifted
 from tests.calib.uncertainty.statement.test_belief import campaign
-from tests.calib.uncertainty.statement.test_other_frame import shifted
 
 
 def bumped(true, held_out, joint, degrees, rng):

@@ -1,0 +1,78 @@
+"""The frame in which tool points are stated where no reading shows one: that which fits them best.
+
+Distances from points of unknown place look the same wherever robot and points stand together. In
+the base, a tool point is then known no better than the prior of the links; how tool points lie to
+each other is known as well as the readings tell. That is stated.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from calib.arrays import Array, frozen
+from calib.identification.identify import Identification
+from calib.measurement.observations import Measurements
+from calib.measurement.tool_target import ToolTarget
+from calib.uncertainty.frames.rigid import turning
+
+ON_LINE = 1e-3
+"""Part of their spread by which points lie off a line at most: places are known to some tenths of a
+millimeter over meters, so that these errors would tell the turn about it, and no reading."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class InnerDatum:
+    """The frame in which the tool points at given postures are least off, as a rigid motion."""
+
+    center: Array
+    """(3,) mean of these tool points in the base [m]."""
+    motion: Array
+    """(6, P) shift [m] and turn about the center [rad] of that frame, by the model's numbers."""
+
+    def relative(self, position: Array, rows: Array) -> Array:
+        """Rows (N, 3, P) of tool points at (N, 3) [m] as seen from this frame.
+
+        References
+        ----------
+        S = I - A (A'A)^-1 A', of Helmert's free network: Baarda 1973 (S-transformation), Meissl
+        1969 (inner constraints); here for points that took no part in choosing the frame, too.
+        """
+        return np.asarray(rows - turning(position - self.center) @ self.motion)
+
+
+def inner_datum(
+    identification: Identification, train: Measurements, target: ToolTarget
+) -> InnerDatum:
+    """The frame that fits the tool points best at the poses identified from, each counted once."""
+    first = np.unique(train.pose_id, return_index=True)[1]
+    model = identification.model
+    T, J = model.poses_and_jacobian(train.q[first], train.conditions.rows(first))
+    position, rows = target.positions_and_rows(model, T, J)
+    center = position.mean(axis=0)
+    arms = turning(position - center).reshape(-1, 6)
+    # a turn about a line on which all points lie moves none of them: the least of all motions
+    motion = np.linalg.lstsq(arms, rows.reshape(len(arms), -1), rcond=None)[0]
+    return InnerDatum(frozen(center), frozen(motion))
+
+
+def shows_no_frame(identification: Identification, *tables: Measurements) -> bool:
+    """Whether no reading shows where the base stands: all are distances from points free to move.
+
+    Points of known place show it, unless a free base turns about the only two of them, or a line.
+    """
+    rows = [table for table in tables if len(table)]
+    if not rows or not all(bool(table.is_distance.all()) for table in rows):
+        return False
+    asked = {*identification.parameters.free_names, *identification.reduction.dropped}
+    used = sorted({k for table in rows for k in np.unique(table.anchor).tolist()})
+    known = [k for k in used if f"anchor{k + 1}.x" not in asked]
+    if not known:
+        return True
+    places = np.unique(identification.model.fixtures.anchors[known], axis=0)
+    return any(name.startswith("base.") for name in asked) and on_line(places)
+
+
+def on_line(places: Array) -> bool:
+    """Whether points (k, 3) lie on one line, as one or two of them always do."""
+    spread = np.linalg.svd(places - places.mean(axis=0), compute_uv=False)
+    return bool(len(places) < 3 or spread[1] <= ON_LINE * spread[0])
