@@ -97,7 +97,8 @@ def _believed_words(calibration: Calibration) -> str:
     if point is None or belief is None:
         return "No statement about the true tool point can be believed."
     radius = f"{r95(point)} of the mean tool point is {micrometres(point.radius_mean)} um"
-    radius += " in the frame that fits its places best" * point.relative
+    if point.relative:
+        radius += " relative to the others (these distances do not show where the robot stands)"
     if calibration.elsewhere:
         return f"{radius}; the held-out poses should have tested it, and could not."
     if belief.n_guards:

@@ -167,6 +167,6 @@ def test_distances_from_points_of_unknown_place_state_tool_points_to_each_other(
     assert point.relative
     # u of one link number alone, .5 mm, would make a radius of some .8 mm
     assert point.radius_mean < 5e-4
-    assert "um in the frame that fits its places best" in verdict(found)
+    assert "um relative to the others (these distances do not show where" in verdict(found)
     assert "and that it is of tool points to each other." in next_step(found)
     assert DATUM in found.proof.trust.sentences
