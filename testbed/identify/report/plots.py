@@ -76,7 +76,8 @@ def histogram(calibration: Calibration) -> str:
             if edges[0] > 0:
                 ax.set_xscale("log")
                 log_ticks(ax.xaxis, float(edges[0]), top)
-            ax.set_xlabel(f"{name} error [{unit}]")
+            ranged = name == "position" and bool(calibration.measurements.is_distance.all())
+            ax.set_xlabel(f"{'distance' if ranged else name} error [{unit}]")
             ax.set_ylabel("poses")
             ax.locator_params(axis="y", integer=True)
         legend_above(figure, axes[0])

@@ -14,6 +14,7 @@ from calib.uncertainty.trust import DATUM
 from testbed.identify.calibrate import Options, calibrate
 from testbed.identify.frames import frames_of
 from testbed.identify.headline import kind
+from testbed.identify.report.plots import histogram
 from testbed.identify.session import with_test
 from testbed.identify.to_do.next_step import next_step
 from testbed.identify.words import RANGED, UNTESTED, mark, verdict
@@ -170,3 +171,4 @@ def test_distances_from_points_of_unknown_place_state_tool_points_to_each_other(
     assert "um relative to the others (these distances do not show where" in verdict(found)
     assert "and that it is of tool points to each other." in next_step(found)
     assert DATUM in found.proof.trust.sentences
+    assert "distance error [mm]" in histogram(found)
