@@ -169,6 +169,12 @@ class Calibration(Shown):
         return frame is not None and frame.found
 
     @property
+    def decidable(self) -> bool:
+        """Whether a tolerance in the base can be decided on at all: readings show where it is."""
+        belief = self.proof.belief
+        return belief is not None and not self.elsewhere and belief.datum is None
+
+    @property
     def believable(self) -> bool:
         """Whether the stated region is believed, and nothing about it is left to settle."""
         return self.proof.trust.believe == "region" and not self.elsewhere

@@ -59,7 +59,7 @@ def at_held_out(calibration: Calibration, q: Array) -> tuple[Conformity, Conform
     or where no region is believed.
     """
     belief, asked = calibration.proof.belief, calibration.decision
-    if belief is None or asked is None or calibration.elsewhere:
+    if belief is None or asked is None or not calibration.decidable:
         return None
     S = widened(belief.regions(q, target=belief.proven.target))
     identified, nominal = (
@@ -128,13 +128,15 @@ def decision_words(calibration: Calibration, delivered: Delivered) -> tuple[str,
     why = "no region of the tool point can be believed"
     if calibration.elsewhere:
         why = "the held-out poses are off as a whole"
+    elif calibration.proof.belief is not None:
+        why = "these distances do not show where the robot stands"
     return (f"Tolerance {asked.tolerance * UM:.6g} um: UNDECIDED: {why}.",)
 
 
 def would_decide(calibration: Calibration) -> str:
     """What would let a corrected robot pass whose tolerance is below R95; empty where it is not."""
     belief, asked, shared = calibration.proof.belief, calibration.decision, calibration.shared
-    if belief is None or asked is None or calibration.elsewhere:
+    if belief is None or asked is None or not calibration.decidable:
         return ""
     found = what_decides(
         belief, calibration.stated_q, asked.tolerance,

@@ -189,7 +189,7 @@ def _decided(
 ) -> Conformity | None:
     """Decisions on the targets with a region, if a tolerance was stated."""
     asked = calibration.decision
-    if asked is None or not decidable.any():
+    if asked is None or not calibration.decidable or not decidable.any():
         return None
     found = calibration.fit.identification.model.chain.T_world_base
     own = found if calibration.own_frames else calibration.nominal.chain.T_world_base

@@ -1,5 +1,8 @@
 """Other kinds of measurement than full poses go the same straight line."""
 
+from dataclasses import replace
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
@@ -12,12 +15,14 @@ from calib.uncertainty.statement.distance import distance_radius
 from calib.uncertainty.statement.stated_point import widened
 from calib.uncertainty.trust import DATUM
 from testbed.identify.calibrate import Options, calibrate
+from testbed.identify.decisions import decision_words, would_decide
 from testbed.identify.frames import frames_of
 from testbed.identify.headline import kind
 from testbed.identify.report.plots import histogram
 from testbed.identify.session import with_test
 from testbed.identify.to_do.next_step import next_step
 from testbed.identify.words import RANGED, UNTESTED, mark, verdict
+from testbed.scenario.tolerance import Decision
 from tests.calibrated import robot, session_of, true_model
 from tests.reference import SIGMA_POSITION, pool_r
 
@@ -172,3 +177,8 @@ def test_distances_from_points_of_unknown_place_state_tool_points_to_each_other(
     assert "and that it is of tool points to each other." in next_step(found)
     assert DATUM in found.proof.trust.sentences
     assert "distance error [mm]" in histogram(found)
+    # a tolerance is one in the base
+    asked = replace(found, decision=Decision(1e-2, "guarded"))
+    (said,) = decision_words(asked, SimpleNamespace(targets=None))
+    assert said.endswith("UNDECIDED: these distances do not show where the robot stands.")
+    assert would_decide(asked) == ""
