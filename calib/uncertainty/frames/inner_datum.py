@@ -37,7 +37,7 @@ class InnerDatum:
         S = I - A (A'A)^-1 A', of Helmert's free network: Baarda 1973 (S-transformation), Meissl
         1969 (inner constraints); here for points that took no part in choosing the frame, too.
         """
-        return np.asarray(rows - turning(position - self.center) @ self.motion)
+        return without_motion(position - self.center, rows, self.motion)
 
 
 def inner_datum(
@@ -49,10 +49,21 @@ def inner_datum(
     T, J = model.poses_and_jacobian(train.q[first], train.conditions.rows(first))
     position, rows = target.positions_and_rows(model, T, J)
     center = position.mean(axis=0)
-    arms = turning(position - center).reshape(-1, 6)
-    # a turn about a line on which all points lie moves none of them: the least of all motions
-    motion = np.linalg.lstsq(arms, rows.reshape(len(arms), -1), rcond=None)[0]
-    return InnerDatum(frozen(center), frozen(motion))
+    return InnerDatum(frozen(center), frozen(best_motion(position - center, rows)))
+
+
+def best_motion(arms: Array, rows: Array) -> Array:
+    """Motions (6, P) that follow P displacements, rows (N, 3, P), of points at `arms` best.
+
+    A turn about a line on which all points lie moves none of them: then it is none.
+    """
+    columns = turning(arms).reshape(-1, 6)
+    return np.asarray(np.linalg.lstsq(columns, rows.reshape(len(columns), -1), rcond=None)[0])
+
+
+def without_motion(arms: Array, rows: Array, motion: Array) -> Array:
+    """Displacements (N, 3, P) of points at `arms` (N, 3) beside those by motions (6, P)."""
+    return np.asarray(rows - turning(arms) @ motion)
 
 
 def shows_no_frame(identification: Identification, *tables: Measurements) -> bool:

@@ -31,11 +31,11 @@ from calib.uncertainty.statement.applicability import (
     BEYOND_SLIDE,
     Applicability,
     over_usual,
-    steps_of,
 )
 from calib.uncertainty.statement.counted import counted_rank, enclosing_sizes
 from calib.uncertainty.statement.distance import SPARE, distance_radius
 from calib.uncertainty.statement.shape import MisfitShape, angles_apart, are_loud
+from calib.uncertainty.statement.steps import steps_of
 
 Drifts = dict[int, Array]
 """Covariances (f, f) from drift in the free numbers, for the robots that have it."""

@@ -5,7 +5,7 @@ was proven how much is left; elsewhere more may be left. Two numbers see it comi
 from the kinematics alone: transfer, of errors of the joints and the foot, and leverage, of noise.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Annotated
 
 import numpy as np
@@ -24,7 +24,9 @@ from calib.measurement.observations import Measurements
 from calib.measurement.prediction import predict
 from calib.measurement.tool_target import ToolTarget
 from calib.shown import Shown
+from calib.uncertainty.frames.inner_datum import InnerDatum, best_motion, without_motion
 from calib.uncertainty.statement.gain import estimator_gain, untold
+from calib.uncertainty.statement.steps import ON_STEP, steps_of
 
 WARNED, REFUSED = 4.0, 9.0
 """Transfer or leverage above which a target is at the edge, and above which it is outside."""
@@ -32,12 +34,6 @@ BEYOND = np.radians(10.0)
 """How far a joint may leave its range over the held-out poses [rad]."""
 BEYOND_SLIDE = 0.05
 """The same for a slide [m]."""
-STEP, STEP_SLIDE = np.radians(2.0), 0.002
-"""Least step of a joint's values that is named: gears make some 30 to 200 waves a turn of a joint,
-screws a wave in some millimeters [rad, m]."""
-ON_STEP = 0.02
-"""Share of a step within which a value stands on it: an error that repeats with the steps then
-changes by an eighth of its amplitude at most."""
 MOST_OUTSIDE = 0.25
 """Share of a set's poses outside above which the statement does not reach the set as a whole."""
 
@@ -104,6 +100,10 @@ class Proven:
     step: Annotated[Array, "n"]
     """(n,) step, from `low`, that all values of the joint keep; zero where they keep none [rad, m].
     """
+    datum: InnerDatum | None = None
+    """The frame in which points are stated, where no reading shows where the base stands."""
+    carried: Annotated[Array, 6, "k + 1"] = field(default_factory=lambda: frozen(np.zeros((6, 0))))
+    """(6, k + 1) how that frame follows what is left of a unit of each term, and of the foot."""
 
     @property
     def room(self) -> Array:
@@ -134,13 +134,26 @@ class Proven:
 
     def left(self, q: Array, at: OperatingConditions = AS_USUAL) -> Array:
         """(3, N) variance of the target left by a unit of every term, by the foot, by the noise."""
-        T, J = self.wide.poses_and_jacobian(q, at)
-        _, rows = self.target.positions_and_rows(self.wide, T, J)
-        own = rows[:, :, self.own]
-        G = unheld(self.wide, self.columns, self.up, q, rows)
-        G -= np.tensordot(own, self.absorbed, 1)
+        position, own, G = self._moved(q, at)
+        if self.datum is not None:
+            own = self.datum.relative(position, own)
+            G = without_motion(position - self.datum.center, G, self.carried)
         noise = propagated(own, self.covariance).trace(axis1=1, axis2=2)
         return np.stack([(G[..., :-1] ** 2).sum((1, 2)), (G[..., -1] ** 2).sum(1), noise])
+
+    def _moved(self, q: Array, at: OperatingConditions = AS_USUAL) -> tuple[Array, Array, Array]:
+        """Stated points (N, 3) [m], (N, 3, P) by the numbers, (N, 3, k + 1) left of the terms."""
+        T, J = self.wide.poses_and_jacobian(q, at)
+        position, rows = self.target.positions_and_rows(self.wide, T, J)
+        own = rows[:, :, self.own]
+        G = unheld(self.wide, self.columns, self.up, q, rows)
+        return position, own, G - np.tensordot(own, self.absorbed, 1)
+
+    def seen_from(self, datum: InnerDatum, q: Array) -> "Proven":
+        """The same in the frame of a datum, that which fits points at joints q (N, n) best."""
+        position, _, G = self._moved(q)
+        carried = best_motion(position - datum.center, G)
+        return replace(self, datum=datum, carried=frozen(carried))
 
 
 def proven_at(
@@ -149,6 +162,7 @@ def proven_at(
     q: ArrayLike,
     *,
     target: ArrayLike | ToolTarget = (0.0, 0.0, 0.0),
+    datum: InnerDatum | None = None,
 ) -> Proven:
     """What a calibration was proven at, to ask where else it applies.
 
@@ -160,6 +174,8 @@ def proven_at(
         What was identified from.
     q, target
         As in `proven_by`.
+    datum : InnerDatum, optional
+        Of the poses identified from, if points are stated in that frame.
     """
     proven = proven_by(
         identification.model,
@@ -173,7 +189,11 @@ def proven_at(
     open_root = untold(identification, train, proven.own_rows(np.asarray(q, dtype=np.float64)))
     whole = frozen(proven.covariance + open_root @ open_root.T)
     stood = np.concatenate([train.q, np.asarray(q, dtype=np.float64)])
-    return replace(proven, covariance=whole, step=steps_of(stood, proven.wide.chain.prismatic))
+    proven = replace(proven, covariance=whole, step=steps_of(stood, proven.wide.chain.prismatic))
+    if datum is None:
+        return proven
+    proven = proven.seen_from(datum, train.q[np.unique(train.pose_id, return_index=True)[1]])
+    return replace(proven, usual=frozen(proven.left(np.asarray(q, np.float64)).mean(axis=1)))
 
 
 def over_usual(left: Array, usual: Array) -> Array:
@@ -182,31 +202,6 @@ def over_usual(left: Array, usual: Array) -> Array:
     What has no effect counts as zero: there are no terms where no joint turns.
     """
     return np.asarray(left / np.where(usual > 0, usual, np.inf)[..., None])
-
-
-def steps_of(q: Array, prismatic: Array) -> Array:
-    """Step (n,) that all values of each joint keep over poses q (m, n); zero where none [rad, m].
-
-    An error that repeats with the steps, as that of a gear or a screw may, looks like a shift of
-    the joint at all these poses: no reading shows it.
-    """
-    least = np.where(prismatic > 0, STEP_SLIDE, STEP)
-    return frozen([_step(values, fewest) for values, fewest in zip(q.T, least, strict=True)])
-
-
-def _step(values: Array, least: float) -> float:
-    """Largest step of at least `least` that values (m,) keep; zero if none."""
-    sorted_values = np.sort(values)
-    gaps = np.diff(sorted_values)
-    wide = gaps[gaps > least / 2]
-    if not len(wide):
-        return 0.0
-    for parts in range(1, int(wide.min() / least + ON_STEP) + 1):
-        place = np.concatenate([[0.0], np.cumsum(np.round(gaps * parts / wide.min()))])
-        step, first = np.polynomial.polynomial.polyfit(place, sorted_values, 1)[::-1]
-        if np.abs(sorted_values - first - step * place).max() <= ON_STEP / 2 * step:
-            return float(step)
-    return 0.0
 
 
 def proven_by(

@@ -89,6 +89,9 @@ def believe(
     enough = drawn and n >= fewest_poses(probability)
     guarded = enough and points > 0
     tables = (train,) if held_out is None else (train, held_out)
+    datum = None
+    if shows_no_frame(identification, *tables):
+        datum = inner_datum(identification, train, ToolTarget.of(target))
     drop = DROP if guarded else UNGUARDED_DROP
     size = misfit(identification, train, held_out, repeats=repeats, stops=stops, drop=drop)
     if quiet is not None:
@@ -104,11 +107,9 @@ def believe(
         identification.model, frozen(whole), size,
         misfit_covariance(identification, train, size.shape),
         float(np.sqrt(chdtri(3, 1 - probability))), n if guarded else 0, probability,
-        proven_at(identification, train, where.q, target=target),
+        proven_at(identification, train, where.q, target=target, datum=datum),
         n_ranged=n if enough and not guarded else 0,
-        datum=inner_datum(identification, train, ToolTarget.of(target))
-        if shows_no_frame(identification, *tables)
-        else None,
+        datum=datum,
     )  # fmt: skip
     return adding(plain, np.zeros((P, P)) if shared is None else shared, held_out)
 

@@ -12,12 +12,14 @@ from calib.geometry.chain import Chain
 from calib.geometry.fixtures import Fixtures
 from calib.geometry.frames import exp_so3, transform_points
 from calib.geometry.model import RobotModel
+from calib.identification.identify import identify
 from calib.identification.start.closed_forms import fitted_frame
 from calib.measurement import tables
 from calib.measurement.observations import joined
 from calib.measurement.prediction import predict
 from calib.measurement.tool_target import ToolTarget
 from calib.uncertainty.frames.inner_datum import inner_datum, shows_no_frame
+from calib.uncertainty.statement.applicability import proven_at
 from calib.uncertainty.statement.believe import adding, scores_of_distances
 from calib.uncertainty.trust import DATUM
 from tests.calib import kinds
@@ -200,3 +202,36 @@ def test_held_out_distances_widen_the_factor_where_they_are_further_off_than_sta
 def seen_errors(model, table):
     """Measured minus predicted distances (m,) [m]."""
     return predict(model, table).residual[:, 0]
+
+
+def test_what_is_left_of_a_wave_is_counted_beside_a_motion_of_everything():
+    """Whole: distances of an arm with a tiny wave, identified; then points at other postures."""
+    _, found, _ = campaign(0)
+    fit, size, rng = found.identification, 1e-6, np.random.default_rng(3)
+    target, table = ToolTarget(), found.measured
+    first = np.unique(table.pose_id, return_index=True)[1]
+    q = kinds.joints("tx60", rng, 30)
+    datum = inner_datum(fit, table, target)
+    proven = proven_at(fit, table, q, datum=datum)
+    term = [proven.wide.names[k] for k in proven.columns].index("harmonic3.cos2")
+    part = [term, -1]
+    own = replace(
+        proven,
+        columns=proven.columns[[term]],
+        absorbed=proven.absorbed[:, part],
+        carried=proven.carried[:, part],
+    )
+    amplitude = np.zeros(proven.wide.n_numbers)
+    amplitude[proven.columns[term]] = size
+    waving = proven.wide.moved(amplitude)
+    p = waving.poses(table.q)[:, :3, 3]
+    anchors = waving.fixtures.anchors[table.anchor]
+    seen = replace(table, distance=np.linalg.norm(p - anchors, axis=1))
+    again = identify(fit.model, seen, fit.parameters).model
+    at, here = (model.poses(table.q[first])[:, :3, 3] for model in (waving, again))
+    errors = aligned(at, here, waving.poses(q)[:, :3, 3]) - again.poses(q)[:, :3, 3]
+    left = (errors**2).sum(axis=1) / size**2
+    # what 1 urad does to second order, some 1e-6 of it, and rounding of distances, 1e-16 / 1e-6
+    np.testing.assert_allclose(own.left(q)[0], left, rtol=1e-4)
+    # in the base it is more or less, by the motion of everything
+    assert np.abs(replace(own, datum=None).left(q)[0] / left - 1).max() > 0.1

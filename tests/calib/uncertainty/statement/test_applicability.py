@@ -20,10 +20,10 @@ from calib.uncertainty.statement.applicability import (
     Applicability,
     lacking,
     proven_at,
-    steps_of,
 )
 from calib.uncertainty.statement.believe import believe
 from calib.uncertainty.statement.places import reasons, steps_words
+from calib.uncertainty.statement.steps import steps_of
 from tests.calib import kinds
 
 TX60 = RobotModel(kinds.ARMS["tx60"])
