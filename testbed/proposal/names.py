@@ -156,7 +156,8 @@ def _of_one(place: str, turn: str) -> bool:
 def _from_zero(head: Sequence[str]) -> dict[str, str]:
     """Joints counted from 0, with their names when counted from 1."""
     families: dict[str, dict[int, str]] = {}
-    for name in [name for name in head if not (_has_scalar(head) and _small(name) == "q0")]:
+    scalar = _has_scalar(head)
+    for name in [name for name in head if not (scalar and _small(name) == "q0")]:
         if (joint := FROM_ZERO.fullmatch(_joint_alone(without_unit(name)[0]))) is not None:
             families.setdefault(joint[1], {})[int(joint[2])] = name
     shifted = {}

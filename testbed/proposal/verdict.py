@@ -90,7 +90,8 @@ def verdict_on(
     if not refused:  # else they only repeat what was left out
         odd += session.warnings
     try:
-        odd += [text for one in probed(robot, session) for text in one.warnings]
+        # where nothing fits, it has been reported that links explain no reading either
+        odd += [text for one in probed(robot, session, links=fits) for text in one.warnings]
     except InputError as error:
         if fits or error.field != "ROBOT":
             refused.append(str(error))

@@ -9,8 +9,8 @@ from testbed.files.tried.interpretations import Probe
 from testbed.robots.robot import Robot
 
 
-def probed(robot: Robot, session: Session) -> tuple[Probe, ...]:
-    """Other readings tried, for each visit by itself.
+def probed(robot: Robot, session: Session, *, links: bool = True) -> tuple[Probe, ...]:
+    """Other readings tried, for each visit by itself; `links` as in `probe`.
 
     Held-out rows that stand in another frame than the others look like a wrong reading of the
     file: where each part by itself is read rightly, the proof tells where they stand.
@@ -20,14 +20,15 @@ def probed(robot: Robot, session: Session) -> tuple[Probe, ...]:
     InputError
         The code of the fault; the message names the reading that fits.
     """
-    probes = tuple(probe(robot, one) for one in session.alone or (session,))
+    probes = tuple(probe(robot, one, links=links) for one in session.alone or (session,))
     try:
         for one in probes:
             one.raise_if_wrong()
     except InputError:
         if session.alone or not session.split_stated or session.is_test.all():
             raise
-        parts = [probe(robot, session.rows(rows)) for rows in (~session.is_test, session.is_test)]
+        rows = (~session.is_test, session.is_test)
+        parts = [probe(robot, session.rows(some), links=links) for some in rows]
         if any(part.stated is None for part in parts):
             raise
         for part in parts:

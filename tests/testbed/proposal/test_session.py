@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from calib.geometry.frames import log_so3
+from testbed.files import probe as probing
 from testbed.files.probe import probe
 from testbed.files.read import read_session
 from tests.command import call
@@ -263,8 +264,17 @@ def test_nothing_is_written_over_another_or_where_nothing_is_understood(tmp_path
 
 
 @pytest.mark.slow
-def test_another_robot_fits_no_reading_and_a_missed_shot_still_shows_it(tmp_path):
+def test_another_robot_fits_no_reading_and_a_missed_shot_still_shows_it(tmp_path, monkeypatch):
+    """Links are fitted to the stated reading and to the best others, each once: they take long."""
+    fitted, links_fit = [], probing.links_fit
+
+    def counted(model, table, *further, **named):
+        fitted.append((table.q.tobytes(), table.position.tobytes()))
+        return links_fit(model, table, *further, **named)
+
+    monkeypatch.setattr(probing, "links_fit", counted)
     said, _ = proposed(tmp_path, headerless(tmp_path), "--robot", "universal_ur10")
+    assert 0 < len(fitted) == len(set(fitted)) <= 1 + probing.MOST_LINKS
     assert re.search(
         r"none of \d+ interpretations of these files fits a nominal universal_ur10: is", said
     )
