@@ -36,6 +36,9 @@ InverseStatus = Literal["reached", "singular", "limits", "out of reach"]
 SINGULAR_CONDITION = 1e3
 """From this condition on, turning the tool by 0.01 deg can take joint moves of 10 deg."""
 
+SPARE = 0.1
+"""Part of the links' lengths by which errors of the joints may lengthen an arm, and far more."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Inverse(Shown):
@@ -154,11 +157,15 @@ def inverse_kinematics(
         without_limits(np.flatnonzero(~kept))
     rows = np.flatnonzero(~near)
     q[rows], near[rows] = search(task.rows(rows), begin[rows], bounded=True)
+    # what no posture comes near to is not searched for again
+    far = np.repeat(_too_far(model, T), starts) & ~near
+    near |= far
     for nudge in NUDGES if starts == 1 else ():
         q, near = retry(task, q, near, nudge)
     if not near.all():
         # what the limits stop may be out of reach for good
         without_limits(np.flatnonzero(~near))
+    near &= ~far
     if not whole_turns:
         # the other end of the range is a whole turn away from a seed beyond this one
         turned = near & turned_back(task, q)
@@ -166,6 +173,20 @@ def inverse_kinematics(
     if n > 6:
         q, near = pull_to_seeds(task, q, near)
     return _best(task, q, near, beyond, targets)
+
+
+def _too_far(model: RobotModel, T: Array) -> Bool:
+    """Whether targets T (m, 4, 4) lie farther away than all links of a turning arm laid end to end.
+
+    Joint errors make nothing longer by the part `SPARE`; slides may be driven without end.
+    """
+    chain = model.chain
+    if chain.prismatic.any():
+        return np.zeros(len(T), np.bool_)
+    reach = np.linalg.norm(chain.links[:, 1:3], axis=1).sum()
+    reach += np.linalg.norm(chain.T_flange_tool[:3, 3])
+    away = np.linalg.norm(T[:, :3, 3] - chain.T_world_base[:3, 3], axis=1)
+    return np.asarray(away > (1 + SPARE) * reach)
 
 
 def spread(limits: ArrayLike, count: int) -> Array:

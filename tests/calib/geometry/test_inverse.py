@@ -5,6 +5,7 @@ import pytest
 from scipy import optimize
 
 from calib.errors import InputError
+from calib.geometry import inverse, inverse_search
 from calib.geometry.chain import Chain
 from calib.geometry.frames import log_so3, rot_y, slide
 from calib.geometry.inverse import inverse_kinematics, joint_jacobian, spread
@@ -185,6 +186,31 @@ def test_a_target_out_of_reach_says_how_near_the_tool_came():
     found = inverse_kinematics(model, T, [[0, 0.1, 0.1, 0, 0.1, 0]], limits)
     assert found.status == ("out of reach",)
     assert found.position_error[0] == pytest.approx(0.23, abs=2e-4)  # singular: slow at the end
+
+
+def test_what_no_stretched_arm_reaches_is_searched_for_once_and_ends_as_if_it_were_again(
+    monkeypatch,
+):
+    """Its first target is within reach; each further search takes a hundred steps to say no."""
+    searched, search = [], inverse.search
+
+    def counted(task, *further, **named):
+        searched.append(len(task.T))
+        return search(task, *further, **named)
+
+    monkeypatch.setattr(inverse, "search", counted)
+    monkeypatch.setattr(inverse_search, "search", counted)
+    model = RobotModel(TX60)
+    T = np.concatenate([model.poses([[0.2, 0.3, 1.0, 0, 0.5, 0]]), slide(0.3, 0.2, 1.5)[None]])
+    seeds = np.tile([0, 0.1, 0.1, 0, 0.1, 0], (2, 1))
+    found = inverse_kinematics(model, T, seeds, TX60_LIMITS)
+    assert found.status == ("reached", "out of reach")
+    assert searched == [2]
+    monkeypatch.setattr(inverse, "SPARE", 100.0)
+    again = inverse_kinematics(model, T, seeds, TX60_LIMITS)
+    assert len(searched) > 2
+    assert again.status == found.status
+    np.testing.assert_array_equal(again.q, found.q)
 
 
 def test_singular_postures_are_reached_and_named():

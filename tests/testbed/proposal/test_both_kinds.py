@@ -6,7 +6,13 @@ import numpy as np
 import pytest
 
 from testbed.files.read import read_session
+from testbed.identify.calibrate import Options, calibrate
+from testbed.identify.handback.delivered import Delivered
+from testbed.identify.recording.story import calibration_story
+from testbed.identify.report.page import page_of
+from testbed.report.page import render
 from tests.command import call
+from tests.planes import unfitting
 from tests.testbed.files.made import ROBOT, csv, made
 from tests.testbed.proposal.test_session import proposed, write
 
@@ -82,11 +88,16 @@ def test_points_and_distances_are_proposed_as_one_session(tables, rows, match, b
 
 
 @pytest.mark.slow
-def test_identify_takes_such_a_session_and_finds_the_fixed_point(tmp_path):
+def test_a_calibration_of_such_a_session_finds_the_fixed_point(tmp_path):
     (tmp_path / "p.csv").write_text(csv(FILES["one file with one of both in each row"][0]["p"]))
     proposed(tmp_path, [tmp_path / "p.csv"], "--robot", ROBOT.name)
-    done = call("identify", ROBOT.name, tmp_path / "session.toml", "--out", tmp_path / "out")
-    assert done.exit_code == 0, done.stderr
+    session = read_session(tmp_path / "session.toml", ROBOT)
+    found = calibrate(ROBOT, session, Options(model="geometric"))
+    (place,) = found.fit.identification.model.fixtures.anchors
+    # from one side and three meters away, by readings that scatter by 17 um
+    np.testing.assert_allclose(place, NEST, rtol=0, atol=1.5e-4)
+    assert "distance" in render(page_of(found, Delivered((), (), 0), {}))
+    assert not unfitting(calibration_story(found, ROBOT))
 
 
 def test_a_row_without_either_reading_is_refused_as_ever(tmp_path):
