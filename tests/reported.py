@@ -2,13 +2,16 @@
 
 import re
 from collections import Counter
+from contextlib import contextmanager
 from dataclasses import fields
 from functools import cache
 from html.parser import HTMLParser
+from unittest.mock import patch
 
 import numpy as np
 
 from testbed.cli import handout
+from testbed.report.margins import Margins
 from testbed.report.page import render
 from testbed.run.derive import page_of
 from testbed.scenario.read import changed
@@ -71,6 +74,17 @@ def page(make):
 def html(make):
     """Its HTML."""
     return render(page(make))
+
+
+@contextmanager
+def undrawn():
+    """Pages made within have empty figures: drawing is most of the work, and words are asked of."""
+
+    def empty(figure, file, **named):
+        file.write("<svg ></svg>")
+
+    with patch("matplotlib.figure.Figure.savefig", empty), patch.object(Margins, "execute"):
+        yield
 
 
 VOID = frozenset({"meta", "br", "hr", "img", "link", "input"})

@@ -30,7 +30,7 @@ from testbed.studies.over_robots import mean_over_robots, share_over_robots
 from testbed.units import NARROW, Mean
 from tests.calib.slopes import slopes
 from tests.campaign import record_hash, with_records
-from tests.reported import VERSIONS, assert_same, played
+from tests.reported import VERSIONS, assert_same, played, undrawn
 from tests.sbc import evenness, prior_ranks
 from tests.testbed.robots.test_springs import PLAIN, tx60_at_rest
 from tests.testbed.scenario.test_messages import on_a_wall
@@ -455,7 +455,8 @@ def test_the_report_opens_with_the_answer_and_has_every_cell(campaign):
     assert shown.blocks[0].text.startswith("At 95")
     table = shown.blocks[3]
     assert [row[1] for row in table.rows] == ["geometric", "extended"] * 6
-    page = page_of(campaign, VERSIONS)
+    with undrawn():
+        page = page_of(campaign, VERSIONS)
     assert page.sections[0] == shown or shown.anchor == "coverage"
     assert page.verdict.replace("µ", "u").split() == shown.blocks[0].text.split()
     assert page.mark == "? Too few robots to tell whether the believed region keeps its promise"
@@ -475,7 +476,8 @@ def test_a_kind_of_robots_that_failed_is_counted_against_the_answer(campaign):
     def judged(**failed):
         failed = {name.replace("__", "."): why for name, why in failed.items()}
         found = replace(left, records=replace(left.records, failed=failed))
-        return headline(found)["verdict"], page_of(found, VERSIONS)
+        with undrawn():
+            return headline(found)["verdict"], page_of(found, VERSIONS)
 
     said, page = judged(coverage__soft="robot 3 cannot be measured. [T1]")
     assert (said["believable"], said["contradicted"]) == (False, False)

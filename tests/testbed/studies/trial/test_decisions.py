@@ -16,7 +16,7 @@ from testbed.studies.trial.advice import next_step
 from testbed.studies.trial.decisions import decide, decided_in_words, decision_section, published
 from testbed.studies.trial.records import Campaign
 from tests.campaign import record_hash
-from tests.reported import VERSIONS, bare_campaign
+from tests.reported import VERSIONS, bare_campaign, undrawn
 
 
 def tolerating(limit_um: float, rule: str = "guarded") -> Campaign:
@@ -107,7 +107,8 @@ def test_a_scenario_without_a_tolerance_says_nothing_and_its_hashes_stay():
 
 def test_the_report_decides_after_it_has_stated_and_a_nothing_decides_nothing():
     of = tolerating(60.0)
-    page = page_of(of, VERSIONS)
+    with undrawn():
+        page = page_of(of, VERSIONS)
     anchors = [section.anchor for section in page.sections]
     assert anchors.index("decisions") == anchors.index("believe") + 1
     assert page.next_step == next_step(of) + decided_in_words(of)

@@ -26,6 +26,7 @@ from tests.reported import (
     read,
     rigid_campaign,
     said_twice,
+    undrawn,
 )
 
 EVERY = [paper_campaign, rigid_campaign, bare_campaign, point_campaign]
@@ -178,13 +179,15 @@ def test_sections_without_data_are_left_out_and_all_others_are_there():
     step = np.zeros(moved.setting.nominal.n_numbers)
     step[8] = 0.01
     own = replace(moved.setting, nominal=moved.setting.nominal.moved(step))
-    assert "paper" not in anchors(page_of(with_records(moved, setting=own), VERSIONS))
+    with undrawn():
+        assert "paper" not in anchors(page_of(with_records(moved, setting=own), VERSIONS))
 
 
 def test_a_robot_of_ones_own_is_named_without_the_path_of_this_machine():
     campaign = bare_campaign()
     own = campaign.scenario.model_copy(update={"robot": "/home/me/mine/robot.toml"})
-    page = page_of(replace(campaign, scenario=own), VERSIONS)
+    with undrawn():
+        page = page_of(replace(campaign, scenario=own), VERSIONS)
     assert page.subtitle.endswith("robot mine")
 
 
