@@ -14,11 +14,11 @@ from testbed.identify.words import terminal_text
 from testbed.jobsheet.sheet import Instrument, JobSheet
 from testbed.scenario.tolerance import Decision
 from testbed.units import plain
-from tests.calibrated import sound
+from tests.calibrated import sound, sound_session
 from tests.reported import VERSIONS, undrawn
 from tests.testbed.identify.test_report import DELIVERED
 
-M = len(sound().measurements)
+M = len(sound_session().measurements)
 PAYLOAD, TOOLS, WARMTH = np.full(M, 2.5), ("probe",) * M, np.linspace(20.1, 23.4, M)
 WORDS = {
     "nothing": (
