@@ -12,7 +12,7 @@ from calib.identification.folds import parts_of, some_poses
 from calib.identification.identify import Identification, identify
 from calib.identification.levels import Ladder
 from calib.identification.link_widths import USUAL, LinkWidths, link_widths
-from calib.identification.outliers.bad_shots import CHANCE, BadShots, bad_shots, excess_of
+from calib.identification.outliers.bad_shots import CHANCE, BadShots, bad_shots, doubtful
 from calib.identification.outliers.search import search_outliers
 from calib.identification.row_ladders import RowTerms, row_ladders
 from calib.measurement.observations import Measurements
@@ -133,7 +133,7 @@ def second_look(looking: Looking, chosen: Fitted, before: LookedAt) -> LookedAt:
     name, start, fit = chosen
     if before.asked is not None or name == "geometric" or fit.loss != "squared":
         return before
-    suspects = np.flatnonzero(excess_of(start, fit, looking.train) > 1)
+    suspects = np.flatnonzero(doubtful(start, fit, looking.train))
     if not len(suspects):
         return before
     frames = looking.frames

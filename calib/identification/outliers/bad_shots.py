@@ -109,12 +109,13 @@ def bad_shots(
     wide, judge = extended_by(
         nominal, table, parameters, found.taken, prior=prior, loss="cauchy", start=found.near
     )
-    richest = tuple(ladder.levels[-1] for ladder in ladders)
+    richest, levels = tuple(ladder.levels[-1] for ladder in ladders), found.taken
     seen = inspect(wide, judge, table, chance=CHANCE)
     usual, scatter = scatter_of(seen.score, table, found.noise_factor)
     far, used = seen.score > scatter * seen.limit, np.ones(len(table), dtype=np.bool_)
     if scatter > usual and found.taken != richest:
         # long tails of a poorer model hide gross errors that the richest one shows
+        levels = richest
         wide, judge = extended_by(
             nominal, table, parameters, richest, prior=prior, loss="cauchy", start=found.richest()
         )
@@ -126,6 +127,16 @@ def bad_shots(
     too_many = bool(part[suspects].sum() > count)
     sooner = chdtri(table.equations, SOONER * CHANCE / len(table))
     asked_of = _worst(seen.score / (usual * sooner), part, count)
+    if len(asked_of) and too_many:
+        # gross errors that draw even a robust fit put sound observations beyond their limits
+        rest = table.rows(np.delete(np.arange(len(table)), asked_of))
+        wide, calm = extended_by(
+            nominal, rest, parameters, levels, prior=prior, loss="cauchy", start=judge.model
+        )
+        again = inspect(wide, calm, rest, chance=CHANCE)
+        usual, scatter = scatter_of(again.score, rest, found.noise_factor)
+        too_many = bool((again.score > scatter * again.limit).any())
+        suspects = suspects if too_many else asked_of
     bad = suspects[:0]
     if len(asked_of) and not too_many:
         used[asked_of] = False
@@ -143,14 +154,16 @@ def bad_shots(
     )  # fmt: skip
 
 
-def excess_of(nominal: RobotModel, result: Identification, measurements: Measurements) -> Array:
-    """Score (m,) of each observation over its limit, which their common scatter raised.
+def doubtful(nominal: RobotModel, result: Identification, measurements: Measurements) -> Bool:
+    """Observations (m,) that lie beyond their limits by the common scatter of the scores.
 
-    `nominal`, `result` and `measurements` are as in `inspect`.
+    Limits are not raised for the long tails of model errors, as those of `bad_shots` are: what
+    draws a rich model to itself makes the scores of all others large as well. So these observations
+    are only to be asked about. `nominal`, `result` and `measurements` are as in `inspect`.
     """
     seen = inspect(nominal, result, measurements, chance=CHANCE)
-    _, scatter = scatter_of(seen.score, measurements, 1.0)
-    return np.asarray(seen.score / (scatter * seen.limit))
+    usual, _ = scatter_of(seen.score, measurements, 1.0)
+    return np.asarray(seen.score > usual * seen.limit)
 
 
 def scatter_of(score: Array, measurements: Measurements, factor: float) -> tuple[float, float]:

@@ -110,6 +110,16 @@ def test_a_few_wrong_shots_among_several_of_a_pose_are_not_too_many_poses():
     assert asked(replace(table, position=position, pose_id=np.repeat(np.arange(30), 3))).too_many
 
 
+def test_sound_shots_that_bad_ones_draw_beyond_their_limits_do_not_make_them_too_many():
+    """Two of 21 poses: a third one seems to be off as well, until the fit does without them."""
+    rng = np.random.default_rng([2, 11])
+    table = kinds.poses(bumpy(rng, size=20 * MDEG), kinds.joints("tx60", rng, 21), rng)
+    rows, position = np.sort(rng.permutation(21)[:2]), table.position.copy()
+    position[rows] += 30 * kinds.NOISE * rng.choice([-1.0, 1.0], (2, 3))
+    found = asked(replace(table, position=position))
+    assert (set(found.bad), found.too_many) == (set(rows), False)
+
+
 def test_misses_without_a_row_are_those_of_a_refit_without_it():
     """Every tenth row left out and all identified again, with a prior on all numbers."""
     table, _ = campaign(2)

@@ -2,17 +2,26 @@
 
 from dataclasses import replace
 from functools import cache
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 import calib
+from calib.geometry.joint_errors import JointErrors, harmonic_terms
+from calib.geometry.model import RobotModel
+from calib.geometry.parameters import parameters_of
+from calib.identification.ladders import NOTHING, Ladder, Level
 from calib.identification.larger_noise import noise_factor
-from calib.identification.outliers.bad_shots import BadShots
+from calib.identification.model_choice import extended_by
+from calib.identification.outliers.bad_shots import CHANCE, BadShots, bad_shots, scatter_of
+from calib.identification.outliers.scores import inspect
+from calib.identification.prior import weak_prior
 from testbed.identify.calibrate import Options, calibrate
 from testbed.identify.far_off import far_held_out, held_out_outliers
-from testbed.identify.outliers import LookedAt, bad_words, model_words
+from testbed.identify.outliers import LookedAt, bad_words, model_words, second_look
 from testbed.identify.records import RowErrors
+from tests.calib import kinds
 from tests.calibrated import robot, session_of, sound, sound_session, table_of, true_model
 from tests.reference import pool_r
 
@@ -66,6 +75,30 @@ def test_kept_gross_errors_are_still_named_and_pull_the_fit():
     assert kept.fit.test.position.mean > 1.3 * left().fit.test.position.mean
     robust = calibrate(robot(), session, Options(seed=1, loss="cauchy"))
     assert robust.fit.test.position.mean < 1.1 * left().fit.test.position.mean
+
+
+def test_a_wrong_shot_that_a_rich_model_follows_is_asked_about():
+    """One of 20 poses, with so few equations left over that it makes all scores large."""
+    arm, rng = RobotModel(kinds.ARMS["tx60"]), np.random.default_rng(4)
+    train = kinds.poses(arm, kinds.joints("tx60", rng, 20), rng)
+    position = train.position.copy()
+    position[7] += 30 * kinds.NOISE
+    train, free = replace(train, position=position), parameters_of(arm)
+    terms = harmonic_terms(6, tuple(range(1, 9)))[16:48]  # of joints 2 and 3
+    waves = JointErrors(terms, np.zeros(len(terms)))
+    level = Level("waves", waves, np.full(len(terms), np.radians(0.02)))
+    prior, ladders = weak_prior(free, arm), (Ladder("waves", (NOTHING, level)),)
+    wide, fit = extended_by(arm, train, free, (level,), prior=prior)
+    seen = inspect(wide, fit, train, chance=CHANCE)
+    _, raised = scatter_of(seen.score, train, 1.0)
+    assert not (seen.score > raised * seen.limit).any()  # it hides in what it does to the others
+    looking = SimpleNamespace(
+        train=train,
+        frames=SimpleNamespace(start=arm, parameters=free),
+        asked=lambda near: bad_shots(arm, near, train, free, prior=prior, ladders=ladders),
+    )
+    found = second_look(looking, ("extended", wide, fit), LookedAt(5.0))
+    assert set(found.bad) == {7}
 
 
 def test_swapped_rows_are_told_apart_from_bad_ones():
