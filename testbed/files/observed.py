@@ -90,7 +90,7 @@ def read_observed(
     if isinstance(section, FramesTable):
         stated, turned = _stated(table, section)
     if far := isinstance(section, RangesTable):
-        distance, used = _distances(table)
+        distance, used = _distances(table, section)
     else:
         position, used = _positions(table, section)
     offset = table.find("length", "reflector_x", "reflector_y", "reflector_z")
@@ -114,12 +114,13 @@ def read_observed(
         position, rotation = inverse_poses(position, rotation)
     extras = extras_of(table, good)
     plain = plain_readings(table, section.kind, position, spread)
+    anchors = (_names(table, "anchor", good) or _only_anchor(table, section)) if far else None
     whole = replace(
         plain,
         rotation=rotation,
         distance=np.where(good, distance, 0.0),
         target=table.texts_of("target") or plain.target,
-        anchor=(_names(table, "anchor", good) if far else None) or plain.anchor,
+        anchor=anchors or plain.anchor,
         station=_names(table, "station", None if far else good) or plain.station,
         offset=np.where(good[:, None], table.values(offset), 0.0) if offset else None,
         columns=columns,
@@ -227,15 +228,21 @@ def _positions(table: DataTable, section: ObservedTable) -> tuple[Array, Columns
     return polar(r, a, e if up else np.pi / 2 - e), used
 
 
-def _distances(table: DataTable) -> tuple[Array, Columns]:
+def _distances(table: DataTable, section: ObservedTable) -> tuple[Array, Columns]:
     """Distances (m,) [m] and their column."""
     found = table.find("length", "distance")
-    if found is None or not any(table.texts_of("anchor") or ()):
+    if found is None or not (any(table.texts_of("anchor") or ()) or _only_anchor(table, section)):
         missing = "anchor" if found else "distance_mm"
         fix = "name the fixed point of each distance in a column anchor" if found else ""
         message = f"has {'an empty' if missing in table else 'no'} column {missing}"
         raise refusal(table.where, missing, message, allowed=table.found(), fix=fix)
     return table.values(found)[:, 0], found
+
+
+def _only_anchor(table: DataTable, section: ObservedTable) -> tuple[str, ...] | None:
+    """Name (m,) of the one anchor that a session states, where no column names any."""
+    names = tuple(section.anchors_mm) if isinstance(section, RangesTable) else ()
+    return None if "anchor" in table or len(names) != 1 else names * len(table)
 
 
 def _names(table: DataTable, column: str, needed: Bool | None) -> tuple[str, ...] | None:

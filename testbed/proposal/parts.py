@@ -6,7 +6,6 @@ from itertools import product
 from testbed.bounds import FACTORS
 from testbed.files.columns import PLAIN
 from testbed.files.reflectors.one_tool import apart_or_alike
-from testbed.files.refusal import refusal
 from testbed.files.rows.planned import foretold
 from testbed.proposal.data import Document, Found, Part
 from testbed.proposal.exports import exported_parts
@@ -19,6 +18,8 @@ from testbed.proposal.rows.markers import beside_joints, marker_parts
 from testbed.proposal.sizes import REACH, by_size, signed
 from testbed.proposal.turns import turn_columns, turnings
 
+ANCHOR = "A"
+"""What the one fixed point is called where no column names any."""
 TARGET = ("command_x", "command_y", "command_z")
 DIFFERENCE = ("difference_x", "difference_y", "difference_z")
 TURN = 6.4
@@ -211,18 +212,18 @@ def _sum_said(place: dict[str, str]) -> str:
 
 def _distances(look: Found, n: int) -> Iterator[Part]:
     """[ranges] of a file, for each possible unit."""
-    if not look.has("anchor"):
-        raise refusal(
-            str(look.path), "anchor", "has distances but no column anchor",
-            allowed="each distance is one from a fixed point",
-            fix="name the fixed point of each row in a column anchor",
-        )  # fmt: skip
-    one, anchors = look.stems["distance"], look.column(look.stems["anchor"].theirs)
+    one, named = look.stems["distance"], look.has("anchor")
+    anchors = look.column(look.stems["anchor"].theirs) if named else [ANCHOR]
     names = list(dict.fromkeys(filter(None, anchors)))
     places = (
         f"anchors: no file says where {', '.join(names)} {'stand' if len(names) > 1 else 'stands'};"
         ' "free" finds the places, [x, y, z] in mm states one'
     )
+    if not named:
+        places = (
+            "anchors: no column anchor names any; all distances are taken as those from one, "
+            f"{ANCHOR}; if there are several, name that of each row in such a column"
+        )
     told = one.known or one.unit
     for unit in ("",) if told else by_size(look, [one.theirs], REACH, ("mm", "m")):
         columns = _more(look) | _drives(look, n)

@@ -167,7 +167,8 @@ class RangesTable(ObservedTable):
     name = "ranges"
     kind = "distance"
     anchors_mm: dict[Name, Place] = Field(default_factory=dict)
-    """Place of each anchor in the world, or "free" where it is to be identified."""
+    """Place of each anchor in the world, or "free" where it is to be identified. All distances are
+    from the only one where no column `anchor` names any."""
     reflectors_mm: dict[Name, Place] = Field(default_factory=dict)
     """Place of each target in the tool frame, or "free" where it is to be identified."""
 

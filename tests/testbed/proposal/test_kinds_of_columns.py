@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from calib.errors import InputError
 from testbed.files.columns import covariance_names
 from testbed.files.probe import probe
 from testbed.files.read import read_session
@@ -213,10 +214,21 @@ def test_distances_from_fixed_points_are_proposed(unit, tmp_path):
     session = read_session(tmp_path / "session.toml", ROBOT)
     np.testing.assert_allclose(session.measurements.distance, seen / 1e3, rtol=0, atol=1e-12)
     assert session.measurements.n_poses == M
-    del table["Fixed Point"]
-    (tmp_path / "session.toml").unlink()
-    said = refused(tmp_path, *write(tmp_path, a__csv=csv(table)))
-    assert "a.csv: has distances but no column anchor; each distance is one from a fixed" in said
+
+
+def test_distances_from_a_point_that_no_column_names_are_from_one(tmp_path):
+    seen = np.linalg.norm(points() - np.array([2000.0, 0.0, 0.0]), axis=1)  # a draw wire
+    files = write(tmp_path, a__csv=csv(joints(*JOINTS) | {"Length [mm]": seen}))
+    said, text = proposed(tmp_path, files, "--robot", ROBOT.name)
+    assert "all distances are taken as those from one, A" in said
+    assert re.search(r"errors are [01]\.\d+ mm", text)
+    session = read_session(tmp_path / "session.toml", ROBOT)
+    assert (session.anchor_names, session.measurements.anchor.tolist()) == (("A",), [0] * M)
+    np.testing.assert_allclose(session.measurements.distance, seen / 1e3, rtol=0, atol=1e-12)
+    two = text.replace('A = "free"', 'A = "free"\nB = "free"')  # which of them each is from, then?
+    (tmp_path / "session.toml").write_text(two)
+    with pytest.raises(InputError, match="name the fixed point of each distance"):
+        read_session(tmp_path / "session.toml", ROBOT)
 
 
 TITLES = {
