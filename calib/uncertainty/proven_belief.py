@@ -27,7 +27,7 @@ from calib.uncertainty.outlying.poses import (
 from calib.uncertainty.statement.belief import Belief
 from calib.uncertainty.statement.believe import adding, believe
 from calib.uncertainty.statement.counted import counted
-from calib.uncertainty.statement.gain import left_out_covariance
+from calib.uncertainty.statement.left_out import left_out_covariance, left_out_growth
 from calib.uncertainty.statement.stated_point import StatedPoint, common_radius, stated_point
 
 
@@ -168,12 +168,13 @@ def stated_radius(
     if sd is not None:
         (sd,) = check(f"{belief.model.chain.n_joints}", repeatability=sd)
     first = np.unique(where.pose_id, return_index=True)[1]
-    unseen = None
+    unseen = growth = None
     if not held:
         T, J = belief.model.poses_and_jacobian(where.q[first], where.conditions.rows(first))
         there = ToolTarget.of(known.target).positions_and_rows(belief.model, T, J)
         unseen = left_out_covariance(fit, train, belief.relative(*there))
         unseen *= belief.misfit.larger_noise**2
+        growth = left_out_growth(fit, train, belief.proven)
     return stated_point(
         belief, where.q[first], at=where.conditions.rows(first),
         target=known.target, held_out=held, repeatability=sd,
@@ -181,5 +182,5 @@ def stated_radius(
         measured=quiet.test.rows(~quiet.test.is_distance)
         if held and belief.n_guards
         else None,
-        visits=known.stations_are_visits, unseen=unseen,
+        visits=known.stations_are_visits, unseen=unseen, growth=growth,
     )  # fmt: skip

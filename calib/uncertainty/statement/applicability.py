@@ -132,22 +132,30 @@ class Proven:
         rows = self.target.positions_and_rows(self.wide, T, J)[1]
         return np.asarray(rows[:, :, self.own])
 
-    def left(self, q: Array, at: OperatingConditions = AS_USUAL) -> Array:
-        """(3, N) variance of the target left by a unit of every term, by the foot, by the noise."""
-        position, own, G = self._moved(q, at)
+    def left(
+        self, q: Array, at: OperatingConditions = AS_USUAL, absorbed: Array | None = None
+    ) -> Array:
+        """(3, N) variance of the target left by a unit of every term, by the foot, by the noise.
+
+        Of an estimate that follows them as (P, k + 1) `absorbed` says, by default as this one does.
+        """
+        position, own, G = self._moved(q, at, absorbed)
         if self.datum is not None:
             own = self.datum.relative(position, own)
             G = without_motion(position - self.datum.center, G, self.carried)
         noise = propagated(own, self.covariance).trace(axis1=1, axis2=2)
         return np.stack([(G[..., :-1] ** 2).sum((1, 2)), (G[..., -1] ** 2).sum(1), noise])
 
-    def _moved(self, q: Array, at: OperatingConditions = AS_USUAL) -> tuple[Array, Array, Array]:
+    def _moved(
+        self, q: Array, at: OperatingConditions = AS_USUAL, absorbed: Array | None = None
+    ) -> tuple[Array, Array, Array]:
         """Stated points (N, 3) [m], (N, 3, P) by the numbers, (N, 3, k + 1) left of the terms."""
         T, J = self.wide.poses_and_jacobian(q, at)
         position, rows = self.target.positions_and_rows(self.wide, T, J)
         own = rows[:, :, self.own]
         G = unheld(self.wide, self.columns, self.up, q, rows)
-        return position, own, G - np.tensordot(own, self.absorbed, 1)
+        follows = self.absorbed if absorbed is None else absorbed
+        return position, own, G - np.tensordot(own, follows, 1)
 
     def seen_from(self, datum: InnerDatum, q: Array) -> "Proven":
         """The same in the frame of a datum, that which fits points at joints q (N, n) best."""

@@ -82,6 +82,7 @@ def stated_point(
     visits: bool = False,
     at: OperatingConditions = AS_USUAL,
     unseen: Array | None = None,
+    growth: Array | None = None,
 ) -> StatedPoint:
     """What is believed at poses like q (n, j), as one radius.
 
@@ -111,8 +112,11 @@ def stated_point(
         Under which the robot stands there.
     unseen : (n, 3, 3) array, optional
         What further poses like these have more than these, which were identified from [m^2].
+    growth : (n,) array, optional
+        Of the misfit's variance at further poses like these; by default that at these.
     """
-    growth = belief.proven.applies(q, at).growth
+    if growth is None:
+        growth = belief.proven.applies(q, at).growth
     known = repeatability is not None and repeatability.any()
     mean, move = belief.mean_and_move(
         q, target=target, growth=growth, repeatability=repeatability if known else None, at=at

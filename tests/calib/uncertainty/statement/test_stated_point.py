@@ -11,9 +11,10 @@ from calib.measurement.prediction import predict
 from calib.uncertainty.circumstances import Circumstances, measured_noise
 from calib.uncertainty.proven_belief import stated_radius
 from calib.uncertainty.regions import coverage_factor
+from calib.uncertainty.statement.applicability import REFUSED, proven_at
 from calib.uncertainty.statement.believe import believe
 from calib.uncertainty.statement.distance import distance_radius
-from calib.uncertainty.statement.gain import left_out_covariance
+from calib.uncertainty.statement.left_out import left_out_covariance, left_out_growth
 from calib.uncertainty.statement.stated_point import (
     StatedPoint,
     common_radius,
@@ -157,8 +158,10 @@ def test_without_held_out_poses_the_radius_is_that_of_further_poses_like_those_i
 
 
 def test_what_a_pose_adds_is_what_is_missing_without_it():
-    """Against an identification from all other poses."""
-    _, fit, train, _ = campaign(np.random.default_rng(5), 0.0, m=8)
+    """Against an identification from all other poses, and what is proven by it."""
+    _, fit, train, _ = campaign(np.random.default_rng(5), 0.0, m=16)
+    proven = proven_at(fit, train, train.q)
+    growth = left_out_growth(fit, train, proven)
     _, J = fit.model.poses_and_jacobian(train.q)
     more = left_out_covariance(fit, train, J[:, :3])
     again = identify(fit.model, train.rows(train.pose_id != 3), fit.parameters)
@@ -166,3 +169,21 @@ def test_what_a_pose_adds_is_what_is_missing_without_it():
     grown = there @ (again.full_covariance - fit.full_covariance) @ there.T
     # each is linearized where its own fit ends
     np.testing.assert_allclose(more[3], grown, rtol=0, atol=1e-3 * np.abs(grown).max())
+    left = proven_at(again, train.rows(train.pose_id != 3), train.q).left(train.q[3:4])
+    larger = float((left[:2, 0] / proven.usual[:2]).max())
+    assert growth[3] == pytest.approx(min(larger, REFUSED), rel=1e-3)
+    assert 1 < growth[3] < REFUSED
+
+
+def test_a_misfit_grows_at_poses_left_out_as_it_does_at_others_drawn_alike():
+    """By what no number holds, whatever was read; robots are the unit."""
+    ratios, further = [], []
+    for robot in range(6):
+        _, fit, train, others = campaign(np.random.default_rng([robot, 78]), 0.0, m=30, n=200)
+        proven = proven_at(fit, train, train.q)
+        there = np.minimum(proven.applies(others.q).growth, REFUSED)
+        ratios.append(left_out_growth(fit, train, proven).mean() / there.mean())
+        further.append(there.mean())
+    assert np.mean(further) > 1.5  # at the poses themselves it is one
+    # heavy tails: robots of one kind scatter by a fifth
+    assert abs(np.mean(ratios) - 1) < 3 * np.std(ratios, ddof=1) / np.sqrt(len(ratios)) + 0.1
