@@ -80,7 +80,7 @@ def left_out_growth(fit: Identification, train: Measurements, proven: Proven) ->
         row = first[k : k + 1]
         left[:, k] = proven.left(train.q[row], train.conditions.rows(row), follows)[:, 0]
     of_terms, of_foot, _ = over_usual(left, proven.usual)
-    return np.clip(np.maximum(of_terms, of_foot), 1.0, REFUSED)
+    return np.asarray(np.clip(np.maximum(of_terms, of_foot), 1.0, REFUSED))
 
 
 def _each(fit: Identification, train: Measurements) -> Iterator[tuple[Index, Array, Array]]:
