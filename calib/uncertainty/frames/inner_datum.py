@@ -37,7 +37,7 @@ class InnerDatum:
         S = I - A (A'A)^-1 A', of Helmert's free network: Baarda 1973 (S-transformation), Meissl
         1969 (inner constraints); here for points that took no part in choosing the frame, too.
         """
-        return without_motion(position - self.center, rows, self.motion)
+        return np.asarray(rows - turning(position - self.center) @ self.motion)
 
 
 def inner_datum(
@@ -59,11 +59,6 @@ def best_motion(arms: Array, rows: Array) -> Array:
     """
     columns = turning(arms).reshape(-1, 6)
     return np.asarray(np.linalg.lstsq(columns, rows.reshape(len(columns), -1), rcond=None)[0])
-
-
-def without_motion(arms: Array, rows: Array, motion: Array) -> Array:
-    """Displacements (N, 3, P) of points at `arms` (N, 3) beside those by motions (6, P)."""
-    return np.asarray(rows - turning(arms) @ motion)
 
 
 def shows_no_frame(identification: Identification, *tables: Measurements) -> bool:

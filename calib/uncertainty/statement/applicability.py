@@ -5,13 +5,13 @@ was proven how much is left; elsewhere more may be left. Two numbers see it comi
 from the kinematics alone: transfer, of errors of the joints and the foot, and leverage, of noise.
 """
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Annotated
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from calib.arrays import Array, Bool, Index, Labels, check, frozen
+from calib.arrays import LATER, Array, Bool, Index, Labels, check, frozen
 from calib.errors import refuse
 from calib.geometry.joint_errors import JointErrors, harmonic_terms
 from calib.geometry.model import RobotModel
@@ -24,7 +24,7 @@ from calib.measurement.observations import Measurements
 from calib.measurement.prediction import predict
 from calib.measurement.tool_target import ToolTarget
 from calib.shown import Shown
-from calib.uncertainty.frames.inner_datum import InnerDatum, best_motion, without_motion
+from calib.uncertainty.frames.inner_datum import InnerDatum, best_motion
 from calib.uncertainty.statement.gain import estimator_gain, untold
 from calib.uncertainty.statement.steps import ON_STEP, steps_of
 
@@ -100,10 +100,10 @@ class Proven:
     step: Annotated[Array, "n"]
     """(n,) step, from `low`, that all values of the joint keep; zero where they keep none [rad, m].
     """
-    datum: InnerDatum | None = None
+    datum: Annotated[InnerDatum | None, LATER] = None
     """The frame in which points are stated, where no reading shows where the base stands."""
-    carried: Annotated[Array, 6, "k + 1"] = field(default_factory=lambda: frozen(np.zeros((6, 0))))
-    """(6, k + 1) how that frame follows what is left of a unit of each term, and of the foot."""
+    of_terms: Annotated[InnerDatum | None, LATER] = None
+    """The same frame by what is left of a unit of each term, and of the foot."""
 
     @property
     def room(self) -> Array:
@@ -140,9 +140,9 @@ class Proven:
         Of an estimate that follows them as (P, k + 1) `absorbed` says, by default as this one does.
         """
         position, own, G = self._moved(q, at, absorbed)
-        if self.datum is not None:
+        if self.datum is not None and self.of_terms is not None:
             own = self.datum.relative(position, own)
-            G = without_motion(position - self.datum.center, G, self.carried)
+            G = self.of_terms.relative(position, G)
         noise = propagated(own, self.covariance).trace(axis1=1, axis2=2)
         return np.stack([(G[..., :-1] ** 2).sum((1, 2)), (G[..., -1] ** 2).sum(1), noise])
 
@@ -160,8 +160,8 @@ class Proven:
     def seen_from(self, datum: InnerDatum, q: Array) -> "Proven":
         """The same in the frame of a datum, that which fits points at joints q (N, n) best."""
         position, _, G = self._moved(q)
-        carried = best_motion(position - datum.center, G)
-        return replace(self, datum=datum, carried=frozen(carried))
+        motion = best_motion(position - datum.center, G)
+        return replace(self, datum=datum, of_terms=replace(datum, motion=frozen(motion)))
 
 
 def proven_at(

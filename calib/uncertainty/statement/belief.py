@@ -9,7 +9,7 @@ from typing import Annotated
 import numpy as np
 from numpy.typing import ArrayLike
 
-from calib.arrays import Array, check, frozen
+from calib.arrays import LATER, Array, check, frozen
 from calib.geometry.jacobian import joint_columns
 from calib.geometry.model import RobotModel
 from calib.geometry.operating import AS_USUAL, OperatingConditions
@@ -44,10 +44,10 @@ class Belief(Shown):
     turned: float = 0.0
     """How far angles are off beyond what is stated of them, per axis; what that leaves in the
     numbers is in `covariance` [rad]."""
-    n_ranged: int = 0
+    n_ranged: Annotated[int, LATER] = 0
     """Held-out poses whose distances alone widen the factor, which guards no direction but theirs;
     0 where there were too few, or where points guard it."""
-    datum: InnerDatum | None = None
+    datum: Annotated[InnerDatum | None, LATER] = None
     """The frame in which regions are stated, where no reading shows where the base stands."""
 
     def __repr__(self) -> str:

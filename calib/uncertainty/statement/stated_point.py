@@ -1,12 +1,13 @@
 """One number for people: the radius around a predicted tool point, and with what probability."""
 
 from dataclasses import dataclass, replace
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.special import bdtr
 
-from calib.arrays import Array, FloatOrNan, frozen
+from calib.arrays import LATER, Array, FloatOrNan, frozen
 from calib.geometry.operating import AS_USUAL, OperatingConditions
 from calib.measurement.observations import Measurements
 from calib.measurement.prediction import predict
@@ -39,7 +40,7 @@ class StatedPoint:
     """Whether the poses were held out, else identified from."""
     move_told_by: str
     """What tells how well joints come back; empty where nothing does."""
-    relative: bool = False
+    relative: Annotated[bool, LATER] = False
     """Whether points are stated to each other, in the frame that fits them best: none is shown."""
 
     @property

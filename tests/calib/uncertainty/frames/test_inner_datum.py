@@ -219,7 +219,7 @@ def test_what_is_left_of_a_wave_is_counted_beside_a_motion_of_everything():
         proven,
         columns=proven.columns[[term]],
         absorbed=proven.absorbed[:, part],
-        carried=proven.carried[:, part],
+        of_terms=replace(proven.of_terms, motion=proven.of_terms.motion[:, part]),
     )
     amplitude = np.zeros(proven.wide.n_numbers)
     amplitude[proven.columns[term]] = size
