@@ -11,6 +11,7 @@ from calib.geometry.chain import COLUMNS
 from calib.geometry.fixtures import Fixtures
 from calib.measurement import tables
 from calib.measurement.observations import joined
+from calib.uncertainty.judgement import Judgement
 from calib.uncertainty.statement.distance import distance_radius
 from calib.uncertainty.statement.stated_point import widened
 from calib.uncertainty.trust import DATUM
@@ -23,6 +24,7 @@ from testbed.identify.session import with_test
 from testbed.identify.to_do.next_step import next_step
 from testbed.identify.words import RANGED, UNTESTED, mark, verdict
 from testbed.scenario.tolerance import Decision
+from testbed.store.codec import pack, unpack
 from tests.calibrated import robot, session_of, true_model
 from tests.reference import SIGMA_POSITION, pool_r
 
@@ -182,3 +184,10 @@ def test_distances_from_points_of_unknown_place_state_tool_points_to_each_other(
     (said,) = decision_words(asked, SimpleNamespace(targets=None))
     assert said.endswith("UNDECIDED: these distances do not show where the robot stands.")
     assert would_decide(asked) == ""
+    # its record keeps the frame
+    kept = unpack(Judgement, pack(found.proof))
+    ask = table.q[:5]
+    for one in (kept.belief, kept.belief.proven):
+        assert np.array_equal(one.datum.motion, found.proof.belief.datum.motion)
+    covariance = found.proof.belief.regions(ask, target=found.target).covariance
+    assert np.array_equal(kept.belief.regions(ask, target=found.target).covariance, covariance)
