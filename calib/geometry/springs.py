@@ -225,7 +225,8 @@ class SprungJoints(Shown):
 
     def shares_by(self, G: Array) -> Array:
         """The same from the regressor G (m, n, 3, n + 1, 4) of `gravity_regressor`."""
-        own = G.reshape(*G.shape[:3], -1)[:, self.joint, self.axis]
+        m, n, axes, bodies, moments = G.shape
+        own = G.reshape(m, n, axes, bodies * moments)[:, self.joint, self.axis]
         return np.asarray(own / self.load[:, None])
 
     def _stiffness(self, q: Array, at: "_Loaded", bends: Array) -> Array:

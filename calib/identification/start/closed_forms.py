@@ -190,7 +190,8 @@ def lifted_arm(F: Array, distance: Array, anchor: Index, n_anchors: int) -> Arra
         block[:, 0], block[:, 1:4] = 1.0, -2 * p[rows]
         block[:, 4:] = -2 * R[rows].reshape(-1, 9)
         A[rows, 3 + 13 * k : 16 + 13 * k] = block
-    scale = np.linalg.norm(A, axis=0)
+    size = np.linalg.norm(A, axis=0)
+    scale = np.where(size > 0, size, 1.0)  # zero where all poses lie in a plane of the axes
     right = distance**2 - np.sum(p * p, axis=1)
     z = _least(A / scale, right, FAINT) / scale
     return np.asarray(z[:3])

@@ -57,6 +57,15 @@ def sprung(
 
 
 @PASSES
+def test_of_no_posture_there_is_no_pose(passes):
+    """A table of distances alone has no row that is a point."""
+    model = sprung(np.random.default_rng(0), passes)
+    T, J = model.poses_and_jacobian(np.zeros((0, 6)))
+    assert T.shape == (0, 4, 4)
+    assert J.shape == (0, 6, model.n_numbers)
+
+
+@PASSES
 def test_every_column_is_the_derivative_of_the_pose(passes):
     rng = np.random.default_rng(passes)
     model, q = sprung(rng, passes), rng.uniform(-2, 2, (3, 6))

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from calib.errors import InputError
 from calib.geometry.chain import Chain, forward
 from calib.geometry.fixtures import Fixtures
-from calib.geometry.frames import exp_so3, inverse, log_so3, transform
+from calib.geometry.frames import exp_so3, inverse, log_so3, rot_z, transform
 from calib.geometry.joint_errors import JointErrors, gravity_terms
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import parameters_of
@@ -445,3 +445,17 @@ def test_the_lift_of_distances_finds_the_reflector():
     p = F[:, :3, :3] @ c + F[:, :3, 3]
     found = lifted_arm(F, np.linalg.norm(p - a[anchor], axis=1), anchor, 2)
     np.testing.assert_allclose(found, c, atol=1e-11)
+
+
+def test_the_lift_of_distances_of_an_arm_that_stays_in_a_plane_is_finite():
+    """No pose leaves z = 0, so nothing in the rows goes with it: 0/0 stopped every planar arm."""
+    rng = np.random.default_rng(21)
+    F = np.tile(np.eye(4), (60, 1, 1))
+    F[:, :2, 3] = rng.normal(size=(60, 2))
+    for T, turn in zip(F, rng.uniform(-3, 3, 60), strict=True):
+        T[:3, :3] = rot_z(turn)[:3, :3]
+    c, a = np.array([0.05, -0.1, 0.0]), np.array([2.0, 1.0, 0.5])
+    distance = np.linalg.norm(F[:, :3, :3] @ c + F[:, :3, 3] - a, axis=1)
+    found = lifted_arm(F, distance, np.zeros(60, int), 1)
+    # nothing tells the arm along z
+    np.testing.assert_allclose(found[:2], c[:2], atol=1e-11)
