@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from calib.arrays import Array, frozen
+from calib.geometry.fixtures import Fixtures
 from calib.identification.identify import Identification
 from calib.measurement.observations import Measurements
 from calib.measurement.tool_target import ToolTarget
@@ -61,21 +62,32 @@ def best_motion(arms: Array, rows: Array) -> Array:
     return np.asarray(np.linalg.lstsq(columns, rows.reshape(len(columns), -1), rcond=None)[0])
 
 
-def shows_no_frame(identification: Identification, *tables: Measurements) -> bool:
-    """Whether no reading shows where the base stands: all are distances from points free to move.
+def shows_no_frame(identification: Identification, train: Measurements) -> bool:
+    """Whether nothing that was identified from shows where the base stands.
 
-    Points of known place show it, unless a free base turns about the only two of them, or a line.
+    Among distances, only places that are known in the world do: anchors, and points that were read.
+    A free base still turns about two of them, or about a line. Held-out rows moved no number.
     """
-    rows = [table for table in tables if len(table)]
-    if not rows or not all(bool(table.is_distance.all()) for table in rows):
+    if not train.is_distance.any() or train.is_pose.any():
         return False
     asked = {*identification.parameters.free_names, *identification.reduction.dropped}
-    used = sorted({k for table in rows for k in np.unique(table.anchor).tolist()})
-    known = [k for k in used if f"anchor{k + 1}.x" not in asked]
-    if not known:
+    fixtures = identification.model.fixtures
+    used = np.unique(train.anchor[train.is_distance])
+    known = fixtures.anchors[[k for k in used if f"anchor{k + 1}.x" not in asked]]
+    places = np.unique(np.concatenate([known, _places_read(fixtures, train, asked)]), axis=0)
+    if not len(places):
         return True
-    places = np.unique(identification.model.fixtures.anchors[known], axis=0)
     return any(name.startswith("base.") for name in asked) and on_line(places)
+
+
+def _places_read(fixtures: Fixtures, train: Measurements, asked: set[str]) -> Array:
+    """Places (k, 3) in the world at which points were read, each target of a pose once [m]."""
+    held = [s for s in np.unique(train.station) if f"station{s + 1}.x" not in asked]
+    points = train.rows(~train.is_distance & np.isin(train.station, held))
+    targets = np.column_stack([points.pose_id, points.target_key])
+    points = points.rows(np.unique(targets, axis=0, return_index=True)[1])
+    T = fixtures.station_frames[points.station]
+    return np.asarray(np.einsum("mij,mj->mi", T[:, :3, :3], points.position) + T[:, :3, 3])
 
 
 def on_line(places: Array) -> bool:

@@ -88,9 +88,8 @@ def believe(
     n = held_out.n_poses if held_out is not None and not points else points
     enough = drawn and n >= fewest_poses(probability)
     guarded = enough and points > 0
-    tables = (train,) if held_out is None else (train, held_out)
     datum = None
-    if shows_no_frame(identification, *tables):
+    if shows_no_frame(identification, train):
         datum = inner_datum(identification, train, ToolTarget.of(target))
     drop = DROP if guarded else UNGUARDED_DROP
     size = misfit(identification, train, held_out, repeats=repeats, stops=stops, drop=drop)
