@@ -171,8 +171,13 @@ class Calibration(Shown):
     @property
     def decidable(self) -> bool:
         """Whether a tolerance in the base can be decided on at all: readings show where it is."""
+        return self.proof.belief is not None and not self.elsewhere and not self.relative
+
+    @property
+    def relative(self) -> bool:
+        """Whether tool points are stated to each other: no reading shows where the robot is."""
         belief = self.proof.belief
-        return belief is not None and not self.elsewhere and belief.datum is None
+        return belief is not None and belief.datum is not None
 
     @property
     def believable(self) -> bool:

@@ -1,11 +1,12 @@
 """Every statement on the tool point at a new pose, as one radius: what it promises, and its use."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from calib.arrays import Array, FloatOrNan
+from calib.arrays import Array, FloatOrNan, frozen
 from calib.identification.identify import Identification
+from calib.uncertainty.regions import coverage_factor
 from calib.uncertainty.statement.gain import of_all_numbers
 from calib.uncertainty.statement.stated_point import common_radius
 from calib.uncertainty.tool_point import ToolStatement, tool_statement
@@ -109,8 +110,15 @@ def _compared(calibration: Calibration, other: str) -> list[StatedRadius]:
 def _by_numbers(
     calibration: Calibration, covariance: Array, *, discrepancy: bool = False
 ) -> ToolStatement:
-    """The tool point at the stated poses from the covariance of all numbers."""
+    """The tool point at the stated poses from the covariance of all numbers; in the same frame."""
     result: Identification = calibration.fit.identification
+    belief = calibration.proof.belief
+    if belief is not None and belief.datum is not None and not discrepancy:
+        alone = replace(
+            belief, covariance=frozen(covariance), misfit=replace(belief.misfit, upper=0.0),
+            factor=coverage_factor(3, belief.probability),
+        )  # fmt: skip
+        return alone.regions(calibration.stated_q, target=calibration.target)
     return tool_statement(
         result.model, calibration.stated_q, covariance,
         discrepancy=calibration.proof.discrepancy if discrepancy else None,

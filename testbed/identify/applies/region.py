@@ -6,7 +6,7 @@ from calib.arrays import Array
 from calib.uncertainty.statement.applicability import REFUSED, WARNED
 from calib.uncertainty.statement.places import room_words
 from testbed.identify.applies.rows import held_out_words
-from testbed.identify.applies.targets import named, target_words
+from testbed.identify.applies.targets import datum_words, named, target_words
 from testbed.identify.calibration import Calibration
 from testbed.identify.handback.delivered import Delivered, TargetStatement
 from testbed.report.page import Block, Points, Section, Table, Text, heads
@@ -39,7 +39,7 @@ def reach_section(calibration: Calibration, delivered: Delivered) -> Section:
             )
         )
     if delivered.targets is not None:
-        told = sentences(target_words(delivered.targets))
+        told = sentences(target_words(delivered.targets) + datum_words(calibration))
         blocks += [target_table(delivered.targets), Points(told)]
     return Section("reach", "Where it applies", tuple(blocks))
 

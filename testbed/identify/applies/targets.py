@@ -115,6 +115,16 @@ def tool_words(calibration: Calibration, program: ProgramResult | None = None) -
     )
 
 
+def datum_words(calibration: Calibration) -> tuple[str, ...]:
+    """That R95 at targets is relative, where no reading shows the base."""
+    if not calibration.relative:
+        return ()
+    return (
+        "R95 at targets is that of tool points to each other: these distances do not show where "
+        "the robot stands, and what they leave open of that is in no radius",
+    )
+
+
 def _tip_words(name: str, program: ProgramResult) -> tuple[str, ...]:
     """At which targets R95 is that of the tip of the tool in use."""
     told = f"R95 at targets is for the tip of {name}, as [tool_in_use] states it"

@@ -9,7 +9,13 @@ from calib.geometry.model import RobotModel
 from testbed.files.programs.correct import correct_program
 from testbed.gates.paths import short_stem
 from testbed.identify.applies.beyond import map_words
-from testbed.identify.applies.targets import statement_at, statement_csv, target_words, tool_words
+from testbed.identify.applies.targets import (
+    datum_words,
+    statement_at,
+    statement_csv,
+    target_words,
+    tool_words,
+)
 from testbed.identify.calibration import Calibration
 from testbed.identify.conditions import measured
 from testbed.identify.handback.delivered import GEOMETRIC, ROBOT, Delivered
@@ -73,7 +79,8 @@ def deliver(
     targets, told = statement_at(calibration, result), result.sentences
     told += map_words(model, calibration.measurements.q[calibration.is_used], result.q)
     if targets is not None:
-        told += target_words(targets) + tool_words(calibration, result)
+        told += target_words(targets) + datum_words(calibration)
+        told += tool_words(calibration, result)
         (folder / statement_name(program)).write_bytes(statement_csv(targets).encode())
     return Delivered(sentences, told, failed, result.conditions, targets, urdf)
 

@@ -6,6 +6,7 @@ import numpy as np
 
 from calib.arrays import Array
 from calib.geometry.model import RobotModel
+from calib.uncertainty.statement.stated_point import IN_DATUM
 from testbed.identify.calibration import Calibration
 from testbed.identify.handback.least_moved import RULE, LeastMoved, least_moved
 from testbed.identify.handback.links import farthest
@@ -214,7 +215,7 @@ def tool_words(calibration: Calibration) -> tuple[str, ...]:
     if any(found.tool.box):
         text += "; that is the worst corner of the stated box"
     return (
-        text,
+        text + IN_DATUM * calibration.relative,
         "this includes how far the links between the measured target and the flange may be from "
         "nominal: to know more, measure a target on that tool",
     )

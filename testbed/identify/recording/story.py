@@ -183,6 +183,7 @@ def _evaluate(shown: ShownCalibration) -> Chapter:
     judged, held = int(calibration.is_judged.sum()), calibration.split.is_test.any()
     point = calibration.proof.point
     within = f"- mean tool point: {r95(point)} = {mm(point.radius_mean)} mm" if point else ""
+    within += " to the others" * (point is not None and point.relative)
     regions = regions_at(calibration, shown.judged, shown.station)
 
     def draw(pen: Pen, phase: Phase) -> None:

@@ -127,6 +127,11 @@ def _what_to_use(calibration: Calibration) -> str:
 def _more_poses(calibration: Calibration) -> str:
     """How a guard is had."""
     where = f"{fewest_poses()} held-out poses, drawn from where the robot is used"
+    if calibration.relative:
+        return (
+            f"Measure positions as well, of poses to identify from and of at least {where}: "
+            "distances alone do not show where the robot stands."
+        )
     if calibration.measurements.is_distance.all():
         return f"Measure positions, not distances, of at least {where}."
     return f"Measure at least {where}."

@@ -1,6 +1,7 @@
 """The verb `identify`: a campaign exported and read again is the same, bit for bit; clean ends."""
 
 import json
+import re
 from functools import cache
 from pathlib import Path
 
@@ -95,6 +96,7 @@ def test_report_record_and_compare_know_the_folder(done, tmp_path):
     compared = call("compare", out, out)
     assert compared.exit_code == 0
     assert compared.stdout.startswith("Calibrations")
+    assert re.search(r"R95 um +relative +believed\n", compared.stdout)
     figures = json.loads((out / "result.json").read_bytes())
     after = figures["models"][figures["model"]]["held_out"]["mean_mm"]
     assert f"{after:.4f}" in compared.stdout

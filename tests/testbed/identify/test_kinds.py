@@ -1,5 +1,6 @@
 """Other kinds of measurement than full poses go the same straight line."""
 
+import re
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -15,15 +16,20 @@ from calib.uncertainty.judgement import Judgement
 from calib.uncertainty.statement.distance import distance_radius
 from calib.uncertainty.statement.stated_point import widened
 from calib.uncertainty.trust import DATUM
+from testbed.identify.applies.targets import datum_words
 from testbed.identify.calibrate import Options, calibrate
 from testbed.identify.decisions import decision_words, would_decide
 from testbed.identify.frames import frames_of
+from testbed.identify.handback.states import tool_words
 from testbed.identify.headline import kind
+from testbed.identify.recording.story import calibration_story
 from testbed.identify.report.plots import histogram
 from testbed.identify.session import with_test
+from testbed.identify.statements import statements_of
 from testbed.identify.to_do.next_step import next_step
 from testbed.identify.words import RANGED, UNTESTED, mark, verdict
 from testbed.scenario.tolerance import Decision
+from testbed.scenario.tool_in_use import ToolInUse
 from testbed.store.codec import pack, unpack
 from tests.calibrated import robot, session_of, true_model
 from tests.reference import SIGMA_POSITION, pool_r
@@ -152,6 +158,7 @@ def test_distances_to_known_points_are_judged_as_distances():
     # the anchors are known, and with them where the robot stands
     assert found.proof.belief.datum is None
     assert not found.proof.point.relative
+    assert datum_words(found) == ()
     few = calibrate(robot(), session, Options(held_out=18))
     assert mark(few) == UNTESTED
     assert "few held-out distances, of one direction each, guard no radius" in verdict(few)
@@ -165,18 +172,33 @@ def test_distances_to_known_points_are_judged_as_distances():
         calibrate(robot(), with_test(session, session))
 
 
+def story_of(found):
+    """All words of its recording's chapters."""
+    chapters = calibration_story(found, robot()).chapters
+    return "\n".join(line for chapter in chapters for line in chapter.text)
+
+
 def test_distances_from_points_of_unknown_place_state_tool_points_to_each_other():
     """In the base, a radius of what is known there would be that of the prior of the links."""
     table = distances(true_model(), pool_r(90), np.random.default_rng(1))
     where = {"fixtures": Fixtures(anchors=ANCHORS), "anchor_names": ("P", "Q", "R")}
     loose = {"link_sd": np.tile([1e-3, 5e-4, 5e-4, 1e-3, 1e-3], (6, 1))}
-    found = calibrate(robot(), session_of(table, **where, **loose), Options(held_out=25))
+    tool = ToolInUse("gripper", (0.0, 0.0, 0.15), (0.0, 0.0, 0.0), 0.0)
+    session = session_of(table, **where, **loose, in_use=tool)
+    found = calibrate(robot(), session, Options(held_out=25))
     point = found.proof.point
     assert point.relative
     # u of one link number alone, .5 mm, would make a radius of some .8 mm
     assert point.radius_mean < 5e-4
     assert "um relative to the others (these distances do not show where" in verdict(found)
-    assert "and that it is of tool points to each other." in next_step(found)
+    step = next_step(found)
+    assert "and that it is of tool points to each other. Measure positions as well, of" in step
+    # every other radius is of the same frame, and those beside no table say so
+    radius = {one.key: one.radius for one in statements_of(found)}
+    assert radius["parameters"] < radius["region_mean"]
+    assert "in the frame that fits the tool points best" in tool_words(found)[0]
+    assert "is that of tool points to each other" in datum_words(found)[0]
+    assert re.search(r"tool point: R95 .* mm to the others\n", story_of(found))
     assert DATUM in found.proof.trust.sentences
     assert "distance error [mm]" in histogram(found)
     # a tolerance is one in the base
