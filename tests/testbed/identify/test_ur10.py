@@ -68,8 +68,8 @@ def rows_of(series):
     return head, rows
 
 
-@cache
-def calibrated(series, folder, count=None):
+def read(series, folder, count=None):
+    """Robot and session of all rows, or of so many drawn at random."""
     head, rows = rows_of(series)
     if count is not None:
         some = np.sort(np.random.default_rng(2).permutation(len(rows))[:count])
@@ -78,7 +78,12 @@ def calibrated(series, folder, count=None):
     file.write_text("".join([head, *rows]))
     config.write_text(CONFIG.format(series=series))
     robot = load_robot("universal_ur10")
-    session = read_session(file, robot, config=config)
+    return robot, read_session(file, robot, config=config)
+
+
+@cache
+def calibrated(series, folder, count=None):
+    robot, session = read(series, folder, count)
     return calibrate(robot, session, Options(train=100, seed=1))
 
 
