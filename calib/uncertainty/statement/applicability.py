@@ -155,7 +155,8 @@ class Proven:
         own = rows[:, :, self.own]
         G = unheld(self.wide, self.columns, self.up, q, rows)
         follows = self.absorbed if absorbed is None else absorbed
-        return position, own, G - np.tensordot(own, follows, 1)
+        G -= np.tensordot(own, follows, 1)  # in place: another layout rounds sums otherwise
+        return position, own, G
 
     def seen_from(self, datum: InnerDatum, q: Array) -> "Proven":
         """The same in the frame of a datum, that which fits points at joints q (N, n) best."""
