@@ -1,14 +1,15 @@
 """Base, tool and fixtures before any link is touched, and which numbers a session frees."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from difflib import get_close_matches
 
 import numpy as np
 
-from calib.arrays import Array
+from calib.arrays import Array, frozen
 from calib.errors import InputError, refuse
 from calib.geometry.chain import COLUMNS
-from calib.geometry.frames import inverse
+from calib.geometry.frames import inverse, transform_points
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import Parameters, parameters_of
 from calib.identification.identify import identify
@@ -78,6 +79,11 @@ def frames_of(robot: Robot, session: Session, train: Measurements) -> StartFrame
     elif session.visits:  # where further stations stand is not in the robot's file
         found = start_frames(own, train, free_tool=wanted.tool == "free")
         start = at_base(found.model, own.chain.T_world_base)
+    elif session.free_anchors and not _fits(robot, session, own, train):
+        free_tool = wanted.tool == "free"
+        found = start_frames(own, train, free_tool=free_tool, free_anchors=session.free_anchors)
+        start = at_base(found.model, own.chain.T_world_base, session.free_anchors)
+        sentences = found.notes
     parameters = free_numbers(start, robot, session)
     before = _not_astray(start, fitted_frames(start, train, parameters), train, parameters)
     return StartFrames(start, before, start is own, parameters, sentences)
@@ -166,10 +172,14 @@ def free_numbers(model: RobotModel, robot: Robot, session: Session) -> Parameter
     return table.freeing({*names, *model.fixtures.names} - set(session.fixed) - held)
 
 
-def at_base(model: RobotModel, T_world_base: Array) -> RobotModel:
-    """A model with its base elsewhere, and its stations as they stand to it."""
+def at_base(model: RobotModel, T_world_base: Array, free_anchors: Sequence[int] = ()) -> RobotModel:
+    """A model with its base elsewhere; its stations and free anchors stand to it as before."""
     moved = T_world_base @ inverse(model.chain.T_world_base)
-    fixtures = replace(model.fixtures, stations=moved @ model.fixtures.stations)
+    anchors, free = model.fixtures.anchors.copy(), list(free_anchors)
+    anchors[free] = transform_points(moved, anchors[free])
+    fixtures = replace(
+        model.fixtures, stations=moved @ model.fixtures.stations, anchors=frozen(anchors)
+    )
     return replace(model, chain=replace(model.chain, T_world_base=T_world_base), fixtures=fixtures)
 
 

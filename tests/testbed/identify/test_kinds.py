@@ -10,6 +10,7 @@ import pytest
 from calib.errors import InputError
 from calib.geometry.chain import COLUMNS
 from calib.geometry.fixtures import Fixtures
+from calib.geometry.frames import inverse, transform_points
 from calib.measurement import tables
 from calib.measurement.observations import joined
 from calib.uncertainty.judgement import Judgement
@@ -170,6 +171,26 @@ def test_distances_to_known_points_are_judged_as_distances():
     # no proof looks at the joints of distances: the split does
     with pytest.raises(InputError, match="90 of 90 held-out poses stand at the same joints"):
         calibrate(robot(), with_test(session, session))
+
+
+@pytest.mark.parametrize("known", [0, 1])
+def test_anchors_are_found_where_the_base_is_held_as_well(known):
+    """They were sought from the base itself, and left where they shrank the arm to its half."""
+    table = distances(true_model(), pool_r(40), np.random.default_rng(1))
+    base, held = true_model().chain.T_world_base, robot().model.chain.T_world_base
+    true = transform_points(held @ inverse(base), ANCHORS)
+    session = session_of(
+        table,
+        fixtures=Fixtures(anchors=np.where(np.arange(3)[:, None] < known, true, 0.0)),
+        anchor_names=("P", "Q", "R"),
+        fixed=tuple(f"anchor{k + 1}.{axis}" for k in range(known) for axis in "xyz"),
+    )
+    session = replace(session, wanted=session.wanted.model_copy(update={"base": "fixed"}))
+    start = frames_of(robot(), session, session.measurements).start
+    np.testing.assert_array_equal(start.chain.T_world_base, held)
+    np.testing.assert_array_equal(start.fixtures.anchors[:known], true[:known])
+    # seen by nominal links, which are off by tenths of a millimeter and hundredths of a degree
+    np.testing.assert_allclose(start.fixtures.anchors, true, rtol=0, atol=5e-3)
 
 
 def story_of(found):
