@@ -1,5 +1,7 @@
 """Inverse kinematics: back to the pose, by the shortest way, inside the limits, or said why not."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy import optimize
@@ -211,6 +213,17 @@ def test_what_no_stretched_arm_reaches_is_searched_for_once_and_ends_as_if_it_we
     assert len(searched) > 2
     assert again.status == found.status
     np.testing.assert_array_equal(again.q, found.q)
+
+
+def test_no_posture_lies_too_far_and_a_tenth_beyond_a_stretched_arm_everything_does():
+    """Two links of 0.4 and 0.3 m and a tool of 0.2 m, on a base that stands elsewhere."""
+    links = np.array([[0, 0, 0.4, 0, 0], [0, 0, 0.3, 0, 0]])
+    chain = Chain(links, T_world_base=slide(5, -3, 1), T_flange_tool=slide(0.2, 0, 0))
+    away = np.array([0.9, 0.98, 1.0])
+    T = np.stack([slide(5 + far, -3, 1) for far in away])
+    np.testing.assert_array_equal(inverse._too_far(RobotModel(chain), T), away > 1.1 * 0.9)
+    driven = replace(chain, kinds=("prismatic", "revolute"))
+    assert not inverse._too_far(RobotModel(driven), T).any()
 
 
 def test_singular_postures_are_reached_and_named():

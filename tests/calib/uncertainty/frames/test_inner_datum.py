@@ -20,7 +20,8 @@ from calib.measurement.prediction import predict
 from calib.measurement.tool_target import ToolTarget
 from calib.uncertainty.frames.inner_datum import inner_datum, shows_no_frame
 from calib.uncertainty.statement.applicability import proven_at
-from calib.uncertainty.statement.believe import adding, scores_of_distances
+from calib.uncertainty.statement.believe import adding, believe, scores_of_distances
+from calib.uncertainty.statement.misfit import UNGUARDED_DROP, misfit
 from calib.uncertainty.trust import DATUM
 from tests.calib import kinds
 from tests.reference import TX60_LINKS
@@ -43,10 +44,10 @@ def seen_from(places, m=40):
     return tables.distances(q, np.ones(m), sd=NOISE, anchor=at)
 
 
-def fit_with(places, free):
+def fit_with(places, free, dropped=()):
     """As much of an identification as tells which numbers were asked for."""
     model = SimpleNamespace(fixtures=Fixtures(anchors=places))
-    asked = SimpleNamespace(free_names=tuple(free)), SimpleNamespace(dropped=())
+    asked = SimpleNamespace(free_names=tuple(free)), SimpleNamespace(dropped=dropped)
     return SimpleNamespace(model=model, parameters=asked[0], reduction=asked[1])
 
 
@@ -65,6 +66,16 @@ ANCHORS_FREE = [f"anchor{k + 1}.x" for k in range(4)]
 )  # fmt: skip
 def test_which_distances_show_where_the_base_stands(places, free, none):
     assert shows_no_frame(fit_with(places, free), seen_from(places)) == none
+
+
+def test_only_anchors_that_were_measured_from_show_a_frame():
+    places = np.concatenate([RAIL, CORNERS])
+    assert shows_no_frame(fit_with(places, ["base.x"]), seen_from(RAIL))
+    assert not shows_no_frame(fit_with(places, ["base.x"]), seen_from(places))
+
+
+def test_a_base_that_no_reading_tells_from_other_numbers_was_asked_for():
+    assert shows_no_frame(fit_with(RAIL, [], ("base.x",)), seen_from(RAIL))
 
 
 SHOTS = CORNERS[[0, 0, 0, 0]] + 1e-5 * np.eye(4, 3)
@@ -209,6 +220,9 @@ def test_held_out_distances_widen_the_factor_where_they_are_further_off_than_sta
     rare = worst > K3
     # of the four distances of a pose the worst, as one alone is that chance makes as rarely
     worst[rare] = np.sqrt(chi2.isf(1 - chi2.cdf(worst[rare] ** 2, 3) ** 4, 3))
+    # no direction but theirs is guarded: the misfit is bounded as where nothing guards
+    strict = misfit(found.identification, found.measured, test, drop=UNGUARDED_DROP)
+    assert belief.misfit.upper == strict.upper
     drawn, alone = scores_of_distances(belief, test)
     # the largest of some 100 normal numbers has a tail of 1e-3: twelve digits of it are left
     np.testing.assert_allclose(alone, worst, rtol=1e-9)
@@ -217,6 +231,12 @@ def test_held_out_distances_widen_the_factor_where_they_are_further_off_than_sta
     np.testing.assert_allclose(near, 0, atol=1e-9)
     # 25 poses: 95 % of them and one more ask for the largest
     assert belief.factor == max(K3, drawn.max(), alone.max())
+    # noise that repeats show to be twice as large is in what they are compared with
+    louder = replace(belief, misfit=replace(belief.misfit, noise_scale=2.0, repeated=True))
+    loud = replace(test, covariance=4 * test.covariance)
+    np.testing.assert_array_equal(
+        scores_of_distances(louder, test), scores_of_distances(belief, loud)
+    )
     off = replace(test, distance=test.distance + 4 * seen_errors(belief.model, test))
     wider = adding(belief, np.zeros_like(belief.covariance), off)
     assert wider.factor == scores_of_distances(belief, off).max() > 1.5 * belief.factor
@@ -225,6 +245,20 @@ def test_held_out_distances_widen_the_factor_where_they_are_further_off_than_sta
 def seen_errors(model, table):
     """Measured minus predicted distances (m,) [m]."""
     return predict(model, table).residual[:, 0]
+
+
+def test_each_pose_is_counted_once_in_the_frame_of_the_point_that_is_stated():
+    _, found, test = campaign(0)
+    fit, table, point = found.identification, found.measured, (0.1, 0.0, 0.05)
+    datum = inner_datum(fit, table, ToolTarget(point))
+    # all four distances of half of the poses, and one of each other
+    some = inner_datum(
+        fit, table.rows((table.pose_id < 20) | (table.anchor == 0)), ToolTarget(point)
+    )
+    np.testing.assert_allclose(some.motion, datum.motion, rtol=0, atol=1e-12)
+    stated = believe(fit, table, test, target=point, drawn=False)
+    np.testing.assert_array_equal(stated.datum.motion, datum.motion)
+    assert stated.n_ranged == 0  # designed poses widen nothing
 
 
 def test_held_out_points_show_no_frame_to_what_was_identified_without_them():
@@ -246,6 +280,7 @@ def test_what_is_left_of_a_wave_is_counted_beside_a_motion_of_everything():
     q = kinds.joints("tx60", rng, 30)
     datum = inner_datum(fit, table, target)
     proven = proven_at(fit, table, q, datum=datum)
+    np.testing.assert_array_equal(proven.left(q).mean(axis=1), proven.usual)
     term = [proven.wide.names[k] for k in proven.columns].index("harmonic3.cos2")
     part = [term, -1]
     own = replace(
