@@ -175,11 +175,12 @@ def _believed(
             f"{belief.n_guards} held-out poses guard the coverage factor, k = {belief.factor:.2f}"
         )
     elif belief.n_ranged:
+        guard = f"; {fewest_poses(belief.probability)} poses measured as positions would guard all"
         words.append(
             f"Distances at {belief.n_ranged} held-out poses guard the coverage factor, k = "
             f"{belief.factor:.2f}, in their own directions alone, so a stricter limit of the "
-            f"misfit is used as well; {fewest_poses(belief.probability)} poses measured as "
-            "positions would guard all"
+            "misfit is used as well" + guard * (belief.datum is None)
+            # of no use where nothing shows in which frame such positions would stand
         )
     else:
         seen = " and measured as positions (a distance shows one direction only)" * ranged

@@ -156,6 +156,7 @@ def test_distances_to_known_points_are_judged_as_distances():
     assert mark(found) == RANGED
     assert "distances at 25 held-out poses have tested it, in one direction each" in verdict(found)
     assert "Distances at 25 held-out poses guard the coverage factor" in found.proof.trust.sentence
+    assert "19 poses measured as positions would guard all" in found.proof.trust.sentence
     # the anchors are known, and with them where the robot stands
     assert found.proof.belief.datum is None
     assert not found.proof.point.relative
@@ -221,6 +222,7 @@ def test_distances_from_points_of_unknown_place_state_tool_points_to_each_other(
     assert "is that of tool points to each other" in datum_words(found)[0]
     assert re.search(r"tool point: R95 .* mm to the others\n", story_of(found))
     assert DATUM in found.proof.trust.sentences
+    assert "would guard all" not in found.proof.trust.sentence
     assert "distance error [mm]" in histogram(found)
     # a tolerance is one in the base
     asked = replace(found, decision=Decision(1e-2, "guarded"))
