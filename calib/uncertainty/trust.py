@@ -177,9 +177,9 @@ def _believed(
     elif belief.n_ranged:
         guard = f"; {fewest_poses(belief.probability)} poses measured as positions would guard all"
         words.append(
-            f"Distances at {belief.n_ranged} held-out poses guard the coverage factor, k = "
-            f"{belief.factor:.2f}, in their own directions alone, so a stricter limit of the "
-            "misfit is used as well" + guard * (belief.datum is None)
+            f"Distances at {belief.n_ranged} held-out poses widen the coverage factor where they "
+            f"ask for it, k = {belief.factor:.2f}; they guard no direction but their own, so a "
+            "stricter limit of the misfit is used as well" + guard * (belief.datum is None)
             # of no use where nothing shows in which frame such positions would stand
         )
     else:

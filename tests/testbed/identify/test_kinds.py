@@ -155,7 +155,7 @@ def test_distances_to_known_points_are_judged_as_distances():
     assert "Measure positions, not distances, of at least 19 held-out poses" in next_step(found)
     assert mark(found) == RANGED
     assert "distances at 25 held-out poses have tested it, in one direction each" in verdict(found)
-    assert "Distances at 25 held-out poses guard the coverage factor" in found.proof.trust.sentence
+    assert "Distances at 25 held-out poses widen the coverage factor" in found.proof.trust.sentence
     assert "19 poses measured as positions would guard all" in found.proof.trust.sentence
     # the anchors are known, and with them where the robot stands
     assert found.proof.belief.datum is None
