@@ -6,6 +6,7 @@ each other is known as well as the readings tell. That is stated.
 """
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 
@@ -25,9 +26,9 @@ millimeter over meters, so that these errors would tell the turn about it, and n
 class InnerDatum:
     """The frame in which the tool points at given postures are least off, as a rigid motion."""
 
-    center: Array
+    center: Annotated[Array, 3]
     """(3,) mean of these tool points in the base [m]."""
-    motion: Array
+    motion: Annotated[Array, 6, "P"]
     """(6, P) shift [m] and turn about the center [rad] of that frame, by the model's numbers."""
 
     def relative(self, position: Array, rows: Array) -> Array:
