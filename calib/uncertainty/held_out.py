@@ -142,7 +142,7 @@ def require_disjoint(q: ArrayLike, used_q: ArrayLike) -> None:
 
 
 def first_of_pose(test: Measurements) -> Measurements:
-    """The first row of every pose: its others repeat the same error of the model."""
+    """The first row of every pose, by its number: others repeat the same error of the model."""
     return test.rows(np.unique(test.pose_id, return_index=True)[1])
 
 

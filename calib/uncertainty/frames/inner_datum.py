@@ -16,6 +16,7 @@ from calib.identification.identify import Identification
 from calib.measurement.observations import Measurements
 from calib.measurement.tool_target import ToolTarget
 from calib.uncertainty.frames.rigid import turning
+from calib.uncertainty.held_out import first_of_pose
 
 ON_LINE = 1e-3
 """Part of their spread by which points lie off a line at most: places are known to some tenths of a
@@ -46,9 +47,8 @@ def inner_datum(
     identification: Identification, train: Measurements, target: ToolTarget
 ) -> InnerDatum:
     """The frame that fits the tool points best at the poses identified from, each counted once."""
-    first = np.unique(train.pose_id, return_index=True)[1]
-    model = identification.model
-    T, J = model.poses_and_jacobian(train.q[first], train.conditions.rows(first))
+    once, model = first_of_pose(train), identification.model
+    T, J = model.poses_and_jacobian(once.q, once.conditions)
     position, rows = target.positions_and_rows(model, T, J)
     center = position.mean(axis=0)
     return InnerDatum(frozen(center), frozen(best_motion(position - center, rows)))

@@ -25,6 +25,7 @@ from calib.measurement.prediction import predict
 from calib.measurement.tool_target import ToolTarget
 from calib.shown import Shown
 from calib.uncertainty.frames.inner_datum import InnerDatum, best_motion
+from calib.uncertainty.held_out import first_of_pose
 from calib.uncertainty.statement.gain import estimator_gain, untold
 from calib.uncertainty.statement.steps import ON_STEP, steps_of
 
@@ -135,10 +136,7 @@ class Proven:
     def left(
         self, q: Array, at: OperatingConditions = AS_USUAL, absorbed: Array | None = None
     ) -> Array:
-        """(3, N) variance of the target left by a unit of every term, by the foot, by the noise.
-
-        Of an estimate that follows them as (P, k + 1) `absorbed` says, by default as this one does.
-        """
+        """(3, N) variance of the target left by a unit of every term, by the foot, by the noise."""
         position, own, G = self._moved(q, at, absorbed)
         if self.datum is not None and self.of_terms is not None:
             own = self.datum.relative(position, own)
@@ -149,7 +147,7 @@ class Proven:
     def _moved(
         self, q: Array, at: OperatingConditions = AS_USUAL, absorbed: Array | None = None
     ) -> tuple[Array, Array, Array]:
-        """Stated points (N, 3) [m], (N, 3, P) by the numbers, (N, 3, k + 1) left of the terms."""
+        """Points (N, 3) [m], (N, 3, P) by the numbers, (N, 3, k + 1) left of terms by `absorbed`."""
         T, J = self.wide.poses_and_jacobian(q, at)
         position, rows = self.target.positions_and_rows(self.wide, T, J)
         own = rows[:, :, self.own]
@@ -158,11 +156,12 @@ class Proven:
         G -= np.tensordot(own, follows, 1)  # in place: another layout rounds sums otherwise
         return position, own, G
 
-    def seen_from(self, datum: InnerDatum, q: Array) -> "Proven":
-        """The same in the frame of a datum, that which fits points at joints q (N, n) best."""
-        position, _, G = self._moved(q)
+    def seen_from(self, datum: InnerDatum, poses: Measurements, q: Array) -> "Proven":
+        """The same in the frame that fits points at some poses best; usual at joints q (N, n)."""
+        position, _, G = self._moved(poses.q, poses.conditions)
         motion = best_motion(position - datum.center, G)
-        return replace(self, datum=datum, of_terms=replace(datum, motion=frozen(motion)))
+        seen = replace(self, datum=datum, of_terms=replace(datum, motion=frozen(motion)))
+        return replace(seen, usual=frozen(seen.left(q).mean(axis=1)))
 
 
 def proven_at(
@@ -199,10 +198,9 @@ def proven_at(
     whole = frozen(proven.covariance + open_root @ open_root.T)
     stood = np.concatenate([train.q, np.asarray(q, dtype=np.float64)])
     proven = replace(proven, covariance=whole, step=steps_of(stood, proven.wide.chain.prismatic))
-    if datum is None:
-        return proven
-    proven = proven.seen_from(datum, train.q[np.unique(train.pose_id, return_index=True)[1]])
-    return replace(proven, usual=frozen(proven.left(np.asarray(q, np.float64)).mean(axis=1)))
+    if datum is not None:
+        proven = proven.seen_from(datum, first_of_pose(train), np.asarray(q, dtype=np.float64))
+    return proven
 
 
 def over_usual(left: Array, usual: Array) -> Array:

@@ -47,14 +47,17 @@ class Belief(Shown):
     n_ranged: Annotated[int, LATER] = 0
     """Held-out poses whose distances alone widen the factor, which guards no direction but theirs;
     0 where there were too few, or where points guard it."""
-    datum: Annotated[InnerDatum | None, LATER] = None
-    """The frame in which regions are stated, where no reading shows where the base stands."""
 
     def __repr__(self) -> str:
         return (
             f"Belief(misfit up to {1e6 * self.misfit.upper:.3g} um per axis, factor "
             f"{self.factor:.3g}, {self.n_guards} guards)"
         )
+
+    @property
+    def datum(self) -> InnerDatum | None:
+        """The frame in which regions are stated, where no reading shows where the base stands."""
+        return self.proven.datum
 
     def regions(
         self,

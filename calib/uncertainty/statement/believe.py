@@ -80,18 +80,20 @@ def believe(
     S = P + sigma_U^2 max(1, g) Q, P and N with the scale of the noise where repeats tell that it is
     larger than stated; k^2 = chi2_3 max(1, r-th smallest of e'inv(S + N)e / chi2_3, r-th smallest
     of (|e| / R)^2) over n held-out poses, r = ceil(p (n + 1)), R of the ball that holds p of N(0, S
-    + N): ellipsoid and radius are both promised. Of several rows of a pose see `_of_poses`.
+    + N): ellipsoid and radius are both promised. Of several rows of a pose see `_of_poses`,
+    where only distances are held out `scores_of_distances`.
     Discrepancy: Kennedy & O'Hagan 2001; guard: split conformal, Vovk et al. 2005.
     """
     where = train if held_out is None or not len(held_out) else held_out
     points = 0 if held_out is None else held_out.rows(~held_out.is_distance).n_poses
-    n = held_out.n_poses if held_out is not None and not points else points
-    enough = drawn and n >= fewest_poses(probability)
-    guarded = enough and points > 0
+    ranged = 0 if held_out is None or points else held_out.n_poses
+    guards, ranged = (
+        n if drawn and n >= fewest_poses(probability) else 0 for n in (points, ranged)
+    )
     datum = None
     if shows_no_frame(identification, train):
         datum = inner_datum(identification, train, ToolTarget.of(target))
-    drop = DROP if guarded else UNGUARDED_DROP
+    drop = DROP if guards else UNGUARDED_DROP
     size = misfit(identification, train, held_out, repeats=repeats, stops=stops, drop=drop)
     if quiet is not None:
         held_out = quiet[1]
@@ -105,10 +107,9 @@ def believe(
     plain = Belief(
         identification.model, frozen(whole), size,
         misfit_covariance(identification, train, size.shape),
-        float(np.sqrt(chdtri(3, 1 - probability))), n if guarded else 0, probability,
+        float(np.sqrt(chdtri(3, 1 - probability))), guards, probability,
         proven_at(identification, train, where.q, target=target, datum=datum),
-        n_ranged=n if enough and not guarded else 0,
-        datum=datum,
+        n_ranged=ranged,
     )  # fmt: skip
     return adding(plain, np.zeros((P, P)) if shared is None else shared, held_out)
 
