@@ -147,7 +147,7 @@ class Proven:
     def _moved(
         self, q: Array, at: OperatingConditions = AS_USUAL, absorbed: Array | None = None
     ) -> tuple[Array, Array, Array]:
-        """Points (N, 3) [m], (N, 3, P) by the numbers, (N, 3, k + 1) left of terms by `absorbed`."""
+        """Points (N, 3) [m], (N, 3, P) by numbers, (N, 3, k + 1) left of terms by `absorbed`."""
         T, J = self.wide.poses_and_jacobian(q, at)
         position, rows = self.target.positions_and_rows(self.wide, T, J)
         own = rows[:, :, self.own]
