@@ -15,7 +15,7 @@ from calib.identification.many.fit import fit_many
 from calib.identification.many.tables import ManyTables
 from calib.identification.model_choice import extended_by
 from calib.identification.prior import weak_prior
-from calib.uncertainty.many.likelihoods import likelihood_between
+from calib.uncertainty.many.likelihoods import likelihoods_between
 from calib.uncertainty.statement.evidence import PositionRows
 from calib.uncertainty.statement.likelihood import likelihood
 from testbed.laboratory.truth.laboratory import open_laboratory
@@ -117,13 +117,16 @@ def test_extended_fits_at_once(benchmark, bench, extended):
     )  # fmt: skip
 
 
-@pytest.mark.benchmark(group="likelihood of a misfit, 69 numbers and their prior")
-@pytest.mark.parametrize("how", [likelihood, likelihood_between])
-def test_likelihood(benchmark, how):
+@pytest.mark.benchmark(group="likelihood of a misfit of 25 robots, 69 numbers and their prior")
+@pytest.mark.parametrize("together", [False, True])
+def test_likelihood(benchmark, together):
     rng, n, p = np.random.default_rng(3), 207, 69
-    rows = PositionRows(rng.normal(size=(n, p)), rng.normal(size=n), rng.uniform(0.5, 2.5, n), n)
     before = PositionRows(np.eye(p), np.zeros(p), np.zeros(p), 0.0)
-    if how is likelihood:
-        benchmark(how, rows, 1.0, None, before)
+    tables = [
+        PositionRows(rng.normal(size=(n, p)), rng.normal(size=n), rng.uniform(0.5, 2.5, n), n)
+        for _ in range(25)
+    ]
+    if together:
+        benchmark(likelihoods_between, tables, np.ones(25), [before] * 25)
     else:
-        benchmark(how, rows, 1.0, before)
+        benchmark(lambda: [likelihood(rows, 1.0, None, before) for rows in tables])

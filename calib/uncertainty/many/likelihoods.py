@@ -1,11 +1,13 @@
 """The likelihood of a misfit, computed at a few sizes and interpolated by polynomials."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import cache
+from typing import NamedTuple
 
 import numpy as np
 
-from calib.arrays import Array
+from calib.arrays import Array, frozen
 from calib.uncertainty.statement.evidence import PositionRows, reduced
 from calib.uncertainty.statement.likelihood import HOPELESS, Grid, Likelihood, missed
 from calib.uncertainty.statement.likelihood_systems import SMALL, OfNumbers, Pools, systems_of
@@ -22,10 +24,39 @@ POOLS = 16
 """Most sums over rows that replace one sum for each size."""
 
 
-def likelihood_between(
-    rows: PositionRows, unit: float, before: PositionRows | None = None
-) -> Likelihood | None:
+class _Found(NamedTuple):
+    """What is found of the sizes of one table."""
+
+    every: Array
+    """(3, nodes, k) as in `Grid.profile`."""
+    rows: int
+    numbers: int
+
+
+def likelihoods_between(
+    tables: Sequence[PositionRows], units: Array, befores: Sequence[PositionRows | None]
+) -> list[Likelihood | None]:
     """`likelihood` to 1e-10, for tables without repeats that show the scale of the noise.
+
+    `units` (R,) and `befores` are those of each table [m]. Tables with the same numbers of rows and
+    of numbers are profiled together.
+    """
+    found = [_found(*one) for one in zip(tables, units.tolist(), befores, strict=True)]
+    alike: dict[tuple[object, ...], list[int]] = {}
+    for k, one in enumerate(found):
+        if one is not None:
+            alike.setdefault((one.every.shape, one.rows, one.numbers), []).append(k)
+    profiled: list[Likelihood | None] = [None] * len(found)
+    for (_, n, p), places in alike.items():
+        some = np.array([found[k].every for k in places])
+        size, *parts = _grid().profile(some, n, p)
+        for k, value, scale in zip(places, *parts, strict=True):
+            profiled[k] = Likelihood(frozen(size), frozen(value), frozen(scale))
+    return profiled
+
+
+def _found(rows: PositionRows, unit: float, before: PositionRows | None) -> _Found | None:
+    """What a likelihood is profiled from; None where rows show no more than the numbers.
 
     References
     ----------
@@ -65,7 +96,7 @@ def likelihood_between(
         if value[-1] < max(best, value.max()) - (UNLIKELY if alike else HOPELESS) - missed(n):
             break  # larger sizes are less likely still
         best, start = max(best, float(value.max())), end
-    return grid.profile(every, n, p)
+    return _Found(every, n, p)
 
 
 def pooled(X: Array, lam: Array) -> Pools | None:

@@ -1,4 +1,4 @@
-"""Size of the hidden misfit of many robots: rows whitened together, one likelihood for each."""
+"""Size of the hidden misfit of many robots: rows whitened and likelihoods profiled together."""
 
 from typing import NamedTuple
 
@@ -6,7 +6,7 @@ import numpy as np
 
 from calib.arrays import Array
 from calib.uncertainty.many.gains import ManyGains, many_whiteners
-from calib.uncertainty.many.likelihoods import likelihood_between
+from calib.uncertainty.many.likelihoods import likelihoods_between
 from calib.uncertainty.many.sights import ManySights
 from calib.uncertainty.statement.evidence import PositionRows, believed_before
 from calib.uncertainty.statement.misfit import DROP
@@ -37,12 +37,14 @@ def misfits(seen: ManySights, gains: ManyGains) -> ManyMisfits:
         )
     X, lam = (np.concatenate(both, axis=1) for both in zip(*(p[:2] for p in parts), strict=True))
     noise, lam = parts[0][2] + parts[1][2], np.maximum(lam, 0.0)
+    tables = [
+        PositionRows(X[k, :, :-1], X[k, :, -1], lam[k], float(noise[k])) for k in range(len(seen))
+    ]
+    units = np.array([rows.unit for rows in tables])
+    before = [believed_before(*one) for one in zip(seen.fits, seen.precision, strict=True)]
     found = np.full((2, len(seen)), [[np.nan], [np.inf]])
-    for k, fit in enumerate(seen.fits):
-        rows = PositionRows(X[k, :, :-1], X[k, :, -1], lam[k], float(noise[k]))
-        unit = rows.unit
-        values = likelihood_between(rows, unit, believed_before(fit, seen.precision[k]))
+    for k, values in enumerate(likelihoods_between(tables, units, before)):
         if values is not None:
-            best = values.size[np.argmax(values.value)]
-            found[:, k] = unit * best, unit * values.limit(DROP)
+            sizes = values.size[np.argmax(values.value)], values.limit(DROP)
+            found[:, k] = units[k] * np.array(sizes)
     return ManyMisfits(*found)

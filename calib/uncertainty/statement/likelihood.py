@@ -108,7 +108,7 @@ def likelihood(
         look(near[np.isneginf(value[near])], STRIDE)
     else:
         look(every, AT_ONCE)
-    return grid.profile(found, n, p)
+    return Likelihood(*map(frozen, grid.profile(found, n, p)))
 
 
 def last_within(value: Array, at: Array, level: float) -> float:
@@ -165,24 +165,25 @@ class Grid:
         return np.asarray(self.center + NODES * self.sd)
 
     def of_both(self, found: Array, n: int, p: int, log_g: Array | None = None) -> Array:
-        """Log-likelihood (k, g) by size and scale, of n rows and p numbers.
+        """Log-likelihood (..., k, g) by size and scale, of n rows and p numbers.
 
-        `found` are ln|H|, y'Py and ln|1 + t^2 lam| (3, nodes, k); one node: without a prior.
+        `found` are ln|H|, y'Py and ln|1 + t^2 lam| (..., 3, nodes, k); one node: without a prior.
         """
         log_g = self.log_g if log_g is None else log_g
-        logarithm, square, of_rows = found
+        logarithm, square, of_rows = np.moveaxis(found, -3, 0)
         less = np.exp(-2 * log_g)
-        if len(logarithm) == 1:
-            left = square[0, :, None] * less
-            value = logarithm[0, :, None] + 2 * (n - p) * log_g + left
+        if found.shape[-2] == 1:
+            left = square[..., 0, :, None] * less
+            value = logarithm[..., 0, :, None] + 2 * (n - p) * log_g + left
         else:
             powers, wanted = (
                 np.vander(x, len(NODES)) for x in (NODES * self.sd, log_g - self.center)
             )
             between = np.linalg.solve(powers.T, wanted.T).T  # polynomials
-            quadratic = (between @ (square * np.exp(2 * self.nodes[:, None]))).T * less
-            value = (between @ logarithm).T + 2 * n * log_g + quadratic
-        return np.asarray(-value / 2 - of_rows[0, :, None] / 2 - self._known(log_g))
+            quadratic = between @ (square * np.exp(2 * self.nodes[:, None]))
+            value = np.swapaxes(between @ logarithm, -1, -2) + 2 * n * log_g
+            value += np.swapaxes(quadratic, -1, -2) * less
+        return np.asarray(-value / 2 - of_rows[..., 0, :, None] / 2 - self._known(log_g))
 
     def _known(self, log_g: Array) -> Array:
         """What minus the log-likelihood has from what is known of the scale."""
@@ -190,29 +191,32 @@ class Grid:
             return np.asarray((log_g - self.center) ** 2 / (2 * self.sd**2))
         return self.repeats.against(log_g)
 
-    def profile(self, found: Array, n: int, p: int) -> Likelihood:
-        """The likelihood of sizes, from what is `found` of those in scaled noise.
+    def profile(self, found: Array, n: int, p: int) -> tuple[Array, Array, Array]:
+        """Sizes (s,), and of each its log-likelihood (..., s) and most likely scale (..., s).
 
-        Not a number where nobody looked.
+        From what is `found` (..., 3, nodes, k) of sizes in scaled noise, as in `of_both`: not a
+        number where nobody looked.
         """
+        looked = np.flatnonzero(~np.isnan(found).all(axis=(*range(found.ndim - 1),)))
+        found = found[..., : looked[-1] + 3]  # two that nobody looked at stand for all
         # size = t g: equal steps in both logarithms, so that every size meets every scale there is
         sizes, last = np.arange(_count())[:, None], len(self.log_g)
-        parts, scales = [], []
+        best = np.full((*found.shape[:-3], 1 + len(sizes)), -np.inf)
+        scale = np.ones(best.shape)
         for part, log_g in self._scales(n):
             value = self.of_both(found if part == 0.0 else _between(found, 1 - part), n, p, log_g)
             shift = np.rint((log_g - part * STEP - self.log_g[0]) / STEP).astype(np.int64)
-            place = sizes + last - shift - (part > 0.0)
-            none = self.of_both(found[:, :, :1], n, p, log_g)
-            parts.append(np.concatenate([none, value[place, np.arange(len(log_g))]]))
-            scales.append(log_g)
-        of_both, log_g = np.concatenate(parts, axis=1), np.concatenate(scales)
-        of_both = np.where(np.isnan(of_both), np.nanmax(of_both) - 2 * HOPELESS, of_both)
+            place = np.minimum(sizes + last - shift - (part > 0.0), found.shape[-1] - 1)
+            none = self.of_both(found[..., :1], n, p, log_g)
+            every = np.concatenate([none, value[..., place, np.arange(len(log_g))]], axis=-2)
+            every[np.isnan(every)] = -np.inf
+            top = every.argmax(axis=-1)
+            value = np.take_along_axis(every, top[..., None], axis=-1)[..., 0]
+            more = value > best
+            best[more], scale[more] = value[more], np.exp(log_g)[top[more]]
+        best = np.maximum(best, best.max(axis=-1, keepdims=True) - 2 * HOPELESS)
         size = SMALLEST * np.exp(STEP * sizes[:, 0] + self.log_g[self.reach])
-        return Likelihood(
-            frozen(np.concatenate([[0.0], size])),
-            frozen(of_both.max(axis=1)),
-            frozen(np.exp(log_g[of_both.argmax(axis=1)])),
-        )
+        return np.append(0.0, size), best, scale
 
     def _scales(self, rows: int) -> Iterator[tuple[float, Array]]:
         """Scales by the part of a step that each lies above one of `log_g`.
@@ -240,10 +244,8 @@ def _between(found: Array, part: float) -> Array:
     ends = 2 * own[..., [0, -1]] - own[..., [1, -2]]
     f = np.concatenate([ends[..., :1], own, ends[..., 1:], ends[..., 1:]], axis=-1)
     a, b, c, d = part + 1, part, part - 1, part - 2
-    before, at, after, next_one = (f[..., k : k + own.shape[-1]] for k in range(4))
-    value = (a * c * d * at - a * b * d * after) / 2 + (
-        a * b * c * next_one - b * c * d * before
-    ) / 6
+    shares = -b * c * d / 6, a * c * d / 2, -a * b * d / 2, a * b * c / 6
+    value = sum(share * f[..., k : k + own.shape[-1]] for k, share in enumerate(shares))
     return np.concatenate([found[..., :1], value], axis=-1)
 
 

@@ -3,10 +3,14 @@
 import numpy as np
 import pytest
 
-from calib.uncertainty.many.likelihoods import ALIKE, POOLS, likelihood_between, pooled
+from calib.uncertainty.many.likelihoods import ALIKE, POOLS, likelihoods_between, pooled
 from calib.uncertainty.statement.evidence import PositionRows
-from calib.uncertainty.statement.likelihood import likelihood
+from calib.uncertainty.statement.likelihood import HOPELESS, likelihood
 from calib.uncertainty.statement.misfit import DROP
+
+
+ASKED = ((20, 0.0, 0), (20, 3.0, 0), (20, 300.0, 0), (20, 0.5, 20), (21, 0.5, 21))
+"""Numbers, sizes of misfit and rows of a prior of tables that are asked together."""
 
 
 def rows(n, p, size, spread, *, priors=0, seed=1):
@@ -20,12 +24,18 @@ def rows(n, p, size, spread, *, priors=0, seed=1):
     return PositionRows(A, y, lam, float(n)), before if priors else None
 
 
+def between(own, before=None):
+    """The likelihood of one table."""
+    (found,) = likelihoods_between([own], np.ones(1), [before])
+    return found
+
+
 @pytest.mark.parametrize(("size", "spread"), [(0.0, 1.6), (0.5, 0.0), (3.0, 6.0), (300.0, 2.0)])
 @pytest.mark.parametrize(("p", "priors"), [(20, 0), (20, 20), (20, 7), (80, 80)])
 def test_few_sizes_say_what_all_say(size, spread, p, priors):
     """By numbers, with prior or without, and by rows. Limits to what a fall of 1e-9 moves them."""
     own, before = rows(90, p, size, spread, priors=priors)
-    found, every = likelihood_between(own, 1.0, before), likelihood(own, 1.0, None, before)
+    found, every = between(own, before), likelihood(own, 1.0, None, before)
     near = every.value > every.value.max() - 5
     fallen = [one.value[near] - one.value.max() for one in (found, every)]
     assert fallen[0] == pytest.approx(fallen[1], abs=3e-9)
@@ -35,14 +45,30 @@ def test_few_sizes_say_what_all_say(size, spread, p, priors):
     assert found.limit(DROP) == pytest.approx(every.limit(DROP), rel=1e-9)
 
 
+def test_tables_asked_together_have_their_own_likelihoods_in_any_order():
+    """Of other sizes, with a prior or none; one has too few rows. The same to the bit."""
+    made = [rows(90, p, size, 1.6, priors=k, seed=p) for p, size, k in ASKED]
+    made.insert(2, rows(6, 6, 0.0, 1.0))
+    units = np.linspace(1.0, 2.0, len(made))
+    together = likelihoods_between([own for own, _ in made], units, [one for _, one in made])
+    for (own, before), unit, found in zip(made, units, together, strict=True):
+        (alone,) = likelihoods_between([own], np.array([unit]), [before])
+        assert (found is None) is (alone is None) is (len(own.y) == 6)
+        if found is not None:
+            kept = found.value > found.value.max() - HOPELESS  # less is not looked at by each alike
+            for name in ("size", "value", "noise_scale"):
+                np.testing.assert_array_equal(getattr(found, name)[kept], getattr(alone, name)[kept])
+            assert found.limit(DROP) == alone.limit(DROP)
+
+
 def test_rows_that_say_nothing_have_no_likelihood():
     few, none = rows(6, 6, 0.0, 1.0)
     assert none is None
-    assert likelihood_between(few, 1.0) is None
+    assert between(few) is None
     flat, _ = rows(40, 5, 1.0, 1.0)
     flat = PositionRows(flat.A, flat.y, np.zeros(40), flat.noise)
     assert (
-        likelihood_between(flat, 1.0).limit(DROP)
+        between(flat).limit(DROP)
         == np.inf
         == likelihood(flat, 1.0, None).limit(DROP)
     )
@@ -74,6 +100,6 @@ def test_a_second_peak_is_not_missed_behind_rows_that_deny_it(seed):
     assert lam.max() / lam.min() < np.exp(ALIKE)
     y = np.r_[rng.normal(size=60), 20.5 * off]
     own = PositionRows(1e-3 * rng.normal(size=(62, 2)), y, lam, 62.0)
-    found, every = likelihood_between(own, 1.0), likelihood(own, 1.0, None)
+    found, every = between(own), likelihood(own, 1.0, None)
     assert found.limit(DROP) == pytest.approx(every.limit(DROP), rel=1e-9)  # as above
     assert every.limit(DROP) > 1.0

@@ -18,7 +18,7 @@ from calib.identification.larger_noise import under_noise
 from calib.identification.prior import Prior
 from calib.measurement.observations import Measurements, joined
 from calib.measurement.prediction import predict
-from calib.uncertainty.many.likelihoods import likelihood_between
+from calib.uncertainty.many.likelihoods import likelihoods_between
 from calib.uncertainty.statement.evidence import (
     NoiseRepeats,
     PositionRows,
@@ -416,7 +416,7 @@ def test_the_limit_is_that_of_the_likeliest_scales_however_many_rows_tell_them(n
     assert found is not None
     # of a drop of 1.35, .01 by scales as `OF_ITS_SD` promises, and as much by sizes 7 % apart
     assert found.limit(DROP) == pytest.approx(limit, rel=0.01)
-    between = likelihood_between(rows, 1.0)
+    (between,) = likelihoods_between([rows], np.ones(1), [None])
     assert between is not None
     assert between.limit(DROP) == pytest.approx(found.limit(DROP), rel=1e-5)
 
