@@ -240,10 +240,10 @@ def counted(number: int, noun: str) -> str:
 
     Examples
     --------
-    >>> counted(1, "pose"), counted(29, "pose"), counted(2, "entry")
-    ('1 pose', '29 poses', '2 entries')
+    >>> counted(1, "pose"), counted(29, "pose"), counted(2, "body")
+    ('1 pose', '29 poses', '2 bodies')
     """
-    plural = f"{noun[:-1]}ies" if noun.endswith("ry") else f"{noun}s"
+    plural = f"{noun[:-1]}ies" if noun.endswith(("ry", "dy")) else f"{noun}s"
     return f"{number} {noun if number == 1 else plural}"
 
 

@@ -128,8 +128,9 @@ def identify(
             say(f"Robot      {folder / 'robot'}")
             if (folder / GEOMETRIC).is_dir():
                 say(f"URDF, MJCF {folder / GEOMETRIC}  fitted without joint terms")
-            if delivered.urdf:
-                say(f"Your URDF  {folder / delivered.urdf}  in place of {robot}")
+            kind, own = delivered.own_file
+            if own:
+                say(f"Your {kind}  {folder / own}  in place of {robot}")
             say_next("truebed", "view", folder)
 
 

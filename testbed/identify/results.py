@@ -38,7 +38,8 @@ from testbed.units import DEG, MM, sentences
 FORMAT = 1
 KIND = "calibration"
 DELIVERED = {
-    name: name for name in ("robot", "urdf", "program", "program_failed", "program_conditions")
+    name: name
+    for name in ("robot", "urdf", "mjcf", "program", "program_failed", "program_conditions")
 }
 
 

@@ -16,7 +16,7 @@ from testbed.robots.parts import IN_PLACE as IN_PLACE
 from testbed.robots.parts import Primitive
 from testbed.robots.parts import Visual as Visual
 from testbed.robots.room import leading_slides, outside
-from testbed.robots.source import UrdfText
+from testbed.robots.source import OwnText
 from testbed.units import in_units
 
 SAMPLE = 2000
@@ -129,8 +129,8 @@ class Robot(Shown):
     mounting_height: float | None = None
     """Height of the base frame's origin above the level floor of the room, if its file states it
     [m]; the world's z points up."""
-    urdf: UrdfText | None = None
-    """The URDF that it was read from; None if it came from another file."""
+    own_text: OwnText | None = None
+    """The URDF or MJCF that it was read from; None if it came from another file."""
 
     @property
     def parts(self) -> tuple[Visual | Primitive, ...]:

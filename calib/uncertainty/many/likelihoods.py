@@ -24,7 +24,7 @@ POOLS = 16
 """Most sums over rows that replace one sum for each size."""
 
 
-class _Found(NamedTuple):
+class _OfSizes(NamedTuple):
     """What is found of the sizes of one table."""
 
     every: Array
@@ -34,28 +34,28 @@ class _Found(NamedTuple):
 
 
 def likelihoods_between(
-    tables: Sequence[PositionRows], units: Array, befores: Sequence[PositionRows | None]
+    tables: Sequence[PositionRows], units: Array, priors: Sequence[PositionRows | None]
 ) -> list[Likelihood | None]:
     """`likelihood` to 1e-10, for tables without repeats that show the scale of the noise.
 
-    `units` (R,) and `befores` are those of each table [m]. Tables with the same numbers of rows and
+    `units` (R,) and `priors` are those of each table [m]. Tables with the same numbers of rows and
     of numbers are profiled together.
     """
-    found = [_found(*one) for one in zip(tables, units.tolist(), befores, strict=True)]
-    alike: dict[tuple[object, ...], list[int]] = {}
-    for k, one in enumerate(found):
-        if one is not None:
-            alike.setdefault((one.every.shape, one.rows, one.numbers), []).append(k)
-    profiled: list[Likelihood | None] = [None] * len(found)
-    for (_, n, p), places in alike.items():
-        some = np.array([found[k].every for k in places])
-        size, *parts = _grid().profile(some, n, p)
-        for k, value, scale in zip(places, *parts, strict=True):
+    alike: dict[tuple[tuple[int, ...], int, int], list[tuple[int, Array]]] = {}
+    for k, one in enumerate(zip(tables, units.tolist(), priors, strict=True)):
+        found = _of_sizes(*one)
+        if found is not None:
+            key = found.every.shape, found.rows, found.numbers
+            alike.setdefault(key, []).append((k, found.every))
+    profiled: list[Likelihood | None] = [None] * len(tables)
+    for (_, n, p), some in alike.items():
+        size, *parts = _grid().profile(np.array([every for _, every in some]), n, p)
+        for (k, _), value, scale in zip(some, *parts, strict=True):
             profiled[k] = Likelihood(frozen(size), frozen(value), frozen(scale))
     return profiled
 
 
-def _found(rows: PositionRows, unit: float, before: PositionRows | None) -> _Found | None:
+def _of_sizes(rows: PositionRows, unit: float, before: PositionRows | None) -> _OfSizes | None:
     """What a likelihood is profiled from; None where rows show no more than the numbers.
 
     References
@@ -96,7 +96,7 @@ def _found(rows: PositionRows, unit: float, before: PositionRows | None) -> _Fou
         if value[-1] < max(best, value.max()) - (UNLIKELY if alike else HOPELESS) - missed(n):
             break  # larger sizes are less likely still
         best, start = max(best, float(value.max())), end
-    return _Found(every, n, p)
+    return _OfSizes(every, n, p)
 
 
 def pooled(X: Array, lam: Array) -> Pools | None:

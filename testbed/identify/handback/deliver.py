@@ -20,7 +20,7 @@ from testbed.identify.calibration import Calibration
 from testbed.identify.conditions import measured
 from testbed.identify.handback.delivered import GEOMETRIC, ROBOT, Delivered
 from testbed.identify.handback.least_moved import RULE
-from testbed.identify.handback.own_urdf import deliver_own_urdf
+from testbed.identify.handback.own_file import deliver_own_file
 from testbed.identify.handback.results import dh_csv, tool_csv
 from testbed.identify.handback.states import handed_robot, in_own_frames
 from testbed.identify.headline import mm
@@ -29,6 +29,7 @@ from testbed.identify.results import joint_map_csv
 from testbed.identify.visits.report import handed_out, own_reflectors
 from testbed.robots.catalog import Robot
 from testbed.robots.robot import Reflector
+from testbed.robots.source import MjcfText
 from testbed.robots.write.folder import write_robot_folder
 from testbed.robots.write.identified import identified_robot
 
@@ -54,7 +55,8 @@ def deliver(
         plain = delivered_robot(calibration, robot, calibration.fits[0])
         write_robot_folder(plain, folder / GEOMETRIC, package=package)
         sentences += (_geometric_words(calibration),)
-    urdf, told = deliver_own_urdf(calibration, robot, folder)
+    own, told = deliver_own_file(calibration, robot, folder)
+    urdf, mjcf = ("", own) if isinstance(robot.own_text, MjcfText) else (own, "")
     sentences += (_frame_words(calibration, identified), *told)
     if package is not None:
         sentences += (f"its URDF finds the meshes where {ROBOT}/ is the root of {package}",)
@@ -64,7 +66,7 @@ def deliver(
         if text is not None:
             (folder / name).write_bytes(text.encode())
     if program is None:
-        return Delivered(sentences, (), 0, urdf=urdf)
+        return Delivered(sentences, (), 0, urdf=urdf, mjcf=mjcf)
     model = in_own_frames(calibration)
     result = correct_program(
         program,
@@ -82,7 +84,7 @@ def deliver(
         told += target_words(targets) + datum_words(calibration)
         told += tool_words(calibration, result)
         (folder / statement_name(program)).write_bytes(statement_csv(targets).encode())
-    return Delivered(sentences, told, failed, result.conditions, targets, urdf)
+    return Delivered(sentences, told, failed, result.conditions, targets, urdf, mjcf)
 
 
 def delivered_robot(calibration: Calibration, robot: Robot, fit: FittedModel) -> Robot:

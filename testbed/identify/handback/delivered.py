@@ -65,3 +65,10 @@ class Delivered:
     """What is believed there; None without a program, or where nothing is believed."""
     urdf: Annotated[str, LATER] = ""
     """Path, from the folder, of the user's URDF with corrected origins; empty if there is none."""
+    mjcf: Annotated[str, LATER] = ""
+    """The same of the user's MJCF."""
+
+    @property
+    def own_file(self) -> tuple[str, str]:
+        """Kind and path of the user's own file with corrected frames; empty if there is none."""
+        return ("MJCF", self.mjcf) if self.mjcf else ("URDF" * bool(self.urdf), self.urdf)

@@ -113,6 +113,7 @@ def headline(calibration: Calibration) -> Table:
 
 def delivered_blocks(delivered: Delivered) -> tuple[Block, ...]:
     """The files to use, each with its proof."""
+    kind, own = delivered.own_file
     blocks: list[Block] = [
         Text(
             "robot/: the identified robot, as robot.toml with all terms, as URDF and MJCF with the "
@@ -120,8 +121,8 @@ def delivered_blocks(delivered: Delivered) -> tuple[Block, ...]:
             "every number. joint_map.csv, if there is one: how far each joint turns beyond its "
             "command. split.csv: every row with its errors, and whether it lies inside what was "
             "proven."
-            + f" {delivered.urdf}: your own URDF with corrected origins."
-            * bool(delivered.urdf)
+            + f" {own}: your own {kind} with corrected {'places' if kind == 'MJCF' else 'origins'}."
+            * bool(own)
         ),
         Points(sentences(delivered.robot)),
     ]

@@ -107,7 +107,7 @@ def robot_of(description: Description) -> Robot:
         unread=tuple(
             k for k, body in enumerate(description.bodies) if k and (body.unread or k in flat)
         ),
-        urdf=description.urdf,
+        own_text=description.own_text,
     )
     lacking = {"no shape that collides is given for": robot.shapeless}
     lacking["a shape that collides is not read of"] = robot.partly

@@ -13,7 +13,7 @@ from calib.geometry.chain import Chain, JointKind
 from testbed.names import choice_of, some
 from testbed.robots.describe.axes import chain_from_axes
 from testbed.robots.parts import Form
-from testbed.robots.source import UrdfText
+from testbed.robots.source import OwnText
 
 TOOL_NAMES = ("tool0", "tool")
 """Names of an end that is the tool if the arm has several ends."""
@@ -96,8 +96,8 @@ class Description:
     """Sentences on what is legal but odd."""
     stands: bool = False
     """Whether the link that the first joint turns on stands upright in the world."""
-    urdf: UrdfText | None = None
-    """Its text, if it is a URDF."""
+    own_text: OwnText | None = None
+    """The text that it was read from."""
 
     @property
     def chain(self) -> Chain:

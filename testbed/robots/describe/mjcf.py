@@ -26,9 +26,10 @@ from testbed.robots.describe.description import (
 )
 from testbed.robots.describe.mjcf_alone import require_alone, taken
 from testbed.robots.describe.mjcf_gate import Gated, gate
-from testbed.robots.describe.xml_gate import SOURCE, FileOptions, angle_notes, place_of
+from testbed.robots.describe.xml_gate import SOURCE, FileOptions, angle_notes, place_of, xml_bytes
 from testbed.robots.foreign import foreign
 from testbed.robots.parts import Form
+from testbed.robots.source import MjcfText
 from testbed.robots.write.mjcf import (
     at_zero,
     called,
@@ -56,7 +57,7 @@ def describe_mjcf(path: Path, options: FileOptions) -> Description:
     InputError
         R1 to R19.
     """
-    gated = gate(path, options)
+    gated = gate(path, options, data := xml_bytes(path))
     notes = list(gated.notes)
     drives = taken(gated.root)
     model = compiled(gated, path)
@@ -105,6 +106,7 @@ def describe_mjcf(path: Path, options: FileOptions) -> Description:
         poses=partial(mjcf_poses, model, joints, frames[tip]),
         apart=_apart(drives["contact"], model, groups),
         notes=tuple(notes),
+        own_text=MjcfText(path, data, tip, options.folder(path)),
     )
 
 

@@ -25,6 +25,7 @@ from testbed.robots.describe.xml_gate import (
     missing,
     not_local,
     outside,
+    parse_xml,
     place_of,
     read_xml,
 )
@@ -78,8 +79,8 @@ class Gated:
         return [_asset_name(k, file) for k, file in enumerate(self.files.values())]
 
 
-def gate(path: Path, options: FileOptions) -> Gated:
-    """Check an MJCF and all it includes.
+def gate(path: Path, options: FileOptions, data: bytes) -> Gated:
+    """Check an MJCF, whose content is `data`, and all it includes.
 
     Raises
     ------
@@ -87,7 +88,7 @@ def gate(path: Path, options: FileOptions) -> Gated:
         At the first thing that is wrong, with its line: R1 to R8, R11 to R14, R17.
     """
     folder = options.folder(path)
-    root = _whole(path, [path], folder, set())
+    root = whole(path, folder, data)
     elements = list(root.iter("*"))
     for most, what in ((MOST_ELEMENTS, elements), (MOST_BODIES, list(root.iter("body")))):
         if len(what) > most:
@@ -112,9 +113,19 @@ def gate(path: Path, options: FileOptions) -> Gated:
     return gated
 
 
-def _whole(path: Path, trail: list[Path], folder: Path, seen: set[Path]) -> Any:
-    """The tree of a file with the files it includes in their places."""
-    root = read_xml(path, *(("mujoco",) if len(trail) == 1 else ("mujoco", "mujocoinclude")))
+def whole(path: Path, folder: Path, data: bytes) -> Any:
+    """The tree of a file, whose content is `data`, with the files it includes in their places.
+
+    Elements of these have their file as `SOURCE`.
+    """
+    root = parse_xml(data, "mujoco", where=str(path))
+    return _with_includes(root, path, [path], folder, set())
+
+
+def _with_includes(
+    root: Any, path: Path, trail: list[Path], folder: Path, seen: set[Path]
+) -> Any:  # fmt: skip
+    """The tree of one of the files of a trail, with what it includes."""
     seen.add(path.resolve())
     for element in list(root.iter("include")):
         name = element.get("file", "")
@@ -139,7 +150,8 @@ def _whole(path: Path, trail: list[Path], folder: Path, seen: set[Path]) -> Any:
             problem = f"the included files have more than {LARGEST} bytes"
         if problem:
             raise error_at(element, path, "R8", f"{problem} ({chain})", "include", name)
-        part = _whole(file, [*trail, file], folder, seen)
+        part = read_xml(file, "mujoco", "mujocoinclude")
+        part = _with_includes(part, file, [*trail, file], folder, seen)
         parent = element.getparent()
         for child in list(part):
             for one in child.iter("*"):

@@ -95,7 +95,7 @@ def describe_urdf(path: Path, options: FileOptions) -> Description:
         poses=partial(_poses, way, path),
         notes=tuple(notes),
         stands=bool(poses[moving[0].parent][2, 2] > LEANS),
-        urdf=UrdfText(path, data, tip),
+        own_text=UrdfText(path, data, tip),
     )
 
 

@@ -74,7 +74,7 @@ def identified_robot(
         notes=notes,
         reflectors=reflectors,
         agreement=None,
-        urdf=None,
+        own_text=None,
     )
 
 

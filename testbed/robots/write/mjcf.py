@@ -208,6 +208,16 @@ def pose_of(data: Any, frame: tuple[int, int]) -> Array:
     return transform(data.xmat[body].reshape(3, 3), data.xpos[body])
 
 
+def stated_frame(model: Any, frame: tuple[int, int]) -> Array:
+    """Pose (4, 4) of a body or site in what it is fixed to, as its file has it [m]."""
+    import mujoco
+
+    k, what = (frame[1], "site") if frame[1] >= 0 else (frame[0], "body")
+    R = np.empty(9)
+    mujoco.mju_quat2Mat(R, getattr(model, f"{what}_quat")[k])
+    return transform(R.reshape(3, 3), getattr(model, f"{what}_pos")[k].copy())
+
+
 def frames_of(model: Any) -> dict[str, tuple[int, int]]:
     """Body and site (-1: the body itself) of every named frame; a site gives way to a body."""
     named = {model.site(k).name: (int(model.site_bodyid[k]), k) for k in range(model.nsite)}

@@ -8,7 +8,6 @@ from calib.uncertainty.statement.evidence import PositionRows
 from calib.uncertainty.statement.likelihood import HOPELESS, likelihood
 from calib.uncertainty.statement.misfit import DROP
 
-
 ASKED = ((20, 0.0, 0), (20, 3.0, 0), (20, 300.0, 0), (20, 0.5, 20), (21, 0.5, 21))
 """Numbers, sizes of misfit and rows of a prior of tables that are asked together."""
 
@@ -57,7 +56,9 @@ def test_tables_asked_together_have_their_own_likelihoods_in_any_order():
         if found is not None:
             kept = found.value > found.value.max() - HOPELESS  # less is not looked at by each alike
             for name in ("size", "value", "noise_scale"):
-                np.testing.assert_array_equal(getattr(found, name)[kept], getattr(alone, name)[kept])
+                np.testing.assert_array_equal(
+                    getattr(found, name)[kept], getattr(alone, name)[kept]
+                )
             assert found.limit(DROP) == alone.limit(DROP)
 
 
@@ -67,11 +68,7 @@ def test_rows_that_say_nothing_have_no_likelihood():
     assert between(few) is None
     flat, _ = rows(40, 5, 1.0, 1.0)
     flat = PositionRows(flat.A, flat.y, np.zeros(40), flat.noise)
-    assert (
-        between(flat).limit(DROP)
-        == np.inf
-        == likelihood(flat, 1.0, None).limit(DROP)
-    )
+    assert between(flat).limit(DROP) == np.inf == likelihood(flat, 1.0, None).limit(DROP)
 
 
 @pytest.mark.parametrize("spread", [0.0, 1.0, 2.0])

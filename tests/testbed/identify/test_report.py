@@ -24,7 +24,7 @@ from testbed.identify.handback.states import HandedNumber, handed_numbers
 from testbed.identify.headline import deg, headline_cells
 from testbed.identify.report import plots
 from testbed.identify.report.errors import accuracy_section, residual_section
-from testbed.identify.report.page import page_of
+from testbed.identify.report.page import delivered_blocks, page_of
 from testbed.identify.report.parameters import _cells, drawn_waves
 from testbed.identify.statements import statements_of
 from testbed.identify.to_do.next_step import next_step
@@ -72,6 +72,19 @@ def test_the_page_opens_and_ends_with_where_its_numbers_come_from():
     assert reader.links[0] == "campaign.rrd"
     assert all(link.startswith("#") for link in reader.links[1:])
     assert tempfile.gettempdir() not in html(real)
+
+
+def test_the_own_file_that_is_handed_back_is_named_with_its_kind():
+    for kind, told in (
+        ("urdf", "URDF with corrected origins"),
+        ("mjcf", "MJCF with corrected places"),
+    ):
+        delivered = replace(DELIVERED, **{kind: "robot/a_corrected"})
+        assert delivered.own_file == (kind.upper(), "robot/a_corrected")
+        first = delivered_blocks(delivered)[0]
+        assert first.text.endswith(f" robot/a_corrected: your own {told}.")
+    assert DELIVERED.own_file == ("", "")
+    assert "your own" not in delivered_blocks(DELIVERED)[0].text
 
 
 @pytest.mark.parametrize("make", [real, sound])

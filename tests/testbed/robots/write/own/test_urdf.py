@@ -13,9 +13,9 @@ from calib.geometry.frames import inverse, slide, step_transform
 from testbed.robots.catalog import load_robot
 from testbed.robots.placements import difference
 from testbed.robots.source import UrdfText
-from testbed.robots.write import own_urdf
-from testbed.robots.write.own_urdf import corrected_urdf
-from testbed.robots.write.xml_text import JointOrigin, near_rpy, with_origins
+from testbed.robots.write.own import urdf as own_urdf
+from testbed.robots.write.own.places import NotCorrectableError
+from testbed.robots.write.own.urdf import JointOrigin, corrected_urdf, near_rpy, with_origins
 from tests.testbed.robots.described_cases import ARMS, GANTRY, TURN, UR_LIKE, urdf
 from tests.testbed.robots.robot_cases import joint_vectors
 
@@ -148,9 +148,9 @@ def test_other_readers_find_the_identified_poses_and_only_origins_are_changed(ar
     robot = load_robot(path, tip="tcp" if arm == "odd" else None)
     # a scara's last link moves with its own joint: see below
     nominal, chain = robot.model.chain, off(robot.model.chain, last=arm != "scara")
-    found = corrected_urdf(robot.urdf, nominal, chain, robot.limits)
+    found = corrected_urdf(robot.own_text, nominal, chain, robot.limits)
     q = joint_vectors(20, robot=robot)
-    T = poses(found.data, robot.urdf.tip, robot.joint_names, q)
+    T = poses(found.data, robot.own_text.tip, robot.joint_names, q)
     assert np.abs(T - forward(chain, q)).max() < SAME
     assert max(found.left) < SAME
     old = path.read_bytes()
@@ -164,7 +164,7 @@ def test_other_readers_find_the_identified_poses_and_only_origins_are_changed(ar
     # nothing slides or turns far to gain little: a few times what numbers of links are off
     assert (np.array(found.moved) < 6 * SIZES[[1, 0]]).all()
     assert load_robot(
-        written(found.data.decode("latin-1"), tmp_path, "latin-1"), tip=robot.urdf.tip
+        written(found.data.decode("latin-1"), tmp_path, "latin-1"), tip=robot.own_text.tip
     )
 
 
@@ -174,7 +174,7 @@ def test_a_wrong_zero_turns_the_link_of_its_joint_and_leaves_every_other_origin(
     links = robot.model.chain.links.copy()
     links[joint, 0] += np.radians(1.0)
     chain = replace(robot.model.chain, links=links)
-    found = corrected_urdf(robot.urdf, robot.model.chain, chain, robot.limits)
+    found = corrected_urdf(robot.own_text, robot.model.chain, chain, robot.limits)
     assert changed(UR_LIKE.encode(), found.data) == {
         robot.joint_names[joint]: pytest.approx((0, np.radians(1.0)), abs=1e-9)
     }
@@ -185,7 +185,7 @@ def test_slides_take_the_zeros_that_an_axis_behind_them_shows(tmp_path):
     robot = load_robot(written(GANTRY, tmp_path))
     away = GANTRY.replace('xyz="0 0 -0.4"', 'xyz="0.001 0.002 -0.4"')
     chain = load_robot(written(away, tmp_path)).model.chain
-    found = corrected_urdf(robot.urdf, robot.model.chain, chain, robot.limits)
+    found = corrected_urdf(robot.own_text, robot.model.chain, chain, robot.limits)
     assert changed(GANTRY.encode(), found.data) == {
         "x": pytest.approx((1e-3, 0), abs=1e-9), "y": pytest.approx((2e-3, 0), abs=1e-9)
     }  # fmt: skip
@@ -198,7 +198,7 @@ def test_a_tip_that_moves_with_its_own_joint_is_as_near_as_its_axis_lets_it(tmp_
     T_flange_tool = nominal.T_flange_tool @ step_transform(np.array([3e-4, 4e-4, 0.1, 0, 2e-3, 0]))
     links = off(nominal, last=False).links
     chain = replace(nominal, links=links, T_flange_tool=T_flange_tool)
-    found = corrected_urdf(robot.urdf, nominal, chain, robot.limits)
+    found = corrected_urdf(robot.own_text, nominal, chain, robot.limits)
     assert found.last == "spin"
     shift = np.linalg.norm([3e-4, 4e-4, 0.1])
     assert found.left == pytest.approx((shift, 2e-3), rel=1e-6)
@@ -216,7 +216,7 @@ def test_another_tool_moves_the_last_fixed_joint_and_another_base_the_first_movi
     tool = nominal.T_flange_tool @ step_transform(np.array([0.1, 0, 0.2, 0, 0, 1.5]))
     base = step_transform(np.array([0.01, 0, 0.02, 0.1, 0, 0])) @ nominal.T_world_base
     chain = replace(nominal, T_world_base=base, T_flange_tool=tool)
-    found = corrected_urdf(robot.urdf, nominal, chain, robot.limits)
+    found = corrected_urdf(robot.own_text, nominal, chain, robot.limits)
     assert found.changed == ("pan", "tool0")
     q = joint_vectors(5, robot=robot)
     T = poses(found.data, "tool0_link", robot.joint_names, q)
@@ -230,8 +230,8 @@ def test_a_file_keeps_its_encoding_and_its_line_ends(encoding, tmp_path):
     text = PAIR.replace('<?xml version="1.0"?>', head).replace("\n", "\r\n")
     robot = load_robot(written(text, tmp_path, encoding))
     nominal, chain = robot.model.chain, off(robot.model.chain)
-    found = corrected_urdf(robot.urdf, nominal, chain, robot.limits)
-    plain = UrdfText(robot.urdf.path, PAIR.encode(), robot.urdf.tip)
+    found = corrected_urdf(robot.own_text, nominal, chain, robot.limits)
+    plain = UrdfText(robot.own_text.path, PAIR.encode(), robot.own_text.tip)
     expected = corrected_urdf(plain, nominal, chain, robot.limits).data.decode()
     assert len(found.changed) == 2
     expected = expected.replace('<?xml version="1.0"?>', head).replace("\n", "\r\n")
@@ -243,7 +243,8 @@ def test_a_text_that_cannot_be_taken_apart_is_left_alone(tmp_path):
     text = PAIR.replace('<?xml version="1.0"?>', head).encode("utf-7").decode()
     robot = load_robot(written(text.replace("<joint", "+ADw-joint"), tmp_path))
     chain = off(robot.model.chain)
-    assert corrected_urdf(robot.urdf, robot.model.chain, chain, robot.limits) is None
+    with pytest.raises(NotCorrectableError, match="save it as UTF-8"):
+        corrected_urdf(robot.own_text, robot.model.chain, chain, robot.limits)
 
 
 def test_new_numbers_stand_where_the_old_ones_stood_and_as_they_were_written():
@@ -283,4 +284,4 @@ def test_a_file_with_other_poses_or_other_changes_is_a_defect(tmp_path, monkeypa
     ):
         monkeypatch.setattr(own_urdf, "with_origins", wrong)
         with pytest.raises(RuntimeError, match=told):
-            corrected_urdf(robot.urdf, nominal, chain, robot.limits)
+            corrected_urdf(robot.own_text, nominal, chain, robot.limits)

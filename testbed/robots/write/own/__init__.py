@@ -1,0 +1,1 @@
+"""Files of a robot's owner with corrected frames, and nothing else in them changed."""
