@@ -8,7 +8,7 @@ byte. Joints keep their places and axes in their bodies.
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -68,6 +68,14 @@ class _Way:
     """(k) elements of the places in the tree with all included files."""
 
 
+class _Moved(NamedTuple):
+    """A place that changes, its element, and its new frame (4, 4) [m]."""
+
+    place: Place
+    element: Any
+    T: Array
+
+
 def corrected_mjcf(
     source: MjcfText, nominal: Chain, chain: Chain, limits: Array
 ) -> CorrectedFile:  # fmt: skip
@@ -90,29 +98,16 @@ def corrected_mjcf(
         The new file has other poses, or more than places changed: a defect of this program.
     """
     tree = whole(source.path, source.folder, source.data)
-    own = [one for one in tree.iter("*") if one.get(SOURCE) is None]
     way = _way(tree, source)
     frames = nearest_frames(arm_of(way.places), chain, nominal.T_flange_tool)
     tip = forward(chain, np.zeros((1, chain.n_joints)))[0]
     found, left = new_places(way.places, frames, tip)
     moved = [
-        (place, element, T)
+        _Moved(place, element, T)
         for place, element, T in zip(way.places, way.elements, found, strict=True)
         if not is_same(place.own, T)
     ]
-    for place, element, _ in moved:
-        _require_stands_here(place.name, element, tree)
-    text = XmlText.of(source.data, "mujoco", where=source.path.name)
-    if text is None:
-        raise NotCorrectableError(UNREADABLE)
-    written = [one for one in text.root.iter() if one.tag != "include"]
-    changed = [written[own.index(element)] for _, element, _ in moved]
-    for element, (place, _, T) in zip(changed, moved, strict=True):
-        new, gone = _attributes(place.own, T)
-        text.write(element, new, without=gone)
-    data, name = text.changed(), f"the corrected {source.path.name}"
-    numbered = {k for k, one in enumerate(text.root.iter()) if one in changed}
-    require_rest(name, _rest(source.data, numbered), _rest(data, numbered))
+    data, name = _rewritten(source, tree, moved), f"the corrected {source.path.name}"
     again = _way(whole(source.path, source.folder, data), source)
     q = proof_joints(limits, PROOFS)
     poses = mjcf_poses(again.model, again.joints, again.tip, q)
@@ -131,7 +126,27 @@ def corrected_mjcf(
     )
 
 
-def _what(moved: Sequence[tuple[Place, Any, Array]]) -> str:
+def _rewritten(source: MjcfText, tree: Any, moved: Sequence[_Moved]) -> bytes:
+    """The file with new places of some elements of its tree."""
+    for place, element, _ in moved:
+        _require_stands_here(place.name, element, tree)
+    text = XmlText.of(source.data, "mujoco", where=source.path.name)
+    if text is None:
+        raise NotCorrectableError(UNREADABLE)
+    own = [one for one in tree.iter("*") if one.get(SOURCE) is None]
+    written = [one for one in text.root.iter() if one.tag != "include"]
+    changed = [written[own.index(element)] for _, element, _ in moved]
+    for element, (place, _, T) in zip(changed, moved, strict=True):
+        new, gone = _attributes(place.own, T)
+        text.write(element, new, without=gone)
+    data = text.changed()
+    numbered = {k for k, one in enumerate(text.root.iter()) if one in changed}
+    rests = (_rest(each, numbered) for each in (source.data, data))
+    require_rest(f"the corrected {source.path.name}", *rests)
+    return data
+
+
+def _what(moved: Sequence[_Moved]) -> str:
     """What is changed, in words."""
     sites = sum(element.tag == SITE for _, element, _ in moved)
     parts = [counted(len(moved) - sites, BODY)] * (len(moved) > sites)
@@ -139,12 +154,12 @@ def _what(moved: Sequence[tuple[Place, Any, Array]]) -> str:
 
 
 def _way(tree: Any, source: MjcfText) -> _Way:
-    """The way to the tip in a tree, whose unnamed bodies get names."""
+    """The way to the tip in a tree, whose unnamed bodies get the names that `called` has."""
     from copy import deepcopy
 
-    for k, body in enumerate(tree.iter(BODY)):
+    for k, body in enumerate(tree.iter(BODY), start=1):  # in the order of MuJoCo's numbers
         if not body.get("name"):
-            body.set("name", f"body {k} of {source.path.name}")
+            body.set("name", f"#{k}")
     try:
         model = compiled(Gated(_bare(deepcopy(tree))), source.path)
     except InputError as error:

@@ -166,6 +166,17 @@ def test_mujoco_finds_the_identified_poses_and_only_places_are_changed(name, tmp
     assert np.abs(forward(again.model.chain, q) - forward(chain, q)).max() < SAME
 
 
+def test_a_body_without_a_name_may_be_the_tip(tmp_path):
+    text = ODD.replace("name='flange' ", "").replace("<site name='tcp'", "<site")
+    robot = load_robot(written(text, tmp_path), tip="#9")
+    chain = off(robot.model.chain)
+    found = corrected_mjcf(robot.own_text, robot.model.chain, chain, robot.limits)
+    assert found.changed == ("#2", "sled", "fore", "hand", "#9")
+    q = joint_vectors(20, robot=robot)
+    model = load_robot(written(found.data.decode(), tmp_path), tip="#9").model
+    assert np.abs(model.poses(q) - forward(chain, q)).max() < SAME
+
+
 @pytest.mark.parametrize("joint", [0, 2, 4])
 def test_a_wrong_zero_turns_the_body_of_its_joint_alone(joint, tmp_path):
     robot = load_robot(written(PLAIN, tmp_path))
