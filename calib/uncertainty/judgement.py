@@ -56,7 +56,8 @@ class Judgement(Shown):
     questions: Questions
     """Tests, together."""
     held_out: HeldOut | None
-    """Errors at the held-out poses, one row each; None where no pose or point was held out."""
+    """Errors at the held-out poses, one row each; None where no pose or point was held out, or no
+    reading identified from shows the frame of those that were."""
     frame: OtherFrame | None
     """Whether they stand in another frame, without those that stand out; None below
     `other_frame.FEWEST` poses."""
@@ -191,6 +192,8 @@ def judge(
         )
         if belief is not None:
             point = stated_radius(belief, identification, train, test, frame, known, quiet)
+        if frame is not None and frame.unshown:
+            seen = spread = radius = None
         apart = frame is not None and frame.found
         others = test if strays is None else test.rows(~np.isin(test.pose_id, strays.poses))
         tails = long_tails(identification, train, test.rows([]) if apart else others)
@@ -223,7 +226,7 @@ def _asked(
     if belief is not None:
         names.append(MISFIT)
         p.append(belief.misfit.p_value)
-    if frame is not None:
+    if frame is not None and not frame.unshown:
         names.append(FRAME)
         p.append(min(1.0, 2 * min(frame.p_base, frame.p_tool)))
     if slow is not None and not slow.void:

@@ -15,7 +15,13 @@ from calib.measurement.observations import Measurements
 from calib.measurement.tool_target import ToolTarget
 from calib.uncertainty.circumstances import Circumstances, MeasuredNoise
 from calib.uncertainty.drift.drifting import Drifting, drifting
-from calib.uncertainty.frames.other_frame import FEWEST, OtherFrame, after_the_motion, other_frame
+from calib.uncertainty.frames.other_frame import (
+    FEWEST,
+    OtherFrame,
+    after_the_motion,
+    other_frame,
+    unshown_frame,
+)
 from calib.uncertainty.outlying.angles import loud_turns
 from calib.uncertainty.outlying.poses import (
     Strays,
@@ -70,14 +76,20 @@ def proven_belief(
     belief = believed(use)
     points = test.rows(~test.is_distance)
     sure = belief if np.isfinite(belief.misfit.upper) else believed(None)
-    alone, strays = None, None
-    if far_off(sure, points):
+    alone, strays, unshown = None, None, belief.datum is not None and len(points) > 0
+    if unshown:
+        use, belief = None, believed(None)
+    elif far_off(sure, points):
         alone = believed(None)
         strays = strays_of(alone, points, fit, train)
         if strays is not None:
             points = points.rows(~np.isin(points.pose_id, strays.poses))
-    frame = _likeliest_frame(sure, points, fit, train, visits=known.stations_are_visits)
-    if frame is not None and frame.found:
+    frame = (
+        unshown_frame(belief, points, fit, train)
+        if unshown
+        else _likeliest_frame(sure, points, fit, train, visits=known.stations_are_visits)
+    )
+    if frame is not None and frame.found and not frame.unshown:
         alone = believed(None) if alone is None else alone
         frame = replace(frame, within=_half_radius(alone, points, known))
         ruler = alone if np.isfinite(alone.misfit.upper) else sure

@@ -27,7 +27,7 @@ from calib.uncertainty.validation import LinearCheck
 FRAME, MISFIT = "another frame", "misfit"
 """Name of that question."""
 DATUM = (
-    "These distances do not show where the robot stands: radii are of tool "
+    "The readings do not show where the robot stands: radii are of tool "
     "points to each other, in the frame that fits those at the poses identified from best; where "
     "that lies in the base is known no better than the links were, and is in no radius"
 )
@@ -184,10 +184,13 @@ def _believed(
         )
     else:
         seen = " and measured as positions (a distance shows one direction only)" * ranged
+        guard = (
+            f"; {fewest_poses(belief.probability)} poses drawn from where the robot is used{seen} "
+            "would guard it"
+        )
         words.append(
             "No held-out pose guards the coverage factor, so a stricter limit of the misfit is "
-            f"used instead; {fewest_poses(belief.probability)} poses drawn from where the robot "
-            f"is used{seen} would guard it"
+            "used instead" + guard * (belief.datum is None)
         )
     if belief.datum is not None:
         words.append(DATUM)

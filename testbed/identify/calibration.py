@@ -169,6 +169,12 @@ class Calibration(Shown):
         return frame is not None and frame.found
 
     @property
+    def unshown(self) -> bool:
+        """Whether they do because no reading identified from shows a frame."""
+        frame = self.proof.frame
+        return frame is not None and frame.unshown
+
+    @property
     def decidable(self) -> bool:
         """Whether a tolerance in the base can be decided on at all: readings show where it is."""
         return self.proof.belief is not None and not self.elsewhere and not self.relative

@@ -126,10 +126,10 @@ def decision_words(calibration: Calibration, delivered: Delivered) -> tuple[str,
     if line := decision_line(decided_at(calibration, delivered)):
         return tuple(filter(None, (line, would_decide(calibration))))
     why = "no region of the tool point can be believed"
-    if calibration.elsewhere:
+    if calibration.elsewhere and not calibration.unshown:
         why = "the held-out poses are off as a whole"
     elif calibration.proof.belief is not None:
-        why = "these distances do not show where the robot stands"
+        why = "the readings do not show where the robot stands"
     return (f"Tolerance {asked.tolerance * UM:.6g} um: UNDECIDED: {why}.",)
 
 

@@ -55,10 +55,9 @@ def _believed(calibration: Calibration) -> list[StatedRadius]:
         within += ", a drift"
     stated = states_instrument(calibration.shared)
     within += ", and systematic errors" if stated else ", but no systematic errors"
+    whole = "stand in no frame that is shown" if calibration.unshown else "are off as a whole"
     use = (
-        BELIEVED
-        if calibration.believable
-        else "believed, but not tested: held-out poses are off as a whole"
+        BELIEVED if calibration.believable else f"believed, but not tested: held-out poses {whole}"
     )
     found = [StatedRadius("region_mean", "believed region: mean of many moves", point.radius_mean,
                        within, use)]  # fmt: skip

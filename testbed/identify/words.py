@@ -25,6 +25,7 @@ UNGUARDED = "? The stated radius was tested by too few held-out poses"
 RANGED = "? The stated radius was tested by distances alone"
 UNTESTED = "? No held-out pose has tested the stated radius"
 ELSEWHERE = "✗ The held-out poses are off as a whole: they prove nothing until the cause is found"
+UNSHOWN = "? Nothing shows in which frame the held-out positions stand: they prove nothing yet"
 NOTHING = "✗ No statement about the tool point can be believed"
 LARGER = 1.2
 """Residuals so many times the stated noise are said to be larger."""
@@ -43,7 +44,7 @@ def mark(calibration: Calibration) -> str:
     if belief is None:
         return NOTHING
     if calibration.elsewhere:
-        return ELSEWHERE
+        return UNSHOWN if calibration.unshown else ELSEWHERE
     if belief.n_guards:
         return GUESSED if calibration.source.noise_assumed else GUARDED
     if belief.n_ranged:
@@ -61,7 +62,8 @@ def verdict(calibration: Calibration) -> str:
         where = f"on {counted(held_out_poses(calibration), 'held-out pose')}"
     if calibration.elsewhere and calibration.proof.frame is not None:
         said = calibration.proof.frame.said_of(judges_called(calibration))
-        said = ". ".join((f"{said[0].upper()}{said[1:]}", *_or_conditions(calibration)))
+        else_said = () if calibration.unshown else _or_conditions(calibration)
+        said = ". ".join((f"{said[0].upper()}{said[1:]}", *else_said))
         return f"{said}. {believed_words(calibration)}"
     if calibration.choice.asked == FRAMES_ALONE:
         text = f"With only the frames fitted, the {kind(calibration)} {where} is "
@@ -98,7 +100,7 @@ def _believed_words(calibration: Calibration) -> str:
         return "No statement about the true tool point can be believed."
     radius = f"{r95(point)} of the mean tool point is {micrometres(point.radius_mean)} um"
     if point.relative:
-        radius += " relative to the others (these distances do not show where the robot stands)"
+        radius += " relative to the others (the readings do not show where the robot stands)"
     if calibration.elsewhere:
         return f"{radius}; the held-out poses should have tested it, and could not."
     if belief.n_guards:

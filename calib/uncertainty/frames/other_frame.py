@@ -6,7 +6,7 @@ from typing import Annotated
 import numpy as np
 from scipy.special import chdtrc
 
-from calib.arrays import Array, frozen
+from calib.arrays import LATER, Array, frozen
 from calib.errors import refuse
 from calib.identification.fit_statistics import RED
 from calib.identification.identify import Identification
@@ -34,6 +34,10 @@ PART = 0.01
 """A motion that leaves no more of the errors is one: gross errors bend the plain rules."""
 LEAST_TURN = 5e-4
 """Turns below this, in degrees, would be written as zero."""
+UNTIL = "positions at three of the held-out poses or more, not on one line, identify as well"
+"""What ties held-out positions to readings that show no frame."""
+FEWEST_LEFT = 3
+"""Points below which a motion leaves nothing to speak of."""
 FEWEST = 6
 """Held-out poses below which a motion of six numbers is not told from their noise."""
 
@@ -70,6 +74,9 @@ class OtherFrame(Shown):
     """Chance of as much of it by noise, parameters and the misfit believed without these rows."""
     both: bool = False
     """Whether only station and target together explain the errors."""
+    unshown: Annotated[bool, LATER] = False
+    """Whether no reading identified from shows a frame: held-out positions then stand in another
+    one, wherever they were read, and can be no evidence."""
 
     def __repr__(self) -> str:
         word = "another" if self.found else "the same"
@@ -82,12 +89,12 @@ class OtherFrame(Shown):
         What bends the arm moves all held-out points a little, too, more than chance and less than
         is believed of them; and what the motion leaves must be no more than is believed either.
         """
-        return self._moved and self._explained
+        return self.unshown or (self._moved and self._explained)
 
     @property
     def in_part(self) -> bool:
         """Whether a motion explains errors, but not enough of them: the rows are evidence."""
-        return self._moved and not self._explained
+        return self._moved and not self.found
 
     @property
     def _moved(self) -> bool:
@@ -118,6 +125,8 @@ class OtherFrame(Shown):
 
     def said_of(self, rows: str) -> str:
         """That they stand elsewhere, in words; `rows` is what they are called."""
+        if self.unshown:
+            return self._unshown_words(rows)
         if self.at_tool:
             what = (
                 f"see another target: {length_words(self.tool_size)} from where the calibration "
@@ -135,6 +144,20 @@ class OtherFrame(Shown):
                 ", and the target moved, too" if not self.at_tool else ", and the base moved, too"
             )
         return f"{rows} {what}; they prove nothing: describe them as a session of their own"
+
+    def _unshown_words(self, rows: str) -> str:
+        """The same where no frame is another: what would show one, and what is left in the best."""
+        said = (
+            f"{rows} were read as positions, and no reading identified from shows in which frame: "
+            f"they prove nothing until {UNTIL}"
+        )
+        if self.n_poses < FEWEST_LEFT:
+            return said
+        usual = "no more than is believed" if self.p_rest >= LEFT else "more than is believed"
+        return (
+            f"{said}; in the frame that fits them best they are off by {length_words(self.rest)} "
+            f"(rms), {usual}"
+        )
 
 
 def other_frame(
@@ -194,9 +217,31 @@ def other_frame(
     )  # fmt: skip
 
 
+def unshown_frame(
+    belief: Belief, held_out: Measurements, identification: Identification, train: Measurements
+) -> OtherFrame:
+    """Held-out positions where no reading identified from shows a frame, and what is left of them.
+
+    Arguments as `after_the_motion` takes them; of several stations, that which saw most poses.
+    """
+    points = held_out.rows(~held_out.is_distance)
+    station = int(np.argmax(np.bincount(points.station)))
+    own = points.rows(points.station == station)
+    about = predicted_positions(belief.model, own).mean(axis=0)
+    motion, size, _ = whole_motion(belief.model, own, about)
+    none = OtherFrame(
+        frozen(motion[:3]), frozen(motion[3:]), frozen(np.zeros(3)), size, 0.0, 0.0, 1.0,
+        own.n_poses, at_tool=False, station=station,
+    )  # fmt: skip
+    if not np.isfinite(belief.misfit.upper):
+        return replace(none, unshown=True)
+    alone = after_the_motion(none, belief, own, identification, train, both=False)
+    return replace(alone, unshown=True)
+
+
 def after_the_motion(
     found: OtherFrame, belief: Belief, held_out: Measurements, identification: Identification,
-    train: Measurements,
+    train: Measurements, *, both: bool = True,
 ) -> OtherFrame:  # fmt: skip
     """The same motion, and what it leaves: of station or target, else of both together.
 
@@ -208,6 +253,8 @@ def after_the_motion(
         What is believed without the held-out rows.
     held_out, identification, train
         As `other_frame` takes them.
+    both : bool
+        Whether both together are tried at all.
 
     References
     ----------
@@ -230,9 +277,10 @@ def after_the_motion(
         square, rank = chi_square(shared, error, motion)
         p_rest = float(chdtrc(max(error.size - rank, 1), square))
         errors = rms_length(points.position - p)
-        both = station and target
-        return replace(found, errors=errors, rest=rms_length(rest), p_rest=p_rest, both=both)
+        return replace(
+            found, errors=errors, rest=rms_length(rest), p_rest=p_rest, both=station and target
+        )
 
     alone = left(not found.at_tool, found.at_tool)
-    whole = alone if alone.found else left(True, True)
+    whole = alone if alone.found or not both else left(True, True)
     return whole if whole.found else alone

@@ -14,7 +14,7 @@ from testbed.identify.calibration import Calibration
 from testbed.store.quantities import Quantity
 from testbed.units import DEG, MM, UM, listed, percent
 
-HEAD = ("place", "transfer", "leverage", "R95_mean_um", "why")
+HEAD = ("place", "transfer", "leverage", "R95_mean_um", "R95_relative", "why")
 ELSEWHERE = 0.25
 """Share of the held-out poses from which a joint beyond its range in training is told: of few drawn
 at random some are."""
@@ -33,15 +33,17 @@ class HeldOutPlaces:
     radius: Array
     """(n,) R95 of the mean, grown at the edge; zero where no region is stated [m]."""
     why: tuple[str, ...]
+    relative: bool
+    """Whether these radii are of tool points to each other."""
 
     def cells(self) -> dict[int, tuple[str, ...]]:
         """Row of the table to its cells of `HEAD`."""
-        out = dict[int, tuple[str, ...]]()
+        out, told = dict[int, tuple[str, ...]](), "yes" if self.relative else "no"
         for k, row in enumerate(map(int, self.rows)):
             radius = f"{self.radius[k] * UM:.4g}" if self.radius[k] > 0 else ""
             out[row] = (
                 str(self.place[k]), f"{self.transfer[k]:.3g}", f"{self.leverage[k]:.3g}", radius,
-                self.why[k],
+                told if radius else "", self.why[k],
             )  # fmt: skip
         return out
 
@@ -60,7 +62,7 @@ def held_out_places(calibration: Calibration) -> HeldOutPlaces | None:
     return HeldOutPlaces(
         rows, reach.place, reach.transfer, reach.leverage,
         np.where(stated, distance_radius(widened(regions), belief.probability), 0.0),
-        reasons(belief.proven, reach, table.q),
+        reasons(belief.proven, reach, table.q), calibration.relative,
     )  # fmt: skip
 
 

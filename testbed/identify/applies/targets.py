@@ -25,7 +25,8 @@ from testbed.units import UM, counted, micrometres, millimetres
 
 FILE_TOOL = "tool of the robot's file"
 CALLED = ("target", "name", "where")
-HEAD = (*CALLED, "R95_mean_um", "R95_move_um", "transfer", "leverage", "place", "why")
+HEAD = (*CALLED, "R95_mean_um", "R95_move_um", "R95_relative", "transfer", "leverage", "place",
+        "why")  # fmt: skip
 DECIDED = ("deviation_before_um", "decision_before", "deviation_um", "decision", "risk")
 
 
@@ -68,6 +69,7 @@ def statement_at(calibration: Calibration, program: ProgramResult) -> TargetStat
         names=program.names,
         places=program.places,
         departed=frozen(departed, np.bool_),
+        relative=calibration.relative,
     )
 
 
@@ -120,7 +122,7 @@ def datum_words(calibration: Calibration) -> tuple[str, ...]:
     if not calibration.relative:
         return ()
     return (
-        "R95 at targets is that of tool points to each other: these distances do not show where "
+        "R95 at targets is that of tool points to each other: the readings do not show where "
         "the robot stands, and what they leave open of that is in no radius",
     )
 
@@ -262,7 +264,8 @@ def statement_csv(found: TargetStatement) -> str:
     for k, why in enumerate(found.why):
         radii = [found.radius_mean[k], *found.radius_move[k : k + 1]] if found.stated[k] else []
         cells = [f"{radius * UM:.4g}" for radius in radii]
-        cells = [str(k + 1), names[k], places[k], *cells, *[""] * (2 - len(cells))]
+        told = ("yes" if found.relative else "no") if radii else ""
+        cells = [str(k + 1), names[k], places[k], *cells, *[""] * (2 - len(cells)), told]
         cells += [f"{found.transfer[k]:.3g}", f"{found.leverage[k]:.3g}", str(found.place[k])]
         cells.append(why if found.decidable[k] else f"no region: {why}")
         rows.append([*cells, *(_decision_cells(found, k) if decided else ())])

@@ -47,6 +47,8 @@ class TargetStatement:
     departed: Annotated[Bool, "m", LATER] | None = None
     """(m,) whether conditions refuse the region: others than those of the measurements, or ones
     that these do not state."""
+    relative: Annotated[bool, LATER] = False
+    """Whether the radii are of tool points to each other, as no reading shows a frame."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

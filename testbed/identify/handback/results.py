@@ -11,7 +11,8 @@ from testbed.units import UM
 DH_HEAD = ("number", "unit", "old", "new", "delta", "U_k2", "tolerance", "held_by")
 ROUNDING = 1e-9
 """What of a number is none [mm, deg]."""
-TIP_HEAD = ("pose_id", "R95_measured_target_um", "R95_tool_in_use_um", "transfer")
+TIP_HEAD = ("pose_id", "R95_measured_target_um", "R95_tool_in_use_um", "R95_relative",
+            "transfer")  # fmt: skip
 
 
 def dh_csv(calibration: Calibration) -> str:
@@ -61,6 +62,7 @@ def tool_csv(calibration: Calibration) -> str | None:
             calibration.pose_names[pose],
             f"{found.measured_at_poses[k] * UM:.4g}",
             f"{found.at_poses[k] * UM:.4g}",
+            "yes" if calibration.relative else "no",
             f"{found.transfer[k]:.3g}",
         )
         for k, pose in enumerate(calibration.stated_poses)

@@ -1,5 +1,6 @@
 """What has to be settled before anything else, strongest first."""
 
+from calib.uncertainty.frames.other_frame import UNTIL
 from testbed.identify.applies.beyond import beyond_words, far_words
 from testbed.identify.calibration import DRIVES, FRAMES, MOUNTING, Calibration
 from testbed.identify.conditions import held_out_departs
@@ -16,6 +17,11 @@ def first_of_all(calibration: Calibration) -> str:
         return (
             "First find out whether these are measurements: poses that a controller computed "
             "itself calibrate nothing. Measure them with an instrument."
+        )
+    if calibration.unshown:
+        return (
+            f"First let {UNTIL} (in the column split): where nothing shows in which frame they "
+            "stand, held-out positions test nothing."
         )
     if calibration.elsewhere:
         used, judges = calibration.is_used, calibration.split.is_test

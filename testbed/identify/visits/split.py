@@ -14,6 +14,9 @@ from testbed.identify.splitting import groups, split_of
 from testbed.streams import stream
 from testbed.units import counted
 
+FIND = 3
+"""Distances that find the three numbers of a point."""
+
 
 def split_of_session(
     session: Session, *, train: int | None, held_out: int | None, seed: int
@@ -35,6 +38,7 @@ def split_of_session(
     split = split_of(
         session.measurements, stated, first_visits=first, train=train, held_out=held_out, seed=seed
     )
+    require_anchors_seen(session, split)
     judges = [visit for visit in session.visits if visit.held_out]
     if not judges:
         return split
@@ -52,6 +56,31 @@ def split_of_session(
     if known.any():
         said.append(f"{_poses(table, known)} no proof, because they are at training joints")
     return replace(split, is_train=frozen(used, np.bool_), sentence="; ".join(said))
+
+
+def require_anchors_seen(session: Session, split: HeldOutSplit) -> None:
+    """Refuse held-out distances from points whose place no row that identifies finds.
+
+    Raises
+    ------
+    InputError
+        M27: names the anchor, and how many distances find it.
+    """
+    table = session.measurements
+    for k in session.free_anchors:
+        own = table.is_distance & (table.anchor == k)
+        count = _poses(table, own & split.is_train)
+        if count >= FIND or not (own & split.is_test).any():
+            continue
+        name = session.anchor_names[k]
+        raise refusal(
+            session.stated_in, "split",
+            f'the place of the anchor "{name}" is to be found, and of '
+            f"{counted(_poses(table, own), 'pose')} with a distance from it {count} identify",
+            code="M27", value=count, allowed=f"it takes {FIND}",
+            fix="let more of them identify, state its place (anchors_mm under [ranges]), or leave "
+            "its rows out",
+        )  # fmt: skip
 
 
 def frame_rows(session: Session, split: HeldOutSplit) -> Bool:

@@ -212,7 +212,7 @@ def test_distances_from_points_of_unknown_place_state_tool_points_to_each_other(
     assert point.relative
     # u of one link number alone, .5 mm, would make a radius of some .8 mm
     assert point.radius_mean < 5e-4
-    assert "um relative to the others (these distances do not show where" in verdict(found)
+    assert "um relative to the others (the readings do not show where" in verdict(found)
     step = next_step(found)
     assert "and that it is of tool points to each other. Measure positions as well, of" in step
     # every other radius is of the same frame, and those beside no table say so
@@ -227,7 +227,7 @@ def test_distances_from_points_of_unknown_place_state_tool_points_to_each_other(
     # a tolerance is one in the base
     asked = replace(found, decision=Decision(1e-2, "guarded"))
     (said,) = decision_words(asked, SimpleNamespace(targets=None))
-    assert said.endswith("UNDECIDED: these distances do not show where the robot stands.")
+    assert said.endswith("UNDECIDED: the readings do not show where the robot stands.")
     assert would_decide(asked) == ""
     # its record keeps the frame
     kept = unpack(Judgement, pack(found.proof))

@@ -1,0 +1,1 @@
+"""Frames of a session, as far as readings show them."""
