@@ -32,6 +32,11 @@ DATUM = (
     "that lies in the base is known no better than the links were, and is in no radius"
 )
 """What a statement in an inner datum leaves out."""
+IMAGE = (
+    "The tool points lie in a plane, and distances are the same to the image of the arm beyond it: "
+    "radii contain both, and positions of poses to identify from would tell them apart"
+)
+"""Why a statement of a plane arm contains two."""
 StatementName = Literal["region", "none"]
 
 
@@ -194,6 +199,8 @@ def _believed(
         )
     if belief.datum is not None:
         words.append(DATUM)
+    if belief.mirrored:
+        words.append(IMAGE)
     if steps := steps_words(belief.proven):
         words.append(_capital(steps))
     if drifting is not None and (drifting.void or drifting.drift is not None):

@@ -11,6 +11,11 @@ import numpy as np
 from calib.arrays import Array, Bool, Index
 from calib.geometry.frames import points_of_frames, transform
 
+ROUNDING = 1e-9
+"""Fraction of the largest column below which one is made of rounding errors."""
+FLAT = 0.02
+"""Fraction of their spread by which points lie beside a plane or a line at most: the error of a
+nominal robot, some tenths of a millimeter, would place another point on one side or the other."""
 FAINT = 1e-3
 """Fraction of an ordinary column below which a direction counts as undetermined: the error of a
 nominal robot is about a millimeter, and divided by this fraction it is a meter."""
@@ -163,14 +168,41 @@ def multilaterated(centers: Array, distance: Array) -> Array:
 
     References
     ----------
-    |x - c|^2 = d^2, linear in x and |x|^2; Navidi, Murphy, Hereman 1998.
+    |x - c|^2 = d^2, linear in x and |x|^2; Navidi, Murphy, Hereman 1998. Of centers in a plane, x
+    beside it from |x|^2, to one side.
     """
     middle = centroid(centers)
     c = centers - middle
     square = np.sum(c * c, axis=1) - distance**2
     A = 2 * (c - centroid(c))
-    x = _least(A, square - square.mean(), FAINT * float(np.linalg.norm(A)))
+    factors = factored(A)
+    s, Vt = factors[2:]
+    x = _solved(factors, square - square.mean(), FAINT * float(np.linalg.norm(A)))
+    flat = s <= FLAT * s[0]
+    if flat.any() and not flat.all():
+        # what the plane of the centers leaves open follows from |x|^2, to either side of it
+        inside, beside = Vt[~flat] @ x, Vt[flat] @ x
+        # in the plane itself distances do not change to first order: no fit would leave it
+        height = np.sqrt(
+            max(
+                -square.mean() - inside @ inside, (FLAT * float(np.sqrt((distance**2).mean()))) ** 2
+            )
+        )
+        side = np.where(beside.any(), beside, np.eye(len(beside))[0])
+        x = Vt[~flat].T @ inside + Vt[flat].T @ side * (height / np.linalg.norm(side))
     return np.asarray(middle + x)
+
+
+def beyond(points: Array, place: Array) -> Array | None:
+    """Image (3,) of a place beyond the plane of points (m, 3) [m]; None where they lie in none.
+
+    Distances from points in a plane are the same to both.
+    """
+    middle = centroid(points)
+    _, s, Vt = np.linalg.svd(points - middle, full_matrices=False)
+    if len(s) < 3 or s[2] > FLAT * s[0] or s[1] <= FLAT * s[0]:
+        return None
+    return np.asarray(place - 2 * Vt[2] * (Vt[2] @ (place - middle)))
 
 
 def lifted_arm(F: Array, distance: Array, anchor: Index, n_anchors: int) -> Array:
@@ -191,7 +223,8 @@ def lifted_arm(F: Array, distance: Array, anchor: Index, n_anchors: int) -> Arra
         block[:, 4:] = -2 * R[rows].reshape(-1, 9)
         A[rows, 3 + 13 * k : 16 + 13 * k] = block
     size = np.linalg.norm(A, axis=0)
-    scale = np.where(size > 0, size, 1.0)  # zero where all poses lie in a plane of the axes
+    # rounding alone where all poses lie in a plane of the axes
+    scale = np.where(size > ROUNDING * size.max(), size, np.inf)
     right = distance**2 - np.sum(p * p, axis=1)
     z = _least(A / scale, right, FAINT) / scale
     return np.asarray(z[:3])

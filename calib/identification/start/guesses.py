@@ -18,7 +18,7 @@ from calib.identification.start.closed_forms import (
     multilaterated,
     tool_rotation,
 )
-from calib.identification.start.ranging import from_distances
+from calib.identification.start.ranging import from_distances, on_known_sides
 
 ROTATION_ARM = 0.3
 """A measured rotation counts like three points at this distance from the target [m]."""
@@ -258,6 +258,7 @@ def _complete(problem: StartProblem, partial: PartialAlignment) -> Alignment:
         # by distances alone the base follows from known anchors
         fixed = problem.known_anchor & np.isfinite(anchors[:, 0])
         if fixed.any():
+            anchors = on_known_sides(problem, arms, anchors, np.flatnonzero(fixed))
             base = fitted_frame(fixtures.anchors[fixed], anchors[fixed], base[:3, :3])
     # stations, reflectors and anchors in the frames that the fixtures use
     stations = fixtures.stations.copy()

@@ -1,13 +1,18 @@
 """Reflectors and anchors from distances alone, one after the other, at known flange poses."""
 
+from itertools import product
+
 import numpy as np
 
-from calib.arrays import Array
+from calib.arrays import Array, Index
+from calib.geometry.frames import points_of_frames, transform_points
 from calib.identification.start.alignment import StartProblem
-from calib.identification.start.closed_forms import multilaterated
+from calib.identification.start.closed_forms import beyond, fitted_frame, multilaterated
 
 FEWEST_RANGES = 4
 """Fewest distances that determine a point in space linearly."""
+TOGETHER = 5
+"""Anchors whose sides of a plane are decided together, in all combinations."""
 
 
 def from_distances(problem: StartProblem, arms: Array, base: Array | None) -> tuple[Array, Array]:
@@ -43,3 +48,31 @@ def from_distances(problem: StartProblem, arms: Array, base: Array | None) -> tu
         if np.isfinite(arms).sum() + np.isfinite(anchors).sum() == before:
             break
     return arms, anchors
+
+
+def on_known_sides(problem: StartProblem, arms: Array, anchors: Array, known: Index) -> Array:
+    """Anchors (s, 3) in the base frame, with `known` ones (k,) on their sides of a plane [m].
+
+    Of an arm that stays in one, their places in the world decide: by the least that Procrustes'
+    motion leaves, the first of them in all combinations.
+    """
+    table, best, least = problem.measurements, anchors, np.inf
+    images = {}
+    for k in known.tolist():
+        rows = table.is_distance & (table.anchor == k)
+        points = points_of_frames(problem.F[rows], arms[problem.target[rows]])
+        if np.isfinite(points).all() and (image := beyond(points, anchors[k])) is not None:
+            images[k] = image
+    if not images:
+        return anchors
+    some = [*images][:TOGETHER]
+    places = problem.model.fixtures.anchors[known]
+    for others in product((False, True), repeat=len(some)):
+        own = anchors.copy()
+        for k, other in zip(some, others, strict=True):
+            own[k] = images[k] if other else own[k]
+        base = fitted_frame(places, own[known], np.eye(3))
+        left = float(np.square(transform_points(base, own[known]) - places).sum())
+        if left < least:
+            best, least = own, left
+    return best

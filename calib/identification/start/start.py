@@ -19,6 +19,7 @@ from calib.arrays import Array, FloatOrNan, Index
 from calib.errors import refuse
 from calib.geometry.chain import Chain
 from calib.geometry.model import RobotModel
+from calib.identification.start.mirrored import on_their_sides
 from calib.identification.start.one_tool import FoundFrames, frames_of_one_tool, refined_frames
 from calib.kinds import checked_kinds
 from calib.measurement.observations import GIVEN, POINT, Measurements
@@ -94,6 +95,10 @@ def start_frames(
     further: tuple[str, ...] = ()
     if not first.all():
         found, further = _with_further_tools(one, F, measurements, free_anchors)
+    if len(free_anchors):
+        sided = on_their_sides(found.model, measurements, found.names)
+        if sided is not found.model:
+            found = refined_frames(sided, F, measurements, found.names)
     placed = {0} if "base.x" in found.names else set()
     notes = (*_origins(rows, one.names, free_tool, placed), *further)
     prediction, pose = found.prediction, measurements.is_pose

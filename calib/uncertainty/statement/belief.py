@@ -47,6 +47,9 @@ class Belief(Shown):
     n_ranged: Annotated[int, LATER] = 0
     """Held-out poses whose distances alone widen the factor, which guards no direction but theirs;
     0 where there were too few, or where points guard it."""
+    mirrored: Annotated[bool, LATER] = False
+    """Whether `covariance` holds the image of the arm beyond the plane of its tool points, too:
+    nothing tells them apart."""
 
     def __repr__(self) -> str:
         return (

@@ -16,6 +16,7 @@ from calib.measurement.observations import Measurements
 from calib.measurement.prediction import predict
 from calib.measurement.tool_target import ToolTarget
 from calib.uncertainty.frames.inner_datum import inner_datum, shows_no_frame
+from calib.uncertainty.frames.mirror_image import mirror_step
 from calib.uncertainty.regions import coverage_factor, mahalanobis_squared
 from calib.uncertainty.statement.applicability import proven_at
 from calib.uncertainty.statement.belief import Belief
@@ -82,6 +83,7 @@ def believe(
     of (|e| / R)^2) over n held-out poses, r = ceil(p (n + 1)), R of the ball that holds p of N(0, S
     + N): ellipsoid and radius are both promised. Of several rows of a pose see `_of_poses`,
     where only distances are held out `scores_of_distances`.
+    Where an arm and its image fit alike, the way between them counts as one standard uncertainty.
     Discrepancy: Kennedy & O'Hagan 2001; guard: split conformal, Vovk et al. 2005.
     """
     where = train if held_out is None or not len(held_out) else held_out
@@ -90,9 +92,10 @@ def believe(
     guards, ranged = (
         n if drawn and n >= fewest_poses(probability) else 0 for n in (points, ranged)
     )
-    datum = None
+    datum, image = None, np.zeros(identification.model.n_numbers)
     if shows_no_frame(identification, train):
         datum = inner_datum(identification, train, ToolTarget.of(target))
+        image = mirror_step(identification, train, ToolTarget.of(target))
     drop = DROP if guards else UNGUARDED_DROP
     size = misfit(identification, train, held_out, repeats=repeats, stops=stops, drop=drop)
     if quiet is not None:
@@ -104,12 +107,14 @@ def believe(
     if stops is not None and covariance is None:
         whole = whole + stop_covariance(identification, train, stops[0])
     whole = size.larger_noise**2 * whole
+    if image.any():
+        whole = whole + np.outer(image, image)
     plain = Belief(
         identification.model, frozen(whole), size,
         misfit_covariance(identification, train, size.shape),
         float(np.sqrt(chdtri(3, 1 - probability))), guards, probability,
         proven_at(identification, train, where.q, target=target, datum=datum),
-        n_ranged=ranged,
+        n_ranged=ranged, mirrored=bool(image.any()),
     )  # fmt: skip
     return adding(plain, np.zeros((P, P)) if shared is None else shared, held_out)
 

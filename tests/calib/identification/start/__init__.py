@@ -1,0 +1,1 @@
+"""Initial values of arms for which the usual closed forms are not enough."""
