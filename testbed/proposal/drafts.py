@@ -40,6 +40,12 @@ class Draft:
         columns = [self.document.get(name, {}).get("columns", {}) for name in ("joints", "points")]
         return any(one.get("target", "").isdigit() for one in columns)
 
+    @property
+    def guesses_distance(self) -> bool:
+        """Whether a column without a name is taken as distances: only a fit can tell."""
+        named = self.document.get("dialect", {}).get("header", True)
+        return "ranges" in self.document and not named
+
 
 def drafts_of(
     looks: tuple[Found, ...], own: tuple[int, ...], slides: frozenset[int] = frozenset()

@@ -4,6 +4,8 @@ from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
 
+import numpy as np
+
 from calib.arrays import Array
 from testbed.proposal.data import Found
 from testbed.proposal.sizes import signed
@@ -12,6 +14,8 @@ from testbed.proposal.transforms import BLOCKS, Block
 Names = tuple[str, ...]
 SCATTER = 0.2
 """What uncertainties of coordinates do not exceed, in millimeters or in meters."""
+VARIES = 0.01
+"""Part of the largest distance by which distances differ at least: else the arm stood still."""
 FEWEST_EACH = 10
 """Rows of each number that may be a target: a base and a tool, 9 numbers, fit fewer by chance."""
 
@@ -29,6 +33,8 @@ class Layout:
     """Assumption on the order of numbers, if they are not separate columns."""
     target: str = ""
     """Column of whole numbers that may say which of several targets each row saw."""
+    distance: str = ""
+    """Column of distances from one fixed point, as of a draw wire."""
 
 
 def layouts(look: Found, n: int) -> Iterator[Layout]:
@@ -66,6 +72,11 @@ def layouts(look: Found, n: int) -> Iterator[Layout]:
             yield Layout(
                 f"both {skip} joints, target", _names(at, n), _names(at + n + 1, 3), target=target
             )
+        if left == n + 1:
+            for order, begin, k in (("first", at, at + n), ("last", at + 1, at)):
+                if _is_distance(look, k):
+                    (one,) = _names(k, 1)
+                    yield Layout(f"both {skip} distance {order}", _names(begin, n), distance=one)
         for block in BLOCKS:
             if left == block.size and block.fits(_numbers(look, at, block)):
                 yield _of_block("readings", block, at, ())
@@ -82,6 +93,16 @@ def _is_scatter(look: Found, at: int) -> bool:
     """Whether three columns are no angles, but small and never negative, as of uncertainties."""
     numbers = signed(look, _names(at, 3))
     return bool(((numbers >= 0) & (numbers < SCATTER)).all())
+
+
+def _is_distance(look: Found, k: int) -> bool:
+    """Whether the column behind `k` others may be distances: above zero, no count, unlike."""
+    numbers = signed(look, _names(k, 1))[0]
+    numbers = numbers[np.isfinite(numbers)]  # a missed one is no reason
+    if len(numbers) < 2 or (numbers <= 0).any():
+        return False
+    counts = len(np.unique(np.diff(numbers))) == 1
+    return bool(not counts and np.ptp(numbers) > VARIES * numbers.max())
 
 
 def _names(start: int, count: int) -> Names:

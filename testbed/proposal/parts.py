@@ -8,6 +8,7 @@ from testbed.files.columns import PLAIN
 from testbed.files.reflectors.one_tool import apart_or_alike
 from testbed.files.rows.planned import foretold
 from testbed.proposal.data import Document, Found, Part
+from testbed.proposal.distances import distances, from_one
 from testbed.proposal.exports import exported_parts
 from testbed.proposal.layouts import Layout, layouts
 from testbed.proposal.names import Meaning
@@ -18,8 +19,6 @@ from testbed.proposal.rows.markers import beside_joints, marker_parts
 from testbed.proposal.sizes import REACH, by_size, signed
 from testbed.proposal.turns import turn_columns, turnings
 
-ANCHOR = "A"
-"""What the one fixed point is called where no column names any."""
 TARGET = ("command_x", "command_y", "command_z")
 DIFFERENCE = ("difference_x", "difference_y", "difference_z")
 TURN = 6.4
@@ -127,6 +126,9 @@ def seen_parts(look: Found, own: tuple[int, ...]) -> Iterator[Part]:
                 for keys, notes in _readings(look, place, layout.rotation, more):
                     said = (*layout.said, *_coded_said(layout))
                     yield look, keys, (*said, *notes), layout.name
+            if layout.distance:
+                for keys, said in from_one(look, layout.distance, _more(look)):
+                    yield look, keys, said, layout.name
     elif look.kind == "table":
         stems = look.stems
         polar = is_polar(look)
@@ -146,7 +148,7 @@ def seen_parts(look: Found, own: tuple[int, ...]) -> Iterator[Part]:
         if not place and not polar:
             yield from _targets(look, n)
         if look.has("distance") and not polar and (not place or look.has("anchor")):
-            yield from _distances(look, n)
+            yield from distances(look, _more(look) | _drives(look, n))
 
 
 def _targets(look: Found, n: int) -> Iterator[Part]:
@@ -208,31 +210,6 @@ def _sum_said(place: dict[str, str]) -> str:
         f"{away}, as measured - target; no fit tells the sign, for targets lie where a nominal "
         'robot goes: if it is the other, write differences = "target - measured" under [points]'
     )
-
-
-def _distances(look: Found, n: int) -> Iterator[Part]:
-    """[ranges] of a file, for each possible unit."""
-    one, named = look.stems["distance"], look.has("anchor")
-    anchors = look.column(look.stems["anchor"].theirs) if named else [ANCHOR]
-    names = list(dict.fromkeys(filter(None, anchors)))
-    places = (
-        f"anchors: no file says where {', '.join(names)} {'stand' if len(names) > 1 else 'stands'};"
-        ' "free" finds the places, [x, y, z] in mm states one'
-    )
-    if not named:
-        places = (
-            "anchors: no column anchor names any; all distances are taken as those from one, "
-            f"{ANCHOR}; if there are several, name that of each row in such a column"
-        )
-    told = one.known or one.unit
-    for unit in ("",) if told else by_size(look, [one.theirs], REACH, ("mm", "m")):
-        columns = _more(look) | _drives(look, n)
-        for stem in ("distance", "u_distance", "U95_distance"):
-            if look.has(stem) and not (own := look.stems[stem]).known:
-                columns[f"{stem}_{own.unit or unit or 'mm'}"] = own.theirs
-        note = (f"distances: no column states its unit; assumed: {unit}",) if unit else ()
-        keys: Document = {"section": "ranges", "anchors_mm": dict.fromkeys(names, "free")}
-        yield look, keys | ({"columns": columns} if columns else {}), (places, *note), ""
 
 
 def _more(look: Found) -> dict[str, str]:

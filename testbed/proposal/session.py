@@ -209,6 +209,8 @@ def _proposed(looks: tuple[Found, ...], robot: Robot | None, root: Path) -> Prop
     if len({one.rows for one in looks}) > 1 and (turned := on_its_side(looks, n)) is not None:
         raise turned  # no rows of one belong to those of another
     drafts = _drafts(choices, own, slides)
+    if robot is None:
+        drafts = [one for one in drafts if not one.guesses_distance]
     looks = tuple(one[0] for one in choices)
     if not drafts:
         raise no_reading(looks, n)

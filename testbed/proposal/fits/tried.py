@@ -97,6 +97,8 @@ def tried_with(
                 more += sent
             tried = _fitting(robot, left, others, len(same) - 1, parts)
             return draft, tried + aside + more, True
+    if all(one.guesses_distance for one in drafts):
+        raise unnamed(next(one for one in looks if one.kind == "bare"))
     likely = next((k for k, one in enumerate(sessions) if one is not None), None)
     if likely is None:
         try:

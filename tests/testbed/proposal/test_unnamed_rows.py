@@ -6,7 +6,7 @@ Truth: the files are written here from poses that are known.
 import numpy as np
 import pytest
 
-from testbed.files.read import read_session
+from testbed.files.read import ReadOptions, read_session
 from testbed.proposal.data import look_at
 from testbed.proposal.rows.markers import markers_in
 from tests.command import call
@@ -341,3 +341,55 @@ def test_few_rows_of_many_numbers_that_are_read_do_not_lie_on_their_side(tmp_pat
     np.savetxt(tmp_path / "a.csv", rows, delimiter=",", fmt="%.12f")
     proposed(tmp_path, [tmp_path / "a.csv"], "--robot", UR10.name)
     assert len(read_session(tmp_path / "session.toml", UR10).measurements) == 9
+
+
+WIRE = 40
+"""Poses of a draw wire: 24 numbers of links and 6 of two points are told apart by 30 or more."""
+
+
+def wire(kind):
+    """Joints and one more number, before or behind them, of a wire from a place beside the arm."""
+    data = made(6, WIRE, robot=UR10)
+    p = data.T[:, :3, 3] + data.T[:, :3, :3] @ [0.05, 0.03, 0.08]
+    d = 1e3 * np.linalg.norm(p - [1.0, -2.0, 0.3], axis=1)[:, None]
+    deg, rows = np.degrees(data.q), np.arange(WIRE)
+    return {
+        "behind": text(deg, d, mark=","),
+        "before, counted, in meters": text(rows[:, None], d / 1e3, deg),
+        "with one lost": text(deg, np.where(rows == 7, np.nan, d[:, 0])[:, None], mark=","),
+        "warmth": text(deg, 20 + 0.05 * rows[:, None] + d % 0.01),
+        "a count": text(deg, 1.0 + rows[:, None]),
+        "nothing": text(deg, np.random.default_rng(1).uniform(500, 3000, (WIRE, 1))),
+    }[kind]
+
+
+@pytest.mark.parametrize("kind", ["behind", "before, counted, in meters", "with one lost"])
+def test_joints_and_the_distance_of_a_draw_wire_need_no_names(kind, tmp_path):
+    """They were "no joints and places in any order that is tried"."""
+    (tmp_path / "a.csv").write_text(wire(kind))
+    said, _ = proposed(tmp_path, [tmp_path / "a.csv"], "--robot", UR10.name)
+    assert "all distances are taken as those from one, A" in said
+    lost = kind == "with one lost"
+    assert ("to fix" in said) == lost
+    table = read_session(tmp_path / "session.toml", UR10, options=ReadOptions(drop_invalid=lost))
+    table = table.measurements
+    assert len(table) == WIRE - lost
+    assert table.is_distance.all()
+    data = made(6, WIRE, robot=UR10)
+    np.testing.assert_allclose(table.q, np.delete(data.q, [7] * lost, axis=0), atol=1e-9)
+    # the tracker that the place is near stands some meters away
+    assert 1.0 < table.distance.min() < table.distance.max() < 10.0
+
+
+@pytest.mark.parametrize("kind", ["warmth", "a count", "nothing"])
+def test_another_number_beside_joints_is_no_distance(kind, tmp_path):
+    (tmp_path / "a.csv").write_text(wire(kind))
+    out = ("--out", tmp_path / "s.toml")
+    done = call("new", "session", tmp_path / "a.csv", "--robot", UR10.name, *out)
+    assert "no line names its 7 columns" in done.stderr
+
+
+def test_without_a_robot_nothing_tells_a_distance_without_a_name(tmp_path):
+    (tmp_path / "a.csv").write_text(wire("behind"))
+    done = call("new", "session", tmp_path / "a.csv", "--out", tmp_path / "s.toml")
+    assert "no line names its 7 columns" in done.stderr
