@@ -41,6 +41,8 @@ class Cycles:
     refused: tuple[str, ...] = ()
     """What iso9283 would refuse, in its words."""
     odd: tuple[str, ...] = ()
+    drops: bool = False
+    """Whether it takes the others if those are left out."""
 
 
 def cycles_in(looks: Sequence[Found], root: Path) -> Cycles | None:
@@ -92,14 +94,25 @@ def _proposed(look: Found, rows: list[tuple[str, ...]], sentence: str, root: Pat
     settings = validated(document, CampaignFile, SESSION_FILE)
     sources = Sources(root, None, MAX_MB, {(root / look.name, look.sheet): look.text})
     said = f"{sentence}: read as a test after ISO 9283"
+    given = Given(root / SESSION_FILE, None, settings, sources, ())
     try:
-        test = test_of(Given(root / SESSION_FILE, None, settings, sources, ()), drop=False)
+        test = test_of(given, drop=False)
     except InputError as error:
-        return Cycles(document, said, tuple(assumed), (str(error),))
+        drops = _reads(given)
+        return Cycles(document, said, tuple(assumed), (str(error),), drops=drops)
     if not test.uncertainty:
         floor = "position_um under [uncertainty] gives the repeatability a floor"
         assumed.append(f"uncertainty: none is stated; {floor}")
     return Cycles(document, said, tuple(assumed), (), test.warnings)
+
+
+def _reads(given: Given) -> bool:
+    """Whether the rows of a test are read without those that are refused."""
+    try:
+        test_of(given, drop=True)
+    except InputError:
+        return False
+    return True
 
 
 def _pose(look: Found, rows: list[tuple[str, ...]] | None = None) -> str:

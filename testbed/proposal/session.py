@@ -51,6 +51,8 @@ class Proposed:
     """What it would leave out, or warn of."""
     is_test: bool = False
     """Whether it is for `iso9283`, not for `identify`."""
+    drops: bool = False
+    """Whether that takes the rows that are left only with `verdict.DROP`."""
 
 
 def propose_session(
@@ -82,7 +84,7 @@ def propose_session(
     if cycles is not None and cycles.document is not None:
         return Proposed(
             cycles.document, cycles.assumed, cycles.sentence, fits=False, unused=covers,
-            to_mend=cycles.refused, odd=cycles.odd, is_test=True,
+            to_mend=cycles.refused, odd=cycles.odd, is_test=True, drops=cycles.drops,
         )  # fmt: skip
     proposed = _of_visits(_proposed(looks, robot, root), looks)
     said_so = {key: each for key, each in proposed.document.items() if key != "joints" or each}
@@ -101,7 +103,10 @@ def propose_session(
     )
     said = verdict_on(proposed.document, looks, robot, root, fits=proposed.fits)
     odd = said.odd if cycles is None else (*said.odd, cycles.sentence)
-    return replace(proposed, unused=(*covers, *unused, *said.unread), to_mend=said.refused, odd=odd)
+    return replace(
+        proposed, unused=(*covers, *unused, *said.unread), to_mend=said.refused, odd=odd,
+        drops=said.drops,
+    )  # fmt: skip
 
 
 def _left_aside(look: Found, looks: Sequence[Found], points: str | None) -> str:

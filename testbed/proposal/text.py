@@ -7,6 +7,7 @@ from pathlib import Path
 from testbed.files.columns import is_known
 from testbed.proposal.data import Document, Found, files_of
 from testbed.proposal.session import Proposed
+from testbed.proposal.verdict import DROP
 from testbed.proposal.wished import wished_lines
 from testbed.toml_text import toml_lines, toml_value
 from testbed.units import counted
@@ -87,12 +88,12 @@ def next_command(
     lacks_meshes: bool = False,
 ) -> str:
     """The command to type next for a session.toml."""
-    name = shlex.quote(name)
+    name, drop = shlex.quote(name), f" {DROP}" * proposed.drops
     if proposed.is_test:
-        return f"truebed iso9283 {name}"
+        return f"truebed iso9283 {name}{drop}"
     arm = shlex.quote(robot) if robot is not None else "ROBOT"
     more = f" --tip {shlex.quote(tip)}" if tip else ""
-    return f"truebed identify {arm} {name}{more}" + " --allow-missing-meshes" * lacks_meshes
+    return f"truebed identify {arm} {name}{more}" + " --allow-missing-meshes" * lacks_meshes + drop
 
 
 def _called(looks: Sequence[Found], name: str) -> str:

@@ -24,6 +24,8 @@ from testbed.gates.text import MAX_MB
 from testbed.proposal.data import Document, Found
 from testbed.robots.robot import Robot
 
+DROP = "--drop-invalid"
+"""Option of `identify` with which it leaves out rows that it would refuse."""
 CELLS = ("M25", "V9")
 """Error codes of rows that can be left out to find further errors."""
 OTHERWISE = "M20"
@@ -41,6 +43,8 @@ class Foretold:
     """What `identify` will leave out or warn of."""
     unread: tuple[str, ...] = ()
     """Unused columns, by file."""
+    drops: bool = False
+    """Whether it takes the rows that are left only with `DROP`."""
 
 
 def verdict_on(
@@ -72,7 +76,8 @@ def verdict_on(
         return Sources(root, None, MAX_MB, texts)
 
     if robot is None:
-        return Foretold(_cells(settings, sources()))
+        told = _cells(settings, sources())
+        return Foretold(told, drops=any(DROP in text for text in told))
     refused: list[str] = []
     session: Session | None = None
     for drop in (False, True):
@@ -82,11 +87,11 @@ def verdict_on(
         except InputError as error:
             if str(error) not in refused:
                 refused.append(str(error))
-            if error.code not in CELLS:
+            if error.code not in CELLS and DROP not in str(error):
                 break
     if session is None:
         return Foretold(tuple(refused))
-    odd = list(session.masked)
+    odd, drops = list(session.masked), any(DROP in text for text in refused)
     if not refused:  # else they only repeat what was left out
         odd += session.warnings
     try:
@@ -105,7 +110,7 @@ def verdict_on(
         odd = [*odd[:SHOWN], f"and {len(odd) - SHOWN} more"]
     # each file by its own name, since the session states the folder
     left = [f"{Path(one.where).name}: columns {', '.join(one.columns)}" for one in session.unread]
-    return Foretold(tuple(refused), tuple(odd), tuple(left))
+    return Foretold(tuple(refused), tuple(odd), tuple(left), drops)
 
 
 def _require_enough(robot: Robot, session: Session) -> None:

@@ -101,3 +101,6 @@ def test_a_cycle_that_is_not_whole_is_to_be_mended(tmp_path, monkeypatch):
     said = proposed(tmp_path, monkeypatch)
     assert "to fix" in said
     assert "[M31]" in said
+    assert said.endswith("Next       truebed iso9283 session.toml --drop-invalid\n")
+    command = said.split("Next       truebed ")[1].split()
+    assert call(*command, "--out", tmp_path / "out", "--quiet").exit_code == 0

@@ -219,3 +219,41 @@ def test_a_part_that_fits_is_not_said_to_be_all_rows(tmp_path):
     assert done.exit_code == 0
     assert "in the best of 3 parts of the rows, and larger in all of them" in done.stdout
     assert re.search(r"to fix   .*a\.csv:17: from line 17 on, row k-1 belongs", done.stdout)
+
+
+def named_poses(without=()):
+    """Joints and poses of the same names in two files; of some poses there is no reading."""
+    own, keep = table(), [k for k in range(M) if k not in without]
+    names = {"pose_id": np.arange(M)}
+    seen = {k: v[keep] for k, v in (names | {k: own[k] for k in SEEN}).items()}
+    return {"j.csv": names | {k: own[k] for k in JOINTS}, "p.csv": seen}
+
+
+@pytest.mark.parametrize(
+    ("files", "faulty"),
+    [
+        ({"a.csv": table()}, False),
+        ({"a.csv": cell("y_mm", 3, "ERR")}, True),
+        ({"a.csv": cell("x_mm", 3, "1e9")}, True),
+        (named_poses(), False),
+        (named_poses([5]), True),
+    ],
+    ids=["sound", "no number", "no such place", "two files", "a lost reading"],
+)
+def test_the_next_command_runs_as_it_is_printed(files, faulty, tmp_path):
+    """Without --drop-invalid it was refused, which the proposal itself had foretold."""
+    for name, content in files.items():
+        (tmp_path / name).write_text(csv(content))
+    paths = [tmp_path / name for name in files]
+    done = call("new", "session", *paths, "--out", tmp_path / "s.toml", *TX60)
+    assert done.exit_code == 0, done.stderr
+    command = done.stdout.partition("Next       truebed ")[2].split()
+    assert ("--drop-invalid" in command) is faulty
+    assert (f"# Then: truebed {' '.join(command)}\n" in (tmp_path / "s.toml").read_text()) is True
+    run = call(*command, "--out", tmp_path / "out", "--quiet")
+    assert run.exit_code == 0, run.stderr
+
+
+def test_without_a_robot_the_next_command_drops_cells_that_are_no_numbers(tmp_path):
+    done, _ = proposal(tmp_path, cell("y_mm", 3, "ERR"))
+    assert done.stdout.endswith("session.toml --drop-invalid\n")
