@@ -79,21 +79,8 @@ def climb(
     MacKay 1992: evidence by Laplace's method. The noise scale is the same for all models, since a
     scale for each would hide small terms.
     """
-    believed = set(prior.names)
-    bare = [name for name in parameters.free_names if name not in believed]
-    if bare:
-        raise refuse(
-            "prior", tuple(bare), code="A3", message=f"{bare[0]} is free and has no prior",
-            allowed="a prior of every free number: evidence compares nothing else",
-            fix="add them to the prior, or leave it out for the weak one",
-        )  # fmt: skip
-    every = [level.errors for ladder in ladders for level in ladder.levels]
-    system = normal_equations(nominal, near, measurements, parameters, every, prior)
-    richest = tuple(ladder.levels[-1] for ladder in ladders)
-    if loss == "squared":
-        shared = SharedMisfit.of(system, measurements).at_noise_of(asked_of(richest))
-    else:
-        shared = SharedMisfit.of(_calmed(system, richest, loss), measurements)
+    _require_prior(parameters, prior)
+    shared, richest = _misfit_of(nominal, near, measurements, parameters, ladders, prior, loss)
     pose = np.unique(measurements.together, return_inverse=True)[1].ravel()
     held_out = [] if part is None else [part == k for k in np.unique(part)]
     memory: dict[tuple[Level, ...], tuple[Solved, float]] = {}
@@ -140,6 +127,53 @@ def climb(
     reached = moved(course.levels)
     noise = shared.noise_factor(fitted(course.levels)[1])
     return climb_of(course, ladders, gain, noise, reached, partial(moved, richest))
+
+
+def best_alone(
+    nominal: RobotModel, near: RobotModel, measurements: Measurements, parameters: Parameters,
+    ladder: Ladder, *, prior: Prior,
+) -> tuple[str, float] | None:  # fmt: skip
+    """What a climb on one ladder has as its `best`, without climbing; arguments as of `climb`."""
+    _require_prior(parameters, prior)
+    shared, _ = _misfit_of(nominal, near, measurements, parameters, [ladder], prior, "squared")
+    bottom, *others = ladder.levels
+
+    def evidence(level: Level) -> float:
+        return shared.solved(asked_of((level,) if level.names else ()))[0].evidence
+
+    first = [level for level in others if level.after in ("", bottom.name)]
+    if not first:
+        return None
+    least = evidence(bottom)
+    gains = [evidence(level) - least for level in first]
+    return first[int(np.argmax(gains))].name, max(gains)
+
+
+def _require_prior(parameters: Parameters, prior: Prior) -> None:
+    """Raise an `InputError` (A3) for a free number without a prior."""
+    believed = set(prior.names)
+    bare = [name for name in parameters.free_names if name not in believed]
+    if bare:
+        raise refuse(
+            "prior", tuple(bare), code="A3", message=f"{bare[0]} is free and has no prior",
+            allowed="a prior of every free number: evidence compares nothing else",
+            fix="add them to the prior, or leave it out for the weak one",
+        )  # fmt: skip
+
+
+def _misfit_of(
+    nominal: RobotModel, near: RobotModel, measurements: Measurements, parameters: Parameters,
+    ladders: Sequence[Ladder], prior: Prior, loss: Loss,
+) -> tuple[SharedMisfit, tuple[Level, ...]]:  # fmt: skip
+    """Equations of all levels at the noise that the richest model leaves; and its levels."""
+    every = [level.errors for ladder in ladders for level in ladder.levels]
+    system = normal_equations(nominal, near, measurements, parameters, every, prior)
+    richest = tuple(ladder.levels[-1] for ladder in ladders)
+    if loss == "squared":
+        shared = SharedMisfit.of(system, measurements).at_noise_of(asked_of(richest))
+    else:
+        shared = SharedMisfit.of(_calmed(system, richest, loss), measurements)
+    return shared, richest
 
 
 def _calmed(plain: NormalEquations, levels: tuple[Level, ...], loss: Loss) -> NormalEquations:

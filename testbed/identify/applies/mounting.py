@@ -6,7 +6,7 @@ import numpy as np
 
 from calib.geometry.frames import exp_so3
 from calib.geometry.model import RobotModel
-from calib.identification.climb import climb
+from calib.identification.climb import best_alone
 from calib.identification.climbing import ASKED
 from calib.identification.gravity_ladder import gravity_ladder
 from calib.identification.joint_models import extended_parameters
@@ -21,6 +21,9 @@ from testbed.units import significant
 
 TURNS = ((0, 90, 0), (0, -90, 0), (90, 0, 0), (-90, 0, 0), (180, 0, 0))
 """Rotation vectors of bases on four walls and a ceiling [deg]."""
+ALIKE = {(0, -90, 0): (0, 90, 0), (-90, 0, 0): (90, 0, 0), (180, 0, 0): (0, 0, 0)}
+"""Bases in which gravity acts the other way round: what gives way may have either sign, and bends
+the arm alike."""
 LOUD = 2.0
 """Residual of the chosen model, in units of the stated noise, from which on gravity is asked for
 although it is taken: the usual misfit of an arm with gears is not worth five more climbs."""
@@ -93,18 +96,22 @@ def _others(calibration: Calibration, looking: Looking) -> tuple[Level, ...]:
 def _gains(looking: Looking, near: RobotModel, beside: tuple[Level, ...]) -> list[float]:
     """Log evidence of what gravity bends beside other levels: upright, and on each other base."""
     start, parameters, robot = looking.frames.start, looking.frames.parameters, looking.robot
-    nominal, free, prior, gains = start, parameters, wide_prior(parameters, start), []
+    nominal, free, prior = start, parameters, wide_prior(parameters, start)
     if beside:
         nominal, found = extended_by(start, looking.train, parameters, beside, prior=prior)
         free, near = extended_parameters(start, nominal, parameters), found.model
         prior = prior.joined(prior_of(beside))
+    gains: dict[tuple[int, int, int], float] = {}
     for turn in ((0, 0, 0), *TURNS):
+        if turn in ALIKE:
+            gains[turn] = gains[ALIKE[turn]]
+            continue
         stands = np.eye(4)
         stands[:3, :3] = exp_so3(np.radians(turn))
         ladder = gravity_ladder(
             start, replace(looking.mounted, T_world_base=stands), moments=robot.moments,
             limits=robot.limits, payload=looking.train.conditions.usual_payload, sag=SAG,
         )  # fmt: skip
-        best = climb(nominal, near, looking.train, free, (ladder,), None, prior=prior).best
-        gains.append(-np.inf if best is None else best[1])
-    return gains
+        best = best_alone(nominal, near, looking.train, free, ladder, prior=prior)
+        gains[turn] = -np.inf if best is None else best[1]
+    return [*gains.values()]

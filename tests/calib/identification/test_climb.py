@@ -9,7 +9,7 @@ from calib.geometry.chain import Chain
 from calib.geometry.joint_errors import JointErrors, harmonic_terms
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import parameters_of
-from calib.identification.climb import climb
+from calib.identification.climb import best_alone, climb
 from calib.identification.climbing import ASKED
 from calib.identification.identify import Status, identify
 from calib.identification.ladders import MAP_ORDERS, ladders_of
@@ -229,3 +229,13 @@ def test_poses_of_a_table_stay_those_of_the_model_when_terms_are_added():
     assert prior_of(levels).names == levels[0].names
     table = poses_of(GOALS, wide.poses(GOALS), sd=(SIGMA_POSITION, SIGMA_ROTATION))
     assert not climbed(table).taken
+
+
+@pytest.mark.parametrize("true", [bent(3), mapped(1)], ids=["bent", "mapped"])
+def test_the_best_level_alone_is_that_of_a_climb(true):
+    """To the last bit: the same equations, without the rounds that follow the first."""
+    table = seen(true, 40, 4)
+    near = identify(tx60(), table, PARAMETERS, prior=PRIOR).model
+    for ladder in ladders_of(tx60()):
+        whole = climb(tx60(), near, table, PARAMETERS, [ladder], None, prior=PRIOR).best
+        assert best_alone(tx60(), near, table, PARAMETERS, ladder, prior=PRIOR) == whole

@@ -9,6 +9,7 @@ import pytest
 from calib.geometry.frames import exp_so3
 from calib.identification.ladders import ladders_of
 from calib.identification.levels import with_errors
+from testbed.identify.applies import mounting
 from testbed.identify.applies.mounting import LOUD
 from testbed.identify.calibrate import Options, calibrate
 from testbed.identify.words import reasons
@@ -48,6 +49,26 @@ def test_an_arm_on_a_wall_is_told_to_say_so_and_saying_so_mends_it():
     mended = calibrate(stated, hanging(), Options(seed=1))
     assert said(mended) == []
     assert mended.fit.test.position.mean < 0.5 * found.fit.test.position.mean
+
+
+def gains_of(session, turns, monkeypatch):
+    """Log evidence of gravity on each of some bases, each worked out for itself."""
+    got = []
+    monkeypatch.setattr(mounting, "ALIKE", {})
+    monkeypatch.setattr(mounting, "TURNS", turns)
+    kept = mounting._gains
+    monkeypatch.setattr(mounting, "_gains", lambda *args: got.append(kept(*args)) or got[0])
+    calibrate(robot(), session, Options(seed=1))
+    return dict(zip([(0, 0, 0), *turns], got[0], strict=True))
+
+
+@pytest.mark.parametrize("turn", [(0, 90, 0), (90, 0, 0), (0, 0, 0)])
+def test_gravity_the_other_way_round_explains_as_much(turn, monkeypatch):
+    """What gives way may have either sign: three of six bases need no climb of their own."""
+    (other,) = (one for one, alike in mounting.ALIKE.items() if alike == turn)
+    gains = gains_of(hanging(), tuple({turn, other} - {(0, 0, 0)}), monkeypatch)
+    # sums of 1e5 squares, and rounding of bases turned by 90 deg
+    assert gains[turn] == pytest.approx(gains[other], rel=1e-8)
 
 
 def test_larger_noise_of_an_upright_arm_is_no_hint_of_a_wall():
