@@ -6,29 +6,20 @@ millimeter or so, with a wrong one they leave centimeters. Nothing is ever switc
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from itertools import chain
 
 import numpy as np
 
 from calib.arrays import Array, Index
-from calib.errors import InputError
 from calib.geometry.model import RobotModel
-from calib.identification.start.start import start_frames
-from calib.measurement.observations import Measurements
 from testbed.files.alternatives import (
-    Alternative,
     Interpretation,
     alternatives_of,
     coupling_of,
-    distance_alternatives,
-    shifted,
     small_rows,
     some_rows,
 )
 from testbed.files.frames_fit import FAR, TIMES, Misfit, far_for, flange_poses, target_groups
-from testbed.files.readings import BAR, NO_DIRECTION
 from testbed.files.reflectors.one_tool import named_target, not_on_one_tool
-from testbed.files.refusal import refusal
 from testbed.files.rows.exact import exactness
 from testbed.files.rows.names import exchanged_names
 from testbed.files.rows.ratios import SUSPECT, ratios_that_fit
@@ -46,15 +37,9 @@ from testbed.files.tried.interpretations import Probe, Tried
 from testbed.files.tried.links_fit import LinksFit, links_fit, table_of
 from testbed.files.tried.parts import parts_of
 from testbed.files.tried.quarter_turns import quarter_turns
+from testbed.files.tried.ranged import link_sd, probe_distances, with_links
 from testbed.robots.robot import Robot
-from testbed.units import counted, millimetres
 
-LEAST_SPAN, TOOL = 0.02, 1.0
-"""Distances vary by at least this part of what the flange moves, and by that and a tool [m]."""
-SHORT = 4.0
-"""A distance of fewer times what nominal links leave may point any way. Of bars between a ball and
-two sockets those of 0.5 mm, three times what they left, ended in a wrong valley, and those of 2 mm,
-eleven times, did not."""
 MOST_LINKS = 3
 """Alternatives that links are fitted to as well, where those do not explain the stated reading."""
 CLEARLY = 2.0
@@ -79,7 +64,7 @@ def probe(robot: Robot, session: Session, *, links: bool = True) -> Probe:
     plain = Probe(session.where, robot.name)
     groups = target_groups(table)
     if not groups:
-        return _probe_distances(plain, robot, session)
+        return probe_distances(plain, robot, session)
     rows = _doubtful(robot.model, session, groups)
     F, poses = flange_poses(robot.model, table.q[rows]), len(np.unique(table.q[rows], axis=0))
     if poses > 1:  # one has no spread
@@ -153,11 +138,11 @@ def _with_links(
     def linked(one: Interpretation, left: Misfit) -> LinksFit | None:
         if not np.isfinite(left.score):
             return None
-        return links_fit(robot.model, table_of(one), left.score, stated=_link_sd(robot, session))
+        return links_fit(robot.model, table_of(one), left.score, stated=link_sd(robot, session))
 
     own = linked(read, stated)
     if own is not None and own.explains:
-        return _far_off(found, own)
+        return with_links(found, own)
     tried = list(found.tried)
     for k, one in enumerate(tried[:MOST_LINKS]):
         if one.misfit.score >= stated.score:
@@ -167,21 +152,6 @@ def _with_links(
         alike = own is not None and links is not None and links.left * CLEARLY > own.left
         tried[k] = replace(one, linked=links if links and links.explains and not alike else None)
     return replace(found, tried=tuple(tried))
-
-
-def _far_off(found: Probe, links: LinksFit | None) -> Probe:
-    """The same with links that explain what was read, and a warning if it is odd."""
-    if links is None or not links.explains or found.stated is None:
-        return found
-    left = found.stated
-    text = f"base and tool alone leave {left.shown}, far more than usual, and {links.sentence}"
-    said = (text,) if left.score > found.far else ()
-    return replace(found, linked=links, warnings=(*found.warnings, *said))
-
-
-def _link_sd(robot: Robot, session: Session) -> Array | None:
-    """How far links may be off (n, 5), by the session or else by the robot's file."""
-    return session.link_sd if session.link_sd is not None else robot.tolerances
 
 
 def _others(
@@ -235,66 +205,3 @@ def _warnings(robot: Robot, session: Session, rows: Index, stated: Misfit) -> tu
     name = "commanded" if session.joint_source == "read-back" else "read-back"
     said = f"the {name} joints fit better: base+tool leave {left.shown} instead of {stated.shown}"
     return (said,)
-
-
-def _probe_distances(plain: Probe, robot: Robot, session: Session) -> Probe:
-    """The same for distances alone, by the general start, which is slow where nothing fits.
-
-    Other readings are tried only if the stated one fails, and no longer than until one fits.
-    """
-    rows = spread_out(np.arange(len(session.measurements)))
-    table = session.measurements.rows(rows)
-    if len(np.unique(session.measurements.q, axis=0)) < FEWEST:
-        return plain
-    model = RobotModel(robot.model.chain, robot.model.joint_errors, session.fixtures)
-    reach = float(np.ptp(flange_poses(robot.model, table.q)[:, :3, 3], axis=0).max())
-
-    def misfit(some: Measurements, least: float = LEAST_SPAN * reach) -> Misfit:
-        # no point of the tool comes nearer to an anchor, or farther, than the robot moves it
-        spans = [np.ptp(some.distance[some.anchor == k]) for k in np.unique(some.anchor)]
-        if not least < max(spans) < 2 * reach + TOOL:
-            return Misfit(float("inf"), 0.0)
-        try:
-            start = start_frames(model, some, free_anchors=session.free_anchors)
-        except InputError:
-            return Misfit(float("inf"), 0.0)
-        return Misfit(start.position_rms, 0.0)
-
-    stated = misfit(table, -1.0)  # a bar of one length has no span
-    tried: list[Tried] = []
-    others = chain(distance_alternatives(table), _other_distances(session.measurements))
-    for alternative, other in others if stated.position > FAR / TIMES else ():
-        tried.append(Tried(alternative, misfit(other)))
-        if stated.score > TIMES * tried[-1].misfit.score:
-            break
-    tried.sort(key=lambda one: one.misfit.score)
-    found = replace(plain, stated=stated, tried=tuple(tried), no_target=_too_short(session, stated))
-    if FAR < stated.score < float("inf") and found.wrong is None:
-        sd = _link_sd(robot, session)
-        free = session.free_anchors
-        found = _far_off(found, links_fit(model, table, stated.score, stated=sd, free_anchors=free))
-    return found
-
-
-def _too_short(session: Session, stated: Misfit) -> InputError | None:
-    """The error of distances so short that none tells its direction; None if there are none."""
-    table = session.measurements
-    short = table.is_distance & (table.distance < SHORT * stated.position)
-    if not stated.score <= FAR or short.sum() <= table.is_distance.sum() / 2:
-        return None
-    most = millimetres(float(table.distance[short].max()), 2)
-    return refusal(
-        session.where, "distance",
-        f"{counted(int(short.sum()), 'distance')} of at most {most} mm {NO_DIRECTION}", code="M32",
-        allowed=f"distances well above the {stated.shown} that base and tool leave",
-        fix=BAR,
-    )  # fmt: skip
-
-
-def _other_distances(table: Measurements) -> Iterator[tuple[Alternative, Measurements]]:
-    """Distances of one row with the joints of another."""
-    for shift in (1, -1, 2, -2):  # fewer: each takes a slow start
-        low, high = max(0, -shift), len(table) - max(0, shift)
-        if high - low >= FEWEST:
-            some = spread_out(np.arange(low, high))
-            yield shifted(shift), replace(table.rows(some), distance=table.distance[some + shift])

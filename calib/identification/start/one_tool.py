@@ -164,19 +164,30 @@ def _best_guess(problem: StartProblem, parameters: Parameters) -> Alignment:
     rows = _sample(problem.measurements)
     few = replace(problem, F=problem.F[rows], measurements=problem.measurements.rows(rows))
     spread = float(np.linalg.norm(problem.F[:, :3, 3].std(axis=0))) or 1.0
-    best, least = None, np.inf
+    best, least, begun = None, np.inf, set[float]()
+    ranged = bool(few.measurements.is_distance.all())
     for guess in initial_guesses(problem):
         alignment = guess.rows(rows)
+        if ranged:  # a base that is the world may be turned about free anchors as one likes
+            cost = float(f"{_misfit(alignment, few):.9g}")
+            if cost in begun:
+                continue
+            begun.add(cost)
         free = _indices(problem.model, _reduction(alignment, few, parameters).kept)
         alignment = refine(alignment, few.measurements, free, most=15)
-        residual = alignment.predict(few.measurements).residual * SCALE
-        misfit = float(np.square(residual).sum() / len(rows))
+        misfit = _misfit(alignment, few)
         if best is None or misfit < least:
             best, least = alignment, misfit
         if least < (GOOD * spread) ** 2:
             break
     assert best is not None  # there is always a guess
     return replace(best, F=problem.F)
+
+
+def _misfit(alignment: Alignment, problem: StartProblem) -> float:
+    """Mean square of the rows of a problem times `SCALE` [m^2]."""
+    residual = alignment.predict(problem.measurements).residual * SCALE
+    return float(np.square(residual).sum() / len(residual))
 
 
 def _sample(table: Measurements) -> Index:

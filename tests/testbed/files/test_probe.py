@@ -18,6 +18,7 @@ from testbed.files.probe import probe
 from testbed.files.read import read_session
 from testbed.files.rows import shifts
 from testbed.files.rows.counts import Count
+from testbed.files.tried import ranged
 from testbed.files.tried.interpretations import Probe, Tried
 from testbed.files.tried.links_fit import LinksFit, links_fit
 from testbed.robots.catalog import load_robot
@@ -270,8 +271,8 @@ def test_distances_of_an_arm_far_from_nominal_are_read_with_a_warning(tmp_path, 
     # other readings take a slow start each, and play no part in this; nor does what links leave
     links = LinksFit(1e-3, 6e-3, 0.1)
     for name in ("distance_alternatives", "_other_distances"):
-        monkeypatch.setattr(probing, name, lambda _: ())
-    monkeypatch.setattr(probing, "links_fit", lambda *_, **__: links)
+        monkeypatch.setattr(ranged, name, lambda _: ())
+    monkeypatch.setattr(ranged, "links_fit", lambda *_, **__: links)
     (tmp_path / "a.csv").write_text(csv(distances(made(3, 60, off=45.0))))
     (tmp_path / "s.toml").write_text(
         '[ranges]\nanchors_mm = { A = "free" }\n[uncertainty]\ndistance_um = 30\n'
@@ -284,6 +285,27 @@ def test_distances_of_an_arm_far_from_nominal_are_read_with_a_warning(tmp_path, 
         f"base and tool alone leave {found.stated.shown}, far more than usual, and "
         f"{links.sentence}",
     )
+
+
+def test_the_same_distances_are_worked_out_once_and_others_anew(tmp_path, monkeypatch):
+    """Of files that nothing fits, `new session` asked four times, for 27 s."""
+    starts, kept = [], ranged.start_frames
+    monkeypatch.setattr(ranged, "start_frames", lambda *a, **k: starts.append(a) or kept(*a, **k))
+    table = distances(made(9, 30))
+    config = '[ranges]\nanchors_mm = { A = "free" }\n[uncertainty]\ndistance_um = 30\n'
+    (tmp_path / "s.toml").write_text(config)
+
+    def asked():
+        (tmp_path / "a.csv").write_text(csv(table))
+        session = read_session(tmp_path / "a.csv", ROBOT, config=tmp_path / "s.toml")
+        return probe(ROBOT, session).stated.position, len(starts)
+
+    (one, count), (again, still) = asked(), asked()
+    assert (again, still) == (one, count)
+    table["distance_mm"] = table["distance_mm"] + np.where(np.arange(30) == 3, 1.0, 0.0)
+    other, more = asked()
+    assert more > count
+    assert other > one
 
 
 @pytest.mark.slow

@@ -11,6 +11,7 @@ from calib.geometry.model import RobotModel
 from calib.geometry.parameters import parameters_of
 from calib.identification.identify import Status, identify
 from calib.identification.prior import Prior, weak_prior
+from calib.identification.start import one_tool
 from calib.identification.start.closed_forms import beyond, lifted_arm, multilaterated
 from calib.identification.start.start import start_frames
 from calib.measurement import tables
@@ -117,3 +118,21 @@ def test_the_lift_of_distances_of_a_planar_arm_finds_the_point_in_its_plane():
     arm = lifted_arm(F, d, table.anchor, 4)
     np.testing.assert_allclose(arm[:2], TOOL[:2], rtol=0, atol=1e-9)
     assert abs(arm[2]) < 1.0
+
+
+def test_guesses_that_begin_alike_are_refined_once(monkeypatch):
+    """The base, which is the world, was turned about free anchors in 24 ways, for nothing."""
+    _, nominal, table = campaign("RRR", 2, 40)
+    table = replace(table, distance=np.random.default_rng(3).uniform(0.5, 3.0, len(table)))
+    begun, kept = [], one_tool.refine
+
+    def refined(alignment, measurements, free, **more):
+        begun.append(np.square(alignment.predict(measurements).residual).sum())
+        return kept(alignment, measurements, free, **more)
+
+    monkeypatch.setattr(one_tool, "refine", refined)
+    start = start_frames(nominal, table, free_anchors=range(2))
+    assert start.position_rms > 0.1  # nothing fits, so that every guess is tried
+    first = np.sort(begun[:-1])  # the last is that of all rows
+    assert len(first) > 2
+    assert (np.diff(first) > 1e-9 * first[1:]).all()
