@@ -13,11 +13,12 @@ from testbed.files.session import Session
 from testbed.files.tried.interpretations import Probe
 from testbed.files.visits.probing import probed
 from testbed.identify.applies.coupling import coupling_words
+from testbed.identify.applies.in_turn import in_turn_words
 from testbed.identify.applies.mounting import mounting_words
 from testbed.identify.applies.poses import coarse_joints, scatter_told, warnings_of
 from testbed.identify.applies.stated_frames import stated_frame_words
 from testbed.identify.applies.travel import travel_words
-from testbed.identify.calibration import DRIVES, FRAMES, MOUNTING, Calibration
+from testbed.identify.calibration import DRIVES, FRAMES, IN_TURN, MOUNTING, Calibration
 from testbed.identify.clean_fit import CleanFit, clean_fit
 from testbed.identify.conditions import held_out_warnings
 from testbed.identify.errors import figures_of, row_errors
@@ -260,8 +261,10 @@ def _warned(
     chosen, train, is_test = found.fit, clean.train, found.split.is_test
     identification = chosen.identification
     placed = stated_frame_words(session, found.before, train)
-    hangs = mounting_words(found, replace(looking, train=train), clean.plain.model)
-    turned = coupling_words(found, looking.robot)
+    hangs = turned = tuple[str, ...]()
+    if not (taken := in_turn_words(found, session)):
+        hangs = mounting_words(found, replace(looking, train=train), clean.plain.model)
+        turned = coupling_words(found, looking.robot)
     warnings = [
         *(() if found.repeats_drift is None else (found.repeats_drift.sentence,)),
         *model_words(clean.shots, looking.train, chosen, called),
@@ -275,10 +278,10 @@ def _warned(
         warnings += target_warnings(found.measurements, found.target, session.reflector_names)
     warnings += held_out_warnings(session.conditions, session.set_up, clean.used, is_test)
     warnings += travel_words(identification, found.covariance)
-    doubts = {FRAMES: placed, MOUNTING: hangs, DRIVES: turned}
+    doubts = {IN_TURN: taken, FRAMES: placed, MOUNTING: hangs, DRIVES: turned}
     return replace(
         found,
-        warnings=(*warnings, *hangs, *turned),
+        warnings=(*taken, *warnings, *hangs, *turned),
         doubted=tuple(name for name, said in doubts.items() if said),
     )
 

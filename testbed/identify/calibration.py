@@ -32,7 +32,7 @@ from testbed.identify.records import (
 from testbed.robots.robot import Reflector
 from testbed.scenario.tolerance import Decision
 
-FRAMES, MOUNTING, DRIVES = "frames", "mounting", "drives"
+FRAMES, MOUNTING, DRIVES, IN_TURN = "frames", "mounting", "drives", "in turn"
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -96,7 +96,7 @@ class Calibration(Shown):
     repeats_drift: Annotated[RepeatDrift | None, LATER] = None
     """A drift that visits of the same poses show."""
     doubted: Annotated[tuple[str, ...], LATER] = ()
-    """What the readings contradict of the description: `FRAMES`, `MOUNTING`, `DRIVES`."""
+    """What readings contradict of the description, `FRAMES`, `MOUNTING`, `DRIVES`; or `IN_TURN`."""
 
     def __post_init__(self) -> None:
         rows = len(self.measurements)

@@ -81,7 +81,7 @@ def moved_words(calibration: Calibration) -> tuple[str, ...]:
         return ()
     poses = calibration.measurements.pose_id
     last, first = (calibration.pose_names[poses[row]] for row in (found.last, found.row))
-    what, mend = _said(calibration, found)
+    what, mend = said_of(calibration, found)
     if found.or_else:
         what += f"; or {_or_else(calibration, found)}: the readings do not tell which"
         if found.what != "joint":
@@ -111,7 +111,7 @@ def happened(found: Moved) -> str:
     return "changed" if found.what in ("load", "robot") else "moved"
 
 
-def _said(calibration: Calibration, found: Moved) -> tuple[str, str]:
+def said_of(calibration: Calibration, found: Moved) -> tuple[str, str]:
     """What stands off, and what mends it."""
     size = _length(found.size)
     if found.what == "joint":

@@ -2,7 +2,7 @@
 
 from calib.uncertainty.frames.other_frame import UNTIL
 from testbed.identify.applies.beyond import beyond_words, far_words
-from testbed.identify.calibration import DRIVES, FRAMES, MOUNTING, Calibration
+from testbed.identify.calibration import DRIVES, FRAMES, IN_TURN, MOUNTING, Calibration
 from testbed.identify.conditions import held_out_departs
 from testbed.identify.moved import happened
 from testbed.identify.to_do.change import rises
@@ -41,6 +41,11 @@ def first_of_all(calibration: Calibration) -> str:
 
 def description_step(calibration: Calibration) -> str:
     """What the readings contradict in the description, before its robot is used; else empty."""
+    if IN_TURN in calibration.doubted:
+        return (
+            "First find out what took turns in this table, pose by pose, and separate its rows. "
+            "Until then, "
+        )
     if FRAMES in calibration.doubted:
         return (
             "First settle where base and tool are, which the readings have elsewhere than the "
