@@ -96,7 +96,9 @@ def moved_once(
     Fall of chi-square by columns C of the rows from k on, beside the free numbers and their basis
     Q: b' S^+ b with b = C'r and S = C'C - C'Q Q'C over these rows; F test with Bonferroni's factor
     for all k and all kinds, and the kinds compared by BIC: those that may be it as well at odds of
-    less than `ODDS` are named. The rows of a pose share its misfit: c of them count as one, with
+    less than `ODDS` are named. Where poses come again after the step, joints may have come from the
+    other side: None if steps of joints, one or all of them, explain it about as well. The rows of a
+    pose share its misfit: c of them count as one, with
     chi-square and degrees of freedom divided by c (design effect: Kish 1965).
     """
     if table.is_distance.any() or table.n_poses < 2 * FEWEST:
@@ -106,7 +108,7 @@ def moved_once(
     places = _places(rows)
     free = WhitenedRows.of(identification, rows)
     kinds, alike = list(changes(identification, rows, gravity)), len(rows) / rows.n_poses
-    steps: list[tuple[float, Moved]] = []
+    steps: list[tuple[float, int, Moved]] = []
     for what, number, plain in kinds:
         # what an arm without springs bends by all the time is no step in its load
         fit = free.beside(plain) if what == "load" else free
@@ -120,8 +122,7 @@ def moved_once(
         scale = rest / freedom
         one = float(fdtrc(told, freedom / alike, gain / told / scale / alike))
         chance = one * len(places) * len(kinds)
-        count, numbers = free.freedom / alike, free.freedom - freedom
-        worth = float(count * np.log(free.square / rest) - numbers * np.log(count))
+        worth = _evidence(free, rest, free.freedom - freedom, alike)
         if chance >= RED or gain < (BY_ANOTHER if what == "robot" else EXPLAINED) * excess:
             continue
         sudden = SUDDEN * max(scale, 1.0) * alike
@@ -134,13 +135,32 @@ def moved_once(
             float(np.sqrt((by[seen, :3] ** 2).sum() / max(int(seen.sum()), 1))),
             min(gain / excess, 1.0), min(chance, 1.0),
         )  # fmt: skip
-        steps.append((worth, found))
+        steps.append((worth, k, found))
     if not steps:
         return None
-    best, found = max(steps, key=lambda step: step[0])
+    best, at, found = max(steps, key=lambda step: step[0])
     near = best - 2 * np.log(ODDS)
-    others = [one for worth, one in steps if worth > near and one is not found]
+    others = [one for worth, _, one in steps if worth > near and one is not found]
+    if _come_again(rows, at):  # perhaps from the other side
+        joints = [plain for what, _, plain in kinds if what == "joint"]
+        gain, _, told, _ = free.step(np.concatenate(joints, axis=2), np.array([at]))
+        rest = max(free.square - gain, ROUNDING * free.square)
+        if _evidence(free, rest, told, alike) > near or "joint" in {
+            one.what for one in (found, *others)
+        }:
+            return None
     return replace(found, or_else=tuple((one.what, one.number) for one in others))
+
+
+def _evidence(free: WhitenedRows, rest: float, numbers: int, alike: float) -> float:
+    """Twice the log evidence for a step of so many numbers that leaves `rest` of chi-square."""
+    count = free.freedom / alike
+    return float(count * np.log(free.square / rest) - numbers * np.log(count))
+
+
+def _come_again(rows: Measurements, k: int) -> bool:
+    """Whether as many poses as a step needs were measured on either side of row k."""
+    return len(np.intersect1d(rows.pose_id[:k], rows.pose_id[k:])) >= FEWEST
 
 
 def _places(rows: Measurements) -> Index:
@@ -157,10 +177,11 @@ def _elsewhere(rows: Measurements, k: int, *, spread: bool) -> bool:
     With `spread` also how far it goes from its mean: what follows the poses, as misfit does, would
     look like that.
     """
-    q, first = np.unique(rows.q, axis=0, return_index=True)
+    q = rows.q
     if spread:
-        q = np.hstack([q, (q - q.mean(axis=0)) ** 2])
-    before, after = q[first < k], q[first >= k]
+        q = np.hstack([q, (q - np.unique(q, axis=0).mean(axis=0)) ** 2])
+    # poses that come again after the step stand on both sides of it
+    before, after = np.unique(q[:k], axis=0), np.unique(q[k:], axis=0)
     if min(len(before), len(after)) < 2:
         return True
     noise = before.var(axis=0, ddof=1) / len(before) + after.var(axis=0, ddof=1) / len(after)
