@@ -104,7 +104,21 @@ def _line(place: Sequence[str], row: int, other: int) -> str:
 def trimmed_frames(F: Array, position: Array, rotation: Array | None) -> tuple[Frames, Index]:
     """Frames from the rows that fit, and the rows that do not: gross errors do not count."""
     some = evenly(np.arange(len(F)), MOST_FITTED)
-    keep, half = _sound_stretch(F, position, rotation, some), max(6, len(some) // 2)
+    frames, limit = _trimmed(F, position, rotation, _sound_stretch(F, position, rotation, some))
+    if limit > LEAST:  # gross errors may have bent the fit so far that they pass for sound
+        keep = _concentrated(F, position, rotation, some, frames)
+        again, less = _trimmed(F, position, rotation, keep)
+        if less < limit / 2:
+            frames, limit = again, less
+    return frames, np.flatnonzero(frames.position_errors(F, position) > limit)
+
+
+def _trimmed(
+    F: Array, position: Array, rotation: Array | None, keep: Index
+) -> tuple[Frames, float]:
+    """Frames from the rows near them, beginning with some; how far off these are at most [m]."""
+    some = evenly(np.arange(len(F)), MOST_FITTED)
+    half = max(6, len(some) // 2)
     for _ in range(10):
         frames = _fitted(F, position, rotation, keep)
         errors = frames.position_errors(F[some], position[some])
@@ -116,7 +130,27 @@ def trimmed_frames(F: Array, position: Array, rotation: Array | None) -> tuple[F
         if np.array_equal(good, keep):
             break
         keep = good
-    return frames, np.flatnonzero(frames.position_errors(F, position) > limit)
+    return frames, limit
+
+
+def _concentrated(
+    F: Array, position: Array, rotation: Array | None, some: Index, frames: Frames
+) -> Index:
+    """The half of some rows that fit each other best, from frames which gross errors have bent.
+
+    References
+    ----------
+    Concentration steps of least trimmed squares (Rousseeuw and Van Driessen 2006).
+    """
+    half, keep = max(6, len(some) // 2), np.zeros(0, dtype=np.int64)
+    for _ in range(10):
+        errors = frames.position_errors(F[some], position[some])
+        best = np.sort(some[np.argsort(errors, kind="stable")[:half]])
+        if np.array_equal(best, keep):
+            break
+        keep = best
+        frames = _fitted(F, position, rotation, keep)
+    return keep
 
 
 def _fitted(F: Array, position: Array, rotation: Array | None, rows: Index) -> Frames:

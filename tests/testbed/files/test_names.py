@@ -26,6 +26,17 @@ def table(names, *, m=30, begin=None, apart=1.0):
     return out | {f"{a}_mm": 1e3 * points[:, k] for k, a in enumerate("xyz")}
 
 
+def at_poses(poses, *, m=34, apart=0.65, seed=0):
+    """Rows of three targets, of which the first two are exchanged at some poses; links are off."""
+    rows = table(("A", "B", "C"), m=m, apart=apart)
+    for k in poses:
+        rows["target"][3 * k : 3 * k + 2] = ["B", "A"]
+    rng = np.random.default_rng(seed)
+    for axis in "xyz":
+        rows[f"{axis}_mm"] = rows[f"{axis}_mm"] + rng.normal(size=3 * m)
+    return rows
+
+
 def read(folder, rows):
     (folder / "a.csv").write_text(csv(rows))
     free = "\n".join(f'{name} = "free"' for name in sorted(set(rows["target"])))
@@ -64,3 +75,22 @@ def test_a_name_of_a_single_row_at_either_end_of_a_file_is_read(tmp_path, row):
     rows["target"][row] = "C"
     found = probe(ROBOT, read(tmp_path, rows))
     assert found.wrong is None
+
+
+@pytest.mark.parametrize(("seed", "count"), [(0, 4), (4, 5), (37, 4), (49, 5), (59, 6)])
+def test_two_names_exchanged_at_a_few_poses_leave_out_both_rows_of_each(tmp_path, seed, count):
+    """They bent base and tool of one or both targets until all its rows passed for sound."""
+    poses = np.sort(np.random.default_rng(seed).choice(34, count, replace=False))
+    session = read(tmp_path, at_poses(poses, seed=seed))
+    lines = sorted(3 * k + line for k in poses.tolist() for line in (2, 3))
+    assert [int(text.split(":")[1]) for text in session.masked] == lines
+    assert all("fits the target of line" in text for text in session.masked)
+
+
+def test_names_exchanged_at_a_third_of_the_poses_are_named_with_their_lines(tmp_path):
+    """Too many to leave out; they were said to be exchanged from the first of these lines on."""
+    poses = np.sort(np.random.default_rng(1).choice(34, 11, replace=False)).tolist()
+    with pytest.raises(InputError, match="exchanged") as caught:
+        probe(ROBOT, read(tmp_path, at_poses(poses))).raise_if_wrong()
+    lines = ", ".join(str(2 + 3 * k) for k in poses[:4])
+    assert f"exchanged at 11 poses (lines {lines} and 7 more)" in str(caught.value)
