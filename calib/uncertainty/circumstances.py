@@ -42,6 +42,9 @@ class Circumstances:
     covariances, that rows of one pose and repeat share: the arm comes back once for all of them."""
     stations_are_visits: bool = False
     """Whether each station is a visit of its own, which may stand in another frame by itself."""
+    drifts: float = 0.0
+    """Standard deviation per axis by which visits of the same poses show that something drifts,
+    perhaps the arm, which may stand anywhere in it when it is used [m]."""
     unmodelled: tuple[str, ...] = ()
     """What is known to be in no covariance: then a drift is looked for whatever a test says."""
     pose_names: tuple[str, ...] = ()
@@ -82,6 +85,8 @@ class Circumstances:
             least, most = int(test.pose_id.min()), int(test.pose_id.max())
             message = f"pose_names are {named}, and held-out poses have numbers {least} to {most}"
             raise refuse("pose_names", named, "one for each pose_id", code="A3", message=message)
+        if not 0 <= self.drifts < np.inf:
+            raise refuse("drifts", self.drifts, "zero or more", code="A3")
         if self.stops is not None:
             check(f"{counts[0]} 6 j, {counts[1]} 6 j", stops_of_train=self.stops[0],
                   stops_of_test=self.stops[1])  # fmt: skip

@@ -59,6 +59,7 @@ def proven_belief(
         Of both tables; see `measured_noise`.
     """
     turned = loud_turns(fit, train, test)
+    known = replace(known, shared=_with_drift(fit, known))
 
     def believed(held_out: Measurements | None) -> Belief:
         less = (quiet.train, None if held_out is None else quiet.test)
@@ -116,6 +117,20 @@ def proven_belief(
             shared = shared + slow.drift.covariance
     belief = counted(belief, None if use is None else quiet.test, shared=shared)
     return (belief if np.isfinite(belief.misfit.upper) else None), frame, slow, strays
+
+
+def _with_drift(fit: Identification, known: Circumstances) -> Array | None:
+    """What all readings share (P, P), and by which any tool point may stand off as the arm drifts.
+
+    A drift that visits show is in no misfit, which poses have, and in no scatter of the joints: as
+    a place of the base that may be anywhere in it, it is at each tool point as large as it was.
+    """
+    if known.drifts <= 0:
+        return known.shared
+    names = fit.model.names
+    own = np.isin(names, [f"base.{axis}" for axis in "xyz"])
+    wanders = np.diag(np.where(own, known.drifts**2, 0.0))
+    return wanders if known.shared is None else known.shared + wanders
 
 
 def _without_few(

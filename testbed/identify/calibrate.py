@@ -194,6 +194,7 @@ def _calibrated(
         target=target,
         seed=options.seed,
         shared=None if shared is None else shared.covariance,
+        drifts=drifts,
     )
     proof = judged_by(is_test=split.is_test)
     far = far_held_out(chosen.misses, measurements, split.is_test, proof.strays)

@@ -48,6 +48,7 @@ def proof_of(
     target: ToolTarget,
     seed: int,
     shared: Array | None = None,
+    drifts: RepeatDrift | None = None,
 ) -> Judgement:
     """Judge the identification that is handed out by held-out rows (also by none).
 
@@ -71,6 +72,8 @@ def proof_of(
         Of virtual calibrations.
     shared : (P, P) array, optional
         Covariance of all numbers from what all readings of the instrument share [m, rad].
+    drifts : RepeatDrift, optional
+        A drift that visits of the same poses show.
     """
     train, test = measurements.rows(used), measurements.rows(is_test)
     order = session.in_time
@@ -86,6 +89,7 @@ def proof_of(
         stops=_of_stops(measurements, root, used, is_test),
         target=target,
         stations_are_visits=bool(session.visits),
+        drifts=0.0 if drifts is None else drifts.sd,
         pose_names=session.pose_names,
     )
     rng = stream(seed, "bootstrap") if len(train) <= MOST_ROWS else None

@@ -51,7 +51,8 @@ def _believed(calibration: Calibration) -> list[StatedRadius]:
         f"{belief.misfit.upper * UM:.1f} um per axis"
     )
     drifting = calibration.proof.drifting
-    if drifting is not None and drifting.drift is not None:
+    between = calibration.repeats_drift is not None
+    if between or (drifting is not None and drifting.drift is not None):
         within += ", a drift"
     stated = states_instrument(calibration.shared)
     within += ", and systematic errors" if stated else ", but no systematic errors"

@@ -10,7 +10,7 @@ from typing import Annotated
 import numpy as np
 from scipy.special import fdtrc
 
-from calib.arrays import Array, FloatOrNan, Index, frozen
+from calib.arrays import LATER, Array, FloatOrNan, Index, frozen
 from calib.geometry.model import RobotModel
 from calib.geometry.operating import approaches
 from calib.measurement.noise import whiteners
@@ -45,6 +45,9 @@ class RepeatDrift(Shown):
     """Largest distance that it makes between two visits of one pose [m]."""
     shift: Annotated[Array, "m", 3]
     """(m, 3) what it adds to each position, about its mean over the rows [m]."""
+    sd: Annotated[float, LATER] = 0.0
+    """Standard deviation per axis of where a visit stands, beyond the noise of readings: what a
+    tool point of an arm that drifts has beside that of the session's mean [m]."""
 
     def __repr__(self) -> str:
         return f"RepeatDrift({1e6 * self.size:.3g} um, {'tool' if self.of_tool else 'readings'})"
@@ -62,7 +65,8 @@ class RepeatDrift(Shown):
         return (
             "visits of the same poses differ in step with time (p < 0.001): "
             f"{self.what} drifted by up to {1e6 * self.size:.2g} um from one to another; "
-            "this is no scatter of the joints, and is not counted as one"
+            "this is no scatter of the joints, and is not counted as one; R95 contains it, since "
+            "it may be the arm that stands elsewhere at another time"
         )
 
 
@@ -142,9 +146,17 @@ def repeat_drift(model: RobotModel, visits: Measurements, order: Index) -> Repea
         float(np.linalg.norm(shift[rows][:, :, None] - shift[rows][:, None], axis=3).max())
         for rows in groups if len(rows)
     )  # fmt: skip
-    return RepeatDrift(
-        p, of_tool, not worse(found[not of_tool][0]), size, frozen(shift - shift.mean(axis=0))
-    )
+    shift = shift - shift.mean(axis=0)
+    sd = np.sqrt(max(_beyond_noise(y, N, groups), float(np.square(shift).mean())))
+    return RepeatDrift(p, of_tool, not worse(found[not of_tool][0]), size, frozen(shift), float(sd))
+
+
+def _beyond_noise(y: Array, covariance: Array, groups: list[Index]) -> float:
+    """Variance per axis between visits (g, r) of the same poses, less that of their noise [m^2]."""
+    freedom = 3 * sum(rows.size - len(rows) for rows in groups)
+    square = sum(float(np.square(_about_means(y, rows)).sum()) for rows in groups)
+    seen = np.concatenate([rows.ravel() for rows in groups])
+    return square / freedom - float(np.trace(covariance[seen], axis1=1, axis2=2).mean()) / 3
 
 
 def _by_joints(

@@ -122,6 +122,13 @@ def test_rows_of_one_stop_show_no_drift_of_hours():
     assert not any(said)
 
 
+def test_how_far_a_visit_stands_off_is_told_beside_noise():
+    """Times of two visits, one in each half of 1: half their mean squared difference is 7 / 48."""
+    found = [asked(visits(shift=300e-6, seed=k), k).sd for k in range(6)]
+    # along one of three axes; 6 x 45 differences spread by 30 % of their size: 2 %, and noise
+    assert np.mean(found) == pytest.approx(300e-6 * np.sqrt(7 / 48 / 3), rel=0.08)
+
+
 def test_what_a_drift_explains_is_no_scatter_of_the_joints():
     table = visits(shift=150e-6)
     own = np.broadcast_to(SIGMA_POSITION**2 * np.eye(3), (len(table), 3, 3))

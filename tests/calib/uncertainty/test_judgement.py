@@ -68,6 +68,22 @@ def test_noise_that_nothing_measured_tells_is_misfit_in_the_region_and_noise_in_
     assert not repeated.belief.misfit.doubted
 
 
+def test_a_drift_that_visits_show_is_at_every_tool_point_as_large_as_it_was():
+    fit, train, test = measured_tables()
+    plain = judge(fit, test, train=train, circumstances=Circumstances(target=(0.1, 0.0, 0.2)))
+    known = Circumstances(target=(0.1, 0.0, 0.2), drifts=40e-6)
+    found = judge(fit, test, train=train, circumstances=known)
+    q, upper = pool_r(9, seed=5), (plain.belief.misfit.upper, found.belief.misfit.upper)
+    assert upper[0] == upper[1]
+    one, other = (each.belief.regions(q, target=(0.1, 0.0, 0.2)) for each in (plain, found))
+    more = other.covariance - one.covariance
+    # to rounding of the sum
+    np.testing.assert_allclose(more, np.tile(40e-6**2 * np.eye(3), (9, 1, 1)), atol=1e-20)
+    assert found.point.radius_mean > np.hypot(plain.point.radius_mean, 2 * 40e-6)
+    with pytest.raises(InputError, match="drifts"):
+        judge(fit, test, train=train, circumstances=Circumstances(drifts=-1e-6))
+
+
 def test_the_order_of_rows_changes_no_statement():
     fit, train, test = measured_tables()
     made = judge(fit, test, train=train)
