@@ -11,7 +11,8 @@ from calib.identification.fit_statistics import RED
 from calib.identification.identify import Identification
 from calib.measurement.observations import GIVEN, Measurements
 from calib.measurement.tool_target import ToolTarget, places_are_found
-from calib.uncertainty.drift.between_repeats import RepeatDrift, repeat_drift
+from calib.uncertainty.drift.between_repeats import RepeatDrift
+from calib.uncertainty.drift.between_rounds import visits_apart
 from calib.uncertainty.judgement import Circumstances, Judgement, judge
 from calib.uncertainty.statement.belief import Belief
 from calib.uncertainty.statement.repeats import (
@@ -223,11 +224,11 @@ def stated_target(measurements: Measurements, result: Identification) -> ToolTar
 def drift_of_repeats(
     model: RobotModel, session: Session, measurements: Measurements, visits: Bool
 ) -> RepeatDrift | None:
-    """A drift that rows `visits` (m,) of the same poses show; None without one, or an order."""
+    """What rows `visits` (m,) of the same poses differ by in time; None if nothing, or no order."""
     some = np.flatnonzero(visits & ~measurements.is_distance)
     if not len(some) or session.wanted.order == "unknown":
         return None
-    return repeat_drift(model, measurements.rows(some), session.in_time[some])
+    return visits_apart(model, measurements.rows(some), session.in_time[some])
 
 
 def repeatability(
@@ -263,7 +264,7 @@ def repeatability(
     if upper < 1 and one_after_another(session):
         return stated, f"{said}, as repeats without another pose between them show less than that"
     found_of_it = f"{best:.2g} times" if best > 0 else "none of"
-    beside = "" if drift is None else "beside a drift, "
+    beside = "" if drift is None or drift.joints else "beside a drift, "
     told = (
         f"{beside}repeats show {found_of_it} what {by} states, and allow for {upper:.2g} times as "
         "much, which is used"

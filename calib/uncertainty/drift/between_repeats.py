@@ -48,6 +48,10 @@ class RepeatDrift(Shown):
     sd: Annotated[float, LATER] = 0.0
     """Standard deviation per axis of where a visit stands, beyond the noise of readings: what a
     tool point of an arm that drifts has beside that of the session's mean [m]."""
+    joints: Annotated[bool, LATER] = False
+    """Whether it is told by turns of all joints from round to round, which a drift explains no
+    better: they warm, or come from another side. `shift` is zero, and `size` the root mean square
+    distance of two visits [m]."""
 
     def __repr__(self) -> str:
         return f"RepeatDrift({1e6 * self.size:.3g} um, {'tool' if self.of_tool else 'readings'})"
@@ -62,6 +66,13 @@ class RepeatDrift(Shown):
     @property
     def sentence(self) -> str:
         """The finding in words."""
+        if self.joints:
+            return (
+                "visits of the same poses differ from round to round, by "
+                f"{1e6 * self.size:.2g} um (root mean square), as where joints warm or come from "
+                f"another side (p = {self.p_value:.2g}); R95 contains it, since the robot may be "
+                "used in the one state or in the other"
+            )
         return (
             "visits of the same poses differ in step with time (p < 0.001): "
             f"{self.what} drifted by up to {1e6 * self.size:.2g} um from one to another; "
@@ -147,11 +158,11 @@ def repeat_drift(model: RobotModel, visits: Measurements, order: Index) -> Repea
         for rows in groups if len(rows)
     )  # fmt: skip
     shift = shift - shift.mean(axis=0)
-    sd = np.sqrt(max(_beyond_noise(y, N, groups), float(np.square(shift).mean())))
+    sd = np.sqrt(max(beyond_noise(y, N, groups), float(np.square(shift).mean())))
     return RepeatDrift(p, of_tool, not worse(found[not of_tool][0]), size, frozen(shift), float(sd))
 
 
-def _beyond_noise(y: Array, covariance: Array, groups: list[Index]) -> float:
+def beyond_noise(y: Array, covariance: Array, groups: list[Index]) -> float:
     """Variance per axis between visits (g, r) of the same poses, less that of their noise [m^2]."""
     freedom = 3 * sum(rows.size - len(rows) for rows in groups)
     square = sum(float(np.square(_about_means(y, rows)).sum()) for rows in groups)

@@ -67,6 +67,11 @@ def description_step(calibration: Calibration) -> str:
 def drift_step(calibration: Calibration) -> str:
     """What to do about a drift that the readings show; else empty."""
     slow, order = calibration.repeats_drift, calibration.proof.drifting
+    if slow is not None and slow.joints:
+        return (
+            "Visits differ from round to round: measure with the arm as warm as it will be used, "
+            "and from the side from which it will come."
+        )
     if slow is not None and slow.of_tool and not slow.or_else:
         return "The tool drifts on the flange: fasten it, and measure again."
     if slow is not None or (order is not None and order.seen):

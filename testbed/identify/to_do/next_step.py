@@ -108,6 +108,11 @@ def _what_is_left(calibration: Calibration) -> str:
         return text
     if lack is not None and lack.p_value < RED:
         return "More poses will not reduce what is left: it is not noise."
+    if lack is not None:
+        return (
+            "More poses will not reduce what is left: visits of one pose differ by about as much, "
+            "as by noise beyond what is stated, or by joints that come back so."
+        )
     return "Only repeated poses can show whether what is left is noise."
 
 

@@ -251,6 +251,13 @@ def test_only_repeats_tell_that_what_is_left_is_no_noise():
     fits = [replace(found.fit, identification=identification) if one is found.fit else one
             for one in found.fits]  # fmt: skip
     assert "it is not noise." in next_step(replace(found, fits=tuple(fits)))
+    # visits that scatter as much: they were asked for although they were there
+    identification = replace(found.fit.identification, lack_of_fit=LackOfFit(1.0, 0.5, 60.0, 90))
+    fits = [replace(found.fit, identification=identification) if one is found.fit else one
+            for one in found.fits]  # fmt: skip
+    step = next_step(replace(found, fits=tuple(fits)))
+    assert "Only repeated poses" not in step
+    assert "visits of one pose differ by about as much" in step
 
 
 def test_where_the_order_of_the_poses_hides_a_drift_the_next_step_is_a_second_round():

@@ -68,6 +68,8 @@ def test_a_worse_model_is_put_down_to_what_was_found_and_else_to_the_description
     assert drifts.startswith("Do not use this model")
     assert "The readings drift: let the instrument" in drifts
     assert CHECK not in drifts
+    rounds = replace(DRIFT, joints=True)
+    assert "differ from round to round" in next_step(replace(found, repeats_drift=rounds))
     assert CHECK in next_step(replace(found, repeats_drift=None))
 
 
