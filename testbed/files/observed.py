@@ -20,11 +20,14 @@ from testbed.files.session_toml import UncertaintyTable
 from testbed.files.table import Columns, DataTable, Unread, together
 from testbed.files.uncertainty import spread_columns, spread_of
 from testbed.files.valid import valid_rows
+from testbed.units import listed
 
 BESIDE_PLAN = (
     "it says what a plan foretells: give what was measured beside it, by truebed new session PLAN "
     "MEASURED"
 )
+MOST_NAMED = 4
+"""Lines named in one sentence."""
 PROPOSED = "name the columns so, or let `truebed new session` propose them"
 
 
@@ -96,7 +99,10 @@ def read_observed(
     offset = table.find("length", "reflector_x", "reflector_y", "reflector_z")
     scatter = spread_columns(section.kind, table, uncertainty)
     columns = together(used, turned, offset, scatter, extra_columns(table))
-    good, warnings = valid_rows(table, columns, drop=drop)
+    unseen = _unseen(table, together(used, turned))
+    good, warnings = valid_rows(table, columns, drop=drop, spare=unseen)
+    good &= ~unseen
+    warnings += _unseen_words(table, unseen)
     if isinstance(section, FramesTable):
         rotation, odd = checked_rotations(stated, table, good)
         rotation = np.where(good[:, None, None], rotation, np.eye(3))
@@ -130,6 +136,30 @@ def read_observed(
         notes=(_dialect(table),),
     )
     return whole.rows(good)
+
+
+def _unseen(table: DataTable, seen: Columns) -> Bool:
+    """Rows (m,) with nothing in any cell of a reading: frames that a camera dropped, missed shots.
+
+    None where all rows are so.
+    """
+    empty = np.array([[not text.strip() for text in table.texts(name)] for name in seen.names])
+    unseen = empty.all(axis=0) if len(empty) else np.zeros(len(table), dtype=np.bool_)
+    return np.asarray(unseen & ~unseen.all())
+
+
+def _unseen_words(table: DataTable, unseen: Bool) -> list[str]:
+    """That rows were left out in which nothing was seen; nothing where there are none."""
+    rows = np.flatnonzero(unseen)
+    if not len(rows):
+        return []
+    lines = [f"line {table.sheet.lines[row]}" for row in rows[:MOST_NAMED]]
+    lines += [f"{len(rows) - MOST_NAMED} more"] * (len(rows) > MOST_NAMED)
+    stand = "row has" if len(rows) == 1 else "rows have"
+    return [
+        f"{table.where}: {len(rows)} of {len(table)} {stand} nothing in the cells of the reading "
+        f"({listed(lines)}): nothing was seen there, and they are left out"
+    ]
 
 
 def unused_columns(

@@ -152,3 +152,39 @@ def test_rows_none_of_which_would_be_left_are_not_to_be_dropped(cells, fix):
     with pytest.raises(InputError, match="cells that are not numbers") as caught:
         valid_rows(DataTable(sheet, {"x_mm": "x_mm"}), Columns(("x_mm",)), drop=False)
     assert fix in str(caught.value)
+
+
+@pytest.mark.parametrize("turned", [True, False], ids=["poses", "points"])
+def test_rows_with_nothing_in_any_cell_of_the_reading_saw_nothing_and_are_named(tmp_path, turned):
+    """Frames that a camera dropped were refused, with advice that `new session` could not take."""
+    noise = "[uncertainty]\nposition_um = 20\nrotation_mdeg = 10\n"
+    table, config = columns(made()), (CONFIG if turned else SOURCE) + noise
+    seen = [name for name in table if name[:2] in ("x_", "y_", "z_", "rx", "ry", "rz")]
+    if not turned:
+        table = {name: values for name, values in table.items() if not name.startswith("r")}
+    seen = [name for name in seen if name in table]
+    blank = {3, 7, 20}
+
+    def text(names):
+        cells = {
+            name: [
+                "" if name in names and row in blank else f"{value:.15g}"
+                for row, value in enumerate(np.broadcast_to(values, 29))
+            ]
+            for name, values in table.items()
+        }
+        return csv(cells)
+
+    session = read(tmp_path, text(seen), config)
+    assert len(session.measurements) == 26
+    kept = np.delete(made().q, sorted(blank), axis=0)
+    np.testing.assert_allclose(session.measurements.q, kept, atol=1e-12)
+    told = "3 of 29 rows have nothing in the cells of the reading (line 5, line 9 and line 22)"
+    assert any(told in warning for warning in session.warnings)
+    with pytest.raises(InputError) as caught:  # a part of a reading is a fault of the file
+        read(tmp_path, text(seen[1:]), config)
+    assert caught.value.code == "M25"
+    blank |= set(range(29))
+    with pytest.raises(InputError) as caught:
+        read(tmp_path, text(seen), config)
+    assert caught.value.code == "M25"
