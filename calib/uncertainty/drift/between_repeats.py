@@ -16,7 +16,7 @@ from calib.geometry.operating import approaches
 from calib.measurement.noise import whiteners
 from calib.measurement.observations import Measurements
 from calib.measurement.prediction import predict, tool_poses
-from calib.shown import Shown
+from calib.shown import Shown, length_words
 from calib.uncertainty.statement.repeats import FEWEST_FREEDOM, repeated, sound
 
 SHOWN = 1e-3
@@ -69,13 +69,13 @@ class RepeatDrift(Shown):
         if self.joints:
             return (
                 "visits of the same poses differ from round to round, by "
-                f"{1e6 * self.size:.2g} um (root mean square), as where joints warm or come from "
+                f"{length_words(self.size)} (root mean square), as where joints warm or come from "
                 f"another side (p = {self.p_value:.2g}); R95 contains it, since the robot may be "
                 "used in the one state or in the other"
             )
         return (
             "visits of the same poses differ in step with time (p < 0.001): "
-            f"{self.what} drifted by up to {1e6 * self.size:.2g} um from one to another; "
+            f"{self.what} drifted by up to {length_words(self.size)} from one to another; "
             "this is no scatter of the joints, and is not counted as one; R95 contains it, since "
             "it may be the arm that stands elsewhere at another time"
         )

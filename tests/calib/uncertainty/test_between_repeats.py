@@ -122,6 +122,14 @@ def test_rows_of_one_stop_show_no_drift_of_hours():
     assert not any(said)
 
 
+def test_a_drift_of_tenths_of_a_millimeter_is_written_in_plain_numbers():
+    """It was 2.5e+02 um."""
+    found = replace(asked(visits(shift=100e-6)), size=253e-6)
+    for one in (found, replace(found, joints=True)):
+        assert "253 um" in one.sentence
+        assert "e+" not in one.sentence
+
+
 def test_how_far_a_visit_stands_off_is_told_beside_noise():
     """Times of two visits, one in each half of 1: half their mean squared difference is 7 / 48."""
     found = [asked(visits(shift=300e-6, seed=k), k).sd for k in range(6)]
