@@ -29,6 +29,8 @@ FORMATS = ("stl", "obj", "ply", "dae")
 """What is read, by the ending; archives and what else trimesh would open are not."""
 LARGEST, ALL = 20_000_000, 100_000_000
 """Bytes of a mesh file, and of all of a model: such a text takes 2 s."""
+SMALL, KEPT = 5_000_000, 32
+"""Bytes of a file whose mesh is kept in memory, and most such meshes: at worst 300 MB."""
 FARTHEST = 1e9
 """Largest coordinate in a mesh file, whatever its unit: a kilometer in micrometers."""
 
@@ -121,11 +123,32 @@ def mesh_bytes(path: Path) -> bytes:
 def read_mesh(path: Path) -> tuple[Array, Index, Array | None]:
     """Vertices (v, 3) and faces (f, 3) of a mesh file as they are, and its normals (v, 3), if any.
 
+    Small ones are kept as long as the file does not change, since a robot's are asked for again
+    when it is proven, drawn and written.
+
     Raises
     ------
     InputError
         As `load_mesh`.
     """
+    check_files(path)
+    known = path.stat()
+    if known.st_size <= SMALL:
+        return _kept(path.resolve(), known.st_mtime_ns, known.st_size)
+    return _read(path)
+
+
+@lru_cache(maxsize=KEPT)
+def _kept(path: Path, _changed: int, _size: int) -> tuple[Array, Index, Array | None]:
+    """What a file of this age and size holds."""
+    vertices, faces, normals = _read(path)
+    return (
+        frozen(vertices), frozen(faces, np.int64), None if normals is None else frozen(normals)
+    )  # fmt: skip
+
+
+def _read(path: Path) -> tuple[Array, Index, Array | None]:
+    """What `read_mesh` finds in a file."""
     data, kind, where = mesh_bytes(path), path.suffix.lower()[1:], str(path)
     plain = plain_obj(data) if kind == "obj" else None
     vertices, faces, normals = plain or _by_trimesh(data, kind, where)
