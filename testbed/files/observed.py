@@ -155,10 +155,10 @@ def _unseen_words(table: DataTable, unseen: Bool) -> list[str]:
         return []
     lines = [f"line {table.sheet.lines[row]}" for row in rows[:MOST_NAMED]]
     lines += [f"{len(rows) - MOST_NAMED} more"] * (len(rows) > MOST_NAMED)
-    stand = "row has" if len(rows) == 1 else "rows have"
+    have, they = ("has", "it is") if len(rows) == 1 else ("have", "they are")
     return [
-        f"{table.where}: {len(rows)} of {len(table)} {stand} nothing in the cells of the reading "
-        f"({listed(lines)}): nothing was seen there, and they are left out"
+        f"{table.where}: {len(rows)} of {len(table)} rows {have} nothing in the cells of the "
+        f"reading ({listed(lines)}): nothing was seen there, and {they} left out"
     ]
 
 

@@ -68,7 +68,7 @@ class _Way:
     """(k) elements of the places in the tree with all included files."""
 
 
-class _Moved(NamedTuple):
+class _NewPlace(NamedTuple):
     """A place that changes, its element, and its new frame (4, 4) [m]."""
 
     place: Place
@@ -103,7 +103,7 @@ def corrected_mjcf(
     tip = forward(chain, np.zeros((1, chain.n_joints)))[0]
     found, left = new_places(way.places, frames, tip)
     moved = [
-        _Moved(place, element, T)
+        _NewPlace(place, element, T)
         for place, element, T in zip(way.places, way.elements, found, strict=True)
         if not is_same(place.own, T)
     ]
@@ -126,7 +126,7 @@ def corrected_mjcf(
     )
 
 
-def _rewritten(source: MjcfText, tree: Any, moved: Sequence[_Moved]) -> bytes:
+def _rewritten(source: MjcfText, tree: Any, moved: Sequence[_NewPlace]) -> bytes:
     """The file with new places of some elements of its tree."""
     for place, element, _ in moved:
         _require_stands_here(place.name, element, tree)
@@ -146,7 +146,7 @@ def _rewritten(source: MjcfText, tree: Any, moved: Sequence[_Moved]) -> bytes:
     return data
 
 
-def _what(moved: Sequence[_Moved]) -> str:
+def _what(moved: Sequence[_NewPlace]) -> str:
     """What is changed, in words."""
     sites = sum(element.tag == SITE for _, element, _ in moved)
     parts = [counted(len(moved) - sites, BODY)] * (len(moved) > sites)
