@@ -98,8 +98,9 @@ def moved_once(
     for all k and all kinds, and the kinds compared by BIC: those that may be it as well at odds of
     less than `ODDS` are named. Where poses come again after the step, joints may have come from the
     other side: None if steps of joints, one or all of them, explain it about as well. The rows of a
-    pose share its misfit: c of them count as one, with
-    chi-square and degrees of freedom divided by c (design effect: Kish 1965).
+    pose share its misfit: c of them count as one, with chi-square and degrees of freedom divided by
+    c (design effect: Kish 1965), and shots of one target on one side of a step leave no more
+    freedom than one of them would.
     """
     if table.is_distance.any() or table.n_poses < 2 * FEWEST:
         return None
@@ -108,6 +109,7 @@ def moved_once(
     places = _places(rows)
     free = WhitenedRows.of(identification, rows)
     kinds, alike = list(changes(identification, rows, gravity)), len(rows) / rows.n_poses
+    equations = int(free.whiteners.any(axis=2).sum())
     steps: list[tuple[float, int, Moved]] = []
     for what, number, plain in kinds:
         # what an arm without springs bends by all the time is no step in its load
@@ -117,10 +119,11 @@ def moved_once(
             continue
         rest, freedom = max(fit.square - gain, ROUNDING * fit.square), fit.freedom - told
         excess = fit.square - fit.freedom
-        if freedom < 1 or excess <= 0:
+        once = equations * _once(rows, k) - (equations - freedom)
+        if freedom < 1 or once <= 0 or excess <= 0:
             continue
         scale = rest / freedom
-        one = float(fdtrc(told, freedom / alike, gain / told / scale / alike))
+        one = float(fdtrc(told, min(freedom / alike, once), gain / told / scale / alike))
         chance = one * len(places) * len(kinds)
         worth = _evidence(free, rest, free.freedom - freedom, alike)
         if chance >= RED or gain < (BY_ANOTHER if what == "robot" else EXPLAINED) * excess:
@@ -169,6 +172,13 @@ def _places(rows: Measurements) -> Index:
     first = np.flatnonzero(np.concatenate([[False], pose[1:] != pose[:-1]]))
     count = np.arange(1, len(first) + 1)  # stops before each
     return np.asarray(first[(count >= FEWEST) & (len(first) + 1 - count >= FEWEST)])
+
+
+def _once(rows: Measurements, k: int) -> float:
+    """Part of the rows that one shot of each target is, at each pose on either side of row k."""
+    after = np.arange(len(rows)) >= k
+    seen = np.column_stack([rows.pose_id, rows.target_key, after])
+    return len(np.unique(seen, axis=0)) / len(rows)
 
 
 def _elsewhere(rows: Measurements, k: int, *, spread: bool) -> bool:

@@ -338,3 +338,15 @@ def test_a_step_that_explains_all_but_rounding_is_found():
         assert (found.what, found.row) == ("station", STEP)
         # a tool that is free in one direction takes none of a shift that it cannot be
         np.testing.assert_allclose(found.change[:3], way, rtol=0, atol=1e-9)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_shots_of_few_poses_do_not_make_another_arm(seed):
+    """Nine poses on either side have as few numbers as another arm: more shots add none."""
+    rng = np.random.default_rng([seed, 23])
+    plain, terms = kinds.true_robot("tx60", rng), harmonic_terms(6)
+    waves = JointErrors(terms, np.radians(0.02) * rng.standard_normal(len(terms)))
+    once, shots = kinds.joints("tx60", rng, 18), np.repeat(np.arange(18), 3)
+    table = kinds.points(replace(plain, joint_errors=waves), once[shots], rng)
+    table = replace(table, pose_id=shots, repeat=np.tile([0, 1, 2], 18))
+    assert of(plain, table) is None
