@@ -97,7 +97,7 @@ def corrected_mjcf(
     RuntimeError
         The new file has other poses, or more than places changed: a defect of this program.
     """
-    tree = whole(source.path, source.folder, source.data)
+    tree = _read(source, source.data)
     way = _way(tree, source)
     frames = nearest_frames(arm_of(way.places), chain, nominal.T_flange_tool)
     tip = forward(chain, np.zeros((1, chain.n_joints)))[0]
@@ -108,7 +108,7 @@ def corrected_mjcf(
         if not is_same(place.own, T)
     ]
     data, name = _rewritten(source, tree, moved), f"the corrected {source.path.name}"
-    again = _way(whole(source.path, source.folder, data), source)
+    again = _way(_read(source, data), source)
     q = proof_joints(limits, PROOFS)
     poses = mjcf_poses(again.model, again.joints, again.tip, q)
     agreement = difference(poses, forward(chain, q) @ inverse(left))
@@ -126,6 +126,14 @@ def corrected_mjcf(
     )
 
 
+def _read(source: MjcfText, data: bytes) -> Any:
+    """The tree of a content of the file, whose included files may be gone by now."""
+    try:
+        return whole(source.path, source.folder, data)
+    except InputError as error:
+        raise NotCorrectableError(f"it cannot be read again: {error.message}") from error
+
+
 def _rewritten(source: MjcfText, tree: Any, moved: Sequence[_NewPlace]) -> bytes:
     """The file with new places of some elements of its tree."""
     for place, element, _ in moved:
@@ -134,7 +142,8 @@ def _rewritten(source: MjcfText, tree: Any, moved: Sequence[_NewPlace]) -> bytes
     if text is None:
         raise NotCorrectableError(UNREADABLE)
     own = [one for one in tree.iter("*") if one.get(SOURCE) is None]
-    written = [one for one in text.root.iter() if one.tag != "include"]
+    outside = (one for one in text.root.iter() if next(one.iterancestors("include"), None) is None)
+    written = [one for one in outside if one.tag != "include"]
     changed = [written[own.index(element)] for _, element, _ in moved]
     for element, (place, _, T) in zip(changed, moved, strict=True):
         new, gone = _attributes(place.own, T)
@@ -222,14 +231,31 @@ def _require_stands_here(name: str, element: Any, tree: Any) -> None:
     """Refuse what other elements or files have a part in."""
     if (file := element.get(SOURCE)) is not None:
         other = Path(file).name
-        raise NotCorrectableError(f"{element.tag} {name} stands in {other}: pass that file instead")
+        raise NotCorrectableError(
+            f"{element.tag} {name} stands in {other}: pass that file instead if it is a model of "
+            "its own, or write what it has in the place of its <include>"
+        )
     if element.getparent().tag == "frame":
         raise NotCorrectableError(f"{element.tag} {name} stands in a <frame>, which moves it too")
+    if element.tag != SITE:
+        return
     by_class = {
-        key for one in tree.iter("default") for each in one.findall(SITE) for key in each.attrib
+        key for one in _classes(element, tree) for each in one.findall(SITE) for key in each.attrib
     }
-    if element.tag == SITE and by_class & TURNS:
+    if "fromto" in by_class | {*element.attrib}:
+        raise NotCorrectableError(f"site {name} is placed by fromto, which is its length as well")
+    if by_class & TURNS:
         raise NotCorrectableError(f"a class turns its sites, of which {name} is one")
+
+
+def _classes(element: Any, tree: Any) -> Iterator[Any]:
+    """The <default> elements whose attributes an element of the world has."""
+    around = (one.get("childclass") for one in element.iterancestors())
+    own = element.get("class") or next(filter(None, around), None)
+    for one in tree.iter("default"):
+        inside = [each.get("class") for each in one.iter("default")]
+        if own in inside or one.getparent().tag != "default":
+            yield one
 
 
 def _attributes(own: Array, new: Array) -> tuple[dict[str, str], frozenset[str]]:

@@ -248,7 +248,7 @@ def test_classes_of_an_included_file_count_and_an_included_arm_is_named(tmp_path
     assert np.abs(model.poses(q) - forward(chain, q)).max() < SAME
     assert changed(text.encode(), found.data)
     scene = load_robot(tmp_path / "scene.xml", tip="tcp")
-    with pytest.raises(NotCorrectableError, match=r"stands in arm\.xml: pass that file instead"):
+    with pytest.raises(NotCorrectableError, match=r"stands in arm\.xml: pass that file"):
         corrected_mjcf(scene.own_text, nominal, chain, robot.limits)
 
 
@@ -259,6 +259,12 @@ def test_classes_of_an_included_file_count_and_an_included_arm_is_named(tmp_path
         ("<joint name='along' class='sled'/>", "<joint name='along' class='sled'/>"
          "<joint name='more' type='slide' axis='0 0 1' range='0 .1'/>", "has 2 joints"),
         ("<site material='gray'/>", "<site euler='1 0 0'/>", "a class turns its sites"),
+        ("<default class='turned'>", "<default class='turned'><site zaxis='0 1 1'/>",
+         "a class turns its sites, of which tcp is one"),
+        ('"tool" pos="0 0 0.1"', '"tool" size=".01" type="capsule" fromto="0 0 0 0 0 .2"',
+         "site tool is placed by fromto"),
+        ("<site material='gray'/>", "<site type='capsule' size='.1' fromto='0 0 0 0 0 .2'/>",
+         "site tcp is placed by fromto"),
     ],
 )  # fmt: skip
 def test_numbers_that_do_not_stand_in_bodies_alone_are_named(old, new, told, tmp_path):
@@ -275,6 +281,45 @@ def test_numbers_that_do_not_stand_in_bodies_alone_are_named(old, new, told, tmp
     chain = off(robot.model.chain)
     with pytest.raises(NotCorrectableError, match=told):
         corrected_mjcf(robot.own_text, robot.model.chain, chain, robot.limits)
+
+
+@pytest.mark.parametrize("name", ["sled", "other"])
+def test_a_class_that_turns_the_sites_of_other_bodies_matters_to_none_of_this_one(name, tmp_path):
+    text = ODD.replace("<default class='turned'>", f"<default class='{name}'><site zaxis='0 1 1'/>"
+                       "</default><default class='turned'>")  # fmt: skip
+    text = (
+        text if name == "other" else text.replace("'sled' zaxis", "'sled' childclass='sled' zaxis")
+    )
+    text = text.replace("<default class='sled'><joint", "<default class='slide'><joint")
+    text = text.replace("class='sled'/>", "class='slide'/>")
+    robot = load_robot(written(text, tmp_path), tip="tcp")
+    chain = off(robot.model.chain)
+    found = corrected_mjcf(robot.own_text, robot.model.chain, chain, robot.limits)
+    q = joint_vectors(20, robot=robot)
+    got = poses(found.data.decode(), "tcp", robot.joint_names, q)
+    assert np.abs(got - forward(chain, q)).max() < SAME
+
+
+def test_what_stands_in_an_include_is_none_of_the_file(tmp_path):
+    """Elements within an <include> are read by nobody, and were counted."""
+    written("<mujocoinclude><option timestep='.1'/></mujocoinclude>", tmp_path, "option.xml")
+    inside = "<include file='option.xml'><body pos='1 2 3'/></include>"
+    text = PLAIN.replace("<worldbody>", f"{inside}<worldbody>")
+    robot = load_robot(written(text, tmp_path))
+    nominal, chain = robot.model.chain, off(robot.model.chain)
+    found = corrected_mjcf(robot.own_text, nominal, chain, robot.limits)
+    plain = load_robot(written(PLAIN, tmp_path))
+    same = corrected_mjcf(plain.own_text, nominal, chain, plain.limits).data.decode()
+    assert found.data.decode() == same.replace("<worldbody>", f"{inside}<worldbody>")
+
+
+def test_an_included_file_that_is_gone_does_not_end_a_calibration(tmp_path):
+    included(tmp_path, ODD)
+    robot = load_robot(tmp_path / "arm.xml", tip="tcp")
+    (tmp_path / "classes.xml").unlink()
+    chain = robot.model.chain
+    with pytest.raises(NotCorrectableError, match=r"read again: include classes\.xml is missing"):
+        corrected_mjcf(robot.own_text, chain, off(chain), robot.limits)
 
 
 def test_bodies_that_mujoco_does_not_read_alone_do_not_end_a_calibration(tmp_path, monkeypatch):
