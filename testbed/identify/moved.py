@@ -83,7 +83,7 @@ def moved_words(calibration: Calibration) -> tuple[str, ...]:
     last, first = (calibration.pose_names[poses[row]] for row in (found.last, found.row))
     what, mend = said_of(calibration, found)
     if found.or_else:
-        what += f"; or {_or_else(calibration, found)}: the readings do not tell which"
+        what += f"; or {or_else(calibration, found)}: the readings do not tell which"
         if found.what != "joint":
             mend = f'{APART}, tool or base "same as" the first if you know that it stayed'
     explains = f"That explains {100 * found.explained:.0f} % of the errors beyond noise (p < 0.001)"
@@ -151,7 +151,7 @@ def said_of(calibration: Calibration, found: Moved) -> tuple[str, str]:
     return what, f'{APART}, tool = "same as" the first'
 
 
-def _or_else(calibration: Calibration, found: Moved) -> str:
+def or_else(calibration: Calibration, found: Moved) -> str:
     """What else may have moved instead."""
     table = calibration.measurements.rows(calibration.is_used)
     return ", or ".join(_instead(calibration, table, *each) for each in found.or_else)

@@ -11,7 +11,7 @@ from calib.identification.outliers.moved import Moved, moved_once
 from calib.measurement.observations import Measurements
 from testbed.files.session import Session
 from testbed.identify.calibration import Calibration
-from testbed.identify.moved import said_of
+from testbed.identify.moved import or_else, said_of
 
 
 def in_turn_words(calibration: Calibration, session: Session) -> tuple[str, ...]:
@@ -40,8 +40,11 @@ def in_turn_words(calibration: Calibration, session: Session) -> tuple[str, ...]
     )  # fmt: skip
     if found is None:
         return ()
+    what = said_of(calibration, found)[0]
+    if found.or_else:
+        what += f"; or {or_else(calibration, found)}: the readings do not tell which"
     return (
-        f"Every second pose differs from those between: there {said_of(calibration, found)[0]}. "
+        f"Every second pose differs from those between: there {what}. "
         f"That explains {100 * found.explained:.0f} % of the errors beyond noise (p < 0.001): if "
         "two arms, tools, stations or sides of approach took turns in this table, give each one of "
         "its own",

@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 from calib.measurement import tables
+from testbed.identify.applies import in_turn
+from testbed.identify.applies.in_turn import in_turn_words
 from testbed.identify.calibrate import Options, calibrate
 from testbed.identify.to_do.next_step import next_step
 from tests.calibrated import robot, session_of, table_of, true_model
@@ -85,3 +87,50 @@ def test_turns_are_counted_by_poses_and_with_the_held_out_ones():
     found = calibrate(robot(), session_of(table), Options(held_out=20))
     (text,) = said(found)
     assert "there joint 3 is " in text
+
+
+def one_arm_or_tool(way=(2e-4, -1e-4, 3e-4), where=EVEN, m=POSES):
+    """A session in which some poses are read with another tool, and its calibration."""
+    q = pool_r(m, seed=9)
+    true = true_model(9)
+    T = true.chain.T_flange_tool.copy()
+    T[:3, 3] += way
+    other = replace(true, chain=replace(true.chain, T_flange_tool=T))
+    p = np.where(where[:, None], other.poses(q)[:, :3, 3], true.poses(q)[:, :3, 3])
+    p += np.random.default_rng(9).normal(scale=NOISE, size=p.shape)
+    session = session_of(tables.points(q, p, sd=NOISE))
+    return session, calibrate(robot(), session, Options(held_out=m // 4))
+
+
+def test_what_else_explains_it_as_well_is_said(monkeypatch):
+    session, found = one_arm_or_tool()
+    kept = in_turn.moved_once
+
+    def either(*args, **more):
+        return replace(kept(*args, **more), or_else=(("joint", 5),))
+
+    monkeypatch.setattr(in_turn, "moved_once", either)
+    (text,) = in_turn_words(found, session)
+    what = "; or the zero of joint 6 slipped or was set again: the readings do not tell which. That"
+    assert what in text
+
+
+def test_it_is_asked_only_where_something_is_refuted_and_nothing_moved_in_time():
+    session, found = one_arm_or_tool()
+    assert said(found)
+    assert in_turn_words(found, session)
+    moved = one_arm_or_tool(where=np.arange(POSES) > 25)[1]
+    assert moved.moved is not None
+    assert said(moved) == []
+    assert in_turn_words(replace(found, moved=moved.moved), session) == ()
+    trust = replace(found.proof.trust, refuted=False)
+    sound = replace(found, proof=replace(found.proof, trust=trust))
+    assert in_turn_words(sound, session) == ()
+
+
+def test_a_step_among_the_poses_of_one_turn_is_none_between_turns():
+    """Of the poses at even places only the later ones have another tool."""
+    late = np.concatenate([np.zeros(60, dtype=bool), EVEN])
+    found = one_arm_or_tool(where=late, m=120)[1]
+    assert found.refuted
+    assert said(found) == []

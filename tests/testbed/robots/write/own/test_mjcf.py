@@ -322,6 +322,20 @@ def test_an_included_file_that_is_gone_does_not_end_a_calibration(tmp_path):
         corrected_mjcf(robot.own_text, chain, off(chain), robot.limits)
 
 
+def test_how_a_file_is_compiled_plays_no_part(tmp_path):
+    """Folders, weights that follow from shapes, merged bodies, and a name that is none."""
+    more = "meshdir='no' inertiafromgeom='true' balanceinertia='true' fusestatic='true'"
+    text = ODD.replace("eulerseq='ZYX'/>", f"eulerseq='ZYX' {more}><lengthrange/></compiler>")
+    text = text.replace("<body childclass", "<body name='' childclass")
+    robot = load_robot(written(text, tmp_path), tip="tcp")
+    chain = off(robot.model.chain)
+    found = corrected_mjcf(robot.own_text, robot.model.chain, chain, robot.limits)
+    assert found.changed == ("#2", "sled", "fore", "hand", "tcp")
+    q = joint_vectors(20, robot=robot)
+    got = poses(found.data.decode(), "tcp", robot.joint_names, q)
+    assert np.abs(got - forward(chain, q)).max() < SAME
+
+
 def test_bodies_that_mujoco_does_not_read_alone_do_not_end_a_calibration(tmp_path, monkeypatch):
     robot = load_robot(written(PLAIN, tmp_path))
 
