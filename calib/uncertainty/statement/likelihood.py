@@ -202,19 +202,21 @@ class Grid:
         # size = t g: equal steps in both logarithms, so that every size meets every scale there is
         sizes, last = np.arange(_count())[:, None], len(self.log_g)
         best = np.full((*found.shape[:-3], 1 + len(sizes)), -np.inf)
-        scale = np.ones(best.shape)
+        scale, unseen = np.ones(best.shape), np.zeros(best.shape, dtype=bool)
         for part, log_g in self._scales(n):
             value = self.of_both(found if part == 0.0 else _between(found, 1 - part), n, p, log_g)
             shift = np.rint((log_g - part * STEP - self.log_g[0]) / STEP).astype(np.int64)
             place = np.minimum(sizes + last - shift - (part > 0.0), found.shape[-1] - 1)
             none = self.of_both(found[..., :1], n, p, log_g)
             every = np.concatenate([none, value[..., place, np.arange(len(log_g))]], axis=-2)
+            unseen |= np.isnan(every).any(axis=-1)
             every[np.isnan(every)] = -np.inf
             top = every.argmax(axis=-1)
             value = np.take_along_axis(every, top[..., None], axis=-1)[..., 0]
             more = value > best
             best[more], scale[more] = value[more], np.exp(log_g)[top[more]]
-        best = np.maximum(best, best.max(axis=-1, keepdims=True) - 2 * HOPELESS)
+        least = best.max(axis=-1, keepdims=True) - 2 * HOPELESS
+        best = np.where(unseen, np.maximum(best, least), best)
         size = SMALLEST * np.exp(STEP * sizes[:, 0] + self.log_g[self.reach])
         return np.append(0.0, size), best, scale
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from calib.uncertainty.many.likelihoods import ALIKE, POOLS, likelihoods_between, pooled
-from calib.uncertainty.statement.evidence import PositionRows
+from calib.uncertainty.statement.evidence import NoiseRepeats, PositionRows
 from calib.uncertainty.statement.likelihood import HOPELESS, likelihood
 from calib.uncertainty.statement.misfit import DROP
 
@@ -60,6 +60,19 @@ def test_tables_asked_together_have_their_own_likelihoods_in_any_order():
                     getattr(found, name)[kept], getattr(alone, name)[kept]
                 )
             assert found.limit(DROP) == alone.limit(DROP)
+
+
+def test_a_size_that_was_looked_at_keeps_how_unlikely_it_is():
+    """Repeats that tell the noise, and rows without any misfit: the limit lies before the first."""
+    rng = np.random.default_rng(4)
+    A = rng.normal(size=(400, 2))
+    own = PositionRows(A, np.zeros(400), np.full(400, 1e6), 400.0)
+    found = likelihood(own, 1.0, NoiseRepeats(3000.0, 3000.0))
+    fall = found.value[0] - found.value[1]
+    # of 398 free rows, each with 1 + 0.03^2 1e6 times the variance of the noise
+    assert fall == pytest.approx(398 / 2 * np.log1p(found.size[1] ** 2 * 1e6), rel=0.01)
+    assert fall > 2 * HOPELESS
+    assert found.limit(DROP) == pytest.approx(found.size[1] * np.sqrt(DROP / fall), rel=1e-9)
 
 
 def test_rows_that_say_nothing_have_no_likelihood():
