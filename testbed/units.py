@@ -195,14 +195,16 @@ def sentences(texts: Iterable[str]) -> tuple[str, ...]:
     return tuple(sentence(text, keep_name=True) for text in texts)
 
 
-def listed(words: Sequence[str]) -> str:
-    """Words with commas and a last "and".
+def listed(words: Sequence[str], most: int | None = None) -> str:
+    """Words with commas and a last "and"; of more than `most` the first, and how many more.
 
     Examples
     --------
-    >>> listed(["a", "b", "c"]), listed(["a"])
-    ('a, b and c', 'a')
+    >>> listed(["a", "b", "c"]), listed(["a"]), listed(["a", "b", "c"], 1)
+    ('a, b and c', 'a', 'a and 2 more')
     """
+    if most is not None and len(words) > most:
+        words = [*words[:most], f"{len(words) - most} more"]
     return _in_a_row(words, " and ")
 
 

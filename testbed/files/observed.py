@@ -153,12 +153,11 @@ def _unseen_words(table: DataTable, unseen: Bool) -> list[str]:
     rows = np.flatnonzero(unseen)
     if not len(rows):
         return []
-    lines = [f"line {table.sheet.lines[row]}" for row in rows[:MOST_NAMED]]
-    lines += [f"{len(rows) - MOST_NAMED} more"] * (len(rows) > MOST_NAMED)
+    lines = [f"line {table.sheet.lines[row]}" for row in rows]
     have, they = ("has", "it is") if len(rows) == 1 else ("have", "they are")
     return [
         f"{table.where}: {len(rows)} of {len(table)} rows {have} nothing in the cells of the "
-        f"reading ({listed(lines)}): nothing was seen there, and {they} left out"
+        f"reading ({listed(lines, MOST_NAMED)}): nothing was seen there, and {they} left out"
     ]
 
 

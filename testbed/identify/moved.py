@@ -82,10 +82,9 @@ def moved_words(calibration: Calibration) -> tuple[str, ...]:
     poses = calibration.measurements.pose_id
     last, first = (calibration.pose_names[poses[row]] for row in (found.last, found.row))
     what, mend = said_of(calibration, found)
-    if found.or_else:
-        what += f"; or {or_else(calibration, found)}: the readings do not tell which"
-        if found.what != "joint":
-            mend = f'{APART}, tool or base "same as" the first if you know that it stayed'
+    what += or_else(calibration, found)
+    if found.or_else and found.what != "joint":
+        mend = f'{APART}, tool or base "same as" the first if you know that it stayed'
     explains = f"That explains {100 * found.explained:.0f} % of the errors beyond noise (p < 0.001)"
     if calibration.visits and calibration.visit is not None:
         one, other = (calibration.visits[calibration.visit[k]] for k in (found.row, found.last))
@@ -152,9 +151,10 @@ def said_of(calibration: Calibration, found: Moved) -> tuple[str, str]:
 
 
 def or_else(calibration: Calibration, found: Moved) -> str:
-    """What else may have moved instead."""
+    """What else may have moved instead, behind what did; empty where nothing may."""
     table = calibration.measurements.rows(calibration.is_used)
-    return ", or ".join(_instead(calibration, table, *each) for each in found.or_else)
+    others = ", or ".join(_instead(calibration, table, *each) for each in found.or_else)
+    return f"; or {others}: the readings do not tell which" * bool(others)
 
 
 def _instead(calibration: Calibration, table: Measurements, kind: str, number: int) -> str:

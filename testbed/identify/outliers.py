@@ -246,9 +246,7 @@ def _another_fits(row: int, missed: set[int], misses: Array, train: Measurements
 def _named(rows: Iterable[int], misses: Array, name: list[str]) -> str:
     """The rows that are missed most, and how many more there are."""
     ranked = sorted(rows, key=lambda row: -misses[row])
-    names = [name[row] for row in ranked[:MOST_NAMED]]
-    names += [f"{len(ranked) - MOST_NAMED} more"] if len(ranked) > MOST_NAMED else []
-    return listed(names)
+    return listed([name[row] for row in ranked], MOST_NAMED)
 
 
 def _median(misses: Array, train: Measurements, row: int) -> float:

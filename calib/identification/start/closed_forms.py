@@ -198,11 +198,18 @@ def beyond(points: Array, place: Array) -> Array | None:
 
     Distances from points in a plane are the same to both.
     """
-    middle = centroid(points)
-    _, s, Vt = np.linalg.svd(points - middle, full_matrices=False)
+    normal = plane_normal(points)
+    if normal is None:
+        return None
+    return np.asarray(place - 2 * normal * (normal @ (place - centroid(points))))
+
+
+def plane_normal(points: Array) -> Array | None:
+    """Unit normal (3,) of the plane in which points (m, 3) lie [m]; None where they lie in none."""
+    _, s, Vt = np.linalg.svd(points - centroid(points), full_matrices=False)
     if len(s) < 3 or s[2] > FLAT * s[0] or s[1] <= FLAT * s[0]:
         return None
-    return np.asarray(place - 2 * Vt[2] * (Vt[2] @ (place - middle)))
+    return np.asarray(Vt[2])
 
 
 def lifted_arm(F: Array, distance: Array, anchor: Index, n_anchors: int) -> Array:

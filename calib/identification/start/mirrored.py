@@ -5,9 +5,8 @@ links tell them apart in nothing. True axes are tilted by hundredths of a degree
 plane: on the wrong side, links make up for it, by as much as their tolerance allows.
 """
 
-from collections.abc import Collection, Iterator
+from collections.abc import Collection
 from dataclasses import replace
-from itertools import product
 
 import numpy as np
 
@@ -16,13 +15,12 @@ from calib.geometry.model import RobotModel
 from calib.geometry.parameters import parameters_of
 from calib.identification.prior import weak_prior
 from calib.identification.start.closed_forms import beyond
+from calib.identification.start.ranging import TOGETHER, on_all_sides
 from calib.information.sizes import FRAMES
 from calib.measurement.observations import Measurements
 from calib.measurement.prediction import predicted_positions
 from calib.measurement.residual import linearize
 
-TOGETHER = 5
-"""Anchors whose sides are decided together, in all combinations; each further one alone."""
 WIDE = 100.0
 """Times the usual width that frames may lie from where nominal links have them."""
 SURE = 10.0
@@ -53,14 +51,17 @@ def on_their_sides(
         for k in np.unique(measurements.anchor[measurements.is_distance]).tolist()
         if f"anchor{k + 1}.x" in names and (image := _image(model, measurements, k)) is not None
     }
-    anchors, among = [*images], ~np.isin(measurements.anchor, [*images])
-    for first in (0, *range(TOGETHER, len(anchors))):
-        some = anchors[first : TOGETHER if not first else first + 1]
+    numbers, among = [*images], ~np.isin(measurements.anchor, [*images])
+    for first in (0, *range(TOGETHER, len(numbers))):
+        some = numbers[first : TOGETHER if not first else first + 1]
         among |= np.isin(measurements.anchor, some) & measurements.is_distance
         rows = measurements.rows(among)
-        sides = list(_sides(model, {k: images[k] for k in some}))
+        sides = [
+            replace(model, fixtures=replace(model.fixtures, anchors=anchors))
+            for anchors in on_all_sides(model.fixtures.anchors, {k: images[k] for k in some})
+        ]
         left = [_left(one, rows, names) for one in sides]
-        if min(left) < left[0] - SURE:
+        if min(left) < left[0] - SURE:  # the first is the model as it is
             model = sides[int(np.argmin(left))]
     return model
 
@@ -69,16 +70,6 @@ def _image(model: RobotModel, measurements: Measurements, k: int) -> Array | Non
     """Anchor k (3,) beyond the plane in which its tool points lie [m]; None where in none."""
     rows = measurements.rows(measurements.is_distance & (measurements.anchor == k))
     return beyond(predicted_positions(model, rows), model.fixtures.anchors[k])
-
-
-def _sides(model: RobotModel, images: dict[int, Array]) -> Iterator[RobotModel]:
-    """The model as it is, and with anchors beyond the plane in every combination."""
-    yield model
-    for others in [*product((False, True), repeat=len(images))][1:]:
-        anchors = model.fixtures.anchors.copy()
-        for (k, image), other in zip(images.items(), others, strict=True):
-            anchors[k] = image if other else anchors[k]
-        yield replace(model, fixtures=replace(model.fixtures, anchors=anchors))
 
 
 def _left(model: RobotModel, rows: Measurements, names: Collection[str]) -> float:

@@ -1,5 +1,6 @@
 """Reflectors and anchors from distances alone, one after the other, at known flange poses."""
 
+from collections.abc import Iterator
 from itertools import product
 
 import numpy as np
@@ -50,6 +51,15 @@ def from_distances(problem: StartProblem, arms: Array, base: Array | None) -> tu
     return arms, anchors
 
 
+def on_all_sides(anchors: Array, images: dict[int, Array]) -> Iterator[Array]:
+    """Anchors (s, 3), with their images by number in every combination, none of these first."""
+    for others in product((False, True), repeat=len(images)):
+        own = anchors.copy()
+        for (k, image), other in zip(images.items(), others, strict=True):
+            own[k] = image if other else own[k]
+        yield own
+
+
 def on_known_sides(problem: StartProblem, arms: Array, anchors: Array, known: Index) -> Array:
     """Anchors (s, 3) in the base frame, with `known` ones (k,) on their sides of a plane [m].
 
@@ -65,12 +75,8 @@ def on_known_sides(problem: StartProblem, arms: Array, anchors: Array, known: In
             images[k] = image
     if not images:
         return anchors
-    some = [*images][:TOGETHER]
     places = problem.model.fixtures.anchors[known]
-    for others in product((False, True), repeat=len(some)):
-        own = anchors.copy()
-        for k, other in zip(some, others, strict=True):
-            own[k] = images[k] if other else own[k]
+    for own in on_all_sides(anchors, dict([*images.items()][:TOGETHER])):
         base = fitted_frame(places, own[known], np.eye(3))
         left = float(np.square(transform_points(base, own[known]) - places).sum())
         if left < least:

@@ -11,6 +11,7 @@ import numpy as np
 from scipy.special import fdtrc
 
 from calib.arrays import LATER, Array, FloatOrNan, Index, frozen
+from calib.geometry.jacobian import joint_columns
 from calib.geometry.model import RobotModel
 from calib.geometry.operating import approaches
 from calib.measurement.noise import whiteners
@@ -177,9 +178,7 @@ def _by_joints(
 
     `rows` (m, r, P) is the derivative of the prediction, `visit` (m, r - 1) as `_visit` has it.
     """
-    names = [f"{'d' if slides else 'theta'}{j + 1}" for j, slides in
-             enumerate(model.chain.prismatic)]  # fmt: skip
-    joints = rows[:, :3, [model.names.index(name) for name in names]]
+    joints = rows[:, :3, joint_columns(model.chain)]
     came = visits.conditions.approach
     sides = joints * (approaches(visits.q, order) if came is None else came)[:, None, :]
     return sides, (visit[:, None, :, None] * joints[:, :, None, :]).reshape(len(rows), 3, -1)

@@ -8,6 +8,7 @@ the round; so is the mean of many moves by an arm that is then used so.
 import numpy as np
 
 from calib.arrays import Array, Index, frozen
+from calib.geometry.jacobian import joint_columns
 from calib.geometry.model import RobotModel
 from calib.information.rank import RANK_TOLERANCE
 from calib.measurement.noise import whiteners
@@ -84,9 +85,7 @@ def _chance(
     from the means of poses, against the same with the visits of each pose in another order, which
     scatter alone makes as likely. All targets of a pose keep one order: joints come back once.
     """
-    names = [f"{'d' if slides else 'theta'}{j + 1}" for j, slides in
-             enumerate(model.chain.prismatic)]  # fmt: skip
-    joints = rows[:, :, [model.names.index(name) for name in names]]
+    joints = rows[:, :, joint_columns(model.chain)]
     W, n = whiteners(visits.covariance[:, :3, :3]), joints.shape[2]
     most = max(some.shape[1] for some in groups)
     A, b = [], []

@@ -9,7 +9,7 @@ import numpy as np
 
 from calib.arrays import Array
 from calib.identification.identify import Identification
-from calib.identification.start.closed_forms import FLAT, centroid
+from calib.identification.start.closed_forms import plane_normal
 from calib.measurement.observations import Measurements
 from calib.measurement.tool_target import ToolTarget
 from calib.uncertainty.held_out import first_of_pose
@@ -23,10 +23,10 @@ def mirror_step(fit: Identification, train: Measurements, target: ToolTarget) ->
     once, step = first_of_pose(train), np.zeros(fit.model.n_numbers)
     T, J = fit.model.poses_and_jacobian(once.q, once.conditions)
     position, rows = target.positions_and_rows(fit.model, T, J)
-    _, s, Vt = np.linalg.svd(position - centroid(position), full_matrices=False)
-    if len(s) < 3 or s[2] > FLAT * s[0] or s[1] <= FLAT * s[0]:
+    normal = plane_normal(position)
+    if normal is None:
         return step
-    across = np.einsum("i,mip->mp", Vt[2], rows)
+    across = np.einsum("i,mip->mp", normal, rows)
     whole, across = np.square(rows).sum(axis=(0, 1)), np.square(across).sum(axis=0)
     step[fit.parameters.free_index] = fit.step
     # by symmetry, a number of a plane arm moves its points either in the plane or across it

@@ -73,9 +73,8 @@ def exchanged_names(
         some = _exchanged_at(model, read, table.position[beside])
         if np.count_nonzero(some[1:] != some[:-1]) > 1:  # else from or up to some row
             places = np.flatnonzero(some)
-            lines = [_line(session, min(both[k])) for k in places[:MOST_NAMED]]
-            lines += [f"{len(places) - MOST_NAMED} more"] * (len(places) > MOST_NAMED)
-            where = f"at {counted(len(places), 'pose')} (lines {listed(lines)})"
+            lines = [_line(session, min(both[k])) for k in places]
+            where = f"at {counted(len(places), 'pose')} (lines {listed(lines, MOST_NAMED)})"
             ways.append((some, where, "exchange them back there"))
         for exchanged, where, fix in ways:
             position = np.where(exchanged[:, None], table.position[beside], read.position)

@@ -40,9 +40,7 @@ def in_turn_words(calibration: Calibration, session: Session) -> tuple[str, ...]
     )  # fmt: skip
     if found is None:
         return ()
-    what = said_of(calibration, found)[0]
-    if found.or_else:
-        what += f"; or {or_else(calibration, found)}: the readings do not tell which"
+    what = said_of(calibration, found)[0] + or_else(calibration, found)
     return (
         f"Every second pose differs from those between: there {what}. "
         f"That explains {100 * found.explained:.0f} % of the errors beyond noise (p < 0.001): if "

@@ -7,6 +7,7 @@ byte. Joints keep their places and axes in their bodies.
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -14,12 +15,12 @@ import numpy as np
 
 from calib.arrays import Array
 from calib.errors import InputError
-from calib.geometry.chain import Chain, forward
+from calib.geometry.chain import Chain
 from calib.geometry.frames import exp_so3, inverse, slide, transform
 from testbed.robots.describe.mjcf import compiled
 from testbed.robots.describe.mjcf_gate import PATHS, Gated, whole
 from testbed.robots.describe.xml_gate import SOURCE, parse_xml
-from testbed.robots.placements import difference, proof_joints, quaternion_wxyz, require_agreement
+from testbed.robots.placements import quaternion_wxyz
 from testbed.robots.source import MjcfText
 from testbed.robots.write.mjcf import (
     called,
@@ -29,18 +30,15 @@ from testbed.robots.write.mjcf import (
     mjcf_poses,
     stated_frame,
 )
-from testbed.robots.write.own.nearest_frames import nearest_frames
 from testbed.robots.write.own.places import (
-    PROOFS,
     SAME,
-    UNREADABLE,
     CorrectedFile,
     NotCorrectableError,
     Place,
-    arm_of,
+    identified_places,
     is_same,
     largest_move,
-    new_places,
+    proven,
 )
 from testbed.robots.write.own.text import XmlText, content, numbers, require_rest
 from testbed.units import counted, listed
@@ -99,9 +97,7 @@ def corrected_mjcf(
     """
     tree = _read(source, source.data)
     way = _way(tree, source)
-    frames = nearest_frames(arm_of(way.places), chain, nominal.T_flange_tool)
-    tip = forward(chain, np.zeros((1, chain.n_joints)))[0]
-    found, left = new_places(way.places, frames, tip)
+    found, left = identified_places(way.places, nominal, chain)
     moved = [
         _NewPlace(place, element, T)
         for place, element, T in zip(way.places, way.elements, found, strict=True)
@@ -109,10 +105,7 @@ def corrected_mjcf(
     ]
     data, name = _rewritten(source, tree, moved), f"the corrected {source.path.name}"
     again = _way(_read(source, data), source)
-    q = proof_joints(limits, PROOFS)
-    poses = mjcf_poses(again.model, again.joints, again.tip, q)
-    agreement = difference(poses, forward(chain, q) @ inverse(left))
-    require_agreement(name, *agreement)
+    poses = partial(mjcf_poses, again.model, again.joints, again.tip)
     last = way.places[-1]
     return CorrectedFile(
         data=data,
@@ -120,7 +113,7 @@ def corrected_mjcf(
         changed=tuple(place.name for place, *_ in moved),
         what=_what(moved),
         moved=largest_move([(place.own, T) for place, _, T in moved]),
-        agreement=agreement,
+        agreement=proven(name, poses, chain, left, limits),
         last="" if last.axis is None else called(way.model, "joint", way.joints[-1]),
         left=largest_move([(np.eye(4), left)]),
     )
@@ -139,8 +132,6 @@ def _rewritten(source: MjcfText, tree: Any, moved: Sequence[_NewPlace]) -> bytes
     for place, element, _ in moved:
         _require_stands_here(place.name, element, tree)
     text = XmlText.of(source.data, "mujoco", where=source.path.name)
-    if text is None:
-        raise NotCorrectableError(UNREADABLE)
     own = [one for one in tree.iter("*") if one.get(SOURCE) is None]
     outside = (one for one in text.root.iter() if next(one.iterancestors("include"), None) is None)
     written = [one for one in outside if one.tag != "include"]

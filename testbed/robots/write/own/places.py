@@ -1,21 +1,21 @@
 """Frames of an arm as its owner's file writes them, moved onto identified axes and written anew."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import partial, reduce
 
 import numpy as np
 
 from calib.arrays import Array
+from calib.geometry.chain import Chain, forward
 from calib.geometry.frames import inverse
-from testbed.robots.placements import difference
-from testbed.robots.write.own.nearest_frames import DescribedArm
+from testbed.robots.placements import difference, proof_joints, require_agreement
+from testbed.robots.write.own.nearest_frames import DescribedArm, nearest_frames
 
 PROOFS = 65
 """Poses at which a file is compared."""
 SAME = 1e-12
 """Change of an entry of a frame up to which its numbers stay as they are written [m, 1]."""
-UNREADABLE = "its text is in an encoding that is not understood here: save it as UTF-8"
 
 
 class NotCorrectableError(Exception):
@@ -65,7 +65,7 @@ def is_same(T: Array, other: Array) -> bool:
     return bool(np.abs(T - other).max() <= SAME)
 
 
-def arm_of(way: Sequence[Place]) -> DescribedArm:
+def _arm_of(way: Sequence[Place]) -> DescribedArm:
     """Its frames as the file has them."""
     steps, since = [], list[Array]()
     for place in way:
@@ -77,7 +77,44 @@ def arm_of(way: Sequence[Place]) -> DescribedArm:
     return DescribedArm(steps, axes, _product(since))
 
 
-def new_places(way: Sequence[Place], frames: Array, tip: Array) -> tuple[list[Array], Array]:
+def identified_places(
+    way: Sequence[Place], nominal: Chain, chain: Chain
+) -> tuple[list[Array], Array]:  # fmt: skip
+    """`_new_places` of a robot as it was identified, whose file has it as `nominal`."""
+    frames = nearest_frames(_arm_of(way), chain, nominal.T_flange_tool)
+    return _new_places(way, frames, forward(chain, np.zeros((1, chain.n_joints)))[0])
+
+
+def proven(
+    name: str, poses: Callable[[Array], Array], chain: Chain, left: Array, limits: Array
+) -> tuple[float, float]:
+    """How far another reader has a new file from the robot [m, rad].
+
+    Parameters
+    ----------
+    name : str
+        What the file is called in an error.
+    poses : function
+        Poses (m, 4, 4) of its tip at joint values (m, n), as the reader has them.
+    chain : Chain
+        The robot.
+    left : (4, 4) array
+        What of its tip no frame could take.
+    limits : (n, 2) array
+        Of its joints [rad, m].
+
+    Raises
+    ------
+    RuntimeError
+        They differ by more than `placements.LIMIT`: a defect of this program.
+    """
+    q = proof_joints(limits, PROOFS)
+    found = difference(poses(q), forward(chain, q) @ inverse(left))
+    require_agreement(name, *found)
+    return found
+
+
+def _new_places(way: Sequence[Place], frames: Array, tip: Array) -> tuple[list[Array], Array]:
     """New frame (4, 4) of each place as it is to be written, and what is left of the tip [m].
 
     Each moving place takes what its link needs, the last fixed one before the tip what the tip

@@ -9,7 +9,9 @@ import numpy as np
 
 from calib.arrays import Array
 from testbed.robots.describe.xml_gate import parse_xml
+from testbed.robots.write.own.places import NotCorrectableError
 
+UNREADABLE = "its text is in an encoding that is not understood here: save it as UTF-8"
 DIGITS = 13
 """Decimals of new numbers: below `places.SAME`, above rounding [m, rad]."""
 MARKUP = re.compile(
@@ -44,13 +46,19 @@ class XmlText:
     edits: list[_Edit] = field(default_factory=list)
 
     @classmethod
-    def of(cls, data: bytes, tag: str, *, where: str) -> Self | None:
-        """A checked document whose root has a tag; None if its text cannot be taken apart."""
+    def of(cls, data: bytes, tag: str, *, where: str) -> Self:
+        """A checked document whose root has a tag.
+
+        Raises
+        ------
+        NotCorrectableError
+            Its text cannot be taken apart.
+        """
         text, encoding = _decoded(data)
         tags = [found for found in MARKUP.finditer(text) if found["tag"]]
         elements = list(parse_xml(data, tag, where=where).iter())
         if [tag["tag"].rpartition(":")[2] for tag in tags] != [_local(one.tag) for one in elements]:
-            return None
+            raise NotCorrectableError(UNREADABLE)
         return cls(elements[0], text, encoding, dict(zip(elements, tags, strict=True)))
 
     def write(

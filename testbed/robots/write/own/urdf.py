@@ -5,29 +5,25 @@ itself: names, meshes, limits, comments and line ends stay byte for byte.
 """
 
 from collections.abc import Iterator, Mapping
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from calib.arrays import Array
-from calib.geometry.chain import Chain, forward
-from calib.geometry.frames import inverse
+from calib.geometry.chain import Chain
 from testbed.robots.describe.urdf import load_urdf, urdf_poses, way_to
 from testbed.robots.describe.xml_gate import parse_xml
-from testbed.robots.placements import difference, proof_joints, require_agreement, rpy
+from testbed.robots.placements import rpy
 from testbed.robots.source import UrdfText
-from testbed.robots.write.own.nearest_frames import nearest_frames
 from testbed.robots.write.own.places import (
-    PROOFS,
     SAME,
-    UNREADABLE,
     CorrectedFile,
-    NotCorrectableError,
     Place,
-    arm_of,
+    identified_places,
     is_same,
     largest_move,
-    new_places,
+    proven,
 )
 from testbed.robots.write.own.text import XmlText, content, numbers, require_rest
 from testbed.units import counted
@@ -61,9 +57,7 @@ def corrected_urdf(source: UrdfText, nominal: Chain, chain: Chain, limits: Array
     """
     joints = _way(source.data, source)
     way = [_place(joint) for joint in joints]
-    frames = nearest_frames(arm_of(way), chain, nominal.T_flange_tool)
-    tip = forward(chain, np.zeros((1, chain.n_joints)))[0]
-    found, left = new_places(way, frames, tip)
+    found, left = identified_places(way, nominal, chain)
     new = {
         place.name: JointOrigin(place.own, T)
         for place, T in zip(way, found, strict=True)
@@ -72,16 +66,14 @@ def corrected_urdf(source: UrdfText, nominal: Chain, chain: Chain, limits: Array
     data = with_origins(source.data, new, where=source.path.name)
     name = f"the corrected {source.path.name}"
     require_rest(name, _rest(source.data, set(new)), _rest(data, set(new)))
-    q = proof_joints(limits, PROOFS)
-    agreement = difference(urdf_poses(_way(data, source), q), forward(chain, q) @ inverse(left))
-    require_agreement(name, *agreement)
+    poses = partial(urdf_poses, _way(data, source))
     return CorrectedFile(
         data=data,
         root=joints[0].parent,
         changed=tuple(new),
         what=f"the origins of {counted(len(new), 'joint')}",
         moved=largest_move([*new.values()]),
-        agreement=agreement,
+        agreement=proven(name, poses, chain, left, limits),
         last=way[-1].name if way[-1].axis is not None else "",
         left=largest_move([(np.eye(4), left)]),
     )
@@ -131,8 +123,6 @@ def with_origins(data: bytes, origins: Mapping[str, JointOrigin], *, where: str)
         Its text cannot be taken apart.
     """
     text = XmlText.of(data, "robot", where=where)
-    if text is None:
-        raise NotCorrectableError(UNREADABLE)
     for joint in text.root.findall("joint"):
         origin = origins.get(joint.get("name"))
         if origin is None:
