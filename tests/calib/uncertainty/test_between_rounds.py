@@ -43,7 +43,7 @@ def test_joints_that_warm_are_found_where_no_drift_of_the_readings_explains_them
 
 
 def test_how_far_rounds_stand_apart_is_told_beside_noise():
-    """A third of the squares of what the joints of one round turn the tool by, halved."""
+    """Half the square of twice what one round is turned by, over three axes."""
     table = in_a_box(3, 6 * JOINTS[0])
     found = asked(table, 3)
     away = np.linalg.norm(true_model(3).poses(table.q)[:, :2, 3], axis=1)
