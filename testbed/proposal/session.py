@@ -20,10 +20,10 @@ from testbed.proposal.missing import (
     with_rows,
 )
 from testbed.proposal.naming.own_joints import with_joints
-from testbed.proposal.rows.clocks import REACH
 from testbed.proposal.rows.nominal_files import without_nominal
 from testbed.proposal.rows.reflectors import with_reflectors
 from testbed.proposal.rows.sideways import on_its_side
+from testbed.proposal.rows.visits import visits_in
 from testbed.proposal.verdict import verdict_on
 from testbed.robots.robot import Robot
 from testbed.toml_text import toml_key, toml_value
@@ -86,7 +86,7 @@ def propose_session(
             cycles.document, cycles.assumed, cycles.sentence, fits=False, unused=covers,
             to_mend=cycles.refused, odd=cycles.odd, is_test=True, drops=cycles.drops,
         )  # fmt: skip
-    proposed = _of_visits(_proposed(looks, robot, root), looks)
+    proposed = _with_visits(_proposed(looks, robot, root), looks)
     said_so = {key: each for key, each in proposed.document.items() if key != "joints" or each}
     proposed = replace(proposed, document=with_origin(said_so, looks))
     read = {
@@ -130,60 +130,14 @@ def _left_aside(look: Found, looks: Sequence[Found], points: str | None) -> str:
     )
 
 
-def _of_visits(proposed: Proposed, looks: tuple[Found, ...]) -> Proposed:
-    """The same, with each file as a visit if files with equal headers have their own joints.
-
-    If poses of one name have the same joints, the files are measurements by several stations.
-    """
-    tables = {key: each for key, each in proposed.document.items() if isinstance(each, dict)}
-    name = tables.get("joints", {}).get("file")
-    several = [each for each in tables.values() if "files" in each]
-    seen = next((each for each in several if name is None or name in each["files"]), None)
-    alike = [one for one in looks if seen is not None and one.name in seen["files"]]
-    if seen is None or any(one.sheet or one.head != alike[0].head for one in alike):
+def _with_visits(proposed: Proposed, looks: tuple[Found, ...]) -> Proposed:
+    """The same, with each file as a visit or as held out, if it has joints of its own."""
+    found = visits_in(proposed.document, looks)
+    if found is None:
         return proposed
-    joints = [
-        one.theirs
-        for one in alike[0].meanings
-        if one.stem.startswith("q") and one.stem[1:2].isdigit()
-    ]
-    if not joints or _same_poses(alike, joints):
-        return proposed
-    document = {
-        key: {own: value for own, value in each.items() if own not in ("file", "files")}
-        if isinstance(each, dict)
-        else each
-        for key, each in proposed.document.items()
-        if key not in ("match", REACH)
-    }
-    stems = [Path(one.name).stem for one in alike]
-    names = stems if len(set(stems)) == len(stems) else [one.name for one in alike]
-    document["session"] = [
-        {"name": stem, "file": one.name, "base": "free", "tool": "free"}
-        for stem, one in zip(names, alike, strict=True)
-    ]
+    document, said = found
     notes = tuple(note for note in proposed.assumed if note != EACH_A_STATION)
-    note = (
-        f"sessions: {len(alike)} files have the same columns and joints of their own: each is a "
-        'visit of the robot with its own base and tool; write "same as NAME" where one stayed'
-    )
-    return replace(proposed, document=document, assumed=(*notes, note))
-
-
-def _same_poses(alike: list[Found], joints: list[str]) -> bool:
-    """Whether poses of one name have the same joints in all files, and each file has such poses."""
-    known: dict[str, tuple[object, ...]] = {}
-    if not alike[0].has("pose_id"):
-        return False
-    for k, one in enumerate(alike):
-        names = one.column(one.stems["pose_id"].theirs)
-        own = dict(zip(names, zip(*map(one.column, joints), strict=True), strict=True))
-        if k and not known.keys() & own.keys():
-            return False
-        if any(known.get(name, value) != value for name, value in own.items()):
-            return False
-        known |= own
-    return True
+    return replace(proposed, document=document, assumed=(*notes, said))
 
 
 def _drafts(

@@ -29,7 +29,9 @@ def first_of_all(calibration: Calibration) -> str:
         conditions = ", or what their conditions do" if differ else ""
         return (
             "First find out why the held-out poses are off as a whole: a base or a station that "
-            f"moved, another target, another tool{conditions}. Then measure them again."
+            f"moved, another target, another tool{conditions}. Then measure them again, or let "
+            "some of them show where they stand: a [[session]] of their own with held_out = true, "
+            f"{_free_parts(calibration)} and frame_poses = 10."
         )
     if calibration.moved is not None:
         return (
@@ -37,6 +39,14 @@ def first_of_all(calibration: Calibration) -> str:
             "from those after it: the radius now covers both."
         )
     return ""
+
+
+def _free_parts(calibration: Calibration) -> str:
+    """What a session of held-out poses that stand elsewhere has of its own, as it is written."""
+    frame = calibration.proof.frame
+    at_tool, both = (frame.at_tool, frame.both) if frame is not None else (False, False)
+    parts = ["base"] * (both or not at_tool) + ["tool"] * (both or at_tool)
+    return ", ".join(f'{part} = "free"' for part in parts)
 
 
 def description_step(calibration: Calibration) -> str:

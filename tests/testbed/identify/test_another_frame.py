@@ -105,7 +105,9 @@ def test_a_station_that_stood_still_is_proof(tmp_path):
 
 
 def test_another_target_is_told_where_it_is(tmp_path):
-    said = verdict(judged_by(tmp_path, moved(visit(0, 20, seed=5), 300.0, 30.0, tool=True)))
+    found = judged_by(tmp_path, moved(visit(0, 20, seed=5), 300.0, 30.0, tool=True))
+    said = verdict(found)
+    assert 'with held_out = true, tool = "free" and frame_poses = 10.' in next_step(found)
     # millimeters of a robot that is not nominal do not matter to 300 mm
     assert said.startswith("The held-out rows see another target: 300 mm")
     assert "another frame" not in said

@@ -279,6 +279,7 @@ def test_a_session_that_does_not_stand_where_it_is_said_to_is_called_by_its_name
     )  # fmt: skip
     found = calibrate(ROBOT, read, GEOMETRIC)
     assert verdict(found).startswith("The held-out rows of session c are off as a whole by ")
+    assert 'held_out = true, base = "free", tool = "free" and frame_poses = 10' in next_step(found)
 
 
 def test_one_file_in_two_sessions_is_refused(tmp_path):

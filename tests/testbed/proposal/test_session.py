@@ -346,6 +346,32 @@ def test_files_of_one_head_with_joints_of_their_own_are_visits(tmp_path):
     assert told.count("with only base and tool fitted, the errors are") == 3
 
 
+def test_files_called_so_judge_with_the_frames_of_the_others(tmp_path):
+    """They were proposed as visits with frames of their own, a third of whose poses then judged."""
+    names = ("day_1", "day_2", "Validation-2")
+    files = write(
+        tmp_path, **{f"{name}__csv": visit_table(visit(k, 20)) for k, name in enumerate(names)}
+    )
+    said, text = proposed(tmp_path, files, "--robot", "staubli_tx60")
+    assert "by its name Validation-2.csv only judges the calibration" in said
+    assert "Of the others, 2 files have the same columns" in said
+    assert [
+        (one["base"], one["tool"], one.get("held_out", False))
+        for one in tomllib.loads(text)["session"]
+    ] == [("free", "free", False)] * 2 + [("same as day_1", "same as day_1", True)]
+    read = read_session(tmp_path / "session.toml", ROBOT)
+    assert read.is_test.sum() == 20
+    assert read.fixtures.counts == (0, 0, 1, 1)  # those of day_2
+    # words of another meaning, and files that are all called so
+    for pair in (("contest", "latest"), ("test_1", "test_2")):
+        (tmp_path / "session.toml").unlink()
+        files = write(
+            tmp_path, **{f"{name}__csv": visit_table(visit(k, 20)) for k, name in enumerate(pair)}
+        )
+        _, text = proposed(tmp_path, files, "--robot", "staubli_tx60")
+        assert all("held_out" not in one for one in tomllib.loads(text)["session"])
+
+
 @pytest.mark.parametrize("targets", [1, 3])
 def test_files_of_one_head_without_names_of_poses_are_visits(targets, tmp_path):
     """The first half of the rows in one file, the others in another frame in a second one."""
