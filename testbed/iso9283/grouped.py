@@ -211,8 +211,7 @@ def _whole(
         one = next(one for one in every if one not in whole)
         missing = [names[k] for k in range(len(names)) if (k, one) not in place]
         more = len(every) - len(whole) - 1
-        said = f"cycle {one}{each} has no reading of {listed(missing[:MOST_NAMED])}"
-        said += f" and {len(missing) - MOST_NAMED} more" * (len(missing) > MOST_NAMED)
+        said = f"cycle {one}{each} has no reading of {listed(missing, MOST_NAMED)}"
         be = "is" if more == 1 else "are"
         said += f", and {counted(more, 'more cycle')} {be} not whole either" * bool(more)
         fix = "measure it, or add --drop-invalid to leave such cycles out"

@@ -71,9 +71,7 @@ def _place(paths: Sequence[KeyPath], *, after: KeyPath = ()) -> str:
         table = str(path[0])
         key = place(path, {}, (table,) if path[1:] else ())
         words.append(key.removeprefix(f"[{table}] ") if last[1:] and last[0] == table else key)
-    if len(words) > MOST_NAMED:
-        words[MOST_NAMED:] = [f"{len(words) - MOST_NAMED} more"]
-    return listed(words)
+    return listed(words, MOST_NAMED)
 
 
 def copies(scenario: Scenario) -> Iterator[tuple[KeyPath, str]]:

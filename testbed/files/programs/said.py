@@ -11,7 +11,7 @@ from testbed.files.joints import joint_columns
 from testbed.files.rows.targets import NAMES, called
 from testbed.files.table import Columns, DataTable, together
 from testbed.robots.robot import Robot
-from testbed.units import counted, significant
+from testbed.units import counted, listed, significant
 
 LEFT: Mapping[str, str] = {
     "singular": "left as written: the posture is nearly singular, and its correction would move a "
@@ -34,8 +34,7 @@ def outcome_words(corrected: Bool, before: Array, left: Array, names: Sequence[s
     """
     count, changed = len(corrected), int(corrected.sum())
     kept = [name for name, done in zip(called(names), corrected, strict=True) if not done]
-    more = [f"{len(kept) - MOST_NAMED} more"] * (len(kept) > MOST_NAMED)
-    shown = ", ".join([*kept[:MOST_NAMED], *more])
+    shown = listed(kept, MOST_NAMED)
     targets = "target" + "s" * (len(kept) > 1)
     aside = f"; {len(kept)} left as written ({targets} {shown})" if kept else ""
     text = f"{changed} of {counted(count, 'target')} corrected{aside}"
@@ -64,8 +63,7 @@ def unused_words(table: DataTable, robot: Robot, targets: Columns) -> tuple[str,
     unused = [name for name in table.sheet.head if name not in taken]
     if not unused:
         return ()
-    more = [f"{len(unused) - MOST_NAMED} more"] * (len(unused) > MOST_NAMED)
-    shown = ", ".join([*(name[:LONGEST] for name in unused[:MOST_NAMED]), *more])
+    shown = listed([name[:LONGEST] for name in unused], MOST_NAMED)
     hint = misspelling(name for name in unused if name in table.names)
     return (
         f"not used, and left as they are: the program's column{'s' * (len(unused) > 1)} {shown}"

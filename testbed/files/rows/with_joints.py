@@ -20,6 +20,7 @@ from testbed.files.table import DataTable
 from testbed.files.targets import TargetPart
 from testbed.gates.text import FileText
 from testbed.robots.robot import Robot
+from testbed.units import listed
 
 IDLE = {
     "pose": ("target", "anchor", "path"),
@@ -115,10 +116,9 @@ def _several_targets(part: TargetPart) -> tuple[str, ...]:
         names = sorted({*column} - {""})
         # a name that never comes again is where the robot was sent
         if 1 < len(names) < len(column):
-            more = [f"{len(names) - SHOWN} more"] * (len(names) > SHOWN)
             return (
                 f"{where}: the column target names {len(names)} targets ("
-                f"{', '.join([*names[:SHOWN], *more])}), and [frames] takes all poses as those of "
+                f"{listed(names, SHOWN)}), and [frames] takes all poses as those of "
                 "one target; if several were mounted, give each a [[session]] of its own",
             )
     return ()

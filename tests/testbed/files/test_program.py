@@ -99,7 +99,7 @@ def test_errors_are_those_of_the_targets_that_were_corrected(tmp_path, real):
     many = written(tmp_path / "m.csv", head, rows[1:2] * 12)
     (first, *_) = correct_program(many, ROBOT, real, tmp_path / "many.csv").sentences
     assert first.startswith("0 of 12 targets corrected; 12 left as written (targets 1 ")
-    assert first.endswith('10 "far", 2 more)')
+    assert first.endswith('10 "far" and 2 more)')
 
 
 def test_columns_that_nothing_is_taken_from_are_named(tmp_path, real):
@@ -117,12 +117,14 @@ def test_columns_that_nothing_is_taken_from_are_named(tmp_path, real):
     start = "not used, and left as they are: the program's column"
     assert told([*joints, "q7_deg"], 5) == [f"{start} q7_deg"]
     assert told([*joints, "speed", "zone", "approach"], 5, 1, "+") == [
-        f"{start}s speed, zone, approach"
+        f"{start}s speed, zone and approach"
     ]
     (hinted,) = told([*joints, "paylod_kg"], 5)
     assert hinted.endswith(' paylod_kg; did you mean "payload_kg"?')
     # of two names the first one is read; rotations without positions are no targets
-    assert told([*joints, "name", "pose_id", "rx_deg"], "a", "b", 0) == [f"{start}s name, rx_deg"]
+    assert told([*joints, "name", "pose_id", "rx_deg"], "a", "b", 0) == [
+        f"{start}s name and rx_deg"
+    ]
     read = [
         "payload_kg",
         "payload_x_mm",
@@ -135,7 +137,7 @@ def test_columns_that_nothing_is_taken_from_are_named(tmp_path, real):
     # no position without x, and no reason to refuse the joints when they are written already
     assert told([*joints, "z_m"], 1) == [f"{start} z_m"]
     many = [f"c{k}" for k in range(13)]
-    assert told([*joints, *many], *range(13))[0].endswith(" c8, c9, 3 more")
+    assert told([*joints, *many], *range(13))[0].endswith(" c8, c9 and 3 more")
     assert not told([f"A{k}" for k in range(1, 7)])
 
 
@@ -301,7 +303,7 @@ def test_columns_of_measurements_say_nothing_in_a_program(tmp_path, real):
     np.testing.assert_array_equal(found.q, same.q)
     *others, unused = found.sentences
     assert tuple(others) == same.sentences
-    assert unused.endswith(" order, repeat, split, time, time_s, approach")
+    assert unused.endswith(" order, repeat, split, time, time_s and approach")
     out = cells(tmp_path / "w_out.csv")
     assert [[row[name] for row in out] for name in wild] == [
         [str(cell) for cell in column] for column in wild.values()

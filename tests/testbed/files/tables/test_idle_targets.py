@@ -39,8 +39,8 @@ def test_targets_of_full_poses_are_not_used_and_several_are_warned_of(joints, se
     assert [one for one in session.unread if "target" in one.columns]
     (said,) = (text for text in session.warnings if "target" in text)
     assert said == (
-        f"{file}: the column target names 2 targets (T-Mac, T-Probe), and [frames] takes all poses "
-        "as those of one target; if several were mounted, give each a [[session]] of its own"
+        f"{file}: the column target names 2 targets (T-Mac and T-Probe), and [frames] takes all "
+        "poses as those of one target; if several were mounted, give each a [[session]] of its own"
     )
 
 
