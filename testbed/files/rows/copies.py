@@ -1,8 +1,10 @@
 """Readings that add nothing: copies of earlier ones where that is certain, means of others."""
 
 import numpy as np
+from scipy.special import bdtrc
 
-from calib.arrays import Array, Bool
+from calib.arrays import Array, Bool, Index
+from calib.identification.fit_statistics import RED
 from testbed.files.readings import Readings, copied_rows, rows_said
 from testbed.files.targets import TargetPart
 
@@ -59,8 +61,38 @@ def without_copies(part: TargetPart, *, fine: bool) -> tuple[TargetPart, list[st
         joints = () if readings.kind == "pose" else (part.joints.q,)
         keep, said = copied_rows(readings, target.ravel(), *joints)
     alike = "the digits of earlier readings; that alone leaves none out, as good ones may be alike"
-    odd = rows_said(readings.place, earlier & keep, alike, left="")
+    odd = rows_said(readings.place, earlier & keep & ~_by_chance(part), alike, left="")
     return part.rows(keep), said, odd
+
+
+def _by_chance(part: TargetPart) -> Bool:
+    """Rows (m,) with the digits of an earlier visit of their pose, where that is mere chance.
+
+    All such rows, or none: whether successive visits are alike no more often than is likely where
+    each axis agrees as often as it does, and the axes by themselves.
+    """
+    position, again = part.readings.position, np.zeros(len(part), dtype=np.bool_)
+    if part.readings.kind != "point":
+        return again
+    visits = [one for one in _visits(part) if len(one) > 1]
+    same = [position[one[1:]] == position[one[:-1]] for one in visits]
+    alike = np.concatenate([np.zeros((0, 3), dtype=np.bool_), *same])
+    count = int(alike.all(axis=1).sum())
+    if count and bdtrc(count - 1, len(alike), float(alike.mean(axis=0).prod())) < RED:
+        return again
+    for rows in visits:
+        first = np.unique(position[rows], axis=0, return_index=True)[1]
+        again[np.delete(rows, first)] = True
+    return again
+
+
+def _visits(part: TargetPart) -> list[Index]:
+    """Rows of each pose, target and station, in their order."""
+    names = (part.readings.target, part.readings.station)
+    labels = [np.unique(np.array(one, dtype=str), return_inverse=True)[1] for one in names]
+    key = np.column_stack([part.joints.q, *labels])
+    _, group, count = np.unique(key, axis=0, return_inverse=True, return_counts=True)
+    return np.split(np.argsort(group.ravel(), kind="stable"), np.cumsum(count)[:-1])
 
 
 def without_averages(part: TargetPart) -> tuple[TargetPart, list[str]]:
@@ -71,12 +103,8 @@ def without_averages(part: TargetPart) -> tuple[TargetPart, list[str]]:
     readings = part.readings
     if readings.kind == "distance" or len(part) < FEWEST * FEWEST:
         return part, []
-    names = (readings.target, readings.station)
-    labels = [np.unique(np.array(one, dtype=str), return_inverse=True)[1] for one in names]
-    key = np.column_stack([part.joints.q, *labels])
-    _, group, count = np.unique(key, axis=0, return_inverse=True, return_counts=True)
-    each = np.split(np.argsort(group.ravel(), kind="stable"), np.cumsum(count)[:-1])
-    keep, several = np.ones(len(part), dtype=np.bool_), [one for one in each if len(one) >= FEWEST]
+    several = [one for one in _visits(part) if len(one) >= FEWEST]
+    keep = np.ones(len(part), dtype=np.bool_)
     for k, rows in enumerate(several):
         if k == ASKED and int((~keep).sum()) < MOST * ASKED:
             return part, []

@@ -4,7 +4,7 @@ import re
 from collections.abc import Sequence
 from pathlib import Path
 
-from testbed.proposal.data import Document, Found
+from testbed.proposal.data import AXES, Document, Found
 from testbed.proposal.rows.clocks import REACH
 from testbed.units import listed
 
@@ -22,18 +22,10 @@ def visits_in(document: Document, looks: Sequence[Found]) -> tuple[Document, str
     other one. If poses of one name have the same joints, the files are measurements by several
     stations.
     """
-    tables = {key: each for key, each in document.items() if isinstance(each, dict)}
-    name = tables.get("joints", {}).get("file")
-    several = [each for each in tables.values() if "files" in each]
-    seen = next((each for each in several if name is None or name in each["files"]), None)
-    alike = [one for one in looks if seen is not None and one.name in seen["files"]]
-    if seen is None or any(one.sheet or one.head != alike[0].head for one in alike):
+    alike = _alike(document, looks)
+    if not alike or any(one.sheet or one.head != alike[0].head for one in alike):
         return None
-    joints = [
-        one.theirs
-        for one in alike[0].meanings
-        if one.stem.startswith("q") and one.stem[1:2].isdigit()
-    ]
+    joints = _joint_columns(document, alike[0])
     if not joints or _same_poses(alike, joints):
         return None
     own: Document = {
@@ -61,6 +53,52 @@ def visits_in(document: Document, looks: Sequence[Found]) -> tuple[Document, str
     return own, _said(alike, judging, first)
 
 
+def without_twins(looks: tuple[Found, ...], joints: int) -> tuple[Found, ...]:
+    """The same tables, but of those without a header that are of one form only the longest.
+
+    They are wide enough for so many joints and a place beside them: one alone tells what they are.
+    """
+    longest: dict[tuple[int, int], Found] = {}
+    for one in looks:
+        best = longest.get(_form(one))
+        if best is None or one.rows > best.rows:
+            longest[_form(one)] = one
+    return tuple(
+        one
+        for one in looks
+        if one.kind != "bare" or one.width < joints + AXES or longest[_form(one)] is one
+    )
+
+
+def _form(one: Found) -> tuple[int, int]:
+    """How many names and numbers a row of a table without a header has."""
+    return one.names, one.width
+
+
+def _alike(document: Document, looks: Sequence[Found]) -> list[Found]:
+    """The files that are read as one of them is, or are of its form where none has a header."""
+    tables = {key: each for key, each in document.items() if isinstance(each, dict)}
+    name = tables.get("joints", {}).get("file")
+    several = [each for each in tables.values() if "files" in each]
+    seen = next((each for each in several if name is None or name in each["files"]), None)
+    if seen is not None:
+        return [one for one in looks if one.name in seen["files"]]
+    read = [one for one in looks if one.name == name and one.kind == "bare"]
+    others = {each["file"] for key, each in tables.items() if key != "joints" and "file" in each}
+    if not read or others != {name}:
+        return []
+    found = [one for one in looks if one.kind == "bare" and _form(one) == _form(read[0])]
+    return found if len(found) > 1 else []
+
+
+def _joint_columns(document: Document, look: Found) -> list[str]:
+    """Columns of the joints, by their names or as the session has them."""
+    named = [(one.stem, one.theirs) for one in look.meanings]
+    stated = document.get("joints", {}).get("columns", {}).items()
+    each = named if look.kind != "bare" else [(key, str(column)) for key, column in stated]
+    return [theirs for stem, theirs in each if stem.startswith("q") and stem[1:2].isdigit()]
+
+
 def _said(alike: Sequence[Found], judging: Sequence[bool], first: str) -> str:
     """What is assumed of the files."""
     judges = [one.name for one, is_one in zip(alike, judging, strict=True) if is_one]
@@ -84,7 +122,8 @@ def _same_poses(alike: Sequence[Found], joints: Sequence[str]) -> bool:
     """Whether poses of one name have the same joints in all files, and each file has such poses."""
     known: dict[str, tuple[object, ...]] = {}
     if not alike[0].has("pose_id"):
-        return False
+        rows = [[*zip(*map(one.column, joints), strict=True)] for one in alike]
+        return alike[0].kind == "bare" and all(own == rows[0] for own in rows)
     for k, one in enumerate(alike):
         names = one.column(one.stems["pose_id"].theirs)
         own = dict(zip(names, zip(*map(one.column, joints), strict=True), strict=True))

@@ -397,6 +397,33 @@ def test_files_of_one_head_without_names_of_poses_are_visits(targets, tmp_path):
     assert len(read.visits) == 2
 
 
+def test_files_without_headers_of_one_form_are_visits(tmp_path):
+    """Only the longest was read, and the others were called unused."""
+
+    def bare(rows, shift=0.0):
+        q = np.degrees(data().q[rows])
+        return "".join(
+            ",".join(f"{value:.6f}" for value in (*own, *seen)) + "\n"
+            for own, seen in zip(q, 1e3 * (data().T[rows, :3, 3] + shift), strict=True)
+        )
+
+    half = np.arange(M) < M // 2
+    files = write(tmp_path, a__csv=bare(half), verify__csv=bare(~half))
+    _, text = proposed(tmp_path, files, "--robot", "staubli_tx60")
+    assert "unused" not in text
+    a, judge = tomllib.loads(text)["session"]
+    assert a["file"] == "a.csv"
+    assert (judge["file"], judge["base"], judge["held_out"]) == ("verify.csv", "same as a", True)
+    read = read_session(tmp_path / "session.toml", ROBOT)
+    assert np.array_equal(read.is_test, ~half)
+    # the same joints seen from elsewhere are no visit
+    (tmp_path / "session.toml").unlink()
+    files = write(tmp_path, a__csv=bare(half), b__csv=bare(half, 1.0))
+    said, text = proposed(tmp_path, files, "--robot", "staubli_tx60")
+    assert "session" not in tomllib.loads(text)
+    assert "unused   b.csv" in said
+
+
 def test_several_targets_and_missed_shots_leave_files_of_one_head_stations(tmp_path):
     """Joints beside each of two targets; each station missed some shots, and a pose the other saw.
 

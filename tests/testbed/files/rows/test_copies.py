@@ -35,9 +35,8 @@ def repeated(table, *names):
     return len(rows) - len(set(rows))
 
 
-@pytest.mark.parametrize("decimals", [2, 3])
-def test_visits_that_a_coarse_file_prints_alike_are_kept_and_said(decimals, tmp_path):
-    table = visited(decimals)
+def test_visits_that_a_coarse_file_prints_alike_are_kept_and_said(tmp_path):
+    table = visited(3)
     table["y_mm"][1::5], table["x_mm"][1::5] = table["y_mm"][::5], table["x_mm"][::5]
     table["z_mm"][1::5] = table["z_mm"][::5]
     alike = repeated(table, *LENGTHS)
@@ -46,6 +45,22 @@ def test_visits_that_a_coarse_file_prints_alike_are_kept_and_said(decimals, tmp_
     assert len(session.measurements) == 200
     assert not session.masked
     assert any(text.startswith(f"a.csv: {alike} rows (lines 3, ") for text in session.warnings)
+
+
+def test_visits_that_a_coarse_file_prints_alike_by_chance_are_not_spoken_of(tmp_path):
+    """Six of 105 such rows of a small arm (scatter 1.5 um, digits of 1 um) were called odd.
+
+    At other joints such a row is still left out.
+    """
+    table = visited(2)
+    assert repeated(table, "pose_id", *LENGTHS) >= 10
+    session = read(tmp_path, table)
+    assert not any("earlier readings" in text for text in session.warnings)
+    apart = visited(2)
+    for name in LENGTHS:
+        apart[name][8] = apart[name][0]
+    (said,) = read(tmp_path, apart).masked
+    assert said.startswith("a.csv: 1 row left out (line 10): digit for digit")
 
 
 @pytest.mark.parametrize("at", [0, 4])
