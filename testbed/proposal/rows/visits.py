@@ -18,9 +18,9 @@ HELD_OUT = frozenset(
 def visits_in(document: Document, looks: Sequence[Found]) -> tuple[Document, str] | None:
     """The session with each of its files as a visit, and that in words; None if they are not.
 
-    A file called ``test.csv`` or so beside others judges, with the base and tool of the first
-    other one. If poses of one name have the same joints, the files are measurements by several
-    stations.
+    A file called ``test.csv`` or so, or in a folder of such a name, judges beside others, with the
+    base and tool of the first of these. If poses of one name have the same joints, the files are
+    measurements by several stations.
     """
     alike = _alike(document, looks)
     if not alike or any(one.sheet or one.head != alike[0].head for one in alike):
@@ -36,10 +36,11 @@ def visits_in(document: Document, looks: Sequence[Found]) -> tuple[Document, str
         if key not in ("match", REACH)
     }
     stems = [Path(one.name).stem for one in alike]
-    names = stems if len(set(stems)) == len(stems) else [one.name for one in alike]
-    judging = [not HELD_OUT.isdisjoint(re.split(r"[\W\d_]+", stem.lower())) for stem in stems]
+    whole = [one.name.replace("/", " ") for one in alike]  # a / stands before the name of a pose
+    names = stems if len(set(stems)) == len(stems) else whole
+    judging = [not HELD_OUT.isdisjoint(re.split(r"[\W\d_]+", name.lower())) for name in whole]
     if all(judging):
-        judging = [False] * len(stems)
+        judging = [False] * len(names)
     first = names[judging.index(False)]
     own["session"] = [
         {"name": each, "file": one.name}

@@ -362,6 +362,17 @@ def test_files_called_so_judge_with_the_frames_of_the_others(tmp_path):
     read = read_session(tmp_path / "session.toml", ROBOT)
     assert read.is_test.sum() == 20
     assert read.fixtures.counts == (0, 0, 1, 1)  # those of day_2
+    # files of one name in two folders
+    (tmp_path / "session.toml").unlink()
+    for k, name in enumerate(("cal_data", "val_data")):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "a.csv").write_text(visit_table(visit(k, 20)), encoding="utf-8")
+    files = [tmp_path / name / "a.csv" for name in ("cal_data", "val_data")]
+    _, text = proposed(tmp_path, files, "--robot", "staubli_tx60")
+    read = read_session(tmp_path / "session.toml", ROBOT)
+    assert [(one.name, one.held_out) for one in read.visits] == [
+        ("cal_data a.csv", False), ("val_data a.csv", True),
+    ]  # fmt: skip
     # words of another meaning, and files that are all called so
     for pair in (("contest", "latest"), ("test_1", "test_2")):
         (tmp_path / "session.toml").unlink()
