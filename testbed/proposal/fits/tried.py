@@ -212,6 +212,8 @@ def _of_both(
     # a position counts like three distances
     rows = [0 if one is None else len(one.measurements) for one in sessions]
     kept = first if AXES * rows[first] >= rows[best] else best
+    if kept == first and all(draft.guesses_distance for draft in ranged):
+        return drafts[kept], ""  # no name says that there are any
     few = [drafts[k] for k in optical]
     aside, what = (ranged, "distances") if kept == first else (few, "positions")
     return drafts[kept], (

@@ -183,6 +183,7 @@ def test_the_number_of_the_reflector_beside_the_joints_is_its_name(texts, tmp_pa
     said, session = of_targets(tmp_path, *texts)
     assert "to fix" not in said
     assert "Not used" not in said
+    assert "not used" not in said  # the number was called distances that do not fit beside
     names = np.array(session.reflector_names)[session.measurements.reflector]
     assert names.tolist() == (SEEN + 1).astype(str).tolist()
     np.testing.assert_allclose(session.measurements.q, MANY.q, rtol=0, atol=1e-11)
