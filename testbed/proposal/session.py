@@ -23,7 +23,7 @@ from testbed.proposal.naming.own_joints import with_joints
 from testbed.proposal.rows.nominal_files import without_nominal
 from testbed.proposal.rows.reflectors import with_reflectors
 from testbed.proposal.rows.sideways import on_its_side
-from testbed.proposal.rows.visits import visits_in, without_twins
+from testbed.proposal.rows.visits import visits_in
 from testbed.proposal.verdict import verdict_on
 from testbed.robots.robot import Robot
 from testbed.toml_text import toml_key, toml_value
@@ -86,8 +86,7 @@ def propose_session(
             cycles.document, cycles.assumed, cycles.sentence, fits=False, unused=covers,
             to_mend=cycles.refused, odd=cycles.odd, is_test=True, drops=cycles.drops,
         )  # fmt: skip
-    lone = without_twins(looks, len(_columns(looks, robot)))
-    proposed = _with_visits(_proposed(lone, robot, root), looks)
+    proposed = _with_visits(_proposed(looks, robot, root), looks)
     said_so = {key: each for key, each in proposed.document.items() if key != "joints" or each}
     proposed = replace(proposed, document=with_origin(said_so, looks))
     read = {
@@ -153,14 +152,9 @@ def _drafts(
     return list(found.values())
 
 
-def _columns(looks: tuple[Found, ...], robot: Robot | None) -> tuple[int, ...]:
-    """Numbers of the joints that have columns, from 1."""
-    return columns_of(robot) if robot is not None else tuple(range(1, _count(looks) + 1))
-
-
 def _proposed(looks: tuple[Found, ...], robot: Robot | None, root: Path) -> Proposed:
     """The same session without the files that it does not use."""
-    own = _columns(looks, robot)
+    own = columns_of(robot) if robot is not None else tuple(range(1, _count(looks) + 1))
     slides: frozenset[int] = frozenset()
     choices: list[tuple[Found, ...]]
     if robot is None:  # interpretations that only a fit can decide are not offered

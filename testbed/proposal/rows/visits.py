@@ -4,7 +4,7 @@ import re
 from collections.abc import Sequence
 from pathlib import Path
 
-from testbed.proposal.data import AXES, Document, Found
+from testbed.proposal.data import Document, Found
 from testbed.proposal.rows.clocks import REACH
 from testbed.units import listed
 
@@ -52,23 +52,6 @@ def visits_in(document: Document, looks: Sequence[Found]) -> tuple[Document, str
         for each, one, judges in zip(names, alike, judging, strict=True)
     ]
     return own, _said(alike, judging, first)
-
-
-def without_twins(looks: tuple[Found, ...], joints: int) -> tuple[Found, ...]:
-    """The same tables, but of those without a header that are of one form only the longest.
-
-    They are wide enough for so many joints and a place beside them: one alone tells what they are.
-    """
-    longest: dict[tuple[int, int], Found] = {}
-    for one in looks:
-        best = longest.get(_form(one))
-        if best is None or one.rows > best.rows:
-            longest[_form(one)] = one
-    return tuple(
-        one
-        for one in looks
-        if one.kind != "bare" or one.width < joints + AXES or longest[_form(one)] is one
-    )
 
 
 def _form(one: Found) -> tuple[int, int]:
