@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike
 
 from calib.arrays import Array, check
 from calib.errors import InputError, refuse
+from calib.geometry.frames import skew
 from calib.geometry.jacobian import joint_columns, reflector_rows
 from calib.geometry.model import RobotModel
 
@@ -117,6 +118,26 @@ def with_joint_noise(
     # joint scatter at the tool
     J_q = J_q * sigma_q
     return np.asarray(covariance + J_q @ np.swapaxes(J_q, -1, -2))
+
+
+def inverse_covariance(T: ArrayLike, covariance: ArrayLike) -> Array:
+    """Covariances (m, 6, 6) of the inverses of transforms whose own are known.
+
+    An error (d, w) of T = (R, t) is -R' (d + t x w, w) in the inverse: what turns T moves it.
+
+    Parameters
+    ----------
+    T : (m, 4, 4) array_like
+        Transforms as they were read [m].
+    covariance : (m, 6, 6) array_like
+        Their covariances, in the axes that `T` leads to [m^2, m rad, rad^2].
+    """
+    T, covariance = check("m 4 4, m 6 6", T=T, covariance=covariance)
+    back = np.swapaxes(T[:, :3, :3], -1, -2)
+    moved = np.zeros_like(covariance)
+    moved[:, :3, :3] = moved[:, 3:, 3:] = back
+    moved[:, :3, 3:] = back @ skew(T[:, :3, 3])
+    return np.asarray(moved @ covariance @ np.swapaxes(moved, -1, -2))
 
 
 def whiteners(covariance: ArrayLike) -> Array:

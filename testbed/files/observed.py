@@ -8,6 +8,7 @@ import numpy as np
 from calib.arrays import Array, Bool
 from calib.errors import InputError
 from calib.geometry.frames import inverse, transform
+from calib.measurement.noise import inverse_covariance
 from testbed.files.columns import COMMANDED, TEXTS, close_to, is_known, misspelt_reading
 from testbed.files.dialects.tables import FramesTable, ObservedTable, PointsTable, RangesTable
 from testbed.files.joints import extra_columns, extras_of
@@ -18,7 +19,7 @@ from testbed.files.rows.planned import foretold
 from testbed.files.session import Stated
 from testbed.files.session_toml import UncertaintyTable
 from testbed.files.table import Columns, DataTable, Unread, together
-from testbed.files.uncertainty import spread_columns, spread_of
+from testbed.files.uncertainty import Spread, spread_columns, spread_of
 from testbed.files.valid import valid_rows
 from testbed.units import listed
 
@@ -113,11 +114,7 @@ def read_observed(
     position = np.where(good[:, None], position, 0.0)
     spread = spread_of(section.kind, table, position, good, uncertainty)
     if stated.inverted:
-        if scatter.names:
-            message = 'columns of uncertainties do not fit gives = "T_tool_tracker"'
-            fix = "state position_um and rotation_mdeg under [uncertainty] in session.toml"
-            raise refusal(table.where, "frames.gives", message, code="M32", fix=fix)
-        position, rotation = inverse_poses(position, rotation)
+        position, rotation, spread = inverse_poses(position, rotation, spread)
     extras = extras_of(table, good)
     plain = plain_readings(table, section.kind, position, spread)
     anchors = (_names(table, "anchor", good) or _only_anchor(table, section)) if far else None
@@ -190,10 +187,12 @@ def misspelt_columns(table: DataTable) -> list[str]:
     ]
 
 
-def inverse_poses(position: Array, rotation: Array) -> tuple[Array, Array]:
-    """Positions (m, 3) and rotations (m, 3, 3) of the inverse transforms."""
-    T = inverse(transform(rotation, position))
-    return T[:, :3, 3], T[:, :3, :3]
+def inverse_poses(position: Array, rotation: Array, spread: Spread) -> tuple[Array, Array, Spread]:
+    """Positions (m, 3), rotations (m, 3, 3) and covariances of the inverse transforms."""
+    T = transform(rotation, position)
+    back = inverse(T)
+    spread = replace(spread, covariance=inverse_covariance(T, spread.covariance))
+    return back[:, :3, 3], back[:, :3, :3], spread
 
 
 def polar(r: Array, azimuth: Array, elevation: Array) -> Array:

@@ -15,7 +15,7 @@ from testbed.files.visits.probing import probed
 from testbed.identify.applies.coupling import coupling_words
 from testbed.identify.applies.in_turn import in_turn_words
 from testbed.identify.applies.mounting import mounting_words
-from testbed.identify.applies.poses import coarse_joints, scatter_told, warnings_of
+from testbed.identify.applies.poses import coarse_joints, warnings_of
 from testbed.identify.applies.stated_frames import stated_frame_words
 from testbed.identify.applies.travel import travel_words
 from testbed.identify.calibration import DRIVES, FRAMES, IN_TURN, MOUNTING, Calibration
@@ -269,7 +269,7 @@ def _warned(
     warnings = [
         *(() if found.repeats_drift is None else (found.repeats_drift.sentence,)),
         *model_words(clean.shots, looking.train, chosen, called),
-        *warnings_of(found.fits[0], chosen, train, scatter_told(looking.robot, session)),
+        *warnings_of(found.fits[0], chosen, train, looking.robot, session),
         *coarse_joints(session, chosen, train),
         *placed,
         *guard_warnings(session, found.measurements.rows(is_test)),

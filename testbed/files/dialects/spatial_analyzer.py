@@ -130,7 +130,7 @@ def _read_frames(
     rotation = np.where(good[:, None, None], rotation, np.eye(3))
     spread = spread_of("pose", None, position, good, uncertainty)
     if stated.inverted:
-        position, rotation = inverse_poses(position, rotation)
+        position, rotation, spread = inverse_poses(position, rotation, spread)
     whole = replace(
         plain_readings(table, "pose", position, spread),
         rotation=rotation,

@@ -105,7 +105,8 @@ class FramesTable(OpticalTable):
     """Three axes in the order of the turns, capitals about axes that turn with the tool, small
     letters about fixed ones; or what a controller means: kuka, staubli, fanuc, ur, kawasaki."""
     gives: Literal["T_tracker_tool", "T_tool_tracker"] = "T_tracker_tool"
-    """Whether a row is the tool in the tracker's frame, or the inverse."""
+    """Whether a row is the tool in the tracker's frame, or the inverse, as of a board that a camera
+    on the flange sees; uncertainties are those of the row as it stands."""
     rotation: (
         Literal["euler", "matrix", "quaternion_scalar_first", "quaternion_scalar_last"] | None
     ) = None

@@ -19,17 +19,20 @@ LEAST_TURN, LEAST_SLIDE = np.radians(10.0), 0.010
 
 
 def warnings_of(
-    geometric: FittedModel, chosen: FittedModel, train: Measurements, scatter: str
+    geometric: FittedModel, chosen: FittedModel, train: Measurements, robot: Robot, session: Session
 ) -> tuple[str, ...]:
     """Sentences on the poses, by the geometric fit, and on the fit that was chosen.
 
-    `scatter` says who told the scatter of the joints, as `scatter_told` does.
+    What the keys of inverse transforms would have to be is not said: each part of such a reading
+    has noise of both keys.
     """
     result = chosen.identification
     texts = [*_still(geometric, train), *_condition(geometric)]
     if result.status is not Status.CONVERGED:
         texts.append(f"the fit {result.status.value}")
-    return (*texts, *quiet_words(result, train, scatter))
+    if not session.stated.inverted:
+        texts += quiet_words(result, train, scatter_told(robot, session))
+    return tuple(texts)
 
 
 def scatter_told(robot: Robot, session: Session) -> str:

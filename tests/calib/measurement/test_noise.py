@@ -8,9 +8,14 @@ import pytest
 from calib.arrays import Array
 from calib.errors import InputError
 from calib.geometry.chain import Chain
-from calib.geometry.frames import exp_so3, inverse, transform
+from calib.geometry.frames import exp_so3, inverse, log_so3, transform
 from calib.geometry.model import RobotModel
-from calib.measurement.noise import spherical_covariance, whiteners, with_joint_noise
+from calib.measurement.noise import (
+    inverse_covariance,
+    spherical_covariance,
+    whiteners,
+    with_joint_noise,
+)
 from calib.measurement.tables import covariances_of_sd
 from tests.reference import DEG, UM, pool_r, tx60
 
@@ -34,6 +39,25 @@ def spherical(target: Array, station: Array = STATION, **more: Array) -> Array:
 def random_spd(rng: np.random.Generator, m: int) -> Array:
     root = rng.normal(size=(m, 6, 6)) * [1e-5, 1e-5, 1e-5, 1e-4, 1e-4, 1e-4]
     return np.swapaxes(root, -1, -2) @ root
+
+
+def test_noise_of_inverse_transforms_is_that_of_what_was_read():
+    """Steps of each kind, and what they do to the inverse: what turns a board moves the camera."""
+    rng = np.random.default_rng(5)
+    T = transform(exp_so3(rng.normal(size=(20, 3))), rng.normal(scale=0.5, size=(20, 3)))
+    covariance, step = random_spd(rng, 20), 1e-6
+    columns = []
+    for k in range(6):
+        d, w = np.split(step * np.eye(6)[k], 2)
+        moved = inverse(transform(exp_so3(w) @ T[:, :3, :3], T[:, :3, 3] + d))
+        turned = moved[:, :3, :3] @ T[:, :3, :3]
+        columns.append(np.hstack([moved[:, :3, 3] - inverse(T)[:, :3, 3], log_so3(turned)]) / step)
+    J = np.stack(columns, axis=-1)
+    expected = J @ covariance @ np.swapaxes(J, -1, -2)
+    # one-sided differences: their step, relative to the size of what is compared
+    np.testing.assert_allclose(
+        inverse_covariance(T, covariance), expected, atol=3 * step * np.abs(expected).max()
+    )
 
 
 def test_whitened_noise_has_unit_covariance():

@@ -341,9 +341,6 @@ CASES = {
         table(q2_deg=np.degrees(made().q[:, 1]) * 0.9, q3_deg=np.degrees(made().q[:, 2]) * 0.8),
         probed=True,
     ),
-    "M32 uncertainties of the inverse": read(
-        table(), '[frames]\ngives = "T_tool_tracker"\n'
-    ),
     "M33 nothing stated": read(without("ux_mm", "uy_mm", "uz_mm")),
     "M33 rotation not stated": read(without("urx_deg", "ury_deg", "urz_deg")),
     "M33 below zero": read(wrong("uy_mm", 4, "-0.01")),

@@ -57,6 +57,28 @@ def test_stated_conventions_are_obeyed(tmp_path, form, gives, euler):
     assert agrees(read_session(tmp_path / "a.csv", ROBOT, config=toml), data)
 
 
+@pytest.mark.parametrize("stated", ["keys", "columns"])
+def test_noise_of_inverse_transforms_is_that_of_the_rows_as_they_stand(tmp_path, stated):
+    """A camera on the flange that turns by a little sees the board beside it: both move."""
+    data = made()
+    table = columns(data, gives="T_tool_tracker") | {"euler": ["XYZ"] * len(data.q)}
+    keys = "[uncertainty]\nposition_um = 17.5\nrotation_mdeg = 11\n"
+    if stated == "columns":
+        table, keys = with_spread(table), ""
+    saved(tmp_path / "a.csv", csv(table))
+    toml = saved(tmp_path / "s.toml", f'[frames]\ngives = "T_tool_tracker"\n{keys}')
+    session = read_session(tmp_path / "a.csv", ROBOT, config=toml)
+    assert agrees(session, data)
+    away, turn = data.T[:, :3, 3], np.radians(0.011)
+    across = np.eye(3) * (away**2).sum(1)[:, None, None] - away[:, :, None] * away[:, None, :]
+    noise = session.measurements.covariance
+    expected = 17.5e-6**2 * np.eye(3) + turn**2 * across
+    # rounding of numbers of 1e-7 m^2 and rad^2
+    np.testing.assert_allclose(noise[:, :3, :3], expected, rtol=1e-9, atol=1e-18)
+    turned = np.tile(turn**2 * np.eye(3), (len(data.q), 1, 1))
+    np.testing.assert_allclose(noise[:, 3:, 3:], turned, rtol=1e-9, atol=1e-18)
+
+
 def test_columns_of_another_program_are_mapped_and_units_stated(tmp_path):
     data = made()
     own = columns(data)
