@@ -35,8 +35,8 @@ ANGLES = (
     (2 * np.pi, "if the joints are in revolutions, not rad", "name the columns q1_rev ..."),
     (360.0, "if the joints are in revolutions, not deg", "name the columns q1_rev ..."),
 )
-UNIT = "joints"
-"""Name of the alternative that joints have another unit."""
+UNIT, ORDER = "joints", "order"
+"""Names of the alternatives that joints have another unit, or stand in another order."""
 SMALL = 2 * np.pi * TURN
 """A joint of so few degrees, or of one turn in radians that were taken for degrees [rad]."""
 MOST_MIXED = 3
@@ -168,7 +168,7 @@ def _joints(rows: Interpretation, chain: Chain, controller: Controller) -> Other
     for a, b in combinations(np.flatnonzero(turning).tolist(), 2):
         condition = f"if the columns q{a + 1} and q{b + 1} are swapped"
         fix = "name them the other way round"
-        swap = Alternative("swap", condition, fix, "M20", f"q{a + 1}")
+        swap = Alternative(ORDER, condition, fix, "M20", f"q{a + 1}")
         yield swap, replace(rows, q=_swapped(rows.q, a, b))
 
 

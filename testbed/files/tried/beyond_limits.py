@@ -1,4 +1,4 @@
-"""Joints beyond the limits: full turns, or zeros that a table has elsewhere, by the readings."""
+"""Joints beyond the limits by the readings: full turns, other zeros of a table, another order."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -7,7 +7,7 @@ import numpy as np
 
 from calib.arrays import Array, Bool, frozen
 from calib.errors import InputError
-from testbed.files.alternatives import UNIT
+from testbed.files.alternatives import ORDER, UNIT
 from testbed.files.frames_fit import FAR, Misfit
 from testbed.files.probe import probe
 from testbed.files.refusal import refusal
@@ -24,7 +24,7 @@ QUARTERS = (0, 1, -1, 2, -2, 3, -3)
 
 
 def explained(error: InputError, robot: Robot, read: Callable[[Robot], Session]) -> InputError:
-    """The error of joints beyond their limits, or the better one where turns explain them.
+    """The error of joints beyond their limits, or a better one: turns, or another order.
 
     Parameters
     ----------
@@ -45,12 +45,12 @@ def explained(error: InputError, robot: Robot, read: Callable[[Robot], Session])
     q = session.measurements.q
     beyond = np.array([_beyond(robot, q + QUARTER * k * _turning(robot)) for k in QUARTERS])
     whole = _beyond(robot, _by_full_turns(robot, q))
-    if (np.minimum(beyond.min(axis=0), whole) > MANY).any():
-        return error
-    found = probe(free, session, links=False)  # zeros and turns are told by frames alone
-    if found.stated is not None and found.wrong is None and found.stated.score <= FAR:
+    found = probe(free, session, links=False)  # zeros, turns and order are told by frames alone
+    turned = not (np.minimum(beyond.min(axis=0), whole) > MANY).any()
+    if turned and found.stated is not None and found.wrong is None and found.stated.score <= FAR:
         return _of_ends(error, robot, beyond, whole, found.stated)
-    if found.wrong is None or found.wrong.alternative.name not in (ZEROS, UNIT):
+    told = (ZEROS, UNIT, ORDER) if turned else (ORDER,)
+    if found.wrong is None or found.wrong.alternative.name not in told:
         return error
     try:
         found.raise_if_wrong()

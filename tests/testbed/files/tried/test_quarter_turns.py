@@ -97,6 +97,20 @@ def test_joints_beyond_their_limits_are_explained_by_the_readings(tmp_path):
         read(tmp_path, other)
 
 
+def test_joints_in_another_order_are_told_where_their_limits_refuse_them(tmp_path):
+    """It said "correct these cells, or check the robot"."""
+    swapped = table([0, 0, 0, 0, 0, 0], poses=False)
+    q = np.stack([swapped["q3_deg"], swapped["q4_deg"]])
+    q[1, : M // 2] = 200.0  # joint 3 turns by 142.5 deg, joint 4 by 270
+    swapped["q4_deg"], swapped["q3_deg"] = q
+    arm = np.radians(np.stack([swapped[f"q{k}_deg"] for k in (1, 2, 4, 3, 5, 6)], axis=1))
+    seen = 1e3 * made(seed=2, m=M).truth.poses(arm)[:, :3, 3]
+    swapped |= dict(zip(("x_mm", "y_mm", "z_mm"), seen.T, strict=True))
+    with pytest.raises(InputError, match="if the columns q3 and q4 are swapped; name") as caught:
+        read(tmp_path, swapped)
+    assert caught.value.code == "M20"
+
+
 def test_the_zero_of_a_first_joint_is_taken_up_by_the_base(tmp_path):
     """Its values lie beyond the limits, and all fits: "correct these cells" was wrong."""
     turned = table([2, 0, 0, 0, 0, 0], poses=False, within=False)
