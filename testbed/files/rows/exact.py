@@ -68,9 +68,11 @@ def _left_by_digits(model: RobotModel, read: Interpretation, *, read_back: bool)
 
     Rounding to steps g is off by g / sqrt(12) (JCGM 100:2008, F.2.2.1). Joints that were commanded
     are what they are, however few their digits: they leave `COMMANDED` at most, and nothing where
-    all joints slide, as real axes that are compensated are off by a few micrometers.
+    all joints slide, as real axes that are compensated are off by a few micrometers. Places that
+    are touched again and again are a drawing's, in round numbers: no file has rounded them.
     """
-    place, steps = step_of(read.position, METERS), digit_steps(model, read.q)
+    place = 0.0 if _are_touched(read) else step_of(read.position, METERS)
+    steps = digit_steps(model, read.q)
     turns = model.chain.prismatic == 0
     shown = steps[turns] <= SHOWN[1] * (1 + ON_STEP)
     if not read_back and place >= SHOWN[0] and turns.all() and shown.any() and _is_drawn(model):
@@ -79,6 +81,12 @@ def _left_by_digits(model: RobotModel, read: Interpretation, *, read_back: bool)
     if not read_back:
         joints = min(joints, COMMANDED) if turns.any() else 0.0
     return float(np.sqrt(3 * place**2 / 12 + joints**2))
+
+
+def _are_touched(read: Interpretation) -> bool:
+    """Whether most rows lead with other joints to a place that another row has, to its digits."""
+    places, joints = (len(np.unique(one, axis=0)) for one in (read.position, read.q))
+    return 2 * places < joints
 
 
 def _is_drawn(model: RobotModel) -> bool:

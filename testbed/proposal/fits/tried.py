@@ -135,6 +135,13 @@ def tried_with(
             f"{FEWEST}): {BY_SIZE}"
         )
         return drafts[likely], tried, False
+    if _is_one_place(session):
+        tried = (
+            f"all readings in {session.where} are of one place, which fits any unit and leaves the "
+            "lengths of the arm unknown: touch several, whose distances are known, or state how "
+            f"near to nominal the links are ([prior]). {BY_SIZE.capitalize()}"
+        )
+        return drafts[likely], tried, False
     tried = (
         f"none of {len(drafts)} interpretations of these files fits a nominal {robot.name}: is it "
         f"the robot that was measured? {BY_SIZE.capitalize()}"
@@ -142,6 +149,13 @@ def tried_with(
     if order := sorted_by_letters(looks):
         tried += f". {order}"
     return drafts[likely], tried, False
+
+
+def _is_one_place(session: Session) -> bool:
+    """Whether all readings are positions of one place, to the last digit."""
+    table = session.measurements
+    points = not (table.is_pose | table.is_distance).any()
+    return points and not np.ptp(table.position, axis=0).any()
 
 
 def _read_for(read: Callable[..., Session], draft: Draft, robot: Robot) -> Session:

@@ -1,0 +1,78 @@
+"""A tip that touches known places from many sides, without a tracker."""
+
+import numpy as np
+
+from calib.geometry.frames import target_points
+from testbed.files.probe import probe
+from testbed.files.read import read_session
+from tests.testbed.files.made import ROBOT, csv, made
+from tests.testbed.proposal.test_session import proposed
+
+TIP = np.array([0.02, 0.01, 0.15])
+PLACES = np.array([[0.35, 0.0, 0.25], [0.35, 0.2, 0.25], [0.25, 0.1, 0.4]])
+"""In the base of the robot, in round numbers as on a drawing [m]."""
+
+
+def touching(place, m, rng):
+    """Joints (m, 6) [rad] with which the tip of an arm 0.15 mm and 0.04 deg off is at a place."""
+    truth = made().truth
+
+    def tip(q):
+        base = np.linalg.inv(truth.chain.T_world_base)
+        tool = np.linalg.inv(truth.chain.T_flange_tool)
+        return target_points(base @ truth.poses(q) @ tool, TIP)
+
+    lower, upper = ROBOT.limits.T
+    found = np.zeros((0, len(ROBOT.limits)))
+    while len(found) < m:
+        q = rng.uniform(0.8 * lower, 0.8 * upper, (200, len(lower)))
+        for _ in range(25):
+            p = tip(q)
+            J = np.stack([(tip(q + e) - p) / 1e-6 for e in 1e-6 * np.eye(len(lower))], axis=-1)
+            step = np.clip(place - p, -0.1, 0.1)
+            q = q + (np.linalg.pinv(J, rcond=1e-2) @ step[..., None])[..., 0]
+        there = np.linalg.norm(tip(q) - place, axis=1) < 1e-7
+        inside = ((q > lower) & (q < upper)).all(axis=1)
+        found = np.vstack([found, q[there & inside]])
+    return found[:m]
+
+
+def touched(places, m=15):
+    """Columns of a table of m rows at each of some places."""
+    rng = np.random.default_rng(12)
+    q = np.vstack([touching(place, m, rng) for place in places])
+    table = {f"q{k + 1}_deg": np.degrees(q[:, k]) for k in range(q.shape[1])}
+    xyz = np.repeat(1e3 * places, m, axis=0)
+    return table | dict(zip(("x_mm", "y_mm", "z_mm"), xyz.T, strict=True))
+
+
+def test_round_places_that_are_touched_again_are_not_called_a_controllers_poses(tmp_path):
+    """Whole millimeters would leave as much as links do: "poses that calibrate nothing"."""
+    (tmp_path / "a.csv").write_text(csv(touched(PLACES)))
+    (tmp_path / "s.toml").write_text("[points]\n[uncertainty]\nposition_um = 20\n")
+    session = read_session(tmp_path / "a.csv", ROBOT, config=tmp_path / "s.toml")
+    found = probe(ROBOT, session)
+    found.raise_if_wrong()
+    assert found.stated.position < 1e-3
+    assert not found.exact
+    # each place once, in tenths of a millimeter, is a screen's
+    (tmp_path / "a.csv").write_text(csv(rounded_poses()))
+    session = read_session(tmp_path / "a.csv", ROBOT, config=tmp_path / "s.toml")
+    assert probe(ROBOT, session).exact
+
+
+def rounded_poses():
+    """Columns of the nominal robot's own places, to a tenth of a millimeter."""
+    q = made().q
+    table = {f"q{k + 1}_deg": np.degrees(q[:, k]) for k in range(q.shape[1])}
+    xyz = np.round(1e3 * ROBOT.model.poses(q)[:, :3, 3], 1)
+    return table | dict(zip(("x_mm", "y_mm", "z_mm"), xyz.T, strict=True))
+
+
+def test_one_place_is_told_to_say_nothing_of_lengths(tmp_path):
+    """It said: none of 1 interpretations fits; is it the robot that was measured?"""
+    (tmp_path / "a.csv").write_text(csv(touched(PLACES[:1], 30)))
+    said, _ = proposed(tmp_path, [tmp_path / "a.csv"], "--robot", ROBOT.name)
+    assert "are of one place" in said
+    assert "touch several, whose distances are known" in said
+    assert "is it the robot that was measured" not in said
