@@ -189,10 +189,18 @@ def is_wished(name: str) -> bool:
 
 
 def turns_of_letters(head: Sequence[str]) -> dict[str, str]:
-    """Rotations meant by the letters A B C, or W P R, beside X Y Z; empty without them."""
-    texts = {without_unit(name)[0] for name in head}
-    both = (turns for turns in LETTERS if {*turns, "x", "y", "z"} <= texts)
-    return next(both, {})
+    """Rotations meant by the letters A B C, or W P R, beside X Y Z with the same other words."""
+    texts, found = {without_unit(name)[0] for name in head}, dict[str, str]()
+    for text in texts:
+        before, x, after = f" {text} ".partition(" x ")
+        if not x or WISHED & set(text.split()):
+            continue
+        for turns in LETTERS:
+            named = {one: f"{before} {one} {after}".strip() for one in (*turns, "y", "z")}
+            if texts.issuperset(named.values()):
+                found |= {named[one]: stem for one, stem in turns.items()}
+                break
+    return found
 
 
 def _meaning(name: str, texts: Collection[str], turns: Mapping[str, str]) -> Meaning | None:

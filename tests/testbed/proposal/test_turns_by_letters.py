@@ -37,6 +37,27 @@ def test_letters_of_kawasaki_and_comau_are_turns_about_z_y_z(names, tmp_path):
     assert any("as turns about z, the turned y, the turned z" in one for one in found.assumed)
 
 
+@pytest.mark.parametrize("named", ["{} ist [{}]", "{}_measured", "Messung {} ({})"])
+def test_letters_beside_places_with_the_same_words_are_turns(named, tmp_path):
+    """They stood among the columns that are not used, and the poses were read as points."""
+    data = made(seed=2, m=M)
+    whole = columns(data, euler="ZYX")
+    table = {f"A{k + 1} [°]": whole[f"q{k + 1}_deg"] for k in range(6)}
+    table |= {f"{axis} soll [mm]": 1e3 * data.q[:, k] for k, axis in enumerate("XYZ")}
+    table |= {f"{letter} soll [°]": data.q[:, k] for k, letter in enumerate("ABC")}
+    table |= {named.format(axis.upper(), "mm"): whole[f"{axis}_mm"] for axis in "xyz"}
+    letters = {
+        named.format(letter, "°"): f"r{axis}_deg" for letter, axis in zip("ABC", "zyx", strict=True)
+    }
+    table |= {name: whole[stem] for name, stem in letters.items()}
+    (tmp_path / "d.csv").write_text(csv(table, form="{:.6f}"))
+    found = propose_session(look_at([tmp_path / "d.csv"], tmp_path), ROBOT, tmp_path)
+    assert found.fits
+    assert found.document["frames"]["euler"] == "ZYX"
+    theirs = found.document["frames"]["columns"]
+    assert {theirs[stem]: stem for stem in letters.values()} == letters
+
+
 def test_kawasaki_is_a_word_for_their_order(tmp_path):
     assert sequence_of("kawasaki", "") == "ZYZ"
     # O about z, A about the turned y, T about the turned z, as a product written out
