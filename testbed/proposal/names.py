@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from testbed.bounds import FACTORS
 from testbed.files.columns import WRITTEN, is_known
 from testbed.proposal.naming.plain import without_unit
-from testbed.proposal.naming.positions import shift_names, stems_of_letters
+from testbed.proposal.naming.positions import counted_vectors, shift_names, stems_of_letters
 from testbed.proposal.naming.targets import measured_of, without_label
 from testbed.proposal.polar.names import polar_names
 from testbed.proposal.transforms import axis_names, entry_of
@@ -115,7 +115,7 @@ def _of_this_head(head: Sequence[str]) -> dict[str, str]:
     for names in JOINTS:
         if texts.issuperset(names):
             found = found | {name: f"q{k}" for k, name in enumerate(names, start=1)}
-    found = found | shift_names(texts)
+    found = found | shift_names(texts) | counted_vectors(texts)
     for fours in _counted_fours(texts):
         others = {joint[1] for text in texts - set(fours)
                   if (joint := JOINT.fullmatch(_joint_alone(text))) is not None}  # fmt: skip

@@ -4,9 +4,14 @@ import re
 from unicodedata import normalize
 
 from testbed.files.columns import WRITTEN
+from testbed.proposal.words import MEASURED, WISHED
 
 BORDER = re.compile(r"(?<=[\u2e80-\ud7af])(?=[a-z])|(?<=[a-z])(?=[\u2e80-\ud7af])")
 """Between a letter and a word of Chinese, Japanese or Korean, which stand together there."""
+GLUED = re.compile(
+    rf"(r?[xyz])({'|'.join(sorted(w for w in WISHED.union(*MEASURED) if len(w) > 2))})"
+)
+"""An axis and what is meant of it as one word, as Xmeas and Znom; xm and yt may be other words."""
 OPENS = re.compile(r"[\[(/,]")
 """What may stand before a unit, as in X [mm] and X, mm."""
 
@@ -42,7 +47,7 @@ def without_unit(name: str) -> tuple[str, str]:
     known = long or (words[-1] == "m" and words[-2:-1] in (["x"], ["y"], ["z"]))
     if not unit and len(words) > 1 and known and words[-1] in WRITTEN:
         unit = WRITTEN[words.pop()]
-    text = " ".join(words)
+    text = " ".join(GLUED.sub(r"\1 \2", word) if GLUED.fullmatch(word) else word for word in words)
     behind = BEHIND_95.fullmatch(text)
     return f"u95 {behind[1]}" if behind else OF_95.sub("u95", text), unit
 

@@ -8,6 +8,8 @@ MEASURED, NOMINAL, DEVIATION = ("m", "a"), "n", "d"
 """Letters for measured or actual values, nominal ones, and the deviation between both."""
 SHIFTS = (("tx", "ty", "tz"), ("t1", "t2", "t3"))
 """Without a rotation these may be targets."""
+VECTORS = {"tvec": AXES, "rvec": ("rx", "ry", "rz"), "rotvec": ("rx", "ry", "rz")}
+"""Places and rotation vectors whose three numbers OpenCV leaves without names."""
 TURNED = ({"rx", "ry", "rz"}, {"qw", "qx", "qy", "qz"}, {"q0", "qx", "qy", "qz"})
 ENTRY = re.compile(r"r ?[0-3] ?[0-3]")
 """An entry of a rotation matrix."""
@@ -44,3 +46,13 @@ def shift_names(texts: Collection[str]) -> dict[str, str]:
         return {}
     found = (dict(zip(own, AXES, strict=True)) for own in SHIFTS if there.issuperset(own))
     return next(found, {})
+
+
+def counted_vectors(texts: Collection[str]) -> dict[str, str]:
+    """Stems of three numbers of a vector that are counted from 0 or 1, as tvec_0 or rvec1."""
+    found: dict[str, str] = {}
+    for word, stems in VECTORS.items():
+        own = sorted(text for text in texts if re.fullmatch(rf"{word} ?[0-3]", text))
+        if [text[-1] for text in own] in (["0", "1", "2"], ["1", "2", "3"]):
+            found |= dict(zip(own, stems, strict=True))
+    return found

@@ -34,6 +34,14 @@ FILES = {
         [DEG, MM, TURNED.reshape(M, 9)],
     ),
     "joints counted in words": ([f"第{c}轴" for c in "一二三四五六"] + PLACE, [DEG, MM]),
+    "vectors as OpenCV counts": (
+        [*COUNTED, *(f"{word}_{k}" for word in ("tvec", "rvec") for k in range(3))],
+        [DEG, MM, Rotation.from_matrix(TURNED).as_rotvec()],
+    ),
+    "axes and what they mean in one word": (
+        [*COUNTED, *(f"{axis}{word}" for word in ("cmd", "Meas") for axis in "XYZ")],
+        [DEG, np.hstack([MM[::-1], MM])],
+    ),
     "joints counted behind the word": ([f"关节{c}" for c in "一二三四五六"] + PLACE, [DEG, MM]),
 }  # fmt: skip
 
