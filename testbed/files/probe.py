@@ -34,6 +34,7 @@ from testbed.files.rows.shifts import (
 )
 from testbed.files.session import Session
 from testbed.files.tried.interpretations import Probe, Tried
+from testbed.files.tried.link_order import in_craigs_order
 from testbed.files.tried.links_fit import LinksFit, links_fit, table_of
 from testbed.files.tried.parts import parts_of
 from testbed.files.tried.quarter_turns import quarter_turns
@@ -99,6 +100,8 @@ def probe(robot: Robot, session: Session, *, links: bool = True) -> Probe:
     least = min(stated.score, *(one.misfit.score for one, _ in tried))
     if least > FAR and (turned := quarter_turns(robot.model, read)) is not None:
         tried.append((Tried(turned[0], misfit_of(robot.model, turned[1])), turned[1]))
+    if least > FAR and (ordered := in_craigs_order(robot.model, read)) is not None:
+        tried.append((Tried(*ordered[:2]), ordered[2]))
     tried.sort(key=lambda one: one[0].misfit.score)
     exact = exactness(robot.model, session, some, stated)
     odd = (exact, *_warnings(robot, session, some, stated), *_others(robot, session, groups, rows))
