@@ -6,11 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from calib.arrays import Array, Index, frozen
+from calib.arrays import Array, Bool, Index, frozen
 from calib.errors import InputError
 from calib.geometry.frames import exp_so3, log_so3
 from calib.measurement.corrections import rigid_fit_covariance
 from testbed.files.nests.between_rounds import correct_drift
+from testbed.files.nests.unseated import show_a_turn, unseated
 from testbed.files.readings import SHOWN, Readings
 from testbed.files.refusal import refusal
 from testbed.files.session import Drift
@@ -19,8 +20,6 @@ from testbed.units import named
 
 TIMES = 2.0
 """A drift counts if it is larger than so many of its standard uncertainties."""
-FLAT = 0.02
-"""Nests are in line if their second principal extent is below this part of the first."""
 MOST_LOST = 0.1
 """Part of the rounds that may be lost; one always may."""
 
@@ -37,8 +36,9 @@ def judge_drift(
     """How the station moved, from its readings of the nests, and where each round stands.
 
     The k-th reading of a nest belongs to the k-th round. One farther than `limit` from the median
-    of its nest is wrong and does not count, nor does a round with fewer than three others, or all
-    in one line. Each is fitted to the first by a rotation and a translation (Procrustes).
+    of its nest is wrong and does not count, nor one that is not where the others of its round have
+    it (`unseated`), nor a round with fewer than three others, or all in one line. Each is fitted to
+    the first by a rotation and a translation (Procrustes).
 
     Parameters
     ----------
@@ -66,9 +66,10 @@ def judge_drift(
         M27: fewer than three nests, nests in line, or too many rounds without three good shots;
         M35: a nest was not measured, or too many rounds are unfinished.
     """
-    rows, rounds, wrong = _rounds(readings, nests, limit)
+    rows, rounds, wrong, elsewhere = _rounds(readings, nests, limit)
     _require_nests(rounds, nests, readings.where)
-    kept, warnings = _whole_rounds(readings, rows, rounds)
+    kept, lost = _whole_rounds(readings, rows, rounds)
+    warnings = [*elsewhere, *lost]
     rounds, there = rounds[kept], rows[kept] >= 0
     begins = (readings.order[rows[kept]] * there).sum(axis=1) / there.sum(axis=1)
     steps, squares, freedom = [], 0.0, 0
@@ -124,8 +125,11 @@ def best_fit(a: Array, b: Array) -> tuple[Array, Array]:
 
 def _rounds(
     readings: Readings, nests: Sequence[str], limit: float
-) -> tuple[Index, Array, list[str]]:
-    """Rows (r, k) of the shots by round, their places (r, k, 3), nan where wrong, and these."""
+) -> tuple[Index, Array, list[str], list[str]]:
+    """Rows (r, k) of the shots by round, their places (r, k, 3), nan where wrong, and these.
+
+    Last, which nests stood elsewhere in which rounds.
+    """
     rows = _shots(readings, nests)
     place = np.where((rows >= 0)[..., None], readings.position[rows], np.nan)
     missed = np.asarray((place == 0).all(axis=2))
@@ -141,7 +145,27 @@ def _rounds(
         for r, k in np.argwhere(missed | (rows < 0) | (off > limit))
     ]
     place[off > limit] = np.nan
-    return rows, place, wrong
+    sd = np.sqrt(np.trace(readings.covariance[:, :3, :3], axis1=1, axis2=2).mean() / 3)
+    elsewhere = unseated(place, float(sd))
+    wrong += [
+        f"{readings.place[rows[r, k]]}: nest {nests[k]} is not where the others have it"
+        for r, k in np.argwhere(elsewhere)
+    ]
+    place[elsewhere] = np.nan
+    return rows, place, wrong, _unseated_words(readings, nests, elsewhere)
+
+
+def _unseated_words(readings: Readings, nests: Sequence[str], elsewhere: Bool) -> list[str]:
+    """What is said of nests that stood elsewhere in some rounds (r, k)."""
+    said = []
+    for k in np.flatnonzero(elsewhere.any(axis=0)).tolist():
+        rounds = np.flatnonzero(elsewhere[:, k]) + 1
+        which = named("round", [str(r) for r in rounds[:SHOWN]], len(rounds))
+        said.append(
+            f"{readings.where}: nest {nests[k]} is not where the others have it in {which}, as if "
+            "it was unseated and set right again; its shots there do not count"
+        )
+    return said
 
 
 def _shots(readings: Readings, nests: Sequence[str]) -> Index:
@@ -187,9 +211,9 @@ def _in_turn(readings: Readings, nests: Sequence[str], *, apart: bool) -> Index:
 def _whole_rounds(readings: Readings, rows: Index, rounds: Array) -> tuple[Index, list[str]]:
     """Rounds with three good shots, not in one line, and a warning of others; see `judge_drift`."""
     good, at = np.isfinite(rounds[:, :, 0]), np.nanmedian(rounds, axis=0)
-    first = int(np.argmax([_show_a_turn(at[some]) for some in good]))
+    first = int(np.argmax([show_a_turn(at[some]) for some in good]))
     both = good & good[first]
-    lost = np.flatnonzero([not _show_a_turn(at[some]) for some in both])
+    lost = np.flatnonzero([not show_a_turn(at[some]) for some in both])
     if not len(lost):
         return np.arange(len(rounds)), []
     begins = [readings.place[rows[r][rows[r] >= 0][0]].rpartition(":")[2] for r in lost[:SHOWN]]
@@ -217,21 +241,13 @@ def _require_nests(rounds: Array, nests: Sequence[str], where: str) -> None:
             )
             fix = f"leave {nest} out of [drift], or raise limit_mm"
             raise _too_few(where, message, value=nest, fix=fix)
-    if _show_a_turn(np.nanmedian(rounds, axis=0)):
+    if show_a_turn(np.nanmedian(rounds, axis=0)):
         return
     what = f"{len(nests)} nests" if len(nests) < 3 else "nests in one line"
     raise _too_few(
         where, f"{what} cannot show how a station turns", value=len(nests),
         allowed="at least 3, not in one line", fix="measure more nests, or remove [drift]",
     )  # fmt: skip
-
-
-def _show_a_turn(places: Array) -> bool:
-    """Whether places (k, 3) are three or more, and not in one line."""
-    if len(places) < 3:
-        return False
-    extent = np.linalg.svd(places - places.mean(axis=0), compute_uv=False)
-    return bool(extent[1] > FLAT * extent[0])
 
 
 def _too_few(

@@ -1,0 +1,124 @@
+"""A nest that was unseated for some rounds and set right again, by where the others have it."""
+
+import numpy as np
+from scipy.special import chdtri
+
+from calib.arrays import Array, Bool
+from calib.measurement.corrections import rigid_fit_covariance
+
+CHANCE = 1e-3
+"""Chance of good shots of which any is said to be of an unseated nest."""
+FEWEST = 3
+"""Others that tell where a nest was, out of one line."""
+FLAT = 0.02
+"""Nests are in line if their second principal extent is below this part of the first."""
+ROUNDS = 3
+"""Rounds below which nobody knows in which of them a nest stood right."""
+CLEARLY = 2 * float(np.log(20))
+"""How far the square of one shot is above those of its round at odds of 20 to one that it is this
+nest, and no other, that stood elsewhere."""
+PASSES = 10
+"""Times that places are looked at again without what stood out."""
+OF_MEDIAN = np.pi / 2
+"""Variance of a median over that of a mean."""
+
+
+def unseated(place: Array, sd: float) -> Bool:
+    """Shots (r, k) of nests that stood elsewhere in their round, by the others; no more than these.
+
+    None where that leaves no others: where a nest would be in its place in half of its rounds or
+    fewer, or a round without three others out of one line.
+
+    Parameters
+    ----------
+    place : (r, k, 3) array
+        Where each round saw each nest, nan where it did not [m].
+    sd : float
+        Stated noise of a shot, per axis [m].
+
+    References
+    ----------
+    Each shot against its median place, brought into its round by a rigid motion of the round's
+    others (Procrustes): chi-square of 3 degrees of freedom by the noise of the shot, of the median
+    and of the motion, the noise as stated or, if larger, as the median of all of them has it. The
+    worst of each round, by `CHANCE` over the shots (Bonferroni), until none is left. The square is
+    what a nest that stood elsewhere takes off the sum of squares: twice a log-likelihood.
+    """
+    good = np.isfinite(place[:, :, 0])
+    found, count = np.zeros_like(good), int(good.sum())
+    if len(place) < ROUNDS or not good.any(axis=0).all():
+        return found
+    level = float(chdtri(3, CHANCE / max(count, 1)))
+    for _ in range(PASSES):
+        square = _against_others(place, good & ~found)
+        told = np.isfinite(square)
+        if not told.any():
+            break
+        shown = float(np.median(square[told])) / float(chdtri(3, 0.5))
+        square = np.where(told, square, 0.0) / max(sd**2, shown)
+        in_turn = np.sort(square, axis=1)
+        alone = in_turn[:, -1] - in_turn[:, -2] >= CLEARLY
+        worst = (square == in_turn[:, -1:]) & alone[:, None]
+        more = worst & (square > level)
+        if not more.any():
+            break
+        found |= more
+        if (2 * (good & ~found).sum(axis=0) <= good.sum(axis=0)).any():
+            return np.zeros_like(found)
+    return found
+
+
+def _against_others(place: Array, good: Bool) -> Array:
+    """Squares (r, k) of how far shots are off by the others of their round, of noise one [m^2].
+
+    Not a number where these are too few.
+    """
+    usual, found = _usual(place, good), np.full(good.shape, np.nan)
+    rounds = good.sum(axis=0)
+    for some in np.unique(good, axis=0):
+        rows = np.flatnonzero((good == some).all(axis=1))
+        for nest in np.flatnonzero(some):
+            others = np.flatnonzero(some & (np.arange(len(some)) != nest))
+            if len(others) < FEWEST or not show_a_turn(usual[others]):
+                continue
+            R, t = _motions(usual[others], place[rows[:, None], others])
+            off = place[rows, nest] - R @ usual[nest] - t
+            unit = np.broadcast_to(np.eye(3), (len(others), 3, 3))
+            of_motion = rigid_fit_covariance(usual[others], usual[nest], unit)[:3, :3]
+            V = np.eye(3) * (1 + OF_MEDIAN / rounds[nest]) + of_motion
+            turned = np.swapaxes(R, 1, 2) @ off[..., None]  # in the axes of `usual`
+            found[rows, nest] = (turned * np.linalg.solve(V, turned)).sum(axis=(1, 2))
+    return found
+
+
+def _usual(place: Array, good: Bool) -> Array:
+    """Median place (k, 3) of each nest, once rounds are brought onto each other."""
+    aligned = np.where(good[..., None], place, np.nan)
+    usual = np.nanmedian(aligned, axis=0)
+    for some in np.unique(good, axis=0):
+        which = np.flatnonzero(some)
+        if not show_a_turn(usual[which]):
+            continue
+        rows = np.flatnonzero((good == some).all(axis=1))
+        seen = place[rows[:, None], which]
+        R, t = _motions(usual[which], seen)
+        aligned[rows[:, None], which] = (seen - t[:, None]) @ R
+    return np.asarray(np.nanmedian(aligned, axis=0))
+
+
+def _motions(a: Array, b: Array) -> tuple[Array, Array]:
+    """Rotations (r, 3, 3) and shifts (r, 3) with b (r, k, 3) about R a + t; see `best_fit`."""
+    middle = b.mean(axis=1)
+    U, _, Vt = np.linalg.svd(np.swapaxes(b - middle[:, None], 1, 2) @ (a - a.mean(axis=0)))
+    mirror = np.tile(np.eye(3), (len(b), 1, 1))
+    mirror[:, 2, 2] = np.linalg.det(U @ Vt)
+    R = U @ mirror @ Vt
+    return R, middle - R @ a.mean(axis=0)
+
+
+def show_a_turn(places: Array) -> bool:
+    """Whether places (k, 3) are three or more, and not in one line."""
+    if len(places) < FEWEST:
+        return False
+    extent = np.linalg.svd(places - places.mean(axis=0), compute_uv=False)
+    return bool(extent[1] > FLAT * extent[0])
