@@ -112,9 +112,9 @@ def proven_belief(
             known.order[1] if use is not None else known.order[1][nobody],
             hidden=belief.misfit, whatever=bool(known.unmodelled),
         )  # fmt: skip
-        if slow is not None and slow.drift is not None:
-            belief = adding(belief, slow.drift.covariance, None if use is None else quiet.test)
-            shared = shared + slow.drift.covariance
+        if slow is not None and slow.covariance is not None:
+            belief = adding(belief, slow.covariance, None if use is None else quiet.test)
+            shared = shared + slow.covariance
     belief = counted(belief, None if use is None else quiet.test, shared=shared)
     return (belief if np.isfinite(belief.misfit.upper) else None), frame, slow, strays
 

@@ -50,8 +50,8 @@ class Trust(Shown):
     interval is still not proven."""
     sentences: tuple[str, ...]
     found: Annotated[tuple[str, ...], LATER] = ()
-    """Those of them that say what speaks against the stated noise alone: a drift, and readings that
-    it does not explain."""
+    """Those of them that say what speaks against the stated noise alone: a drift, also one that
+    nothing can show, and readings that it does not explain."""
 
     def __repr__(self) -> str:
         return f"Trust(believe={self.believe!r}, refuted={self.refuted})"
@@ -114,7 +114,7 @@ def trust(
     refuted = bool(reasons or nonlinear)
     words: list[str] = []
     found: list[str] = []
-    if drifting is not None and drifting.seen:
+    if drifting is not None and (drifting.seen or drifting.void):
         found.append(_capital(drifting.sentence))
     if frame is not None and (frame.found or frame.in_part):
         words.append(_capital(frame.sentence))
@@ -203,7 +203,7 @@ def _believed(
         words.append(IMAGE)
     if steps := steps_words(belief.proven):
         words.append(_capital(steps))
-    if drifting is not None and (drifting.void or drifting.drift is not None):
+    if drifting is not None and (drifting.void or drifting.covariance is not None):
         words.append(_capital(drifting.sentence))
     return words
 

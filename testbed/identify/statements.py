@@ -52,7 +52,7 @@ def _believed(calibration: Calibration) -> list[StatedRadius]:
     )
     drifting = calibration.proof.drifting
     between = calibration.repeats_drift is not None
-    if between or (drifting is not None and drifting.drift is not None):
+    if between or (drifting is not None and drifting.covariance is not None):
         within += ", a drift"
     stated = states_instrument(calibration.shared)
     within += ", and systematic errors" if stated else ", but no systematic errors"

@@ -107,7 +107,7 @@ def _believed_words(calibration: Calibration) -> str:
         noise = "with the noise that is assumed " if calibration.source.noise_assumed else ""
         return (
             f"{radius}; {noise}it can be believed: {belief.n_guards} held-out poses guard it."
-            f"{_drawn_out_words(calibration)}"
+            f"{_drift_words(calibration)}{_drawn_out_words(calibration)}"
         )
     if belief.n_ranged:
         return (
@@ -121,6 +121,17 @@ def _believed_words(calibration: Calibration) -> str:
         return f"{alone}no held-out pose has tested it."
     few = counted(len(calibration.proof.held_out), "held-out pose")
     return f"{radius}; it allows for a larger misfit, because {few} tested it: too few to guard it."
+
+
+def _drift_words(calibration: Calibration) -> str:
+    """That no held-out pose shows a drift which the order of the poses hides; else empty."""
+    slow = calibration.proof.drifting
+    if slow is None or not slow.void or slow.steady is None:
+        return ""
+    return (
+        " They cannot show a steady drift, which the order of the poses hides: one of up to "
+        f"{micrometres(slow.steady.way)} um per axis is in R95."
+    )
 
 
 def _drawn_out_words(calibration: Calibration) -> str:

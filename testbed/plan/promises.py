@@ -7,6 +7,7 @@ import numpy as np
 
 from calib.arrays import Bool
 from calib.held_out_counts import fewest_poses
+from calib.uncertainty.drift.drifting import AGAIN
 from calib.uncertainty.statement.applicability import REFUSED, WARNED, Applicability
 from calib.uncertainty.statement.distance import least_content
 from calib.uncertainty.statement.places import room_words
@@ -149,8 +150,9 @@ def order_words(plan: Plan) -> str:
         )
     return (
         "The poses are in a tour, where neighbors follow each other: drift of the station cannot "
-        "be distinguished from misfit of the model, and correlated noise cannot be tested; [plan] "
-        f'order = "random" {takes}'
+        "be distinguished from misfit of the model, and correlated noise cannot be tested "
+        f"(measure the first {AGAIN} poses once more at the end to see a drift that goes one way); "
+        f'[plan] order = "random" {takes}'
     )
 
 

@@ -1,13 +1,21 @@
 """The likelihood of a drift beside noise and misfit, at the cost of a band."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.linalg import solve_triangular
 from scipy.linalg.lapack import dpbtrf, dtbtrs
 
 from calib.arrays import Array, Index
+from calib.errors import refuse
+from calib.identification.identify import Identification
+from calib.measurement.observations import Measurements, joined
+from calib.measurement.prediction import predict
+from calib.uncertainty.statement.evidence import believed_before, reduced, sound_rows
 from calib.uncertainty.statement.shape import MisfitShape, of_poses, same_count
+
+MOST_ROWS, STRETCH = 300, 100
+"""Rows whose likelihood is asked, and rows of one stretch: three times the longest memory."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -52,6 +60,77 @@ class Beside:
         follows, m = half.T @ half, len(own)
         logarithm = 3 * np.log(new).sum() + 6 * m * np.log(sd) + 2 * np.log(root[0]).sum()
         return _restricted(self.square - follows, self.logarithm + float(logarithm))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RowsInTime:
+    """Positions in the order in which they were measured, linear in the free numbers."""
+
+    order: Index
+    """(m,) place of each in time, rising."""
+    pose: Index
+    """(m,) numbers of their poses; those that identify and those held out have no number in common.
+    """
+    station: Index
+    """(m,) from which each was seen."""
+    rows: Array
+    """(m, 3, P) derivative by all numbers."""
+    covariance: Array
+    """(m, 6, 6) noise."""
+    A: Array
+    """(3 m + k, p) derivative by what they show of the free numbers, with k rows of a prior."""
+    y: Array
+    """(3 m + k,) residuals."""
+
+    @property
+    def noise_sd(self) -> float:
+        """Noise, root mean square per axis [m]."""
+        return float(np.sqrt(np.trace(self.covariance[:, :3, :3], axis1=1, axis2=2).mean() / 3))
+
+    def beside(self, shape: MisfitShape, misfit: float, first: Array | None = None) -> Beside:
+        """Noise and misfit of these rows, with further columns (3 m, k) `first` if any."""
+        m3 = 3 * len(self.order)
+        X = np.column_stack([self.A, self.y])
+        if first is not None:
+            of_prior = np.zeros((len(X) - m3, first.shape[1]))
+            X = np.column_stack([np.concatenate([first, of_prior]), X])
+        found = beside_drift(X[:m3], self.rows, self.covariance, self.pose, shape, misfit)
+        # no drift moves what was believed beforehand
+        return replace(found, square=found.square + X[m3:].T @ X[m3:])
+
+
+def rows_in_time(
+    identification: Identification, train: Measurements, train_order: Index,
+    held_out: Measurements, held_out_order: Index,
+) -> RowsInTime:  # fmt: skip
+    """Sound rows that identify, and those held out, as `memory.drift` takes them; of many some."""
+    counts = sound_rows(identification, len(train))
+    looked_at = train.rows(counts)
+    both = joined([looked_at, held_out]) if len(held_out) else looked_at
+    if both.is_distance.any():
+        raise refuse("train", code="A3", message="distances show no drift of the station",
+                     allowed="poses and points")  # fmt: skip
+    order = np.concatenate([train_order[counts], held_out_order])
+    pose = np.concatenate([looked_at.pose_id, -1 - held_out.pose_id])  # numbered apart
+    some = stretches(order)
+    both = both.rows(some)
+    parameters = identification.parameters
+    seen, m = predict(identification.model, both), len(both)
+    rows = seen.rows[:, :3]
+    A = rows[..., parameters.free_index] * parameters.free_scale
+    before = believed_before(identification)
+    A = reduced(np.concatenate([A.reshape(3 * m, -1), before.A]))
+    y = np.concatenate([seen.residual[:, :3].ravel(), before.y])
+    return RowsInTime(order[some], pose[some], both.station, rows, both.covariance, A, y)
+
+
+def stretches(order: Index) -> Index:
+    """Rows (k,) in time whose likelihood is asked: all, or of many some stretches, spread out."""
+    in_time = np.argsort(order, kind="stable")
+    if len(in_time) <= MOST_ROWS:
+        return in_time
+    parts = np.array_split(in_time, MOST_ROWS // STRETCH)
+    return np.concatenate([part[:STRETCH] for part in parts])
 
 
 def beside_drift(

@@ -7,19 +7,17 @@ not, visits of one pose still may change places, which share what the model miss
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Annotated
 
 import numpy as np
 
 from calib.arrays import Array, Bool, Index, check
-from calib.errors import refuse
 from calib.identification.identify import Identification
-from calib.measurement.observations import Measurements, joined
+from calib.measurement.observations import Measurements
 from calib.measurement.prediction import predict
 from calib.shown import Shown
-from calib.uncertainty.drift.beside_drift import beside_drift
-from calib.uncertainty.statement.evidence import believed_before, reduced, sound_rows
+from calib.uncertainty.drift.beside_drift import rows_in_time
 from calib.uncertainty.statement.gain import estimator_gain, of_all_numbers
 from calib.uncertainty.statement.likelihood import last_within
 from calib.uncertainty.statement.misfit import DROP
@@ -30,8 +28,6 @@ KERNEL_ROWS = 8.0
 PERMUTATIONS = 500
 BLOCK = 2_000_000
 """Rows of permuted residuals at a time: 48 MB."""
-MOST_ROWS, STRETCH = 300, 100
-"""Rows whose likelihood is asked, and rows of one stretch: three times the longest memory."""
 MEMORIES = (3.0, 10.0, 30.0)
 """Memories of a drift that are tried [rows]."""
 SIZES = 0.15 * 1.45 ** np.arange(9)
@@ -212,29 +208,10 @@ def drift(
     s^2 L within `DROP` of the largest restricted likelihood. In the estimate
     F (s^2 exp(-|j - k| / L) x I3) F'.
     """
-    counts = sound_rows(identification, len(train))
-    looked_at = train.rows(counts)
-    both = joined([looked_at, held_out]) if len(held_out) else looked_at
-    if both.is_distance.any():
-        raise refuse("train", code="A3", message="distances show no drift of the station",
-                     allowed="poses and points")  # fmt: skip
-    order = np.concatenate([train_order[counts], held_out_order])
-    pose = np.concatenate([looked_at.pose_id, -1 - held_out.pose_id])  # numbered apart
-    some = stretches(order)
-    both, pose = both.rows(some), pose[some]
-    parameters = identification.parameters
-    seen, m = predict(identification.model, both), len(both)
-    rows = seen.rows[:, :3]
-    A = rows[..., parameters.free_index] * parameters.free_scale
-    before = believed_before(identification)
-    A = reduced(np.concatenate([A.reshape(3 * m, -1), before.A]))
-    X = np.column_stack([A, np.concatenate([seen.residual[:, :3].ravel(), before.y])])
-    beside = beside_drift(X[: 3 * m], rows, both.covariance, pose, shape, misfit)
-    # no drift moves what was believed beforehand
-    beside = replace(beside, square=beside.square + X[3 * m :].T @ X[3 * m :])
-    gaps = np.maximum(np.diff(order[some]), 1)  # what came at once came one after the other
-    unit = float(np.sqrt(np.trace(both.covariance[:, :3, :3], axis1=1, axis2=2).mean() / 3))
-    squares = (unit * np.append(0.0, SIZES)) ** 2
+    some = rows_in_time(identification, train, train_order, held_out, held_out_order)
+    beside = some.beside(shape, misfit)
+    gaps = np.maximum(np.diff(some.order), 1)  # what came at once came one after the other
+    squares = (some.noise_sd * np.append(0.0, SIZES)) ** 2
     value = np.array(
         [
             [beside.alone(), *(beside.likelihood(v**0.5, np.exp(-gaps / L)) for v in squares[1:])]
@@ -263,12 +240,3 @@ def sum_of_remembered(F: Array, order: Index, memory: float) -> Array:
         before[k + 1] = kept * (before[k] + F[k])
     across = np.tensordot(F, before, ((0, 2), (0, 2)))
     return np.asarray(np.tensordot(F, F, ((0, 2), (0, 2))) + across + across.T)
-
-
-def stretches(order: Index) -> Index:
-    """Rows (k,) in time whose likelihood is asked: all, or of many some stretches, spread out."""
-    in_time = np.argsort(order, kind="stable")
-    if len(in_time) <= MOST_ROWS:
-        return in_time
-    parts = np.array_split(in_time, MOST_ROWS // STRETCH)
-    return np.concatenate([part[:STRETCH] for part in parts])

@@ -19,6 +19,7 @@ from calib.measurement.observations import Measurements, joined
 from calib.uncertainty.conformal import conformal
 from calib.uncertainty.drift.drifting import ORDERED, beside_misfit, where_poses_stand
 from calib.uncertainty.drift.memory import REMEMBERS, drift, interchangeable, seen_by_rows
+from calib.uncertainty.drift.steady import steady_drift
 from calib.uncertainty.held_out import require_disjoint
 from calib.uncertainty.many.frames import motion_chances
 from calib.uncertainty.many.gains import ManyGains, gains_of, halved, many_whiteners, propagated
@@ -237,14 +238,19 @@ def _drifts(
     ordered = near < ORDERED
     p, follows = np.where(ordered, np.nan, beside), np.where(ordered, plain, beside)
     found = Drifts()
-    for k in np.flatnonzero((follows < REMEMBERS) & np.isfinite(size.best)).tolist():
+    remembers = follows < REMEMBERS
+    for k in np.flatnonzero((remembers | ordered) & np.isfinite(size.best)).tolist():
         shape = MisfitShape(frozen(gains.columns, np.int64), frozen(gains.sd[k]))
-        slow = drift(
-            seen.fits[k], trains[k], order[:m], tests[k], order[m:],
-            shape=shape, misfit=float(size.best[k]),
-        )  # fmt: skip
-        if slow.sd > 0:
-            found[k] = slow.covariance[np.ix_(seen.free, seen.free)]
+        left = np.zeros((len(seen.free),) * 2)
+        for some, asked in ((drift, remembers[k]), (steady_drift, ordered[k])):
+            one = None if not asked else some(
+                seen.fits[k], trains[k], order[:m], tests[k], order[m:],
+                shape=shape, misfit=float(size.best[k]),
+            )  # fmt: skip
+            if one is not None:
+                left += one.covariance[np.ix_(seen.free, seen.free)]
+        if left.any():
+            found[k] = left
     return p, found
 
 

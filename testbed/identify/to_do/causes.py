@@ -1,5 +1,6 @@
 """What has to be settled before anything else, strongest first."""
 
+from calib.uncertainty.drift.drifting import AGAIN
 from calib.uncertainty.frames.other_frame import UNTIL
 from testbed.identify.applies.beyond import beyond_words, far_words
 from testbed.identify.calibration import DRIVES, FRAMES, IN_TURN, MOUNTING, Calibration
@@ -90,6 +91,17 @@ def drift_step(calibration: Calibration) -> str:
             "floor with them ([drift])."
         )
     return ""
+
+
+def hidden_drift_step(calibration: Calibration) -> str:
+    """What to do about a steady drift that the order of the poses hides in part; else empty."""
+    order = calibration.proof.drifting
+    if order is None or not order.hides_one:
+        return ""
+    return (
+        f"What is left may be a steady drift: measure the first {AGAIN} poses once more at the "
+        "end, or nests on the floor ([drift]), and R95 need not allow for it."
+    )
 
 
 def do_not_use(calibration: Calibration) -> str:

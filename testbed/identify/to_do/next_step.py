@@ -10,7 +10,13 @@ from testbed.identify.calibration import Calibration
 from testbed.identify.frames import FRAMES_ALONE
 from testbed.identify.handback.delivered import GEOMETRIC
 from testbed.identify.headline import kind, mm
-from testbed.identify.to_do.causes import description_step, do_not_use, drift_step, first_of_all
+from testbed.identify.to_do.causes import (
+    description_step,
+    do_not_use,
+    drift_step,
+    first_of_all,
+    hidden_drift_step,
+)
 from testbed.identify.to_do.change import NOTHING_LEFT, nothing_left
 from testbed.identify.to_do.unconfirmed import unconfirmed
 from testbed.identify.visits.wide import wide_step
@@ -50,7 +56,8 @@ def next_step(calibration: Calibration) -> str:
         text += f" and {micrometres(proof.point.radius_move)} um for a single move"
     text += ", at poses like the held-out ones."
     if first := description_step(calibration) or far or wide_step(calibration):
-        return f"{first}{text[0].lower()}{text[1:]}"
+        # a drift that is hidden may look like a load from another side
+        return f"{first}{text[0].lower()}{text[1:]} {hidden_drift_step(calibration)}".rstrip()
     if not proof.belief.n_guards:
         done = "guards" if proof.held_out is not None else "has tested"
         said = f"no held-out pose {done} it"
@@ -63,7 +70,7 @@ def next_step(calibration: Calibration) -> str:
     if proof.tails is not None and not proof.tails.source:
         return f"{text} Measure every pose twice, to tell noise with long tails from a misfit."
     if not calibration.refuted:
-        return text
+        return f"{text} {hidden_drift_step(calibration)}".rstrip()
     if calibration.choice.asked == "geometric":
         return (
             "Try --model choose: joint errors (sag, waves) may explain what is left. "
@@ -93,7 +100,9 @@ def _what_is_left(calibration: Calibration) -> str:
     fit, order = calibration.fit, calibration.proof.drifting
     lack = fit.identification.lack_of_fit
     assert fit.test is not None  # asked for before
-    if order is not None and order.void and order.drift is None:
+    if hidden := hidden_drift_step(calibration):
+        return hidden
+    if order is not None and order.void and order.covariance is None:
         return (
             "Measure the poses a second time in the same order: only that shows whether what is "
             "left is a drift, and R95 does not include one."

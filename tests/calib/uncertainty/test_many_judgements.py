@@ -116,6 +116,38 @@ def test_of_many_each_is_judged_as_alone(model, monkeypatch):
     assert not all(drifted)
 
 
+def test_a_steady_drift_that_sorted_poses_hide_is_in_the_region_of_each_as_alone():
+    """To 1e-9, as above; robots of the same poses, sorted by the first joint over both tables."""
+    rng = np.random.default_rng(7)
+    q = kinds.joints("tx60", rng, M + N)
+    q = q[np.argsort(q[:, 0])]
+    trains, tests = [], []
+    for k in range(2):
+        true = TX60.moved(3e-4 * np.random.default_rng(k).normal(size=TX60.n_numbers))
+        table = kinds.poses(true, q, rng)
+        slow = k * 10 * kinds.NOISE * np.linspace(-0.5, 0.5, M + N)[:, None] * [0.5, 1.0, 0.2]
+        table = replace(table, position=table.position + slow)
+        trains.append(table.rows(ORDER[0]))
+        tests.append(table.rows(ORDER[1]))
+    targets = [kinds.joints("tx60", rng, T)] * 2
+    fits = [fitted(train, "geometry") for train in trains]
+    found = judge_many(fits, trains, tests, targets)
+    asked = 0
+    for k, (fit, train, test) in enumerate(zip(fits, trains, tests, strict=True)):
+        one = judge(fit, test, train=train, circumstances=Circumstances(order=ORDER))
+        assert one.drifting.void
+        if found.alone[k]:
+            continue
+        asked += 1
+        assert one.drifting.steady is not None
+        stated = one.belief.regions(targets[k])
+        size = np.linalg.norm(stated.covariance, axis=(1, 2))[:, None, None]
+        np.testing.assert_allclose(
+            found.believed[k] / size, stated.covariance / size, rtol=0, atol=1e-9
+        )
+    assert asked
+
+
 def test_what_is_no_plain_table_goes_alone():
     train, test, _ = robot(0)
     fit = fitted(train, "geometry")

@@ -15,9 +15,11 @@ from calib.identification.lack_of_fit import LackOfFit
 from calib.identification.outliers.tails import LongTails
 from calib.uncertainty.drift.drifting import Drifting
 from calib.uncertainty.drift.memory import SlowDrift
+from calib.uncertainty.drift.steady import SteadyDrift
 from calib.uncertainty.regions import coverage_factor
 from calib.uncertainty.tool_point import tool_statement
 from calib.uncertainty.trust import Trust, trust
+from testbed.identify.calibration import MOUNTING
 from testbed.identify.errors import figures_of
 from testbed.identify.handback.delivered import Delivered
 from testbed.identify.handback.states import HandedNumber, handed_numbers
@@ -258,6 +260,39 @@ def test_only_repeats_tell_that_what_is_left_is_no_noise():
     step = next_step(replace(found, fits=tuple(fits)))
     assert "Only repeated poses" not in step
     assert "visits of one pose differ by about as much" in step
+
+
+def test_a_drift_that_the_order_of_the_poses_hides_is_on_the_first_screen():
+    """With R95 of 91 um, of which the true points needed 96, nothing there spoke of a drift."""
+    for found, refuted in ((sound(), False), (real(), True)):
+        assert found.refuted == refuted
+        P = found.fit.identification.model.n_numbers
+        steady = SteadyDrift(30e-6, 0.001, 0.9, 40e-6, np.zeros((P, P)))
+        proof, told = found.proof, []
+        for one in (steady, replace(steady, p_value=0.5), None):
+            slow = Drifting(float("nan"), None, of_visits=True, steady=one)
+            judged = trust(
+                found.fit.identification, belief=proof.belief, point=proof.point,
+                questions=proof.questions, held_out=proof.held_out, drifting=slow,
+            )  # fmt: skip
+            drifts = replace(found, proof=replace(proof, drifting=slow, trust=judged))
+            said = " ".join(terminal_text(drifts, DELIVERED).split())
+            verdict_said, note = said.partition("Of note:")[::2]
+            assert "Whether the readings drift cannot be decided, because neighboring" in note
+            told.append(
+                (
+                    "They cannot show a steady drift, which the order of the poses hides: one of "
+                    "up to 104 um per axis is in R95." in verdict_said,
+                    "measure the first 12 poses once more at the end" in next_step(drifts),
+                    any("a drift" in held.promise for held in statements_of(drifts)),
+                )
+            )
+        assert told == [(True, True, True), (True, False, True), (False, False, False)]
+    slow = Drifting(float("nan"), None, of_visits=True, steady=steady)
+    hangs = replace(found, doubted=(MOUNTING,), proof=replace(proof, drifting=slow))
+    step = next_step(hangs)
+    assert step.startswith("First find out whether the arm hangs")
+    assert step.endswith("and R95 need not allow for it.")
 
 
 def test_where_the_order_of_the_poses_hides_a_drift_the_next_step_is_a_second_round():

@@ -260,6 +260,7 @@ def test_the_words_name_poses_uncertainty_time_and_station():
     assert "of the goal's 60 postures lie inside what will be proven" in reach
     assert guard == "6 held-out poses cannot guard the factor of the statement; 19 are needed."
     assert "drift of the station cannot be distinguished from misfit of the model" in order
+    assert "measure the first 12 poses once more at the end" in order
     assert f"tested moves is {1e3 * made.tour.clearance:.1f} mm" in clearance
     assert "V-efficiency at least" in proof
     assert count == (

@@ -224,8 +224,8 @@ def beyond_sources(
         """Mean variance of the tool point."""
         return float(np.mean(tool_statement(whole.model, q, covariance, target=target).point ** 2))
 
-    slow = None if drifting is None else drifting.drift
-    drift = 0.0 if slow is None else variance(slow.covariance)
+    slow = None if drifting is None else drifting.covariance
+    drift = 0.0 if slow is None else variance(slow)
     parameters = variance(belief.covariance)
     noise = 0.0
     if belief.misfit.larger_noise > 1 or belief.turned:

@@ -13,7 +13,7 @@ from calib.geometry.operating import OperatingConditions
 from calib.geometry.parameters import parameters_of
 from calib.identification.identify import identify
 from calib.measurement.prediction import predict
-from calib.uncertainty.drift.beside_drift import beside_drift
+from calib.uncertainty.drift.beside_drift import beside_drift, stretches
 from calib.uncertainty.drift.drifting import drifting
 from calib.uncertainty.drift.memory import (
     PERMUTATIONS,
@@ -21,7 +21,6 @@ from calib.uncertainty.drift.memory import (
     interchangeable,
     memory_p,
     seen_by_rows,
-    stretches,
     sum_of_remembered,
     whitened_positions,
 )
@@ -233,11 +232,12 @@ def test_a_tour_says_nothing_of_a_drift_and_that_is_said():
     tour, known = asked(first), asked(first, whatever=True)
     assert tour.void
     assert tour.drift is None
-    assert tour.sentence == (
+    assert replace(tour, steady=None).sentence == (
         "whether the readings drift cannot be decided, because neighboring poses were measured one "
         "after another, where the model misses much the same; the region does not include one; a "
         "second round in the same order would decide it"
     )
+    assert f"the region includes {tour.steady.words}; a second round" in tour.sentence
     assert known.void
     if known.drift is not None:
         assert f"one of up to {1e6 * known.drift.sd:.1f} um per axis" in known.sentence
