@@ -228,9 +228,10 @@ def _check_poses(
     off = (np.abs(q - q[start]) > near).any(axis=1)
     if off.any():
         row = int(np.argmax(off))
-        name, line = names[pose[row]], place[start[row]].rpartition(":")[2]
-        message = f"pose {name} has other joints than in line {line}"
-        file = place[row].rpartition(":")[0]
+        name, file = names[pose[row]], place[row].rpartition(":")[0]
+        other, _, line = place[start[row]].rpartition(":")
+        of = f" of {other}" * (other != file)
+        message = f"pose {name} has other joints than in line {line}{of}"
         here = [k for k, one in enumerate(place) if one.rpartition(":")[0] == file]
         shift = next((k for k in SHIFTS if _agree(pose[here], q[here], k, near)), None)
         if shift is not None:

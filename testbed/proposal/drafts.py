@@ -13,6 +13,7 @@ from testbed.proposal.naming.targets import targets_in_a_row
 from testbed.proposal.parts import joint_parts, seen_parts
 from testbed.proposal.rows.clocks import by_clocks, have_clocks
 from testbed.proposal.rows.nests import nests_of
+from testbed.proposal.rows.visits import counted_anew
 
 PARTS = (1, 3)
 """Numbers of parts into which rows are divided; the best part counts."""
@@ -63,8 +64,12 @@ def drafts_of(
         )  # fmt: skip
     # names and numbers may be an export of points, or rows that begin with a name
     every = looks if heads else (*looks, *(one.also for one in looks if one.also is not None))
-    joints: list[Part | None] = [part for look in every for part in joint_parts(look, own, slides)]
     groups = _stations(every)
+    for k, group in enumerate(groups):
+        if counted_anew(group):  # visits: one is tried for all, since names do not tell the poses
+            groups[k] = group[:1]
+            every = tuple(look for look in every if not any(look is one for one in group[1:]))
+    joints: list[Part | None] = [part for look in every for part in joint_parts(look, own, slides)]
     seen = [part for group in groups for part in seen_parts(group[0], own)]
     files = {id(group[0]): group for group in groups}
     taken: set[str] = set()

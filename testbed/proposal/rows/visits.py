@@ -4,7 +4,10 @@ import re
 from collections.abc import Sequence
 from pathlib import Path
 
-from testbed.proposal.data import Document, Found
+import numpy as np
+
+from testbed.files.dialects.numbers import number_of, pointed
+from testbed.proposal.data import Document, Found, files_of
 from testbed.proposal.rows.clocks import REACH
 from testbed.units import listed
 
@@ -13,6 +16,9 @@ HELD_OUT = frozenset(
     | {"check", "heldout", "holdout", "held", "evaluation", "evaluate", "eval", "judge", "judging"}
 )
 """Words in the names of files whose poses are meant to judge a calibration."""
+OTHER = 0.01
+"""Part of a joint's travel from which its value is another: read back, it never comes back exactly.
+"""
 
 
 def visits_in(document: Document, looks: Sequence[Found]) -> tuple[Document, str] | None:
@@ -54,33 +60,73 @@ def visits_in(document: Document, looks: Sequence[Found]) -> tuple[Document, str
     return own, _said(alike, judging, first)
 
 
-def _form(one: Found) -> tuple[int, int]:
-    """How many names and numbers a row of a table without a header has."""
-    return one.names, one.width
+def counted_anew(alike: Sequence[Found]) -> bool:
+    """Whether a name of one file stands for other joints in another of the same columns.
+
+    The names are counts of rows then, and do not tell which poses of two files are one.
+    """
+    joints = _joints_of(alike[0])
+    if not joints or not alike[0].has("pose_id"):
+        return False
+    names = [name for one in alike for name in one.column(one.stems["pose_id"].theirs)]
+    q = np.column_stack(
+        [[number_of(pointed(cell) if "," in cell else cell) for cell in _all(alike, joint)]
+         for joint in joints]
+    )  # fmt: skip
+    file = np.repeat(np.arange(len(alike)), [one.rows for one in alike])
+    first: dict[str, int] = {}
+    again = [(first.setdefault(name, k), k) for k, name in enumerate(names)]
+    pairs = np.array([(a, b) for a, b in again if file[a] != file[b]], dtype=int).reshape(-1, 2)
+    return bool((np.abs(q[pairs[:, 1]] - q[pairs[:, 0]]) > OTHER * np.ptp(q, axis=0)).any())
+
+
+def _all(alike: Sequence[Found], column: str) -> list[str]:
+    """Cells of a column in all files."""
+    return [cell for one in alike for cell in one.column(column)]
+
+
+def _joints_of(look: Found) -> list[str]:
+    """Names of its columns of joints."""
+    return [one.theirs for one in look.meanings if _is_joint(one.stem)]
+
+
+def _is_joint(stem: str) -> bool:
+    """Whether a column is that of a joint."""
+    return stem[:1] == "q" and stem[1:2].isdigit()
 
 
 def _alike(document: Document, looks: Sequence[Found]) -> list[Found]:
-    """The files that are read as one of them is, or are of its form where none has a header."""
+    """The files that are read as one of them is; of one that was tried for all, those like it.
+
+    These are of its form where none has a header, or count their poses anew.
+    """
     tables = {key: each for key, each in document.items() if isinstance(each, dict)}
     name = tables.get("joints", {}).get("file")
     several = [each for each in tables.values() if "files" in each]
     seen = next((each for each in several if name is None or name in each["files"]), None)
     if seen is not None:
         return [one for one in looks if one.name in seen["files"]]
-    read = [one for one in looks if one.name == name and one.kind == "bare"]
-    others = {each["file"] for key, each in tables.items() if key != "joints" and "file" in each}
-    if not read or others != {name}:
+    read = {name for each in tables.values() for name in files_of(each)}
+    one = next((one for one in looks if {one.name} == read), None)
+    if one is None:
         return []
-    found = [one for one in looks if one.kind == "bare" and _form(one) == _form(read[0])]
-    return found if len(found) > 1 else []
+    found = [each for each in looks if _form(each) == _form(one)]
+    told = one.kind == "bare" or (one.kind == "table" and counted_anew(found))
+    return found if len(found) > 1 and told else []
+
+
+def _form(one: Found) -> tuple[object, ...]:
+    """The columns of a table, or how many names and numbers its rows have without a header."""
+    bare = (one.names, one.width) if one.kind == "bare" else one.head
+    return one.kind, *bare
 
 
 def _joint_columns(document: Document, look: Found) -> list[str]:
-    """Columns of the joints, by their names or as the session has them."""
-    named = [(one.stem, one.theirs) for one in look.meanings]
-    stated = document.get("joints", {}).get("columns", {}).items()
-    each = named if look.kind != "bare" else [(key, str(column)) for key, column in stated]
-    return [theirs for stem, theirs in each if stem.startswith("q") and stem[1:2].isdigit()]
+    """Columns of the joints, by their names or, without a header, as the session has them."""
+    if look.kind != "bare":
+        return _joints_of(look)
+    stated = document.get("joints", {}).get("columns", {})
+    return [str(stated[key]) for key in stated if _is_joint(key)]
 
 
 def _said(alike: Sequence[Found], judging: Sequence[bool], first: str) -> str:

@@ -256,6 +256,9 @@ def test_stations_are_one_file_each_or_a_column_and_the_second_one_is_found(tmp_
     saved(tmp_path / "b.csv", csv(b))
     saved(tmp_path / "session.toml", '[frames]\nfiles = ["a.csv", "b.csv"]\n')
     apart = read_session(tmp_path, ROBOT)
+    saved(tmp_path / "b.csv", csv(b | {"pose_id": a["pose_id"]}))
+    with pytest.raises(InputError, match=r"b\.csv:2: .* other joints than in line 2 of \S*a\.csv;"):
+        read_session(tmp_path, ROBOT)
     column = ["east"] * 15 + ["west"] * 15
     both = {k: [*a[k], *b[k]] for k in a} | {"station": column}
     one = read_session(saved(tmp_path / "c.csv", csv(both)), ROBOT)

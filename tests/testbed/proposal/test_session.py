@@ -346,6 +346,21 @@ def test_files_of_one_head_with_joints_of_their_own_are_visits(tmp_path):
     assert told.count("with only base and tool fitted, the errors are") == 3
 
 
+def test_visits_that_count_their_poses_anew_are_visits_whichever_counts_they_share(tmp_path):
+    """Of the two counts some were shared and some not: the second file was refused as contradicting
+    the first, M31."""
+    counts = ("a", range(20, 40)), ("b", [*range(15, 25), *range(50, 60)])
+    for k, (name, count) in enumerate(counts):
+        (tmp_path / f"{name}.csv").write_text(visit_table(visit(k, 20), pose_id=list(count)))
+    files = [tmp_path / "a.csv", tmp_path / "b.csv"]
+    said, text = proposed(tmp_path, files, "--robot", "staubli_tx60")
+    assert "2 files have the same columns and joints of their own" in said
+    assert "to fix" not in said
+    assert [one["file"] for one in tomllib.loads(text)["session"]] == ["a.csv", "b.csv"]
+    read = read_session(tmp_path / "session.toml", ROBOT)
+    assert len(set(read.measurements.pose_id.tolist())) == 40
+
+
 def test_files_called_so_judge_with_the_frames_of_the_others(tmp_path):
     """They were proposed as visits with frames of their own, a third of whose poses then judged."""
     names = ("day_1", "day_2", "Validation-2")
