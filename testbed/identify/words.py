@@ -134,6 +134,18 @@ def _drift_words(calibration: Calibration) -> str:
     )
 
 
+def _quieter(calibration: Calibration) -> str:
+    """How large R95 may be if readings are quieter than assumed; empty where it is that already."""
+    point, radius = calibration.proof.point, calibration.proof.conformal
+    if point is None or radius is None or radius.radius <= point.radius_mean:
+        return ""
+    return (
+        "if there is less of it, more of what is left is a misfit, and R95 is up to "
+        f"{micrometres(radius.radius)} um, within which {100 * radius.probability:g} % of measured "
+        "points lie, whatever their noise; "
+    )
+
+
 def _drawn_out_words(calibration: Calibration) -> str:
     """That the radius is so wide because of held-out rows that stand out; empty where it is not."""
     less, shots = drawn_out(calibration), len(calibration.gross.held_out_names)
@@ -159,8 +171,9 @@ def _remarks(calibration: Calibration) -> list[str]:
     texts = list(unsaid_words(calibration))
     if calibration.source.noise_assumed:
         texts.append(
-            "The noise of the readings is assumed, and R95 with it: write what the certificate of "
-            "the instrument says, and take assumed = true out ([uncertainty])"
+            f"The noise of the readings is assumed, and R95 with it: {_quieter(calibration)}write "
+            "what the certificate of the instrument says, and take assumed = true out "
+            "([uncertainty])"
         )
     factor = calibration.fit.noise_factor
     if calibration.refuted and factor > LARGER:
