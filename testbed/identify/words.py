@@ -1,6 +1,7 @@
 """What a calibration says, sentence by sentence: verdict, reasons, and all that is printed."""
 
 from testbed.identify.applies.beyond import beyond_words, drawn_out, simpler_words
+from testbed.identify.applies.rows import edge_words
 from testbed.identify.applies.unsaid import unsaid_words
 from testbed.identify.calibration import Calibration
 from testbed.identify.conditions import conditions_words, held_out_departs
@@ -182,7 +183,12 @@ def _remarks(calibration: Calibration) -> list[str]:
             "explains: U of the numbers is computed from their scatter between poses instead"
         )
     texts.append(f"Model: {calibration.choice.sentence}")
-    texts += [*wide_words(calibration), *simpler_words(calibration), *beyond_words(calibration)]
+    texts += [
+        *edge_words(calibration),
+        *wide_words(calibration),
+        *simpler_words(calibration),
+        *beyond_words(calibration),
+    ]
     if calibration.source.masked:
         masked = counted(len(calibration.source.masked), "note")
         texts.append(

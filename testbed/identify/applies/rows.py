@@ -7,17 +7,21 @@ import numpy as np
 
 from calib.arrays import Array, Index, Labels
 from calib.uncertainty.statement.applicability import BEYOND, BEYOND_SLIDE
-from calib.uncertainty.statement.distance import distance_radius
+from calib.uncertainty.statement.distance import distance_radius, radius_over
 from calib.uncertainty.statement.places import PLACES, place_words, reasons
 from calib.uncertainty.statement.stated_point import widened
 from testbed.identify.calibration import Calibration
 from testbed.store.quantities import Quantity
-from testbed.units import DEG, MM, UM, listed, percent
+from testbed.units import DEG, MM, UM, listed, micrometres, percent
 
 HEAD = ("place", "transfer", "leverage", "R95_mean_um", "R95_relative", "why")
 ELSEWHERE = 0.25
 """Share of the held-out poses from which a joint beyond its range in training is told: of few drawn
 at random some are."""
+WIDER = 1.5
+"""So many times as wide must R95 be by poses at the edge, to say so."""
+MOST_NAMED = 5
+"""Of these poses, named."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -79,6 +83,33 @@ def held_out_words(calibration: Calibration) -> tuple[str, ...]:
             place_words(found.place[first], "held-out pose", "held-out poses", names) + against
         )
     return tuple(said)
+
+
+def edge_words(calibration: Calibration) -> tuple[str, ...]:
+    """Which few held-out poses make R95 as wide as it is: those at the edge of what all prove."""
+    found, table = held_out_places(calibration), calibration.measurements
+    point, belief = calibration.proof.point, calibration.proof.belief
+    if found is None or point is None or belief is None or calibration.elsewhere:
+        return ()
+    edge = found.place != "inside"
+    if table.is_distance[found.rows].any() or not edge.any() or edge.all():
+        return ()
+    own = widened(belief.seen_regions(table.rows(found.rows)))
+    wide, usual = (
+        radius_over(each, np.full(len(each), 1 / len(each)), belief.probability)
+        for each in (own, own[~edge])
+    )
+    if wide < WIDER * usual:
+        return ()
+    poses = np.unique(table.pose_id[found.rows])
+    far = [calibration.pose_names[k] for k in np.unique(table.pose_id[found.rows[edge]]).tolist()]
+    more = [f"{len(far) - MOST_NAMED} more"] if len(far) > MOST_NAMED else []
+    narrow = micrometres(point.radius_mean * usual / wide)
+    return (
+        f"R95 is so wide because of {len(far)} of the {len(poses)} held-out poses, at the edge of "
+        f"what they prove ({listed([*far[:MOST_NAMED], *more])}): at poses like the others it is "
+        f"{narrow} um; training poses like these would narrow it",
+    )
 
 
 def beyond_training(calibration: Calibration) -> tuple[str, ...]:
