@@ -3,6 +3,8 @@
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from calib.errors import InputError
 from testbed.files.dialects.controllers.read import joints_in
 from testbed.files.dialects.spatial_analyzer import read_sa
@@ -48,6 +50,8 @@ class Cleaned:
     drift: Drift | None
     fine: bool
     """As `is_fine` of the readings as they stand in the file."""
+    lines: tuple[str, ...]
+    """Lines of the file in their order: missed shots and invalid rows too, but no nests."""
 
     @property
     def poses(self) -> tuple[str, ...]:
@@ -105,6 +109,9 @@ def _cleaned(
     called = settings.drift.nests if settings.drift else ()
     if reflector:
         readings = of_reflector(readings, reflector, called)
+    places = readings.place if table is None else table.places
+    of_nests = {readings.place[row] for row in np.flatnonzero(np.isin(readings.target, called))}
+    lines = tuple(dict.fromkeys(place for place in places if place not in of_nests))
     good, masked = lost_readings(readings, called)
     warnings += lost_targets(readings, good)
     readings, drift = readings.rows(good), None
@@ -113,7 +120,9 @@ def _cleaned(
         nests = _nests(sources, settings)
         readings, drift, more = without_drift(readings, nests, settings.drift)
         warnings += more
-    return Cleaned(readings, section, text, table, tuple(masked), tuple(warnings), drift, fine)
+    return Cleaned(
+        readings, section, text, table, tuple(masked), tuple(warnings), drift, fine, lines
+    )
 
 
 def _read_own(

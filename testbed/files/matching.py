@@ -43,8 +43,13 @@ def by_row(joints: Joints, readings: Readings) -> Match:
     return Match(pairs[:, 0], pairs[:, 1])
 
 
-def by_order(joints: Joints, readings: Readings, model: RobotModel) -> Match:
+def by_order(
+    joints: Joints, readings: Readings, model: RobotModel, written: Sequence[str] = ()
+) -> Match:
     """The k-th joint vector belongs to the k-th line of readings, which may hold several targets.
+
+    Lines of missed shots and invalid rows, among those `written`, count where there are as many as
+    joint vectors only with them: else these poses were measured again.
 
     Raises
     ------
@@ -53,7 +58,11 @@ def by_order(joints: Joints, readings: Readings, model: RobotModel) -> Match:
     """
     changes = [one != other for one, other in pairwise(readings.place)]
     line = np.cumsum([0, *changes])[: len(readings)]
-    if len(joints) != (lines := len(np.unique(line))):
+    lines = len(np.unique(line))
+    if lines < len(joints) == len(written):
+        at = {place: k for k, place in enumerate(written)}
+        return Match(np.array([at[place] for place in readings.place]), np.arange(len(readings)))
+    if len(joints) != lines:
         most = Counter(readings.target).most_common(1)[0][0] if len(readings) else ""
         rows = np.flatnonzero(np.array(readings.target) == most)
         where, parting = parted(model, joints, readings, rows)

@@ -97,7 +97,7 @@ def propose_session(
         for name in files_of(each)
     }
     unused = tuple(
-        _left_aside(one, looks, proposed.document.get("points", {}).get("file"))
+        _left_aside(one, looks, proposed.document)
         for one in looks
         if (one.name, one.sheet) not in read
     )
@@ -109,14 +109,24 @@ def propose_session(
     )  # fmt: skip
 
 
-def _left_aside(look: Found, looks: Sequence[Found], points: str | None) -> str:
-    """A file that is not used, and what to do if it has one more target, beside those of `points`.
+def _left_aside(look: Found, looks: Sequence[Found], document: Document) -> str:
+    """A file that is not used, and what to do if it has one more target, beside those of [points].
 
-    It has as many rows then, and the same columns.
+    It has as many rows then, and the same columns; with others it lacks some, or has too many.
     """
-    form = (look.rows, look.head, look.kind)
-    read = [one for one in looks if one.name == points and (one.rows, one.head, one.kind) == form]
-    if not read or look.has("pose_id"):
+    used = files_of(document.get("points", {}))
+    alike = [one for one in looks if one.name in used and one.head == look.head
+             and one.kind == look.kind]  # fmt: skip
+    if not alike or look.has("pose_id"):
+        return look.called
+    if document.get("match") == "order" and look.rows != alike[0].rows:
+        return (
+            f"{look.called}: {look.rows} rows where {alike[0].called} has {alike[0].rows}, so its "
+            "k-th reading does not belong to the k-th joints; give each reading the number of its "
+            "pose in both files, or a row to each that was missed"
+        )
+    read = [one for one in alike if one.rows == look.rows and len(used) == 1]
+    if not read:
         return look.called
     stems = [Path(one.name).stem for one in (read[0], look)]
     names = stems if len({*stems}) == len(stems) else [read[0].name, look.name]

@@ -62,7 +62,7 @@ def with_joints(
     elif readings.cycling:
         match = by_cycle(joints, readings, robot.model)
     elif settings.match == "order":
-        match = by_order(joints, readings, robot.model)
+        match = by_order(joints, readings, robot.model, cleaned.lines)
     elif settings.match == "time":
         slides = robot.model.chain.prismatic[: joints.q.shape[1]] > 0
         match, told = by_time(joints, readings, slides, settings.match_within_s, drop=drop)

@@ -43,6 +43,8 @@ def _by_reflector(draft: Draft, looks: Sequence[Found]) -> Draft | None:
     alike = [one for one in looks if _form(one) == _form(first)]
     own = joints.get("file") in (None, first.name)
     alike = [one for one in alike if own or one.name != joints.get("file")]
+    if draft.document.get("match") == "order":  # a file that lacks a row belongs to no joints
+        alike = [one for one in alike if one.rows == first.rows]
     stems = [Path(one.name).stem for one in alike]
     if len(alike) < FEWEST or len(set(stems)) < len(stems):
         return None

@@ -60,6 +60,16 @@ def test_a_file_that_cannot_be_one_more_reflector_is_left_aside_with_what_to_wri
     assert any("write reflector_files = { " in one for one in found.unused)
 
 
+def test_a_file_that_lacks_a_row_is_left_aside_with_the_reason(tmp_path):
+    """The others were then taken as stations or not used, and nothing said why."""
+    files = {"joints.csv": joints()} | of_each()
+    files["c.csv"] = place(np.delete(seen()[2], 12, axis=0))
+    found = proposed(tmp_path, files)
+    assert found.document["points"]["reflector_files"] == {"a": "a.csv", "b": "b.csv"}
+    assert found.fits
+    assert [one for one in found.unused if one.startswith("c.csv: 29 rows where a.csv has 30, so")]
+
+
 @pytest.mark.parametrize("names", [("a 1.csv", "b (left).csv"), ("a.csv", "a.txt")])
 def test_what_is_to_be_written_of_a_file_left_aside_is_toml(names, tmp_path):
     """Of a.csv and a.txt it had the key a twice, and of names with blanks keys without quotes."""

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from calib.errors import InputError
 from calib.geometry.chain import Chain
 from calib.geometry.model import RobotModel
-from testbed.files.read import read_session
+from testbed.files.read import ReadOptions, read_session
 from testbed.files.reflectors import own_files
 from testbed.robots.controller import Controller
 from tests.calib.kinds import SCARA
@@ -43,14 +43,14 @@ def place(readings):
     return dict(zip(("x_mm", "y_mm", "z_mm"), readings.T, strict=True))
 
 
-def read(folder, tables, points=FILES, *, how="", joined=JOINTS, robot=ROBOT):
+def read(folder, tables, points=FILES, *, how="", joined=JOINTS, robot=ROBOT, options=None):
     """The session of some tables, each with poses by name unless it says otherwise."""
     for name, table in tables.items():
         text = table if isinstance(table, str) else csv(table)
         (folder / f"{name}.csv").write_text(text)
     toml = f"{how}{joined}[points]\n{points}[uncertainty]\nposition_um = 20\n"
     (folder / "session.toml").write_text(toml)
-    return read_session(folder, robot)
+    return read_session(folder, robot, options=options)
 
 
 def apart(*readings, names=NAMES, **more):
@@ -99,6 +99,29 @@ def test_poses_are_told_by_their_names(by_hand, tmp_path):
     assert same(found, by_hand)
     assert found.station_names == ("",)
     assert found.reflector_names == ("A", "B", "C")
+
+
+def test_missed_shots_keep_their_places_where_the_order_matches_rows(tmp_path):
+    """96 of 100 shots of a reflector, the others written as 0 0 0, were refused as too few."""
+    lost = {"A": [3, 7], "B": [11], "C": []}
+    each = [readings.copy() for readings in seen()]
+    each[0][lost["A"]] = 0.0
+    each[1][lost["B"]] = np.nan
+    tables = {"joints": joints()} | dict(zip("abc", map(place, each), strict=True))
+    drop = ReadOptions(drop_invalid=True)
+    found = read(tmp_path, tables, how='match = "order"\n', options=drop)
+    table, q = found.measurements, made(seed=2, m=M).q
+    for k, (name, rows) in enumerate(lost.items()):
+        there = np.delete(np.arange(M), rows)
+        own = table.rows(table.reflector == found.reflector_names.index(name))
+        np.testing.assert_allclose(own.q, q[there], rtol=0, atol=1e-12)
+        np.testing.assert_allclose(own.position, seen()[k][there] / 1e3, rtol=0, atol=1e-9)
+    assert any("missed shots, written as 0 0 0" in text for text in found.masked)
+    # shots that were taken again behind those missed: the good ones are as many as the joints
+    again = [np.insert(readings, 5, 0.0, axis=0) for readings in seen()]
+    tables = {"joints": joints()} | dict(zip("abc", map(place, again), strict=True))
+    found = read(tmp_path, tables, how='match = "order"\n')
+    np.testing.assert_allclose(found.measurements.q[:M], q, rtol=0, atol=1e-12)
 
 
 def test_joints_stand_beside_the_readings_of_each_file(by_hand, tmp_path):
