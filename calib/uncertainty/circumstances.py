@@ -40,6 +40,9 @@ class Circumstances:
     stops: tuple[Array, Array] | None = None
     """Roots (m, 6, j) and (n, 6, j) of that part of both tables' noise, which is in their
     covariances, that rows of one pose and repeat share: the arm comes back once for all of them."""
+    unstated: bool = False
+    """Whether nobody stated the noise of the readings: then held-out errors guard a region as if
+    they had none, unless repeats tell it. Less noise than assumed leaves a misfit unseen."""
     stations_are_visits: bool = False
     """Whether each station is a visit of its own, which may stand in another frame by itself."""
     drifts: float = 0.0
@@ -102,6 +105,10 @@ class Circumstances:
                 raise refuse("doubted", float(left.min()), allowed, code="A3", message=message)
 
 
+QUIET = 1e-6
+"""Part of the noise that is left in held-out rows whose noise nobody states."""
+
+
 class MeasuredNoise(NamedTuple):
     """The noise that something measured tells."""
 
@@ -111,6 +118,8 @@ class MeasuredNoise(NamedTuple):
     """What identified, with no other noise."""
     test: Measurements
     """What is held out, likewise."""
+    guards: Measurements
+    """The same, with the noise that is no part of the errors which guard a region."""
 
 
 def measured_noise(
@@ -121,10 +130,12 @@ def measured_noise(
     if visits is None:
         visits = joined([train, replace(test, pose_id=-1 - test.pose_id)]) if len(test) else train
     repeats = noise_repeats(model, visits, in_evidence=known.visits is None)
-    if known.doubted is None or repeats is not None:
-        return MeasuredNoise(repeats, train, test)
-    less = [
-        replace(table, covariance=table.covariance - part)
-        for table, part in zip((train, test), known.doubted, strict=True)
-    ]
-    return MeasuredNoise(None, *less)
+    if repeats is not None:
+        return MeasuredNoise(repeats, train, test, test)
+    if known.doubted is not None:
+        train, test = (
+            replace(table, covariance=table.covariance - part)
+            for table, part in zip((train, test), known.doubted, strict=True)
+        )
+    still = replace(test, covariance=QUIET * test.covariance) if known.unstated else test
+    return MeasuredNoise(None, train, test, still)

@@ -67,10 +67,11 @@ def proven_belief(
             fit, train, held_out, covariance=numbers, shared=known.shared, repeats=quiet.repeats,
             probability=probability, target=known.target, drawn=known.drawn,
             quiet=None if quiet.train is train else less, stops=known.stops,
+            guarding=None if held_out is None else quiet.guards,
         )  # fmt: skip
         if turned is None:
             return found
-        guards = held_out if held_out is None or quiet.train is train else quiet.test
+        guards = None if held_out is None else quiet.guards
         return replace(adding(found, turned.covariance, guards), turned=turned.size)
 
     use: Measurements | None = test if len(test) else None
@@ -113,9 +114,9 @@ def proven_belief(
             hidden=belief.misfit, whatever=bool(known.unmodelled),
         )  # fmt: skip
         if slow is not None and slow.covariance is not None:
-            belief = adding(belief, slow.covariance, None if use is None else quiet.test)
+            belief = adding(belief, slow.covariance, None if use is None else quiet.guards)
             shared = shared + slow.covariance
-    belief = counted(belief, None if use is None else quiet.test, shared=shared)
+    belief = counted(belief, None if use is None else quiet.guards, shared=shared)
     return (belief if np.isfinite(belief.misfit.upper) else None), frame, slow, strays
 
 
@@ -206,7 +207,7 @@ def stated_radius(
         belief, where.q[first], at=where.conditions.rows(first),
         target=known.target, held_out=held, repeatability=sd,
         told_by=known.told_by,
-        measured=quiet.test.rows(~quiet.test.is_distance)
+        measured=quiet.guards.rows(~quiet.guards.is_distance)
         if held and belief.n_guards
         else None,
         visits=known.stations_are_visits, unseen=unseen, growth=growth,

@@ -21,7 +21,7 @@ from testbed.units import counted, micrometres, sentences, significant
 
 MEASURED = "MEASURED - a calibration report, not a certificate of traceability"
 GUARDED = "✓ The stated radius can be believed"
-GUESSED = "? The stated radius can be believed as far as the noise that is assumed"
+GUESSED = "? The stated radius can be believed, though the noise is only assumed"
 UNGUARDED = "? The stated radius was tested by too few held-out poses"
 RANGED = "? The stated radius was tested by distances alone"
 UNTESTED = "? No held-out pose has tested the stated radius"
@@ -105,9 +105,11 @@ def _believed_words(calibration: Calibration) -> str:
     if calibration.elsewhere:
         return f"{radius}; the held-out poses should have tested it, and could not."
     if belief.n_guards:
-        noise = "with the noise that is assumed " if calibration.source.noise_assumed else ""
+        noise = ""
+        if _counts_noise(calibration):
+            noise = " Their noise counts as error, since it is only assumed."
         return (
-            f"{radius}; {noise}it can be believed: {belief.n_guards} held-out poses guard it."
+            f"{radius}; it can be believed: {belief.n_guards} held-out poses guard it.{noise}"
             f"{_drift_words(calibration)}{_drawn_out_words(calibration)}"
         )
     if belief.n_ranged:
@@ -135,16 +137,11 @@ def _drift_words(calibration: Calibration) -> str:
     )
 
 
-def _quieter(calibration: Calibration) -> str:
-    """How large R95 may be if readings are quieter than assumed; empty where it is that already."""
-    point, radius = calibration.proof.point, calibration.proof.conformal
-    if point is None or radius is None or radius.radius <= point.radius_mean:
-        return ""
-    return (
-        "if there is less of it, more of what is left is a misfit, and R95 is up to "
-        f"{micrometres(radius.radius)} um, within which {100 * radius.probability:g} % of measured "
-        "points lie, whatever their noise; "
-    )
+def _counts_noise(calibration: Calibration) -> bool:
+    """Whether held-out errors guard R95 with all their noise in them, since nothing tells it."""
+    belief = calibration.proof.belief
+    guarded = belief is not None and belief.n_guards > 0 and not belief.misfit.repeated
+    return calibration.source.noise_assumed and guarded and not calibration.elsewhere
 
 
 def _drawn_out_words(calibration: Calibration) -> str:
@@ -171,10 +168,15 @@ def _remarks(calibration: Calibration) -> list[str]:
     """What else a person should know: the model, rows not read, what is in no figure."""
     texts = list(unsaid_words(calibration))
     if calibration.source.noise_assumed:
+        rests = (
+            ": R95 allows for less of it, as held-out errors count in full, and may be smaller "
+            "where it is stated"
+            if _counts_noise(calibration)
+            else ", and R95 with it"
+        )
         texts.append(
-            f"The noise of the readings is assumed, and R95 with it: {_quieter(calibration)}write "
-            "what the certificate of the instrument says, and take assumed = true out "
-            "([uncertainty])"
+            f"The noise of the readings is assumed{rests}; write what the certificate of the "
+            "instrument says, and take assumed = true out ([uncertainty])"
         )
     factor = calibration.fit.noise_factor
     if calibration.refuted and factor > LARGER:

@@ -47,6 +47,7 @@ def believe(
     drawn: bool = True,
     quiet: tuple[Measurements, Measurements | None] | None = None,
     stops: tuple[Array, Array] | None = None,
+    guarding: Measurements | None = None,
 ) -> Belief:
     """State what may be believed after an identification.
 
@@ -75,6 +76,9 @@ def believe(
         measured tells: the rest bounds the misfit and guards the factor as if it were misfit.
     stops : tuple of arrays, optional
         Roots (m, 6, j) and (n, 6, j) of the noise in both tables that rows of one stop share.
+    guarding : Measurements, optional
+        The held-out rows, with the noise that is no part of the errors that guard the factor; by
+        default as they are in `quiet`.
 
     References
     ----------
@@ -116,7 +120,8 @@ def believe(
         proven_at(identification, train, where.q, target=target, datum=datum),
         n_ranged=ranged, mirrored=bool(image.any()),
     )  # fmt: skip
-    return adding(plain, np.zeros((P, P)) if shared is None else shared, held_out)
+    by = held_out if guarding is None else guarding
+    return adding(plain, np.zeros((P, P)) if shared is None else shared, by)
 
 
 def adding(belief: Belief, shared: ArrayLike, held_out: Measurements | None = None) -> Belief:

@@ -68,6 +68,29 @@ def test_noise_that_nothing_measured_tells_is_misfit_in_the_region_and_noise_in_
     assert not repeated.belief.misfit.doubted
 
 
+def test_noise_that_nobody_states_is_error_of_what_guards_unless_repeats_tell_it():
+    fit, train, test = measured_tables()
+    plain, found = (
+        judge(fit, test, train=train, circumstances=Circumstances(unstated=one))
+        for one in (False, True)
+    )
+    assert found.belief.misfit.upper == plain.belief.misfit.upper
+    none = dataclasses.replace(test, covariance=1e-6 * test.covariance)
+    belief = believe(fit, train, test, guarding=none)
+    assert found.belief.factor == belief.factor > plain.belief.factor
+    # all noise is in the errors, and as large as assumed: of 40 held-out poses the largest count
+    assert plain.point.radius_mean < found.point.radius_mean < 2.5 * plain.point.radius_mean
+    apart = np.sqrt(2) * SIGMA_POSITION * np.random.default_rng(6).normal(size=(29, 3))
+    again = dataclasses.replace(train, repeat=train.repeat + 1, position=train.position + apart)
+    visits = joined([train, again])
+    told = [
+        judge(fit, test, train=train, circumstances=Circumstances(visits=visits, unstated=one))
+        for one in (False, True)
+    ]
+    assert told[0].belief.factor == told[1].belief.factor
+    assert told[0].point.radius_mean == told[1].point.radius_mean
+
+
 def test_a_drift_that_visits_show_is_at_every_tool_point_as_large_as_it_was():
     fit, train, test = measured_tables()
     plain = judge(fit, test, train=train, circumstances=Circumstances(target=(0.1, 0.0, 0.2)))
