@@ -41,8 +41,9 @@ class Circumstances:
     """Roots (m, 6, j) and (n, 6, j) of that part of both tables' noise, which is in their
     covariances, that rows of one pose and repeat share: the arm comes back once for all of them."""
     unstated: bool = False
-    """Whether nobody stated the noise of the readings: then held-out errors guard a region as if
-    they had none, unless repeats tell it. Less noise than assumed leaves a misfit unseen."""
+    """Whether the noise of the readings is a guess, or less than stated by the residuals: held-out
+    errors then guard a region as if they had none, unless repeats tell it. Where there is less of
+    it than is counted on, a misfit passes for noise."""
     stations_are_visits: bool = False
     """Whether each station is a visit of its own, which may stand in another frame by itself."""
     drifts: float = 0.0

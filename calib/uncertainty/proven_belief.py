@@ -69,6 +69,8 @@ def proven_belief(
             quiet=None if quiet.train is train else less, stops=known.stops,
             guarding=None if held_out is None else quiet.guards,
         )  # fmt: skip
+        counts = known.unstated and quiet.repeats is None and found.n_guards + found.n_ranged > 0
+        found = replace(found, noise_counts=counts)
         if turned is None:
             return found
         guards = None if held_out is None else quiet.guards

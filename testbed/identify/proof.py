@@ -1,6 +1,7 @@
 """How a calibration is judged: what a session knows beside its readings, and the judgement."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -23,6 +24,7 @@ from calib.uncertainty.statement.repeats import (
 )
 from calib.uncertainty.tool_point import tool_statement
 from testbed.files.session import Session
+from testbed.identify.applies.quiet import quieter
 from testbed.robots.robot import Robot
 from testbed.streams import stream
 from testbed.units import counted
@@ -79,6 +81,7 @@ def proof_of(
     train, test = measurements.rows(used), measurements.rows(is_test)
     order = session.in_time
     scatter = measurements.covariance - session.measurements.covariance
+    alone = replace(train, covariance=train.covariance - scatter[used])  # the noise of the readings
     known = Circumstances(
         visits=measurements.rows(visits) if session.wanted.visits == "first" else None,
         order=None if session.wanted.order == "unknown" else (order[used], order[is_test]),
@@ -89,7 +92,7 @@ def proof_of(
         doubted=(scatter[used], scatter[is_test]) if session.joint_scatter.any() else None,
         stops=_of_stops(measurements, root, used, is_test),
         target=target,
-        unstated=session.noise_assumed,
+        unstated=session.noise_assumed or not {"angles"}.issuperset(quieter(result, alone)),
         stations_are_visits=bool(session.visits),
         drifts=0.0 if drifts is None else drifts.sd,
         pose_names=session.pose_names,

@@ -106,8 +106,9 @@ def _believed_words(calibration: Calibration) -> str:
         return f"{radius}; the held-out poses should have tested it, and could not."
     if belief.n_guards:
         noise = ""
-        if _counts_noise(calibration):
-            noise = " Their noise counts as error, since it is only assumed."
+        if belief.noise_counts:
+            why = "only assumed" if calibration.source.noise_assumed else "less than stated"
+            noise = f" Their noise counts as error, since it is {why}."
         return (
             f"{radius}; it can be believed: {belief.n_guards} held-out poses guard it.{noise}"
             f"{_drift_words(calibration)}{_drawn_out_words(calibration)}"
@@ -137,13 +138,6 @@ def _drift_words(calibration: Calibration) -> str:
     )
 
 
-def _counts_noise(calibration: Calibration) -> bool:
-    """Whether held-out errors guard R95 with all their noise in them, since nothing tells it."""
-    belief = calibration.proof.belief
-    guarded = belief is not None and belief.n_guards > 0 and not belief.misfit.repeated
-    return calibration.source.noise_assumed and guarded and not calibration.elsewhere
-
-
 def _drawn_out_words(calibration: Calibration) -> str:
     """That the radius is so wide because of held-out rows that stand out; empty where it is not."""
     less, shots = drawn_out(calibration), len(calibration.gross.held_out_names)
@@ -171,7 +165,7 @@ def _remarks(calibration: Calibration) -> list[str]:
         rests = (
             ": R95 allows for less of it, as held-out errors count in full, and may be smaller "
             "where it is stated"
-            if _counts_noise(calibration)
+            if calibration.proof.belief is not None and calibration.proof.belief.noise_counts
             else ", and R95 with it"
         )
         texts.append(

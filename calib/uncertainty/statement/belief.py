@@ -51,6 +51,9 @@ class Belief(Shown):
     """Whether `covariance` holds the image of the arm beyond the plane of its tool points, too:
     nothing tells them apart."""
 
+    noise_counts: Annotated[bool, LATER] = False
+    """Whether held-out errors guard it with all their noise in them, since nothing tells it."""
+
     def __repr__(self) -> str:
         return (
             f"Belief(misfit up to {1e6 * self.misfit.upper:.3g} um per axis, factor "

@@ -31,10 +31,8 @@ def quiet_words(fit: Identification, train: Measurements, scatter: str) -> tuple
     scatter : str
         Who told that scatter, as `scatter_told` does.
     """
-    if fit.mode != "whitened" or fit.loss != "squared":
-        return ()
     said, lines = [], []
-    for part, (stated, most) in _noise(fit, train).items():
+    for part, (stated, most) in quieter(fit, train).items():
         _, key, unit, factor = PARTS[part]
         limit = significant(most * factor, 2)
         whole = significant(stated * factor, 2)
@@ -55,14 +53,18 @@ def quiet_words(fit: Identification, train: Measurements, scatter: str) -> tuple
     )
 
 
-def _noise(fit: Identification, train: Measurements) -> dict[str, tuple[float, float]]:
+def quieter(fit: Identification, train: Measurements) -> dict[str, tuple[float, float]]:
     """Noise of each part that is quieter than stated: as stated, and its upper limit [m, rad].
+
+    Of a fit by least squares with stated noise; of others nothing is known.
 
     References
     ----------
     r'inv(N) r of a part is chi-square of as many degrees as it has numbers, less the trace of what
     they tell the fit, inv(N) J C J'.
     """
+    if fit.mode != "whitened" or fit.loss != "squared":
+        return {}
     seen, covariance = predict(fit.model, train), fit.full_covariance
     kinds = {
         "positions": ~train.is_distance, "angles": train.is_pose, "distances": train.is_distance

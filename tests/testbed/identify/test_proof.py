@@ -46,6 +46,17 @@ def test_noise_that_is_only_assumed_counts_as_error_of_the_held_out_poses():
     assert "Their noise counts as error" in verdict(found)
 
 
+def test_noise_that_is_less_than_stated_counts_as_error_like_noise_that_is_assumed():
+    """Conservative noise made R95 smaller than it had to be, for a misfit hid in it."""
+    quiet = session_of(table_of(true_model(harmonics=5e-4), pool_r(80), noise=0.1))
+    found = calibrate(robot(), quiet, Options(seed=1))
+    assert found.proof.belief.noise_counts
+    assert "Their noise counts as error, since it is less than stated." in verdict(found)
+    guessed = calibrate(robot(), replace(quiet, noise_assumed=True), Options(seed=1))
+    assert guessed.proof.point.radius_mean == found.proof.point.radius_mean
+    assert not sound().proof.belief.noise_counts
+
+
 def told(session, arm):
     """Factor on the stated repeatability, and what tells it."""
     table, model = session.measurements, true_model()
