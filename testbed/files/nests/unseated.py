@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.special import chdtri
 
-from calib.arrays import Array, Bool
+from calib.arrays import Array, Bool, Index
 from calib.measurement.corrections import rigid_fit_covariance
 
 CHANCE = 1e-3
@@ -27,7 +27,8 @@ def unseated(place: Array, sd: float) -> Bool:
     """Shots (r, k) of nests that stood elsewhere in their round, by the others; no more than these.
 
     None where that leaves no others: where a nest would be in its place in half of its rounds or
-    fewer, or a round without three others out of one line.
+    fewer, or a round without three others out of one line. None of a round whose others do not
+    agree even without them, as where two of five stood elsewhere: any of these may be the ones.
 
     Parameters
     ----------
@@ -42,7 +43,8 @@ def unseated(place: Array, sd: float) -> Bool:
     others (Procrustes): chi-square of 3 degrees of freedom by the noise of the shot, of the median
     and of the motion, the noise as stated or, if larger, as the median of all of them has it. The
     worst of each round, by `CHANCE` over the shots (Bonferroni), until none is left. The square is
-    what a nest that stood elsewhere takes off the sum of squares: twice a log-likelihood.
+    what a nest that stood elsewhere takes off the sum of squares: twice a log-likelihood. Others
+    agree if their sum is not above the limit of chi-square of `CHANCE` over the rounds.
     """
     good = np.isfinite(place[:, :, 0])
     found, count = np.zeros_like(good), int(good.sum())
@@ -54,8 +56,8 @@ def unseated(place: Array, sd: float) -> Bool:
         told = np.isfinite(square)
         if not told.any():
             break
-        shown = float(np.median(square[told])) / float(chdtri(3, 0.5))
-        square = np.where(told, square, 0.0) / max(sd**2, shown)
+        variance = max(sd**2, float(np.median(square[told])) / float(chdtri(3, 0.5)))
+        square = np.where(told, square, 0.0) / variance
         in_turn = np.sort(square, axis=1)
         alone = in_turn[:, -1] - in_turn[:, -2] >= CLEARLY
         worst = (square == in_turn[:, -1:]) & alone[:, None]
@@ -65,6 +67,9 @@ def unseated(place: Array, sd: float) -> Bool:
         found |= more
         if (2 * (good & ~found).sum(axis=0) <= good.sum(axis=0)).any():
             return np.zeros_like(found)
+    if found.any():
+        left, freedom = _left(place, good & ~found)
+        found[left > variance * chdtri(np.maximum(freedom, 1), CHANCE / len(place))] = False
     return found
 
 
@@ -74,7 +79,7 @@ def _against_others(place: Array, good: Bool) -> Array:
     Not a number where these are too few.
     """
     usual, found = _usual(place, good), np.full(good.shape, np.nan)
-    rounds = good.sum(axis=0)
+    noise = 1 + OF_MEDIAN / good.sum(axis=0)
     for some in np.unique(good, axis=0):
         rows = np.flatnonzero((good == some).all(axis=1))
         for nest in np.flatnonzero(some):
@@ -83,12 +88,28 @@ def _against_others(place: Array, good: Bool) -> Array:
                 continue
             R, t = _motions(usual[others], place[rows[:, None], others])
             off = place[rows, nest] - R @ usual[nest] - t
-            unit = np.broadcast_to(np.eye(3), (len(others), 3, 3))
-            of_motion = rigid_fit_covariance(usual[others], usual[nest], unit)[:3, :3]
-            V = np.eye(3) * (1 + OF_MEDIAN / rounds[nest]) + of_motion
+            own = noise[:, None, None] * np.eye(3)
+            of_motion = rigid_fit_covariance(usual[others], usual[nest], own[others])[:3, :3]
+            V = own[nest] + of_motion
             turned = np.swapaxes(R, 1, 2) @ off[..., None]  # in the axes of `usual`
             found[rows, nest] = (turned * np.linalg.solve(V, turned)).sum(axis=(1, 2))
     return found
+
+
+def _left(place: Array, good: Bool) -> tuple[Array, Index]:
+    """Sums of squares (r,) that rounds leave of `good` shots, of noise one [m^2], and freedom."""
+    usual, left = _usual(place, good), np.zeros(len(place))
+    noise = 1 + OF_MEDIAN / good.sum(axis=0)
+    for some in np.unique(good, axis=0):
+        which = np.flatnonzero(some)
+        if not show_a_turn(usual[which]):
+            continue
+        rows = np.flatnonzero((good == some).all(axis=1))
+        seen = place[rows[:, None], which]
+        R, t = _motions(usual[which], seen)
+        off = (seen - t[:, None]) @ R - usual[which]
+        left[rows] = (off**2 / noise[which, None]).sum(axis=(1, 2))
+    return left, 3 * good.sum(axis=1) - 6
 
 
 def _usual(place: Array, good: Bool) -> Array:
