@@ -86,6 +86,11 @@ def drift_step(calibration: Calibration) -> str:
     if slow is not None and slow.of_tool and not slow.or_else:
         return "The tool drifts on the flange: fasten it, and measure again."
     if slow is not None or (order is not None and order.seen):
+        if calibration.source.drift:
+            return (
+                "The readings drift beside what the nests show: let the instrument and the arm "
+                "settle, and measure the nests more often."
+            )
         return (
             "The readings drift: let the instrument and the arm settle, and measure nests on the "
             "floor with them ([drift])."
@@ -98,9 +103,10 @@ def hidden_drift_step(calibration: Calibration) -> str:
     order = calibration.proof.drifting
     if order is None or not order.hides_one:
         return ""
+    nests = ", and nests on the floor ([drift]), which take off what the station does"
     return (
-        f"What is left may be a steady drift: measure the first {AGAIN} poses once more at the "
-        "end, or nests on the floor ([drift]), and R95 need not allow for it."
+        f"What is left may be a steady drift: measure the first {AGAIN} poses once more at the end "
+        f"to see whether it is{nests * (not calibration.source.drift)}."
     )
 
 

@@ -298,7 +298,23 @@ def test_a_drift_that_the_order_of_the_poses_hides_is_on_the_first_screen():
     hangs = replace(found, doubted=(MOUNTING,), proof=replace(proof, drifting=slow))
     step = next_step(hangs)
     assert step.startswith("First find out whether the arm hangs")
-    assert step.endswith("and R95 need not allow for it.")
+    assert step.endswith("and nests on the floor ([drift]), which take off what the station does.")
+
+
+def test_nests_are_not_asked_for_where_they_were_measured():
+    """The next step asked for nests again, also of a drift that the order of the poses hides."""
+    found = sound()
+    nests = replace(found.source, drift=("the station drifted: taken off",))
+    nothing = np.zeros((1, 1))
+    steady, slow = SteadyDrift(30e-6, 0.001, 0.9, 40e-6, nothing), SlowDrift(5e-6, 30.0, nothing)
+    hides = Drifting(float("nan"), None, of_visits=True, steady=steady)
+    for one, without, with_nests in (
+        (hides, "to see whether it is, and nests on the floor", "at the end to see whether it is."),
+        (Drifting(0.001, slow), "measure nests on the floor with them", "the nests more often."),
+    ):
+        drifts = replace(found, proof=replace(found.proof, drifting=one))
+        assert without in next_step(drifts)
+        assert next_step(replace(drifts, source=nests)).endswith(with_nests)
 
 
 def test_where_the_order_of_the_poses_hides_a_drift_the_next_step_is_a_second_round():
