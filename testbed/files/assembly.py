@@ -92,6 +92,7 @@ def assemble(
         where if settings.conditions.payload_kg is not None else "",
     )  # fmt: skip
     order = stated_order(files)
+    inverted = any(part.readings.stated.inverted for part in parts)
     included = settings.uncertainty.joint_repeatability == "included"
     return Session(
         name=settings.name,
@@ -135,7 +136,7 @@ def assemble(
             *notes,
         ),
         unread=tuple(dict.fromkeys(one for part in parts for one in part.readings.unread)),
-        stated=parts[0].readings.stated if len(parts) == 1 else Stated(),
+        stated=parts[0].readings.stated if len(parts) == 1 else Stated(inverted=inverted),
         simulated=settings.simulated,
         wanted=settings.identification,
         rows_say=said,

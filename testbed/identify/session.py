@@ -103,7 +103,7 @@ def _both_stated(one: Stated, two: Stated) -> Stated:
     """How the rotations of both stand in their files, if in the same form."""
     alike = (one.form, one.inverted) == (two.form, two.inverted)
     if not alike or one.numbers is None or two.numbers is None:
-        return Stated()
+        return Stated(inverted=one.inverted or two.inverted)
     return replace(one, numbers=np.concatenate([one.numbers, two.numbers]))
 
 

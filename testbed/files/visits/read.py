@@ -169,7 +169,7 @@ def _joined(
         warnings=tuple(dict.fromkeys(text for one in alone for text in one.warnings)),
         notes=tuple(dict.fromkeys(text for one in alone for text in one.notes)),
         unread=tuple(dict.fromkeys(columns for one in alone for columns in one.unread)),
-        stated=Stated(),
+        stated=Stated(inverted=any(one.stated.inverted for one in alone)),
         rows_say=_rows_say(alone),
         simulated=any(one.simulated for one in alone),
         noise_assumed=any(one.noise_assumed for one in alone),

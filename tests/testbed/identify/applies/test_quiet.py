@@ -7,10 +7,14 @@ import numpy as np
 import pytest
 
 from calib.measurement import tables
+from testbed.files.read import read_session
 from testbed.identify.applies.quiet import quiet_words
 from testbed.identify.calibrate import Options, calibrate
+from testbed.identify.session import with_test
 from tests.calibrated import robot, session_of, sound, table_of, true_model
 from tests.reference import SIGMA_POSITION, SIGMA_ROTATION, pool_r
+from tests.testbed.files.campaign import HEAD, session, visit, written
+from tests.testbed.files.made import columns, csv
 
 TRUE = 5e-6
 """Noise per axis [m]."""
@@ -81,3 +85,26 @@ def test_sound_noise_is_called_neither():
     assert quiet_words(found.fit.identification, train, "") == ()
     robust = replace(found.fit.identification, loss="cauchy")
     assert quiet_words(robust, replace(train, covariance=9 * train.covariance), "") == ()
+
+
+@pytest.mark.parametrize("form", ["euler", "matrix"])
+def test_of_inverse_transforms_it_is_not_said_which_keys_would_be_enough(form, tmp_path):
+    """Each part of such a row has noise of both keys. It was said of visits and of two files."""
+    half = [tables_of_inverse(visit(0, 30, seed=k), form) for k in range(2)]
+    head = HEAD.replace("position_um = 17.5", "position_um = 200")
+    head = head.replace('euler = "XYZ"', 'euler = "XYZ"\ngives = "T_tool_tracker"')
+    found = written(tmp_path, dict(zip("ab", half, strict=True)), session("a"), session("b"),
+                    head=head)  # fmt: skip
+    (tmp_path / "one.toml").write_text(head)
+    one, two = (
+        read_session(tmp_path / f"{name}.csv", robot(), config=tmp_path / "one.toml")
+        for name in "ab"
+    )
+    for several in (read_session(found, robot()), with_test(one, two), one):
+        assert several.stated.inverted
+        assert told(calibrate(robot(), several)) == ([], {})
+
+
+def tables_of_inverse(data, form):
+    """A file of the inverses of poses."""
+    return csv(columns(data, gives="T_tool_tracker", form=form), form="{:.9f}")
