@@ -100,11 +100,10 @@ def steady_drift(
     beside, k = found.beside(shape, misfit, D), D.shape[1]
     square, unit = beside.square, found.noise_sd
     after = np.r_[np.arange(k), len(square) - 1]  # the drift and the residuals; between, numbers
-    S = square[np.ix_(after, after)]
-    if len(square) > k + 1:
-        numbers = np.arange(k, len(square) - 1)
-        across = square[np.ix_(numbers, after)]
-        S = S - across.T @ np.linalg.solve(square[np.ix_(numbers, numbers)], across)
+    numbers = np.arange(k, len(square) - 1)
+    across = square[np.ix_(numbers, after)]
+    taken = across.T @ np.linalg.solve(square[np.ix_(numbers, numbers)], across)
+    S = square[np.ix_(after, after)] - taken
     whole, own, r = square[:k, :k], S[:k, :k], S[:k, k]
     size, axes = np.linalg.eigh(whole)
     some = size > RANK_TOLERANCE * size[-1]  # rows at two times show nothing bent

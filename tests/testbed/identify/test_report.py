@@ -294,6 +294,11 @@ def test_a_drift_that_the_order_of_the_poses_hides_is_on_the_first_screen():
                 )
             )
         assert told == [(True, True, True), (True, False, True), (False, False, False)]
+    judged = trust(
+        found.fit.identification, belief=proof.belief, point=proof.point,
+        questions=proof.questions, drifting=Drifting(0.5, None, of_visits=True, steady=steady),
+    )  # fmt: skip
+    assert f"the region includes {steady.words}" in judged.sentence  # also where visits decide
     slow = Drifting(float("nan"), None, of_visits=True, steady=steady)
     hangs = replace(found, doubted=(MOUNTING,), proof=replace(proof, drifting=slow))
     step = next_step(hangs)

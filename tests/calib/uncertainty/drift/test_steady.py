@@ -10,6 +10,7 @@ import scipy.stats
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import parameters_of
 from calib.identification.identify import identify
+from calib.identification.prior import Prior
 from calib.measurement.observations import joined
 from calib.measurement.prediction import predict
 from calib.uncertainty.drift.drifting import AGAIN, SURE, Drifting, drifting
@@ -104,6 +105,18 @@ def test_a_random_order_hides_no_steady_drift(size):
     assert drifting(*asked, hidden=hidden).steady is None
 
 
+def test_of_few_poses_in_a_random_order_nothing_is_asked():
+    """Where hardly a freedom is left, the numbers take most of any drift."""
+    (fit, train, order, test, theirs), *_ = campaign(1, "at random")
+    some = np.argsort(order)[::4]
+    few = train.rows(some)
+    fit = identify(fit.model, few, fit.parameters)
+    hidden = believe(fit, few).misfit
+    asked = fit, few, order[some], test.rows(theirs < 0), theirs[:0]
+    assert steady_drift(*asked, shape=hidden.shape, misfit=hidden.best).hidden > HIDDEN
+    assert drifting(*asked, hidden=hidden).steady is None
+
+
 def test_poses_that_come_again_at_the_end_show_it():
     """The first twelve once more: visits then tell the drift, and less of it is hidden."""
     asked, *_ = campaign(1, "sorted", size=0.3e-3, again=AGAIN)
@@ -119,9 +132,16 @@ def test_rows_at_two_times_or_each_from_a_station_of_its_own_are_no_failure():
     (fit, train, order, test, theirs), *_ = campaign(1, "sorted", size=0.3e-3)
     hidden = believe(fit, train, test).misfit
     size = {"shape": hidden.shape, "misfit": hidden.best}
-    halves = steady_drift(fit, train, order // M, test, 1 + 0 * theirs, **size)
-    assert halves is None or np.isfinite(halves.covariance).all()
+    half = (M + N) // 2
+    halves = steady_drift(fit, train, order // half, test, theirs // half, **size)
+    assert HIDDEN < halves.hidden <= 1
+    assert np.isfinite(halves.covariance).all()
     assert steady_drift(fit, train, 0 * order, test, 0 * theirs, **size) is None
+    apart = replace(train, station=np.arange(len(train)))
+    others = np.tile(fit.model.chain.T_world_base, (len(train) - 1, 1, 1))
+    model = replace(fit.model, fixtures=kinds.Fixtures(stations=others))
+    each = replace(fit, model=model, parameters=parameters_of(model, fit.names))
+    assert steady_drift(each, apart, order, test.rows(theirs < 0), theirs[:0], **size) is None
 
 
 def test_a_drift_is_about_its_mean_over_the_rows_of_each_station():
@@ -135,21 +155,33 @@ def test_a_drift_is_about_its_mean_over_the_rows_of_each_station():
     np.testing.assert_array_equal(_course(order, station, order[some], station[some]), found[some])
 
 
-@pytest.mark.parametrize("size", [0.0, 0.1e-3])
-def test_size_and_what_is_left_are_those_of_the_whole_covariance(size):
-    """Restricted likelihood in contrasts that no number moves, and the posterior of the drift."""
+@pytest.mark.parametrize(("size", "believed"), [(0.0, 0), (0.1e-3, 0), (0.1e-3, 8)])
+def test_size_and_what_is_left_are_those_of_the_whole_covariance(size, believed):
+    """Restricted likelihood in contrasts that no number moves, and the posterior of the drift.
+
+    Some numbers are `believed` beforehand, which no drift moves.
+    """
     (fit, train, order, test, theirs), *_ = campaign(3, "sorted", size=size)
+    links = np.arange(6, 6 + believed)  # behind the base
+    if believed:
+        sd = np.full(believed, 1e-5)
+        prior = Prior(sd, sd, tuple(fit.names[k] for k in links))
+        fit = identify(fit.model, train, fit.parameters, prior=prior)
     shape, misfit_size = misfit(fit, train, test).shape, 7e-6
     found = steady_drift(fit, train, order, test, theirs, shape=shape, misfit=misfit_size)
     both, place = joined([train, test]), np.concatenate([order, theirs])
     seen, t = predict(fit.model, both), 2 * place / (M + N - 1) - 1
     own = shape.rows(seen.rows[:, :3])
     noise = both.covariance[:, :3, :3] + misfit_size**2 * own @ np.swapaxes(own, 1, 2)
-    V, y = scipy.linalg.block_diag(*noise), seen.residual[:, :3].ravel()
+    V = scipy.linalg.block_diag(*noise, np.eye(believed))
+    off = 1 - fit.step[links] / 1e-5
+    y = np.concatenate([seen.residual[:, :3].ravel(), off])
     course = np.stack([np.sqrt(3) * t, BENT * np.sqrt(5) * (1.5 * t**2 - 0.5)], axis=1)
     course -= course.mean(axis=0)
-    D = np.einsum("mp,ij->mipj", course, np.eye(3)).reshape(len(y), -1)
-    A = seen.rows[:, :3, fit.parameters.free_index].reshape(len(y), -1) * fit.parameters.free_scale
+    D = np.einsum("mp,ij->mipj", course, np.eye(3)).reshape(3 * (M + N), -1)
+    A = seen.rows[:, :3, fit.parameters.free_index].reshape(len(D), -1)
+    D = np.concatenate([D, np.zeros((believed, D.shape[1]))])
+    A = np.concatenate([A, 1e5 * np.eye(A.shape[1])[links]]) * fit.parameters.free_scale
     Z = scipy.linalg.null_space(A.T)
 
     def likelihood(sd):
