@@ -12,8 +12,6 @@ FEWEST = 3
 """Others that tell where a nest was, out of one line."""
 FLAT = 0.02
 """Nests are in line if their second principal extent is below this part of the first."""
-ROUNDS = 3
-"""Rounds below which nobody knows in which of them a nest stood right."""
 CLEARLY = 2 * float(np.log(20))
 """How far the square of one shot is above those of its round at odds of 20 to one that it is this
 nest, and no other, that stood elsewhere."""
@@ -48,7 +46,7 @@ def unseated(place: Array, sd: float) -> Bool:
     """
     good = np.isfinite(place[:, :, 0])
     found, count = np.zeros_like(good), int(good.sum())
-    if len(place) < ROUNDS or not good.any(axis=0).all():
+    if not good.any(axis=0).all():
         return found
     level = float(chdtri(3, CHANCE / max(count, 1)))
     for _ in range(PASSES):
