@@ -143,7 +143,7 @@ class OtherFrame(Shown):
             what += (
                 ", and the target moved, too" if not self.at_tool else ", and the base moved, too"
             )
-        return f"{rows} {what}; they prove nothing: describe them as a session of their own"
+        return f"{rows} {what}; they prove nothing without a base or target of their own"
 
     def _unshown_words(self, rows: str) -> str:
         """The same where no frame is another: what would show one, and what is left in the best."""

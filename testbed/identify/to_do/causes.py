@@ -31,8 +31,7 @@ def first_of_all(calibration: Calibration) -> str:
         return (
             "First find out why the held-out poses are off as a whole: a base or a station that "
             f"moved, another target, another tool{conditions}. Then measure them again, or let "
-            "some of them show where they stand: a [[session]] of their own with held_out = true, "
-            f"{_free_parts(calibration)} and frame_poses = 10."
+            f"some of them show where they stand: {_own_session(calibration)}"
         )
     if calibration.moved is not None:
         return (
@@ -42,12 +41,15 @@ def first_of_all(calibration: Calibration) -> str:
     return ""
 
 
-def _free_parts(calibration: Calibration) -> str:
-    """What a session of held-out poses that stand elsewhere has of its own, as it is written."""
+def _own_session(calibration: Calibration) -> str:
+    """How a session has held-out poses that stand elsewhere, as it is written."""
     frame = calibration.proof.frame
     at_tool, both = (frame.at_tool, frame.both) if frame is not None else (False, False)
     parts = ["base"] * (both or not at_tool) + ["tool"] * (both or at_tool)
-    return ", ".join(f'{part} = "free"' for part in parts)
+    free = ", ".join(f'{part} = "free"' for part in parts)
+    if calibration.visits:
+        return f"{free} and frame_poses = 10 in their [[session]]."
+    return f"a [[session]] of their own with held_out = true, {free} and frame_poses = 10."
 
 
 def description_step(calibration: Calibration) -> str:
