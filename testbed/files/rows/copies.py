@@ -69,7 +69,7 @@ def _by_chance(part: TargetPart) -> Bool:
     """Rows (m,) with the digits of an earlier visit of their pose, where that is mere chance.
 
     All such rows, or none: whether successive visits are alike no more often than is likely where
-    each axis agrees as often as it does, and the axes by themselves.
+    each axis agrees as often as it does where the two others do not, and the axes by themselves.
     """
     position, again = part.readings.position, np.zeros(len(part), dtype=np.bool_)
     if part.readings.kind != "point":
@@ -77,8 +77,11 @@ def _by_chance(part: TargetPart) -> Bool:
     visits = [one for one in _visits(part) if len(one) > 1]
     same = [position[one[1:]] == position[one[:-1]] for one in visits]
     alike = np.concatenate([np.zeros((0, 3), dtype=np.bool_), *same])
-    count = int(alike.all(axis=1).sum())
-    if count and bdtrc(count - 1, len(alike), float(alike.mean(axis=0).prod())) < RED:
+    count, chance = int(alike.all(axis=1).sum()), 1.0
+    for k in range(3):  # copies agree in all of them
+        rest = alike[~np.delete(alike, k, axis=1).all(axis=1), k]
+        chance *= float(rest.mean()) if len(rest) else 0.0
+    if count and bdtrc(count - 1, len(alike), chance) < RED:
         return again
     for rows in visits:
         first = np.unique(position[rows], axis=0, return_index=True)[1]

@@ -63,6 +63,18 @@ def test_visits_that_a_coarse_file_prints_alike_by_chance_are_not_spoken_of(tmp_
     assert said.startswith("a.csv: 1 row left out (line 10): digit for digit")
 
 
+@pytest.mark.parametrize("share", [0.9, 1.0])
+def test_visits_of_which_most_are_copies_are_not_taken_for_chance(share, tmp_path):
+    """Their axes agree that often because of the copies; nothing was said."""
+    table = visited(3)
+    row = np.arange(len(table["x_mm"]))
+    for name in LENGTHS:
+        copies = table[name][row // 5 * 5]
+        table[name] = np.where(row < share * len(row), copies, table[name])
+    session = read(tmp_path, table)
+    assert any("the digits of earlier readings" in text for text in session.warnings)
+
+
 @pytest.mark.parametrize("at", [0, 4])
 def test_means_beside_the_shots_that_they_are_made_of_do_not_count(at, tmp_path):
     table = visited(4, poses=12)
