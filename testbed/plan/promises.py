@@ -148,10 +148,11 @@ def order_words(plan: Plan) -> str:
             "The poses are in random order, so that drift of the station can be distinguished from "
             f'misfit of the model; [plan] order = "tour" {takes}'
         )
+    again = min(AGAIN, len(plan.tour.pool_place))
     return (
         "The poses are in a tour, where neighbors follow each other: drift of the station cannot "
         "be distinguished from misfit of the model, and correlated noise cannot be tested "
-        f"(measure the first {AGAIN} poses once more at the end to see a drift that goes one way); "
+        f"(measure the first {again} poses once more at the end to see a drift that goes one way); "
         f'[plan] order = "random" {takes}'
     )
 

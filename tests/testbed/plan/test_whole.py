@@ -305,5 +305,7 @@ def test_in_random_order_poses_of_both_kinds_are_mixed_and_moves_are_free():
     assert tour.tour.other_duration > tour.tour.duration
     for one, word in ((made, "random order"), (tour, "in a tour")):
         assert word in order_words(one)
+    few = replace(tour, tour=replace(tour.tour, pool_place=tour.tour.pool_place[:9]))
+    assert "the first 9 poses once more" in order_words(few)  # no plan of 9 has the first 12
     seconds = np.abs(np.diff(legs(made), axis=1)[:, 0]) / (0.3 * ROBOT.speeds)
     assert made.tour.move.sum() == pytest.approx(seconds.max(axis=1).sum(), rel=1e-12)
