@@ -65,9 +65,12 @@ def description_step(calibration: Calibration) -> str:
             "robot's file: correct it, or free them under [identification]. Until then, "
         )
     if MOUNTING in calibration.doubted:
+        then = "and"
+        if hidden_drift_step(calibration):  # which is said at the end
+            then = "or a steady drift looks like it; if it does hang there,"
         return (
-            "First find out whether the arm hangs on a wall or ceiling, and state it in robot.toml "
-            "([base] rotation_vector_deg). Until then, "
+            f"First find out whether the arm hangs on a wall or ceiling, {then} state it in "
+            "robot.toml ([base] rotation_vector_deg). Until then, "
         )
     if DRIVES in calibration.doubted:
         return (

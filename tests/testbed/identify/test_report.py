@@ -302,7 +302,9 @@ def test_a_drift_that_the_order_of_the_poses_hides_is_on_the_first_screen():
     slow = Drifting(float("nan"), None, of_visits=True, steady=steady)
     hangs = replace(found, doubted=(MOUNTING,), proof=replace(proof, drifting=slow))
     step = next_step(hangs)
-    assert step.startswith("First find out whether the arm hangs")
+    assert step.startswith(
+        "First find out whether the arm hangs on a wall or ceiling, or a steady drift looks like it"
+    )
     assert step.endswith("and nests on the floor ([drift]), which take off what the station does.")
 
 
