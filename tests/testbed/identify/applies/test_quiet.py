@@ -18,6 +18,7 @@ from tests.testbed.files.made import columns, csv
 
 TRUE = 5e-6
 """Noise per axis [m]."""
+GEOMETRIC = Options(model="geometric")
 
 
 def seen(stated):
@@ -102,7 +103,7 @@ def test_of_inverse_transforms_it_is_not_said_which_keys_would_be_enough(form, t
     )
     for several in (read_session(found, robot()), with_test(one, two), one):
         assert several.stated.inverted
-        assert told(calibrate(robot(), several)) == ([], {})
+        assert told(calibrate(robot(), several, GEOMETRIC)) == ([], {})
 
 
 def tables_of_inverse(data, form):
