@@ -15,6 +15,9 @@ from calib.measurement.tool_target import ToolTarget
 from calib.uncertainty.statement.evidence import NoiseRepeats
 from calib.uncertainty.statement.repeats import noise_repeats
 
+QUIET = 1e-6
+"""Part of the noise that is left in held-out rows whose noise nobody states."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Circumstances:
@@ -104,10 +107,6 @@ class Circumstances:
                 message = "doubted is all of the noise of a row, or more"
                 allowed = "a part of it: what is left must scatter in every direction"
                 raise refuse("doubted", float(left.min()), allowed, code="A3", message=message)
-
-
-QUIET = 1e-6
-"""Part of the noise that is left in held-out rows whose noise nobody states."""
 
 
 class MeasuredNoise(NamedTuple):

@@ -92,7 +92,7 @@ def proof_of(
         doubted=(scatter[used], scatter[is_test]) if session.joint_scatter.any() else None,
         stops=_of_stops(measurements, root, used, is_test),
         target=target,
-        unstated=session.noise_assumed or not {"angles"}.issuperset(quieter(result, alone)),
+        unstated=session.noise_assumed or any(part != "angles" for part in quieter(result, alone)),
         stations_are_visits=bool(session.visits),
         drifts=0.0 if drifts is None else drifts.sd,
         pose_names=session.pose_names,

@@ -6,7 +6,7 @@ import numpy as np
 
 from calib.arrays import Array, frozen
 from calib.geometry.frames import log_so3, transform, transform_points
-from testbed.files.nests.drift import best_fit
+from testbed.files.nests.motions import best_fit
 from testbed.files.refusal import refusal
 from testbed.iso9283.records import CycleTest, PathRuns, Visits
 from testbed.units import DEG, MM, millimetres, significant

@@ -11,7 +11,8 @@ from calib.errors import InputError
 from calib.geometry.frames import exp_so3, log_so3
 from calib.measurement.corrections import rigid_fit_covariance
 from testbed.files.nests.between_rounds import correct_drift
-from testbed.files.nests.unseated import show_a_turn, unseated
+from testbed.files.nests.motions import best_fit, show_a_turn
+from testbed.files.nests.unseated import unseated
 from testbed.files.readings import SHOWN, Readings
 from testbed.files.refusal import refusal
 from testbed.files.session import Drift
@@ -107,20 +108,6 @@ def judge_drift(
         ),
     )
     return drift, begins, warnings
-
-
-def best_fit(a: Array, b: Array) -> tuple[Array, Array]:
-    """Rotation and translation with b about R a + t, for points a, b (k, 3).
-
-    References
-    ----------
-    Arun, Huang, Blostein 1987; Umeyama 1991 for the determinant.
-    """
-    center_a, center_b = a.mean(axis=0), b.mean(axis=0)
-    U, _, Vt = np.linalg.svd((b - center_b).T @ (a - center_a))
-    mirror = np.diag([1.0, 1.0, np.linalg.det(U @ Vt)])
-    R = U @ mirror @ Vt
-    return R, center_b - R @ center_a
 
 
 def _rounds(

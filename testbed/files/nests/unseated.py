@@ -1,17 +1,16 @@
 """A nest that was unseated for some rounds and set right again, by where the others have it."""
 
+from collections.abc import Iterator
+
 import numpy as np
 from scipy.special import chdtri
 
 from calib.arrays import Array, Bool, Index
 from calib.measurement.corrections import rigid_fit_covariance
+from testbed.files.nests.motions import best_fit, show_a_turn
 
 CHANCE = 1e-3
 """Chance of good shots of which any is said to be of an unseated nest."""
-FEWEST = 3
-"""Others that tell where a nest was, out of one line."""
-FLAT = 0.02
-"""Nests are in line if their second principal extent is below this part of the first."""
 CLEARLY = 2 * float(np.log(20))
 """How far the square of one shot is above those of its round at odds of 20 to one that it is this
 nest, and no other, that stood elsewhere."""
@@ -82,9 +81,9 @@ def _against_others(place: Array, good: Bool) -> Array:
         rows = np.flatnonzero((good == some).all(axis=1))
         for nest in np.flatnonzero(some):
             others = np.flatnonzero(some & (np.arange(len(some)) != nest))
-            if len(others) < FEWEST or not show_a_turn(usual[others]):
+            if not show_a_turn(usual[others]):
                 continue
-            R, t = _motions(usual[others], place[rows[:, None], others])
+            R, t = best_fit(usual[others], place[rows[:, None], others])
             off = place[rows, nest] - R @ usual[nest] - t
             own = noise[:, None, None] * np.eye(3)
             of_motion = rigid_fit_covariance(usual[others], usual[nest], own[others])[:3, :3]
@@ -98,46 +97,28 @@ def _left(place: Array, good: Bool) -> tuple[Array, Index]:
     """Sums of squares (r,) that rounds leave of `good` shots, of noise one [m^2], and freedom."""
     usual, left = _usual(place, good), np.zeros(len(place))
     noise = 1 + OF_MEDIAN / good.sum(axis=0)
-    for some in np.unique(good, axis=0):
-        which = np.flatnonzero(some)
-        if not show_a_turn(usual[which]):
-            continue
-        rows = np.flatnonzero((good == some).all(axis=1))
-        seen = place[rows[:, None], which]
-        R, t = _motions(usual[which], seen)
-        off = (seen - t[:, None]) @ R - usual[which]
-        left[rows] = (off**2 / noise[which, None]).sum(axis=(1, 2))
+    for rows, which, there in _brought_onto(usual, place, good):
+        left[rows] = ((there - usual[which]) ** 2 / noise[which, None]).sum(axis=(1, 2))
     return left, 3 * good.sum(axis=1) - 6
 
 
 def _usual(place: Array, good: Bool) -> Array:
     """Median place (k, 3) of each nest, once rounds are brought onto each other."""
     aligned = np.where(good[..., None], place, np.nan)
-    usual = np.nanmedian(aligned, axis=0)
-    for some in np.unique(good, axis=0):
-        which = np.flatnonzero(some)
-        if not show_a_turn(usual[which]):
-            continue
-        rows = np.flatnonzero((good == some).all(axis=1))
-        seen = place[rows[:, None], which]
-        R, t = _motions(usual[which], seen)
-        aligned[rows[:, None], which] = (seen - t[:, None]) @ R
+    for rows, which, there in _brought_onto(np.nanmedian(aligned, axis=0), place, good):
+        aligned[rows[:, None], which] = there
     return np.asarray(np.nanmedian(aligned, axis=0))
 
 
-def _motions(a: Array, b: Array) -> tuple[Array, Array]:
-    """Rotations (r, 3, 3) and shifts (r, 3) with b (r, k, 3) about R a + t; see `best_fit`."""
-    middle = b.mean(axis=1)
-    U, _, Vt = np.linalg.svd(np.swapaxes(b - middle[:, None], 1, 2) @ (a - a.mean(axis=0)))
-    mirror = np.tile(np.eye(3), (len(b), 1, 1))
-    mirror[:, 2, 2] = np.linalg.det(U @ Vt)
-    R = U @ mirror @ Vt
-    return R, middle - R @ a.mean(axis=0)
+def _brought_onto(usual: Array, place: Array, good: Bool) -> Iterator[tuple[Index, Index, Array]]:
+    """Rounds (n,) whose good shots are of the same nests (j,), brought onto `usual` (n, j, 3).
 
-
-def show_a_turn(places: Array) -> bool:
-    """Whether places (k, 3) are three or more, and not in one line."""
-    if len(places) < FEWEST:
-        return False
-    extent = np.linalg.svd(places - places.mean(axis=0), compute_uv=False)
-    return bool(extent[1] > FLAT * extent[0])
+    Only where these show how.
+    """
+    for some in np.unique(good, axis=0):
+        which = np.flatnonzero(some)
+        if show_a_turn(usual[which]):
+            rows = np.flatnonzero((good == some).all(axis=1))
+            seen = place[rows[:, None], which]
+            R, t = best_fit(usual[which], seen)
+            yield rows, which, (seen - t[:, None]) @ R

@@ -103,11 +103,10 @@ def edge_words(calibration: Calibration) -> tuple[str, ...]:
         return ()
     poses = np.unique(table.pose_id[found.rows])
     far = [calibration.pose_names[k] for k in np.unique(table.pose_id[found.rows[edge]]).tolist()]
-    more = [f"{len(far) - MOST_NAMED} more"] if len(far) > MOST_NAMED else []
     narrow = micrometres(point.radius_mean * usual / wide)
     return (
         f"R95 is so wide because of {len(far)} of the {len(poses)} held-out poses, at the edge of "
-        f"what they prove ({listed([*far[:MOST_NAMED], *more])}): at poses like the others it is "
+        f"what they prove ({listed(far, MOST_NAMED)}): at poses like the others it is "
         f"{narrow} um; training poses like these would narrow it",
     )
 

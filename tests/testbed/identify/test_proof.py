@@ -37,12 +37,12 @@ def visited(factor):
 
 
 def test_noise_that_is_only_assumed_counts_as_error_of_the_held_out_poses():
-    """What the numbers describe fully is believed twice as wide, and no narrower by any guess."""
+    """The noise is as large as assumed, and R95 wider than by a misfit of which there is none."""
     stated, options = sound().proof, Options(seed=1)
     found = calibrate(robot(), replace(sound_session(), noise_assumed=True), options)
     guessed = found.proof
     assert guessed.belief.n_guards == stated.belief.n_guards > 0
-    assert 1.2 < guessed.point.radius_mean / stated.point.radius_mean < 2.5
+    assert guessed.point.radius_mean > stated.point.radius_mean
     assert "Their noise counts as error" in verdict(found)
 
 

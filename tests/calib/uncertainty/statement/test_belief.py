@@ -176,9 +176,10 @@ def test_held_out_errors_count_with_their_noise_where_nobody_states_it():
         assert both[1].belief.misfit.upper == both[0].belief.misfit.upper
         radii.append([one.point.radius_mean for one in both])
     shares, radii = np.array(shares), np.array(radii)
-    assert shares[:, 0].min() < 0.9
-    # one in twenty points outside; 50 points of a robot share its error
-    assert shares[:, 1].min() >= 0.95
+    # what is promised, of a mean; and none is worse for it
+    assert shares[:, 1].mean() >= 0.95
+    assert (shares[:, 1] >= shares[:, 0]).all()
+    assert shares[:, 0].min() < 0.9 < shares[:, 1].min()
     assert (radii[:, 1] >= radii[:, 0]).all()
 
 

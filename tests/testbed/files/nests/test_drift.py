@@ -6,7 +6,8 @@ import pytest
 from calib.errors import InputError
 from calib.geometry.frames import exp_so3, log_so3, step_transform
 from calib.measurement.corrections import rigid_fit_covariance
-from testbed.files.nests.drift import best_fit, correct_drift, judge_drift
+from testbed.files.nests.drift import correct_drift, judge_drift
+from testbed.files.nests.motions import best_fit
 from testbed.files.read import read_session
 from testbed.files.readings import Readings
 from tests.testbed.files.made import ROBOT, N, csv, made
