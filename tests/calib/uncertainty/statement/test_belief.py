@@ -152,7 +152,6 @@ def test_held_out_errors_guard_the_factor():
     assert belief.factor > K3
 
 
-@pytest.mark.slow
 def test_held_out_errors_count_with_their_noise_where_nobody_states_it():
     """Ten times the noise is assumed that there is, and what no number describes hides in it.
 
@@ -183,6 +182,7 @@ def test_held_out_errors_count_with_their_noise_where_nobody_states_it():
     assert (radii[:, 1] >= radii[:, 0]).all()
 
 
+@pytest.mark.slow
 def test_the_guarded_factor_makes_the_radius_hold_what_it_promises_too():
     """Errors along the longest axis alone: within every ellipsoid, and half as often in a ball."""
     rng = np.random.default_rng(5)
