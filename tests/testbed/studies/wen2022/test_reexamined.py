@@ -146,17 +146,16 @@ def test_the_mean_over_random_sets_is_that_of_sets_one_by_one():
 
 def paper_fit(seen, nominal, free):
     """Step (f,) from scipy and twelve rows written down here; nothing of `identify`."""
-    unit = 1e-4  # so that the solver sees numbers near one
 
     def rows(x):
-        T = nominal.moved(free.expand(x * unit)).poses(seen.q)
+        T = nominal.moved(free.expand(x)).poses(seen.q)
         turned = (seen.rotation - T[:, :3, :3]).reshape(len(T), 9)
         return np.concatenate([turned, 1e3 * (seen.position - T[:, :3, 3])], axis=1).ravel()
 
     found = optimize.least_squares(
         rows, np.zeros(free.n_free), jac="3-point", x_scale="jac", xtol=1e-14, ftol=1e-15, gtol=None
     )
-    return found.x * unit
+    return found.x
 
 
 def test_u_best_is_the_scatter_of_fits_by_scipy_on_the_same_tables():
@@ -164,7 +163,8 @@ def test_u_best_is_the_scatter_of_fits_by_scipy_on_the_same_tables():
     nominal, free = at.laboratory.setting.nominal, at.laboratory.free("paper")
     steps = np.array([paper_fit(at.measure(chosen, "best-61", k), nominal, free) for k in range(3)])
     u = steps.std(axis=0, ddof=1)
-    np.testing.assert_allclose(study("rigid").u_best[0, 1], u, rtol=1e-3)
+    # derivatives by differences of scipy: 2e-6 with its version 1.17 and 1.18
+    np.testing.assert_allclose(study("rigid").u_best[0, 1], u, rtol=2e-5)
 
 
 def unweighted_covariance(model, seen, free):
