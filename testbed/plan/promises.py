@@ -27,8 +27,8 @@ def promise(plan: Plan) -> str:
     far = "noise and the tracker's systematic errors" if has_shared(plan) else "noise alone"
     return (
         f"{poses} will locate the mean tool point within {micrometres(seen.R95_over)} µm (3-D "
-        f"radius, 95{NARROW}%). This is over the goal, counting {far}. {misfit_words(plan)}. "
-        f"{_time_words(plan)}."
+        f"radius, 95{NARROW}%). This counts {far}, over all postures of the goal. "
+        f"{misfit_words(plan)}. {_time_words(plan)}."
     )
 
 

@@ -81,7 +81,7 @@ def _stated(radii: Array, arm: str) -> str:
     low, high = np.quantile(radii[:, 0], OFTEN)
     reached = radii[np.isfinite(radii[:, 1]), 1]
     goal = float(np.median(reached)) if len(reached) else np.nan
-    over = f"; over the goal {micrometres(goal, 2)}" if np.isfinite(goal) else ""
+    over = f"; at the goal {micrometres(goal, 2)}" if np.isfinite(goal) else ""
     return (
         f"µm: {micrometres(float(low), 2)} to {micrometres(float(high), 2)} in 8 of 10 rehearsals "
         f"{arm}{over}"

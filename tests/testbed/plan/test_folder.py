@@ -242,15 +242,15 @@ def test_the_words_name_poses_uncertainty_time_and_station():
     ) in promise(made)
     over = f"{1e6 * made.foresight.R95_over:.1f} µm"
     assert (
-        f"tool point within {over} (3-D radius, 95\u202f%). This is over the goal, counting noise "
-        "alone. "
+        f"tool point within {over} (3-D radius, 95\u202f%). This counts noise alone, over all "
+        "postures of the goal. "
     ) in promise(made)
     # a line for each thought, the first one of one line everywhere
     said = [line for line in terminal_text(made).split("\n") if line.startswith(("Verdict", "  "))]
     first = next(k for k, line in enumerate(said) if line.startswith("Verdict: "))
     assert len(said[first]) <= 100
     assert said[first].endswith("um (3-D radius, 95 %).")
-    assert said[first + 1].startswith("  This is over the goal, counting noise alone.")
+    assert said[first + 1].startswith("  This counts noise alone, over all postures of the goal.")
     assert said[first + 2].startswith("  Errors outside the model may stay hidden below ")
     assert said[first + 3].startswith(f"  All {len(made.places) + 6} poses, 6 of them held out")
     assert (

@@ -119,7 +119,7 @@ def test_parts_and_whole_are_everywhere():
     page = " ".join(read(plan_report_html(made, ROBOT, versions=VERSIONS)).text)
     for said in (" ".join(terminal_text(made).split()), page):
         assert parts in said
-        assert "counting noise and the tracker's systematic errors" in said
+        assert "This counts noise and the tracker's systematic errors, over all postures" in said
     assert "of systematic errors" in page
     document = json.loads(json.dumps(plan_numbers(made, ROBOT), allow_nan=False))
     predicted, budget = document["predicted"], document["budget"]

@@ -148,8 +148,8 @@ SAID = {
     "five poses and the median of 3 robots; its noise floor is 2.5 um.": 3,
     "At 95 % the believed region keeps its promise on every robot. Of the others: the conformal "
     "ball on every robot; the parameters alone on no robot.": 2,
-    "18 poses will locate the mean tool point within 26.7 um (3-D radius, 95 %). This is over the "
-    "goal, counting noise alone; at its worst posture the radius is 29.4 um.": 3,
+    "18 poses will locate the mean tool point within 26.7 um (3-D radius, 95 %). This counts "
+    "noise alone, over all postures of the goal; at its worst posture the radius is 29.4 um.": 3,
     "PASS at the stated limits. AP is up to 80.0 um (P1; 95 % limits 60 to 90); RP is up to 10 um "
     "(P2; 7 to 15). Measured: 30 cycles of 5 poses.": 4,
     "w" * 300: 1,
