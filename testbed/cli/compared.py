@@ -17,11 +17,13 @@ NUMBERS = {PLAN: layout.PLAN, ISO9283: layout.RESULT, CALIBRATION: layout.RESULT
 TITLES = {
     PLAN: "What plans promise", ISO9283: "Tests after ISO 9283", CALIBRATION: "Calibrations",
 }  # fmt: skip
+CERTIFIED = "efficiency"
+"""Proven to be at least so large: rounded up, it would say more than was proven."""
 COLUMNS: dict[str, dict[str, str]] = {
     PLAN: {
         "scenario": "scenario", "robot": "robot", "poses": "poses", "s": "duration_s",
         "R95 um": "predicted/R95_over_goal_um", "worst um": "predicted/R95_worst_um",
-        "misfit seen um": "predicted/misfit_seen_um", "efficiency": "certificate/efficiency",
+        "misfit seen um": "predicted/misfit_seen_um", CERTIFIED: "certificate/efficiency",
     },
     ISO9283: {
         "test": "test", "cycles": "data/cycles", "AP um": "figures/AP/*/value_um",
@@ -110,6 +112,10 @@ def cell(value: object, head: str) -> str:
         return NONE
     if isinstance(value, bool):
         return "yes" if value else "no"
+    if isinstance(value, float) and head == CERTIFIED:
+        from testbed.plan.promises import efficiency_word
+
+        return efficiency_word(value)
     if isinstance(value, float):
         return f"{value:.4f}" if head.endswith(" mm") else plain(significant(value))
     return str(value)
