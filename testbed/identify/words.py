@@ -102,6 +102,9 @@ def _believed_words(calibration: Calibration) -> str:
     radius = f"{r95(point)} of the mean tool point is {micrometres(point.radius_mean)} um"
     if point.relative:
         radius += " relative to the others (the readings do not show where the robot stands)"
+    if not states_instrument(calibration.shared):
+        # whoever quotes the verdict alone must not claim them
+        radius += ", without systematic errors of the instrument"
     if calibration.elsewhere:
         return f"{radius}; the held-out poses should have tested it, and could not."
     if belief.n_guards:

@@ -118,6 +118,7 @@ def test_what_is_believed_is_said_before_anything_else():
     assert shown.believable
     assert shown.mark == GUARDED == mark(sound())
     radius = f"R95 (3-D radius, 95 %) of the mean tool point is {point.radius_mean * 1e6:.0f} um"
+    radius += ", without systematic errors of the instrument"
     assert f"{radius}; it can be believed" in plain(shown.verdict)
     assert plain(shown.reasons[0]).startswith(
         f"The mean tool point lies within {micrometres(point.radius_mean)} um"
@@ -404,6 +405,8 @@ def test_what_no_held_out_pose_can_show_is_said_to_be_in_no_figure():
         with undrawn():
             page = page_of(one, DELIVERED, VERSIONS)
         assert ("Systematic errors of the instrument are in no figure" in page.next_step) == unsaid
+        # the verdict is what is quoted: it does not leave that to a remark
+        assert ("um, without systematic errors of the instrument; " in verdict(one)) == unsaid
     for one, ending in ((found, ", but no systematic errors"), (parts, ", and systematic errors")):
         promise = next(each.promise for each in statements_of(one) if each.key == "region_mean")
         assert promise.endswith(ending)
