@@ -45,9 +45,9 @@ class Conformal:
         return (
             f"a further reading of the same target, at a pose drawn like the {self.n_poses} held "
             f"out, lies within {in_um(self.radius)} um with {100 * self.probability:g} % "
-            f"probability, whatever the errors are made of; for this one set {100 * low:.0f} to "
-            f"{100 * high:.0f} %. The noise of that reading is in it, and what all readings share "
-            "is not"
+            f"probability, whatever the errors are made of; this one radius holds "
+            f"{100 * low:.0f} to {100 * high:.0f} % of such readings, with 95 % confidence. The "
+            "noise of that reading is in it, and what all readings share is not"
         )
 
 

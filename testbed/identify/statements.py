@@ -97,7 +97,7 @@ def _compared(calibration: Calibration, other: str) -> list[StatedRadius]:
         low, high = proof.conformal.content_range()
         what = (
             f"{100 * proof.conformal.probability:g} % of measured points with their noise; needs "
-            f"no model (this set: {100 * low:.0f} to {100 * high:.0f} %)"
+            f"no model (this one: {100 * low:.0f} to {100 * high:.0f} %, with 95 % confidence)"
         )
         why = other if proof.belief is not None else "all that is left"
         found.append(

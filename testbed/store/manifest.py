@@ -31,7 +31,7 @@ def require_campaign(path: Path, document: Mapping[str, Any]) -> None:
     """Refuse a run folder that no scenario was played into."""
     if kind_of(document) != CAMPAIGN:
         told = f"holds a {kind_of(document)}, not a campaign"
-        raise _unusable(path, told, "the folder that `truebed run` wrote")
+        raise _unusable(path, told, fix="give a folder that truebed run wrote")
 
 
 def manifest_bytes(about: Mapping[str, Any]) -> bytes:
