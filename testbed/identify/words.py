@@ -19,7 +19,7 @@ from testbed.identify.visits.wide import wide_because, wide_words
 from testbed.report.page import SIMULATED
 from testbed.units import counted, micrometres, sentences, significant
 
-MEASURED = "MEASURED - a calibration report, not a certificate of traceability"
+MEASURED = "MEASURED - a calibration report, not a certificate; no traceability is claimed"
 GUARDED = "✓ The stated radius can be believed"
 GUESSED = "? The stated radius can be believed, though the noise is only assumed"
 UNGUARDED = "? The stated radius was tested by too few held-out poses"

@@ -17,7 +17,7 @@ from testbed.iso9283.records import (
 from testbed.report.page import SIMULATED
 from testbed.units import counted, p_equals, sentences, significant
 
-MEASURED = "MEASURED - a test report, not a certificate of traceability"
+MEASURED = "MEASURED - a test report, not a certificate; no traceability is claimed"
 EDITION = (
     f"The figures are those of {STANDARD}, from their textbook definitions; the text of the "
     "standard is not reproduced. Meeting its other conditions (warm-up, load, speed, choice of "

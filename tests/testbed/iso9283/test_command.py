@@ -40,7 +40,7 @@ def test_the_command_writes_a_folder_and_says_what_came_out(done):
         "report.html", "result.json", "iso9283.csv", "job_sheet.csv", "test.npz", "iso9283.rrd"
     }  # fmt: skip
     lines = result.stdout.splitlines()
-    assert lines[0] == "MEASURED - a test report, not a certificate of traceability"
+    assert lines[0] == "MEASURED - a test report, not a certificate; no traceability is claimed"
     assert any(line.startswith("Verdict: PASS at the stated limits.") for line in lines)
     assert lines[-2:] == [f"Report     {out / 'report.html'}", f"Next       truebed view {out}"]
     document = json.loads((out / "result.json").read_text())
