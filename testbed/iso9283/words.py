@@ -104,8 +104,8 @@ def reasons(result: CycleResult) -> tuple[str, ...]:
         )
     if test.systematic is None:
         texts.append(
-            "The limits do not include systematic errors of the instrument, because none are "
-            "stated ([uncertainty.systematic])"
+            "The confidence limits do not include systematic errors of the instrument, because "
+            "none are stated ([uncertainty.systematic])"
         )
     texts.append(result.frame)
     texts += test.warnings
@@ -179,7 +179,8 @@ def _drifting(result: CycleResult) -> list[str]:
     )
     return [
         f"{name} of {place(own)} changes by {change} um; in 95 % of random orders of the "
-        f"same cycles it changes by less than {usual} um. The limits hold for the hours measured",
+        f"same cycles it changes by less than {usual} um. The confidence limits hold for the "
+        "hours measured",
         *([unsure] if follow and not changed else []),
     ]
 
@@ -194,4 +195,11 @@ def next_step(result: CycleResult) -> str:
     stated = [test.conditions, f"speed {test.speed_percent:g} %" if test.speed_percent else ""]
     said = ", ".join(filter(None, stated))
     where = f"measured {said}" if said else "load and speed, which are not stated"
-    return f"Quote each figure with its limits, its number of cycles and the conditions: {where}."
+    unsaid = ""
+    if test.systematic is None:
+        # whoever quotes a PASS must not claim them
+        unsaid = " Say that these limits are without systematic errors of the instrument."
+    return (
+        "Quote each figure with its confidence limits, its number of cycles and the conditions: "
+        f"{where}.{unsaid}"
+    )

@@ -12,9 +12,13 @@ from testbed.iso9283.figure_words import show
 from testbed.iso9283.play import play_test
 from testbed.iso9283.read import read_test
 from testbed.iso9283.report import page_of
+from testbed.iso9283.words import next_step
+from testbed.scenario.systematic import SystematicTable
 from tests.command import call
 from tests.reported import printed_pages, read, said_twice
 from tests.testbed.iso9283.made import SESSION, path_rows, pose_rows, text_of
+
+STATED = SystematicTable(target_offset_um=5)
 
 
 @pytest.fixture(scope="module")
@@ -64,6 +68,14 @@ def test_the_page_has_every_section_and_keeps_what_users_wrote_as_text(done):
     assert "the text of the standard is not reproduced" in html
     assert not re.search(r"https?://(?!www\.w3\.org)", html)
     assert "nan" not in re.sub(r"<svg.*?</svg>", "", html, flags=re.DOTALL).replace("finance", "")
+
+
+def test_whoever_quotes_a_figure_reads_first_that_the_instrument_may_be_off(done):
+    """That no systematic error is stated is no matter for a folded section alone."""
+    first = (done[0] / "report.html").read_text().partition("Next step.")[2].partition("</p>")[0]
+    assert "these limits are without systematic errors of the instrument" in first
+    stated = replace(play_test(read_test(done[0].parent / "session.toml")).test, systematic=STATED)
+    assert "without systematic" not in next_step(play_test(stated))
 
 
 def test_a_test_prints_on_five_pages(done, tmp_path):
