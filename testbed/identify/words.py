@@ -172,8 +172,9 @@ def _remarks(calibration: Calibration) -> list[str]:
             else ", and R95 with it"
         )
         texts.append(
-            f"The noise of the readings is assumed{rests}; write what the certificate of the "
-            "instrument says, and take assumed = true out ([uncertainty])"
+            f"The noise of the readings is assumed{rests}; write the standard "
+            "uncertainty of a reading (k = 1) that follows from the instrument's certificate, and "
+            "take assumed = true out ([uncertainty])"
         )
     factor = calibration.fit.noise_factor
     if calibration.refuted and factor > LARGER:
