@@ -41,7 +41,8 @@ def outcome_words(corrected: Bool, before: Array, left: Array, names: Sequence[s
     if not changed:
         return text
     after = 1e3 * float(left[corrected].mean())
-    whose = f"all {count}" if changed == count else f"the {changed} corrected"
+    all_of_them = {1: "it", 2: "both"}.get(count, f"all {count}")
+    whose = all_of_them if changed == count else f"the {changed} corrected"
     still = f" and by {significant(after)} mm as corrected" if after >= LEAST_MM else ""
     return (
         f"{text}: by the identified model, the tool misses {whose} by "

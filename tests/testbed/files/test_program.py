@@ -14,6 +14,7 @@ from calib.geometry.joint_errors import JointErrors, gravity_terms
 from calib.geometry.model import RobotModel
 from testbed.files.programs.correct import correct_program
 from testbed.files.programs.read import ADDED, in_other_units, read_program
+from testbed.files.programs.said import outcome_words
 from testbed.files.rotations import EULER, in_form, rotations
 from testbed.files.text import read_sheet
 from testbed.gates.text import read_text
@@ -69,6 +70,12 @@ def test_joint_targets_bring_the_real_robot_where_the_program_meant(tmp_path, re
     # searches end at rounding, which is no figure to print
     assert found.left.max() < 1e-9
     assert found.sentences[0].endswith(" mm on average as written")
+
+
+@pytest.mark.parametrize(("n", "whose"), [(1, "it"), (2, "both"), (3, "all 3")])
+def test_one_target_or_two_are_not_counted_again(n, whose):
+    said = outcome_words(np.ones(n, dtype=bool), np.full(n, 5e-4), np.zeros(n), ["a", "b", "c"][:n])
+    assert f"the tool misses {whose} by 0.500 mm" in said
 
 
 def test_errors_are_those_of_the_targets_that_were_corrected(tmp_path, real):
