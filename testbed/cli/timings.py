@@ -67,8 +67,15 @@ def expected(work: str, planned: Mapping[str, int] | None = None) -> dict[str, T
 
 def total(work: str) -> float | None:
     """Seconds that a work takes one process here; None where it was never played."""
-    steps = own().get(work) or _here().get(work)
+    mine = own().get(work) if _as_shipped(work) else None
+    steps = mine or _here().get(work)
     return None if steps is None else sum(took.seconds for took in steps.values())
+
+
+def _as_shipped(work: str) -> bool:
+    """Whether what was played here is no smaller or larger work of the same name."""
+    mine, theirs = own().get(work, {}), shipped().get(work, {})
+    return all(took.pieces == theirs.get(name, took).pieces for name, took in mine.items())
 
 
 def lasts(work: str) -> str:
@@ -131,7 +138,7 @@ def _here() -> Works:
         sum(took.seconds for took in mine[work].values())
         / max(sum(took.seconds for took in theirs[work].values()), 1e-3)
         for work in mine
-        if work in theirs and set(mine[work]) == set(theirs[work])
+        if work in theirs and set(mine[work]) == set(theirs[work]) and _as_shipped(work)
     ]
     scale = median(ratios) if ratios else 1.0
     return {

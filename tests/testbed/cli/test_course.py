@@ -173,6 +173,14 @@ def test_the_last_run_decides_what_the_next_one_may_take(cache):
     assert timings.expected("run coverage", planned)["coverage"] == Took(160.0, 16)
 
 
+def test_a_small_study_of_the_same_name_says_nothing_of_the_scene(cache):
+    """150 robots of `million` took 36 s, and the list of scenes said so of a night of computing."""
+    whole = timings.shipped()["run million"]
+    night = timings.total("run million")
+    timings.remember("run million", {**whole, "coverage": Took(32.0, 6)})
+    assert timings.total("run million") == pytest.approx(night)
+
+
 def test_another_machine_is_told_by_what_was_played_on_both(cache):
     first = timings.shipped()["run quick"]
     timings.remember("run quick", {k: Took(3 * v.seconds, v.pieces) for k, v in first.items()})
