@@ -36,6 +36,7 @@ COLUMNS: dict[str, dict[str, str]] = {
         "before mm": "before/held_out/mean_mm", "after mm": "models/{model}/held_out/mean_mm",
         "p95 mm": "models/{model}/held_out/p95_mm", "R95 um": "statements/R95_mean_um",
         "relative": "statements/relative", "believed": "verdict/believable",
+        "guarded by": "statements/guards",
     },
 }  # fmt: skip
 """Figures by the head of their column; ``*`` stands for the place where one is largest."""

@@ -25,7 +25,7 @@ MEASURED = {
     "split": {"train_poses": 61, "held_out_poses": 20},
     "before": {"held_out": {"mean_mm": 0.385}},
     "models": {"extended": {"held_out": {"mean_mm": 0.0927, "p95_mm": 0.1657}}},
-    "statements": {"R95_mean_um": 216.3}, "verdict": {"believable": True},
+    "statements": {"R95_mean_um": 216.3, "guards": 0}, "verdict": {"believable": True},
 }  # fmt: skip
 TESTED = {
     "format": 1, "test": "cycles", "data": {"cycles": 30}, "verdict": {"decision": None},
@@ -195,7 +195,7 @@ def test_a_plan_and_a_test_are_viewed_as_a_run_is(here, monkeypatch):
     [
         # what is certified is rounded down, as in the report of the plan
         ("runs/plan", ["small", "18", "174", "26.7", "29.4", "0.932"]),
-        ("runs/ident", ["spring", "extended", "61", "20", "0.3850", "0.0927", "216", "yes"]),
+        ("runs/ident", ["spring", "extended", "61", "20", "0.3850", "0.0927", "216", "yes", "0"]),
         ("runs/iso", ["cycles", "30", "15"]),
     ],
 )
