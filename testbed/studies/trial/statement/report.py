@@ -125,7 +125,9 @@ def statement_table(campaign: Campaign, statements: list[tuple[Trial, Statement]
         rows.append((trial.name, *cells))
     judges = counted(len(campaign.validation.judge_q), "further pose")
     return Table(
-        caption=f"R95 of the tool point by each statement [µm], and its share inside at {judges}",
+        caption=(
+            f"R95 of the tool point by each statement [µm], and the true points inside at {judges}"
+        ),
         head=("trial", *(h for name in names for h in (f"{COLUMNS[name]} µm", "inside"))),
         rows=tuple(rows),
         size="small",
