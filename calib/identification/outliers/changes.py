@@ -25,8 +25,13 @@ LARGEST = 5_000_000
 
 
 def targets_of(table: Measurements) -> tuple[Array, Index]:
-    """Distinct targets (t, k) of a table, as in `Measurements.target_key`, and each row's (m,)."""
-    targets, which = np.unique(table.target_key, axis=0, return_inverse=True)
+    """Distinct targets on the tool (t, k), and each row's (m,); seen from several stations or not.
+
+    A target is where it lies, what it shows (3 or 6 rows), its number, and the tool that carries
+    it.
+    """
+    carried = [table.offset, table.equations, table.reflector, table.tool]
+    targets, which = np.unique(np.column_stack(carried), axis=0, return_inverse=True)
     return targets, which.ravel()
 
 

@@ -77,18 +77,28 @@ def test_a_station_that_was_turned_is_found_by_its_angle():
     assert np.linalg.norm(found.change[3:]) == pytest.approx(np.radians(0.02), rel=0.2)
 
 
-def test_the_one_of_three_reflectors_that_came_loose_is_named():
+@pytest.mark.parametrize(("stations", "reflectors"), [(1, 3), (2, 3), (2, 1)])
+def test_a_reflector_that_came_loose_is_named_from_wherever_it_is_seen(stations, reflectors):
+    """Seen from two stations, it passed for two targets, and its step for that of another arm."""
     rng = np.random.default_rng(3)
-    true, q, rng = robot(3, Fixtures(rng.normal(size=(3, 3)) * 0.1))
-    table = joined([kinds.points(true, q, rng, reflector=k) for k in range(3)])
-    order = np.tile(np.arange(POSES), 3) * 3 + np.repeat(np.arange(3), POSES)
-    loose = (table.reflector == 1) & np.tile(LATER, 3)
-    R = true.poses(table.q)[:, :3, :3]
+    true, q, rng = robot(3, Fixtures(
+        rng.normal(size=(reflectors, 3)) * 0.1, stations=kinds.anywhere(rng, 3.0)[None]
+    ))  # fmt: skip
+    seen = [(k, station) for k in range(reflectors) for station in range(stations)]
+    table = joined([kinds.points(true, q, rng, reflector=k, station=s) for k, s in seen])
+    order = np.tile(np.arange(POSES), len(seen)) * 6 + np.repeat(np.arange(len(seen)), POSES)
+    number = min(1, reflectors - 1)
+    loose = (table.reflector == number) & np.tile(LATER, len(seen))
     way = np.array([80e-6, -60e-6, 0.0])
-    found = of(true, replace(table, position=table.position + loose[:, None] * (R @ way)), order)
-    assert (found.what, found.number) == ("target", 1)
+    offsets = np.where(loose[:, None], way, 0.0)
+    axes = np.swapaxes(true.fixtures.station_frames[table.station][:, :3, :3], 1, 2)
+    R = axes @ true.poses(table.q)[:, :3, :3]
+    moved = table.position + (R @ offsets[:, :, None])[:, :, 0]
+    found = of(true, replace(table, position=moved), order)
+    assert (found.what, found.number) == ("target", number)
+    assert not found.or_else
     assert table.pose_id[found.row] == table.pose_id[STEP]
-    assert found.rows == POSES - STEP
+    assert found.rows == stations * (POSES - STEP)
     np.testing.assert_allclose(found.change, way, atol=20e-6)
 
 
