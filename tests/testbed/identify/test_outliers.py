@@ -21,6 +21,8 @@ from testbed.identify.calibrate import Options, calibrate
 from testbed.identify.far_off import far_held_out, held_out_outliers
 from testbed.identify.outliers import LookedAt, bad_words, model_words, second_look
 from testbed.identify.records import RowErrors
+from testbed.identify.report.errors import outlier_section
+from testbed.identify.words import reasons
 from tests.calib import kinds
 from tests.calibrated import robot, session_of, sound, sound_session, table_of, true_model
 from tests.reference import pool_r
@@ -64,6 +66,24 @@ def test_gross_errors_are_named_and_left_out_and_nothing_else_is(noise):
     # the frames start from other rows: both fits end within 1e-9 standard deviations of one point
     np.testing.assert_allclose(a.links, b.links, atol=1e-12)
     np.testing.assert_allclose(a.T_world_base, b.T_world_base, atol=1e-12)
+
+
+def test_the_report_lists_rows_that_do_not_fit_and_says_what_became_of_them():
+    found = left()
+    assert any("3 rows did not fit and took no part" in text for text in reasons(found))
+    listed = repr(outlier_section(found))
+    assert "worst first (--loss squared uses them)" in listed
+    assert all(text[1:40] in listed for text in found.gross.sentences)
+    assert "Held-out rows" not in listed
+    nothing = np.zeros_like(found.gross.left_out)
+    off = ("held-out pose P3 is off by 2 mm",)
+    gross = replace(found.gross, left_out=nothing, held_out_sentences=off)
+    kept = replace(found, gross=gross)
+    assert not any("took no part" in text for text in reasons(kept))
+    listed = repr(outlier_section(kept))
+    assert "worst first (they were used, weighted by the chosen loss)" in listed
+    assert "All of them count in every figure" in listed
+    assert off[0] in listed
 
 
 @pytest.mark.slow

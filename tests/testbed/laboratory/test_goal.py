@@ -87,7 +87,7 @@ def test_a_path_that_hits_something_between_its_corners_or_is_cut_too_fine_is_re
         along(joints_deg=over)
     assert caught.value.code == "S37"
     with pytest.raises(
-        InputError, match="step_mm is 0.05, which cuts the path into more"
+        InputError, match=r"step_mm is 0\.05, which cuts the path into more"
     ) as caught:
         along(joints_deg=CORNERS, step_mm=0.05)
     assert caught.value.code == "S37"

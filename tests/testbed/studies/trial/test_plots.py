@@ -2,6 +2,7 @@
 
 import itertools
 import re
+from dataclasses import replace
 from xml.etree import ElementTree as ET
 
 import numpy as np
@@ -11,6 +12,7 @@ from testbed.report.plots import FEET, GAP, free_place
 from testbed.report.svg import DARK, FAINT, INK, LIGHT, MIDDLE, SOFT
 from testbed.studies.trial import plots, plots_uncertainty
 from testbed.studies.trial.compare import measured_distance
+from testbed.studies.trial.statement.records import sums_of
 from testbed.studies.wen2022 import plots as plots_paper
 from testbed.studies.wen2022.cloud.draws import clouds_of
 from testbed.studies.wen2022.cloud.plots import zero_pose_clouds
@@ -95,6 +97,23 @@ def test_every_pool_pose_is_drawn_once_in_each_view():
         assert len(points) == len(pool)
         slope, offset = np.polyfit(pool[:, column], points[:, 1], 1)
         np.testing.assert_allclose(points[:, 1], slope * pool[:, column] + offset, atol=1e-4)
+
+
+def test_a_budget_of_many_sources_is_drawn_with_its_sums_below_and_the_discrepancy_open():
+    statement = bare_campaign().trials[0].estimates[0].statement
+    names, u = ("noise", "range scale", "station"), np.array([4.13e-6, 12.7e-6, 2.06e-6])
+    larger = replace(statement, sources=names, source_u=u, discrepancy_u=33.3e-6, drift_u=0.0)
+    svg = plots_uncertainty.budget_bars([("first", statement), ("second", larger)])
+    told = re.findall(r"<text[^>]*>(?:<tspan[^>]*>)?([^<]+)", svg)
+    for name in (*names, *sums_of(larger)):
+        assert told.count(name) == 1
+    assert told.index("station") > told.index("noise")
+    assert told.index("parameters alone") > told.index("station")
+    for value in (*u, *sums_of(larger).values(), *sums_of(statement).values()):
+        assert f"{1e6 * value:.3g}" in told
+    look = plots_uncertainty.bar_look
+    assert look("discrepancy")["facecolor"] == "none"
+    assert look("believed")["color"] == look("parameters alone")["color"] != look("noise")["color"]
 
 
 def test_the_same_campaign_gives_the_same_bytes():
