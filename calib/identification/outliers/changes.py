@@ -84,7 +84,7 @@ def changes(
     for joint in range(n):
         own_name = f"{'d' if model.chain.prismatic[joint] else 'theta'}{joint + 1}"
         yield "joint", joint, derivative[:, :, [names.index(own_name)]]
-    if _told(rows.conditions):
+    if told(rows.conditions):
         return
     torques = gravity_regressor(model.chain, rows.q, gravity=gravity)[:, :, 2, n, 0]
     turns = np.flatnonzero((model.chain.prismatic == 0) & torques.any(axis=0))
@@ -96,7 +96,7 @@ def changes(
         yield "robot", 0, derivative[:, :, free]
 
 
-def _told(conditions: OperatingConditions) -> bool:
+def told(conditions: OperatingConditions) -> bool:
     """Whether rows state loads that differ, torques, or temperatures that differ by much."""
     loads, warmth = conditions.moments, conditions.temperature
     return (

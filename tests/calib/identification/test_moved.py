@@ -312,6 +312,24 @@ def test_nothing_moved_where_something_else_is_wrong(how):
         assert of(true, table if isinstance(how, str) else how(table, rng)) is None
 
 
+def test_a_step_beside_a_misfit_of_its_size_is_named_and_the_misfit_alone_is_not():
+    """Waves of 0.1 mrad: with most of them the push explains less than 80 % beyond noise."""
+    explained = []
+    for seed in range(12):
+        true, q, rng = robot(60 + seed)
+        size, phase = 1e-4 * rng.normal(size=(3, 6, 1)), rng.uniform(0, 2 * np.pi, (3, 6, 1))
+        turns = np.array([2.0, 5.0, 9.0])[:, None, None]
+        away = q + (size * np.sin(turns * q.T + phase)).sum(axis=0).T
+        table = replace(kinds.points(true, away, rng), q=q)
+        assert of(true, table) is None
+        found = of(true, shifted(table, 3e-4 * np.array([0.6, -0.64, 0.48]), LATER))
+        if found is not None:
+            assert (found.what, found.number, found.row) == ("station", 0, STEP)
+            explained.append(found.explained)
+    assert len(explained) >= 9  # 11 of these; a seed is missed where the waves are the larger
+    assert np.median(explained) < 0.8
+
+
 def test_few_poses_on_one_side_tell_nothing():
     true, q, rng = robot(10)
     late = np.arange(POSES) >= POSES - FEWEST + 1
