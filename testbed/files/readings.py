@@ -22,6 +22,8 @@ BAR = (
     "write that length, or measure where the sockets are and give positions under [points]"
 )
 """What to do where a ball was put into a socket: that fixes three numbers, and a distance one."""
+TOUCHES = 3
+"""Rows of each place that a tip touches. Two are a reading and its copy."""
 COPIES = "copies of earlier readings, digit for digit"
 """What rows are that repeat the digits of others."""
 
@@ -105,11 +107,20 @@ def plain_readings(table: DataTable, kind: str, position: Array, spread: Spread)
     )
 
 
+def are_touched(position: Array) -> bool:
+    """Whether positions (m, 3) are places that a tip touches again and again, to the last digit.
+
+    An instrument does not read every one of its readings three times.
+    """
+    _, count = np.unique(position, axis=0, return_counts=True)
+    return len(count) > 0 and bool(count.min() >= TOUCHES)
+
+
 def lost_readings(readings: Readings, nests: Sequence[str]) -> tuple[Bool, list[str]]:
     """Rows (m,) that were measured, and a sentence on those that were not.
 
     A tracker that loses its target writes 0 0 0, or a distance of 0. Readings of `nests` stay:
-    rounds are counted by them.
+    rounds are counted by them. So does a place in the origin that a tip touches, among others.
 
     Raises
     ------
@@ -119,6 +130,8 @@ def lost_readings(readings: Readings, nests: Sequence[str]) -> tuple[Bool, list[
     distance = readings.kind == "distance"
     zero = readings.distance == 0 if distance else (readings.position == 0).all(axis=1)
     lost = zero & ~np.isin(readings.target, nests)
+    if not (distance or zero.all()) and are_touched(readings.position):
+        lost[:] = False
     if distance and len(zero) and zero.all():
         raise refusal(
             readings.where, "distance", f"has no distance but 0: lengths of 0 {NO_DIRECTION}",

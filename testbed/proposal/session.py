@@ -10,6 +10,7 @@ from testbed.proposal.cycles import cycles_in
 from testbed.proposal.data import Document, Found, files_of
 from testbed.proposal.drafts import EACH_A_STATION, Draft, drafts_of
 from testbed.proposal.fits.places_alone import places_alone
+from testbed.proposal.fits.touches_alone import touches_alone
 from testbed.proposal.fits.tried import tried_with
 from testbed.proposal.missing import (
     columns_of,
@@ -182,7 +183,7 @@ def _proposed(looks: tuple[Found, ...], robot: Robot | None, root: Path) -> Prop
         drafts = [one for one in drafts if not one.guesses_distance]
     looks = tuple(one[0] for one in choices)
     if not drafts:
-        raise no_reading(looks, n)
+        raise (robot and touches_alone(looks, robot)) or no_reading(looks, n)
     first = _untried(drafts)
     if robot is not None:
         drafts = list(with_reflectors(drafts, looks))

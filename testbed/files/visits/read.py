@@ -12,6 +12,7 @@ from calib.measurement.corrections import Corrections
 from calib.measurement.observations import joined
 from testbed.files.conditions import SetUp
 from testbed.files.conditions import joined as joined_conditions
+from testbed.files.readings import are_touched
 from testbed.files.refusal import refusal
 from testbed.files.rows.say import RowsSay
 from testbed.files.session import Session, Stated
@@ -214,8 +215,12 @@ def _require_one(visits: Sequence[VisitTable], alone: Sequence[Session], where: 
     """Refuse what sessions of one calibration cannot differ in."""
     lead, known = alone[0], dict[bytes, str]()
     for visit, one in zip(visits, alone, strict=True):
-        # what another station saw of another tool is never the same to the last bit
-        seen = {row.tobytes() for row in one.measurements.position}
+        # what another station saw of another tool is never the same to the last bit; places that
+        # a tip touches are, and not the joints that lead there
+        table = one.measurements
+        touched = are_touched(table.position)
+        rows = np.hstack([table.position, table.q]) if touched else table.position
+        seen = {row.tobytes() for row in rows}
         again = [row for row in seen if row in known]
         if again:
             raise refusal(

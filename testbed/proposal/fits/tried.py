@@ -25,6 +25,7 @@ from testbed.proposal.fits.draft_fit import AXES, DraftFit, fit_of
 from testbed.proposal.fits.far_off import far_off
 from testbed.proposal.fits.poses_for_joints import poses_for_joints
 from testbed.proposal.fits.sent import is_of_a_controller, places_of, without_sent
+from testbed.proposal.fits.touches_alone import touches_alone
 from testbed.proposal.rows.beginning import SEEN, beginnings
 from testbed.proposal.rows.sideways import on_its_side
 from testbed.proposal.rows.sorted_names import sorted_by_letters
@@ -97,6 +98,8 @@ def tried_with(
                 more += sent
             tried = _fitting(robot, left, others, len(same) - 1, parts)
             return draft, tried + aside + more, True
+    if (touched := touches_alone(looks, robot)) is not None:
+        raise touched
     if all(one.guesses_distance for one in drafts):
         raise unnamed(next(one for one in looks if one.kind == "bare"))
     likely = next((k for k, one in enumerate(sessions) if one is not None), None)

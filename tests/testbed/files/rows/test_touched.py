@@ -1,10 +1,13 @@
 """A tip that touches known places from many sides, without a tracker."""
 
 import numpy as np
+import pytest
 
+from calib.errors import InputError
 from calib.geometry.frames import target_points
 from testbed.files.probe import probe
 from testbed.files.read import read_session
+from tests.command import call
 from tests.testbed.files.made import ROBOT, csv, made
 from tests.testbed.proposal.test_session import proposed
 
@@ -37,9 +40,9 @@ def touching(place, m, rng):
     return found[:m]
 
 
-def touched(places, m=15):
+def touched(places, m=15, seed=12):
     """Columns of a table of m rows at each of some places."""
-    rng = np.random.default_rng(12)
+    rng = np.random.default_rng(seed)
     q = np.vstack([touching(place, m, rng) for place in places])
     table = {f"q{k + 1}_deg": np.degrees(q[:, k]) for k in range(q.shape[1])}
     xyz = np.repeat(1e3 * places, m, axis=0)
@@ -67,6 +70,61 @@ def rounded_poses():
     table = {f"q{k + 1}_deg": np.degrees(q[:, k]) for k in range(q.shape[1])}
     xyz = np.round(1e3 * ROBOT.model.poses(q)[:, :3, 3], 1)
     return table | dict(zip(("x_mm", "y_mm", "z_mm"), xyz.T, strict=True))
+
+
+def moved_to(origin):
+    """The places of a table in a frame of their own, one of them in its origin."""
+    table = touched(PLACES)
+    return table | {
+        f"{axis}_mm": table[f"{axis}_mm"] - 1e3 * place
+        for axis, place in zip("xyz", origin, strict=True)
+    }
+
+
+def test_a_place_in_the_origin_is_touched_and_not_missed(tmp_path):
+    """Its rows were left out as missed shots."""
+    (tmp_path / "a.csv").write_text(csv(moved_to(PLACES[0])))
+    (tmp_path / "s.toml").write_text("[points]\n[uncertainty]\nposition_um = 20\n")
+    session = read_session(tmp_path / "a.csv", ROBOT, config=tmp_path / "s.toml")
+    assert len(session.measurements) == 45
+    assert not session.masked
+
+
+def test_two_sessions_may_touch_places_of_the_same_coordinates(tmp_path):
+    """A plate that was set down twice: its places were "readings of session a again"."""
+    for name, seed in (("a", 12), ("b", 13)):
+        (tmp_path / f"{name}.csv").write_text(csv(touched(PLACES, seed=seed)))
+    (tmp_path / "session.toml").write_text(
+        "format = 1\n[uncertainty]\nposition_um = 20\n"
+        '[[session]]\nname = "a"\nfile = "a.csv"\n'
+        '[[session]]\nname = "b"\nfile = "b.csv"\ntool = "same as a"\n'
+    )
+    assert len(read_session(tmp_path / "session.toml", ROBOT).measurements) == 90
+    # joints and places of one file are still refused
+    (tmp_path / "session.toml").write_text(
+        (tmp_path / "session.toml").read_text().replace("b.csv", "a.csv")
+    )
+    with pytest.raises(InputError, match="name each file once"):
+        read_session(tmp_path / "session.toml", ROBOT)
+
+
+def test_files_of_joints_alone_are_told_to_state_what_was_touched(tmp_path):
+    """Those of the second socket were taken as readings, and no interpretation fitted."""
+    joints = [{k: v for k, v in touched(PLACES[[k]]).items() if k[0] == "q"} for k in (0, 1)]
+    for name, table in zip("ab", joints, strict=True):
+        bare = np.radians(np.column_stack(list(table.values())))
+        np.savetxt(tmp_path / f"{name}.csv", bare, delimiter=",")
+    (tmp_path / "c.csv").write_text(csv(joints[0]))
+    for files in ("a", "ab", "c", "cb"):
+        done = call(
+            "new", "session", *(tmp_path / f"{name}.csv" for name in files),
+            "--out", tmp_path / "session.toml", "--robot", ROBOT.name,
+        )  # fmt: skip
+        said = done.stderr
+        assert done.exit_code == 2
+        assert "joints and no readings; a nominal staubli_tx60 keeps one point of its tool" in said
+        assert "in columns x_mm, y_mm, z_mm" in said
+        assert ("write all rows into one table" in said) == (len(files) == 2)
 
 
 def test_one_place_is_told_to_say_nothing_of_lengths(tmp_path):
