@@ -273,6 +273,7 @@ def _warned(
         *coarse_joints(session, chosen, train),
         *placed,
         *guard_warnings(session, found.measurements.rows(is_test)),
+        *looking.frames.untold,
         *standing_warnings(session, identification, found.proof.belief),
     ]
     if not found.handback.in_use:

@@ -15,6 +15,7 @@ from calib.geometry.parameters import Parameters, parameters_of
 from calib.identification.identify import identify
 from calib.identification.larger_noise import noise_factor, under_noise
 from calib.identification.prior import Prior, weak_prior
+from calib.identification.start.on_a_line import untold_turns
 from calib.identification.start.start import start_frames
 from calib.information.sizes import FRAMES
 from calib.measurement.observations import Measurements
@@ -23,6 +24,7 @@ from calib.measurement.tool_target import places_are_found
 from testbed.files.session import Session
 from testbed.identify.visits.frames import require_determined
 from testbed.robots.catalog import Robot
+from testbed.units import listed
 
 FRAMES_ALONE = "frames"
 """What `free` says where a calibrated robot is only placed anew."""
@@ -49,6 +51,8 @@ class StartFrames:
     parameters: Parameters
     """Of `start`: what the session frees."""
     sentences: tuple[str, ...]
+    untold: tuple[str, ...] = ()
+    """What no reading tells of them, whatever the links are."""
 
 
 def frames_of(robot: Robot, session: Session, train: Measurements) -> StartFrames:
@@ -84,9 +88,23 @@ def frames_of(robot: Robot, session: Session, train: Measurements) -> StartFrame
         found = start_frames(own, train, free_tool=free_tool, free_anchors=session.free_anchors)
         start = at_base(found.model, own.chain.T_world_base, session.free_anchors)
         sentences = found.notes
-    parameters = free_numbers(start, robot, session)
+    parameters, untold = _without_untold(free_numbers(start, robot, session), start, train)
     before = _not_astray(start, fitted_frames(start, train, parameters), train, parameters)
-    return StartFrames(start, before, start is own, parameters, sentences)
+    return StartFrames(start, before, start is own, parameters, sentences, untold)
+
+
+def _without_untold(
+    parameters: Parameters, start: RobotModel, train: Measurements
+) -> tuple[Parameters, tuple[str, ...]]:
+    """The table without turns that no reading tells, and a sentence on them if there are any."""
+    held = [name for name in untold_turns(start, train) if name in parameters.free_names]
+    if not held:
+        return parameters, ()
+    sentence = (
+        f"{listed(held)} {'is' if len(held) == 1 else 'are'} held: readings at one place or along "
+        "one line do not tell how the arm is turned about it, and nothing is stated of that turn"
+    )
+    return parameters.freeing(set(parameters.free_names) - {*held}), (sentence,)
 
 
 def fitted_frames(start: RobotModel, train: Measurements, parameters: Parameters) -> RobotModel:

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from calib.arrays import Array, Index, frozen
+from calib.arrays import Array, Bool, Index, frozen
 from calib.geometry.chain import Chain
 from calib.geometry.model import RobotModel
 from calib.identification.folds import parts_of, some_poses
@@ -270,6 +270,12 @@ def _typical(shots: BadShots, train: Measurements, row: int) -> str:
     return f"{text} and {significant(_median(shots.turns, train, row) * DEG, 2)} deg"
 
 
+def _alike(train: Measurements, row: int) -> Bool:
+    """Rows (m,) of a place that a tip touches again, whose joints fit the reading of one anyway."""
+    same = (train.position == train.position[row]).all(axis=1)
+    return np.asarray(same & (train.station == train.station[row]) & ~train.is_pose[row])
+
+
 def _elsewhere(
     shots: BadShots, train: Measurements, row: int, name: list[str], there: Array | None
 ) -> str:
@@ -277,7 +283,7 @@ def _elsewhere(
 
     `there` are the poses (m, 4, 4) at the joints of all rows, where these tell them.
     """
-    others = np.flatnonzero((train.q != train.q[row]).any(axis=1))
+    others = np.flatnonzero((train.q != train.q[row]).any(axis=1) & ~_alike(train, row))
     if train.is_distance[row] or not len(others):
         return ""
     here = train.rows(np.full(len(others), row))

@@ -19,7 +19,8 @@ from calib.identification.fit_statistics import RED
 from calib.identification.outliers.changes import What, changes, told
 from calib.identification.outliers.whitened import WhitenedRows
 from calib.identification.result import Identification
-from calib.measurement.observations import Measurements
+from calib.identification.start.on_a_line import extents_told
+from calib.measurement.observations import POINT, Measurements
 from calib.shown import Shown
 
 FEWEST = 8
@@ -135,6 +136,8 @@ def moved_once(
         sudden = SUDDEN * max(scale, 1.0) * alike
         if gain - fit.slow(plain) < sudden or _elsewhere(rows, k, spread=what in ("load", "robot")):
             continue
+        if what in ("station", "base", "robot") and _at_one_place(rows, k):
+            continue
         by = plain[k:] @ change
         seen = np.abs(plain[k:]).max(axis=(1, 2)) > 0
         found = Moved(
@@ -195,6 +198,17 @@ def _once(rows: Measurements, k: int) -> float:
     after = np.arange(len(rows)) >= k
     seen = np.column_stack([rows.pose_id, rows.target_key, after])
     return len(np.unique(seen, axis=0)) / len(rows)
+
+
+def _at_one_place(rows: Measurements, k: int) -> bool:
+    """Whether all that was seen before row k, or from it on, is one place within its noise.
+
+    A step of the station, or another arm, would be free to put it anywhere: what lengths the
+    readings tell is lost, and a place whose coordinates are wrong looks alike.
+    """
+    index = np.arange(len(rows))
+    sides = (rows.rows(index[:k]), rows.rows(index[k:]))
+    return any((side.kind == POINT).all() and extents_told(side) == 0 for side in sides)
 
 
 def _elsewhere(rows: Measurements, k: int, *, spread: bool) -> bool:

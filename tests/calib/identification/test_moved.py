@@ -13,7 +13,8 @@ from calib.geometry.model import RobotModel
 from calib.geometry.operating import OperatingConditions
 from calib.geometry.parameters import parameters_of
 from calib.identification.identify import identify
-from calib.identification.outliers.moved import FEWEST, moved_once
+from calib.identification.outliers.moved import FEWEST, _at_one_place, moved_once
+from calib.measurement import tables
 from calib.measurement.observations import joined
 from calib.measurement.prediction import predicted_positions
 from tests.calib import kinds
@@ -378,3 +379,15 @@ def test_shots_of_few_poses_do_not_make_another_arm(seed):
     table = kinds.points(replace(plain, joint_errors=waves), once[shots], rng)
     table = replace(table, pose_id=shots, repeat=np.tile([0, 1, 2], 18))
     assert of(plain, table) is None
+
+
+def test_one_place_on_a_side_of_a_step_tells_no_station():
+    """Of a tip in one socket and then in another, all lengths that they tell are lost by a step
+    between: on a real arm it was 50.0 mm, the distance of the sockets, or another arm."""
+    places = np.repeat([[0.0, 0, 0], [0.05, 0, 0]], 20, axis=0)
+    noise = 1e-5 * np.random.default_rng(0).standard_normal(places.shape)
+    rows = tables.points(np.zeros((40, 6)), places + noise, sd=2e-5)
+    assert _at_one_place(rows, 20)
+    assert _at_one_place(rows, 10)  # the first ten are of one
+    mixed = rows.rows(np.random.default_rng(1).permutation(40))
+    assert not _at_one_place(mixed, 20)
