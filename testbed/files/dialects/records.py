@@ -92,7 +92,8 @@ def _rows(found: Any) -> Rows:
     alike = [name for name, one in tables if one[0].keys() == rows[0].keys()]
     if len(alike) > 1:
         message = f"holds several tables with the same names: {listed(alike[:SHOWN])}"
-        raise _SeveralError(message, "give each a file of its own")
+        fix = "give each a file of its own, or join those of one session to one list"
+        raise _SeveralError(message, fix)
     return rows
 
 
@@ -145,6 +146,9 @@ def _tables(found: Any, name: str) -> list[tuple[str, Rows]]:
     if records:
         return records
     if len(found) > 1 and all(isinstance(one, dict) for one in found.values()):
+        if all(map(_holds_tables, found.values())):
+            return [(f"{own} {inner}".strip(), one) for own, each in found.items()
+                    for inner, one in _tables(each, "")]  # fmt: skip
         if len({frozenset(one) for one in found.values()}) == 1:
             return [(name, [{"pose_id": own} | one for own, one in found.items()])]
     elif len(columns) > 1 and len(counts := {len(one) for one in columns.values()}) == 1:
@@ -152,6 +156,13 @@ def _tables(found: Any, name: str) -> list[tuple[str, Rows]]:
         return [(name, rows)] if rows else []
     return [table for own, one in found.items() if isinstance(one, dict)
             for table in _tables(one, own)]  # fmt: skip
+
+
+def _holds_tables(found: Any) -> bool:
+    """Whether part of a document has lists of objects somewhere, and no number beside them."""
+    if isinstance(found, dict):
+        return bool(found) and all(map(_holds_tables, found.values()))
+    return isinstance(found, list) and bool(found) and all(isinstance(one, dict) for one in found)
 
 
 def _numbers_in(value: Any) -> int:

@@ -11,6 +11,8 @@ from testbed.gates.text import FileText
 
 OPEN, CLOSED = ("[", "(", "{"), ("]", ")", "}")
 BETWEEN = re.compile(r"[\s,;\[\](){}]+")
+INNER = re.compile(r"[\[({]([^\[\](){}]+)[\])}]")
+"""Numbers of a list that holds no other one."""
 SCALAR = re.compile(r"\b(?:np\.|numpy\.)?float(?:32|64)?\(([^()]*+)\)")
 """A number as newer numpy prints it in a list."""
 ARRAY = re.compile(
@@ -60,7 +62,7 @@ def _of_lists(sheet: Sheet) -> Sheet:
     head: list[str] = []
     cells: list[Sequence[str]] = []
     for name, column, lists in zip(sheet.head, columns, inside, strict=True):
-        head += _names(name, lists) if lists else [name]
+        head += _names(name, lists, _places_in(column)) if lists else [name]
         cells += list(zip(*lists, strict=True)) if lists else [column]
     if len(set(head)) < len(head):
         return sheet
@@ -91,8 +93,17 @@ def _plain(text: str) -> str:
     return text if array is None else array[1]
 
 
-def _names(name: str, lists: Sequence[Sequence[str]]) -> list[str]:
-    """Names of the numbers of a list: a place, a transform and a rotation have their own.
+def _places_in(column: Sequence[str]) -> int:
+    """How many lists of three stand in the list of each cell, as of several markers; 0 if none."""
+    counts = set()
+    for cell in column:
+        inner = [BETWEEN.split(one.strip()) for one in INNER.findall(_plain(cell.strip()))]
+        counts.add(len(inner) if all(len(one) == len(AXES) for one in inner) else 0)
+    return counts.pop() if len(counts) == 1 else 0
+
+
+def _names(name: str, lists: Sequence[Sequence[str]], places: int) -> list[str]:
+    """Names of the numbers of a list: places, a transform and a rotation have their own.
 
     A transform is written by rows, or by columns where that alone makes it one.
     """
@@ -100,6 +111,8 @@ def _names(name: str, lists: Sequence[Sequence[str]]) -> list[str]:
     words = set(re.split(r"[\W_]+", name.lower()))
     if count == 3 and words & PLACES:
         return [f"{name} {axis}" for axis in AXES]
+    if places > 1 and count == 3 * places and {word.removesuffix("s") for word in words} & PLACES:
+        return [f"{name}{k + 1} {axis}" for k in range(places) for axis in AXES]
     if count == 6 and "pose" in words:
         return [f"{name} {axis}" for axis in POSE]
     if count == 16 and _are_columns(lists):

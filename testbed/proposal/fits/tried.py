@@ -16,11 +16,13 @@ from testbed.files.session import Session
 from testbed.files.session_toml import SESSION_FILE, SessionFile
 from testbed.files.sources import Sources
 from testbed.files.tried.beyond_limits import explained as by_other_zeros
+from testbed.files.tried.interpretations import ABSURD, WAY
 from testbed.gates.mistakes import validated
 from testbed.gates.text import MAX_MB
 from testbed.proposal.both import Joined, is_ranged, joined_with, names_of
 from testbed.proposal.data import Found, files_of
 from testbed.proposal.drafts import PARTS, Draft
+from testbed.proposal.fits.between_targets import with_scatter
 from testbed.proposal.fits.draft_fit import AXES, DraftFit, fit_of
 from testbed.proposal.fits.far_off import far_off
 from testbed.proposal.fits.poses_for_joints import poses_for_joints
@@ -97,7 +99,7 @@ def tried_with(
                     left, others = fit_of(robot, read(draft), parts).left, []
                 more += sent
             tried = _fitting(robot, left, others, len(same) - 1, parts)
-            return draft, tried + aside + more, True
+            return with_scatter(draft, sessions[best]), tried + aside + more, True
     if (touched := touches_alone(looks, robot)) is not None:
         raise touched
     if all(one.guesses_distance for one in drafts):
@@ -246,7 +248,10 @@ def _fitting(robot: Robot, left: Misfit, others: Sequence[Misfit], count: int, p
         tried += f" in the best of {parts} parts of the rows, and larger in all of them"
     if others:
         least = min(others, key=lambda one: one.score)
-        tried += f"; with the best of {counted(count, 'other interpretation')}, {least.shown}"
+        if least.score > ABSURD:
+            tried += f"; none of {counted(count, WAY)} comes near the robot"
+        else:
+            tried += f"; with the best of {counted(count, WAY)}, {least.shown}"
         if least.score < TIMES * left.score:
             tried += ": too close to tell them apart"
     return tried

@@ -2,7 +2,9 @@
 
 import numpy as np
 
+from testbed.files.frames_fit import Misfit
 from testbed.files.read import read_session
+from testbed.proposal.fits.tried import _fitting
 from tests.testbed.files.made import ROBOT, columns, csv, made
 from tests.testbed.proposal.test_session import proposed
 
@@ -25,3 +27,11 @@ def test_a_draft_that_only_links_explain_is_taken_before_the_first_one(tmp_path)
     read = read_session(tmp_path / "session.toml", ROBOT).measurements
     # fifteen digits are written
     np.testing.assert_allclose(read.position, FAR.T[:, :3, 3], rtol=0, atol=1e-12)
+
+
+def test_what_is_off_by_the_length_of_a_street_is_no_other_interpretation():
+    """It said: with the best of 111 other interpretations, 313 m and 9.6 deg."""
+    said = _fitting(ROBOT, Misfit(0.0024, 0.006), [Misfit(313.0, 0.17)], 111, 1)
+    assert said.endswith("; none of 111 other interpretations comes near the robot")
+    said = _fitting(ROBOT, Misfit(0.0024, 0.006), [Misfit(0.08, 0.17)], 111, 1)
+    assert said.endswith("; with the best of 111 other interpretations, 80 mm and 9.7 deg")

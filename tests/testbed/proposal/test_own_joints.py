@@ -4,12 +4,13 @@ Truth: the files are written here from poses that are known.
 """
 
 import json
+import tomllib
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from calib.geometry.frames import log_so3
+from calib.geometry.frames import log_so3, target_points
 from testbed.files.probe import probe
 from testbed.files.read import read_session
 from testbed.files.rows.widened import of_rows
@@ -456,3 +457,61 @@ def test_names_of_other_joints_leave_the_order_of_the_columns(tmp_path):
     proposed(tmp_path, [tmp_path / "m.csv"], "--robot", UR10.name)
     table = read_session(tmp_path / "session.toml", UR10).measurements
     np.testing.assert_allclose(table.q, DATA.q, rtol=0, atol=1e-14)
+
+
+def seen_markers(noise):
+    """Joints and two markers [m], 60 mm apart, of poses that a TX60 takes."""
+    rng, data = np.random.default_rng(4), made(6, 40)
+    offsets = np.array([[-0.1, -0.03, 0.1], [-0.1, 0.03, 0.05]])
+    seen = np.stack([target_points(data.T, offset) for offset in offsets], axis=1)
+    return data.q, seen + noise * rng.standard_normal(seen.shape)
+
+
+@pytest.mark.parametrize("name", ["markers", "measured_positions"])
+def test_two_markers_in_one_cell_are_two_targets(name, tmp_path):
+    """As pandas writes a column of arrays (2, 3): no column was known as a reading."""
+    q, seen = seen_markers(2e-5)
+    rows = [f'{k},"{a}","{b}"' for k, (a, b) in enumerate(zip(q, seen, strict=True))]
+    (tmp_path / "m.csv").write_text("\n".join([f",joints,{name}", *rows, ""]))
+    said, _ = proposed(tmp_path, [tmp_path / "m.csv"], "--robot", "staubli_tx60")
+    assert "to fix" not in said
+    table = read_session(tmp_path / "session.toml", load_robot("staubli_tx60")).measurements
+    assert len(table) == 80
+    for k in range(2):
+        rows = table.reflector == k
+        np.testing.assert_allclose(table.position[rows], seen[:, k], atol=1e-8)
+
+
+def test_a_rotation_in_one_cell_is_no_three_markers():
+    cells = tuple((str(np.eye(3)),) for _ in range(2))
+    head = of_rows(Sheet("m.csv", ("R",), cells, (1, 2), ";", "utf-8")).head
+    assert head == tuple(f"r{i}{j}" for i in (1, 2, 3) for j in (1, 2, 3))
+
+
+@pytest.mark.parametrize(("noise", "assumed"), [(3e-4, (200, 400)), (1e-5, (30, 30))])
+def test_noise_is_assumed_by_how_far_two_markers_lie_apart(noise, assumed, tmp_path):
+    """With 30 um where markers scatter by 300, R95 of an iiwa was 12.7 mm: what they scatter
+    against each other counted as turns of the tool, at the end of a long arm."""
+    q, seen = seen_markers(noise)
+    records = [
+        {"joints": a.tolist(), "a": dict(zip("xyz", b[0].tolist(), strict=True)),
+         "b": dict(zip("xyz", b[1].tolist(), strict=True))} for a, b in zip(q, seen, strict=True)
+    ]  # fmt: skip
+    (tmp_path / "m.json").write_text(json.dumps(records))
+    said, text = proposed(tmp_path, [tmp_path / "m.json"], "--robot", "staubli_tx60")
+    stated = tomllib.loads(text)["uncertainty"]
+    assert assumed[0] <= stated["position_um"] <= assumed[1]
+    assert stated["assumed"] is True
+    assert ("by which the targets scatter against each other" in said) == (noise > 3e-5)
+
+
+def test_groups_of_lists_are_several_tables(tmp_path):
+    """The groups were taken for poses, of which no column was known as a reading."""
+    rows = RECORDS["an object for each"]
+    groups = {name: {"spaces": {"0": {"a": rows[:8], "b": rows[8:]}}} for name in ("1.9", "3.2")}
+    (tmp_path / "m.json").write_text(json.dumps({"names": ["q"], "heights": groups}))
+    done = call("new", "session", tmp_path / "m.json", "--out", tmp_path / "session.toml")
+    assert done.exit_code == 2
+    said = " ".join(done.stderr.split())
+    assert "several tables with the same names: 1.9 a, 1.9 b, 3.2 a and 3.2 b" in said
+    assert "join those of one session to one list" in said
