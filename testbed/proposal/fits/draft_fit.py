@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from calib.arrays import Array
 from testbed.files.frames_fit import FAR, Misfit, far_for, fit_frames, flange_poses, target_groups
 from testbed.files.probe import probe
 from testbed.files.rows.shifts import FEWEST, ROWS, spread_out
@@ -14,6 +15,9 @@ AXES = 3
 """Equations of a position; a distance has one."""
 EXPLAINED = 3
 """Least spread of positions, as a multiple of the misfit, that a robot has caused."""
+APART = FAR
+"""Spread of positions from which on that of the flange counts as well: a tip that touches places
+from many sides stays near them while the arm moves [m]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,8 +77,14 @@ def fit_of(robot: Robot, session: Session | None, parts: int) -> DraftFit:
         seen = table.position[rows]
         frames = fit_frames(F, seen, turned)
         misfit = frames.misfit(F, seen, turned)
-        if EXPLAINED * misfit.score > float(np.sqrt(np.var(seen, axis=0).sum())):
+        if EXPLAINED * misfit.score > _moved(F, seen):
             misfit = NONE.left  # no robot has moved them
         size, numbers = (AXES, 9) if turned is None else (2 * AXES, 12)
         left.append(DraftFit(misfit, size * len(rows), numbers, far_for(seen)))
     return min(left, key=lambda one: one.score)
+
+
+def _moved(F: Array, seen: Array) -> float:
+    """How far a robot has moved the flange F (m, 4, 4), or what was seen of it (m, 3) [m]."""
+    spread, travel = (float(np.sqrt(np.var(p, axis=0).sum())) for p in (seen, F[:, :3, 3]))
+    return max(spread, travel) if spread > APART else spread

@@ -16,6 +16,8 @@ from testbed.units import MM, listed, significant
 
 FEWEST = 8
 """Rows of a file: six numbers are fitted to them."""
+ROUNDS = 5
+"""Fits of that point, each to the rows nearest to the one before."""
 BESIDE = ("pose_id", "repeat", "target", "order", "time")
 """What may stand beside joints that are alone."""
 
@@ -39,8 +41,8 @@ def touches_alone(looks: Sequence[Found], robot: Robot) -> InputError | None:
     several = len(names) > 1
     message = (
         f"{'hold' if several else 'holds'} joints and no readings; a nominal {robot.name} keeps "
-        f"one point of its tool at one place in all rows{' of each' * several}, within "
-        f"{significant(max(left) * MM, 2)} mm"
+        f"one point of its tool at one place in the rows{' of each' * several}, within "
+        f"{significant(max(left) * MM, 2)} mm in the median"
     )
     fix = (
         f"if a tip touched one place{' in each file' * several}, write "
@@ -66,13 +68,19 @@ def _joints(look: Found, n: int) -> Array | None:
 
 
 def _scatter(model: RobotModel, q: Array) -> float:
-    """Root mean square [m] by which the point of the flange that moves least leaves its mean.
+    """Median [m] by which the point of the flange that moves least leaves its place.
 
-    Infinite if the flange itself hardly moves: then any joints would do.
+    Of the three quarters of the rows that are nearest to it, as the tip may have been elsewhere in
+    some. Infinite if the flange itself hardly moves: then any joints would do.
     """
     F = flange_poses(model, q)
-    R, p = F[:, :3, :3] - F[:, :3, :3].mean(axis=0), F[:, :3, 3] - F[:, :3, 3].mean(axis=0)
-    travel = float(np.sqrt((p**2).sum(axis=1).mean()))
-    point = np.linalg.lstsq(R.reshape(-1, 3), -p.ravel(), rcond=None)[0]
-    left = float(np.sqrt(((R @ point + p) ** 2).sum(axis=1).mean()))
-    return left if travel > TIMES * left else np.inf
+    R, p = F[:, :3, :3], F[:, :3, 3]
+    A = np.concatenate([R, np.broadcast_to(-np.eye(3), R.shape)], axis=2)
+    left, near = np.zeros(len(q)), np.arange(len(q))
+    for _ in range(ROUNDS):
+        found = np.linalg.lstsq(A[near].reshape(-1, 6), -p[near].ravel(), rcond=None)[0]
+        left = np.linalg.norm(A @ found + p, axis=1)
+        near = np.argsort(left)[: max(FEWEST, 3 * len(q) // 4)]
+    travel = float(np.median(np.linalg.norm(p - np.median(p, axis=0), axis=1)))
+    middle = float(np.median(left))
+    return middle if travel > TIMES * middle else np.inf
