@@ -33,6 +33,9 @@ of 400 arms with waves, play and sag in five orders none showed a third that is 
 of 640 that drifted or had gross errors only another robot did."""
 BY_ANOTHER = 0.95
 """The same of another robot, whose many numbers follow some misfit as well."""
+ELSEWHERE = 0.9
+"""The same, at that chance, where the poses lie elsewhere after the step: of 750 arms as those
+above no misfit and no drift looked like more than 75 % of a step, of whatever order."""
 SUDDEN = 20.0
 """Chi-square, in units of the rest per degree of freedom, by which a step must beat a slow change.
 """
@@ -101,8 +104,9 @@ def moved_once(
     Fall of chi-square by columns C of the rows from k on, beside the free numbers and their basis
     Q: b' S^+ b with b = C'r and S = C'C - C'Q Q'C over these rows; F test with Bonferroni's factor
     for all k and all kinds, and the kinds compared by BIC: those that may be it as well at odds of
-    less than `ODDS` are named. Where poses come again after the step, joints may have come from the
-    other side: None if steps of joints, one or all of them, explain it about as well. The rows of a
+    less than `ODDS` are named. Where poses come again after the step, or lie elsewhere, joints may
+    have come from the other side, or be loaded from it: None if steps of joints, one or all of
+    them, explain it about as well. The rows of a
     pose share its misfit: c of them count as one, with chi-square and degrees of freedom divided by
     c (design effect: Kish 1965), and shots of one target on one side of a step leave no more
     freedom than one of them would.
@@ -131,10 +135,10 @@ def moved_once(
         one = float(fdtrc(rank, min(freedom / alike, once), gain / rank / scale / alike))
         chance = one * len(places) * len(kinds)
         worth = _evidence(free, rest, free.freedom - freedom, alike)
-        if chance >= RED or gain < _least(what, chance, rows) * excess:
+        least = _least(what, chance, rows, k)
+        if chance >= RED or least is None or gain < least * excess:
             continue
-        sudden = SUDDEN * max(scale, 1.0) * alike
-        if gain - fit.slow(plain) < sudden or _elsewhere(rows, k, spread=what in ("load", "robot")):
+        if gain - fit.slow(plain) < SUDDEN * max(scale, 1.0) * alike:
             continue
         if what in ("station", "base", "robot") and _at_one_place(rows, k):
             continue
@@ -151,7 +155,7 @@ def moved_once(
     best, at, found = max(steps, key=lambda step: step[0])
     near = best - 2 * np.log(ODDS)
     others = [one for worth, _, one in steps if worth > near and one is not found]
-    if _come_again(rows, at):  # perhaps from the other side
+    if _come_again(rows, at) or _elsewhere(rows, at):  # perhaps from the other side
         joints = [plain for what, _, plain in kinds if what == "joint"]
         gain, _, rank, _ = free.step(np.concatenate(joints, axis=2), np.array([at]))
         rest = max(free.square - gain, ROUNDING * free.square)
@@ -162,16 +166,20 @@ def moved_once(
     return replace(found, or_else=tuple((one.what, one.number) for one in others))
 
 
-def _least(what: What, chance: float, rows: Measurements) -> float:
-    """Fraction of the chi-square beyond noise that a step of some chance must explain.
+def _least(what: What, chance: float, rows: Measurements, k: int) -> float | None:
+    """Fraction of the chi-square beyond noise that a step at row k must explain; None: none is.
 
-    A load follows the poses, as misfit does; and where rows state what bends the arm, a misfit may
-    begin at a row, too.
+    A load and another robot follow the poses, as misfit does; and where rows state what bends the
+    arm, a misfit may begin at a row, too.
     """
-    if what == "robot":
-        return BY_ANOTHER
-    plainly = chance < CERTAIN and what != "load" and not told(rows.conditions)
-    return BESIDE if plainly else EXPLAINED
+    if what in ("load", "robot"):
+        if _elsewhere(rows, k, spread=True):
+            return None
+        return BY_ANOTHER if what == "robot" else EXPLAINED
+    certain = chance < CERTAIN and not told(rows.conditions)
+    if _elsewhere(rows, k):
+        return ELSEWHERE if certain else None
+    return BESIDE if certain else EXPLAINED
 
 
 def _evidence(free: WhitenedRows, rest: float, numbers: int, alike: float) -> float:
@@ -211,7 +219,7 @@ def _at_one_place(rows: Measurements, k: int) -> bool:
     return any((side.kind == POINT).all() and extents_told(side) == 0 for side in sides)
 
 
-def _elsewhere(rows: Measurements, k: int, *, spread: bool) -> bool:
+def _elsewhere(rows: Measurements, k: int, *, spread: bool = False) -> bool:
     """Whether the mean of some joint differs between the poses before row k and those after.
 
     With `spread` also how far it goes from its mean: what follows the poses, as misfit does, would

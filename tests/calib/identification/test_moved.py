@@ -331,6 +331,22 @@ def test_a_step_beside_a_misfit_of_its_size_is_named_and_the_misfit_alone_is_not
     assert np.median(explained) < 0.8
 
 
+@pytest.mark.parametrize("joint", [0, 1])
+def test_between_sorted_poses_a_push_is_named_and_a_joint_loaded_from_either_side_is_nothing(joint):
+    """The step is where the joint passes zero, from where gravity pulls it the other way."""
+    for seed in range(4):
+        true, q, rng = robot(80 + seed)
+        q = q[np.argsort(q[:, joint])]
+        step = int(np.searchsorted(q[:, joint], 0.0))
+        after = np.arange(POSES) >= step
+        table = kinds.points(true, q, rng)
+        assert of(true, table) is None
+        found = of(true, shifted(table, 3e-4 * np.array([0.6, -0.64, 0.48]), after))
+        assert (found.what, found.number, found.row) == ("station", 0, step)
+        gives = np.outer(after, np.eye(6)[joint]) * 4e-4 + np.outer(after, np.eye(6)[2]) * 1e-4
+        assert of(true, replace(kinds.points(true, q + gives, rng), q=q)) is None
+
+
 def test_few_poses_on_one_side_tell_nothing():
     true, q, rng = robot(10)
     late = np.arange(POSES) >= POSES - FEWEST + 1
