@@ -174,7 +174,9 @@ def _nests(sources: Sources, settings: SessionFile) -> Readings | None:
     text = sources.text(drift.file, "drift")
     section = settings.points or PointsTable()
     if section.format == "sa":
-        return read_sa(text, section, settings.uncertainty, drop=False)
+        # whatever numbers the poses of the robot, the names of the targets are those of the nests
+        own = section.model_copy(update={"pose": "occurrence"})
+        return read_sa(text, own, settings.uncertainty, drop=False)
     table = table_in(text, settings, section)
     return read_observed(table, section, settings.uncertainty, drop=False)
 

@@ -36,6 +36,10 @@ def rows_of(record: Record, index: Index, columns: tuple[str, ...]) -> Record:
     return replace(record, **{name: chosen(getattr(record, name)) for name in columns})
 
 
+DRIFTED = 2.0
+"""A drift counts if its largest shift is above so many times its standard uncertainty."""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Drift:
     """How far the station moved, by the nests that stay on the floor."""
@@ -48,7 +52,8 @@ class Drift:
     uncertainty: float
     """Standard uncertainty of one such shift [m]."""
     corrected: bool
-    """Whether it was taken off: the largest shift is above twice its uncertainty."""
+    """Whether it was taken off: the largest shift is above `DRIFTED` times its uncertainty, and the
+    file says between which poses the nests were shot."""
     covariance: Array
     """(r, 6, 6) of the place of each round, shift of the middle and rotation [m, rad]."""
     wrong: tuple[str, ...]
@@ -57,7 +62,9 @@ class Drift:
     @property
     def sentence(self) -> str:
         """The drift in words, for the report."""
-        done = "taken off" if self.corrected else "not taken off, being below twice that"
+        done = "taken off" if self.corrected else "not taken off"
+        if self.shift.max(initial=0.0) <= DRIFTED * self.uncertainty:
+            done += ", being below twice that"
         lost = f"; {len(self.wrong)} wrong shots left out" if self.wrong else ""
         return (
             f"the station drifted up to {self.shift.max(initial=0.0) * 1e6:.1f} um over "

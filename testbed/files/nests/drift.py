@@ -15,12 +15,10 @@ from testbed.files.nests.motions import best_fit, show_a_turn
 from testbed.files.nests.unseated import unseated
 from testbed.files.readings import SHOWN, Readings
 from testbed.files.refusal import refusal
-from testbed.files.session import Drift
+from testbed.files.session import DRIFTED, Drift
 from testbed.files.session_toml import DriftTable
 from testbed.units import named
 
-TIMES = 2.0
-"""A drift counts if it is larger than so many of its standard uncertainties."""
 MOST_LOST = 0.1
 """Part of the rounds that may be lost; one always may."""
 
@@ -97,7 +95,7 @@ def judge_drift(
         steps=frozen(steps),
         shift=frozen(shift),
         uncertainty=float(u),
-        corrected=bool(shift.max(initial=0.0) > TIMES * u),
+        corrected=bool(shift.max(initial=0.0) > DRIFTED * u),
         wrong=tuple(wrong),
         covariance=frozen(
             [

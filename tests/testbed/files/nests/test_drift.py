@@ -366,3 +366,39 @@ def test_a_session_says_which_rows_share_what_its_nests_are_wrong_by(tmp_path):
     assert np.array_equal(some.corrections.share, left.share[::2])
     still, _ = measured(tmp_path, drift=np.zeros(6), noise=8e-6, rng=np.random.default_rng(3))
     assert still.corrections is None
+
+
+@pytest.mark.parametrize("sa", [False, True])
+def test_a_drift_whose_nests_have_a_file_of_their_own_is_reported_and_left(tmp_path, sa):
+    """Nothing says between which poses the nests were shot, however the poses are numbered."""
+    rng, points = np.random.default_rng(3), DATA.T[:, :3, :3] @ ARM + DATA.T[:, :3, 3]
+    step = np.array([6e-5, 3e-5, 3e-5, 9e-5, -6e-5, 3e-5])
+    moved = [step_transform(r / 3 * step) for r in range(4)]
+    nests = [
+        (r, name, T[:3, :3] @ p + T[:3, 3] + 5e-6 * rng.standard_normal(3))
+        for r, T in enumerate(moved)
+        for name, p in NESTS.items()
+    ]
+    seen = [(0, f"p{k}", point) for k, point in enumerate(points)]
+    for file, shots in (("seen.csv", seen), ("nests.csv", nests)):
+        cells = [(f"{r}", name, *(f"{1e3 * x:.6f}" for x in point)) for r, name, point in shots]
+        head = [] if sa else ["pose_id,target,x_mm,y_mm,z_mm"]
+        rows = [*head, *(",".join(row if sa else (row[1], *row[1:])) for row in cells), ""]
+        (tmp_path / file).write_text("\n".join(rows))
+    joints = {"pose_id": [shot[1] for shot in seen]}
+    joints |= {f"q{j + 1}_rad": DATA.q[:, j] for j in range(N)}
+    (tmp_path / "joints.csv").write_text(csv(joints, form="{:.17g}"))
+    exported = 'format = "sa"\nlength = "mm"\npose = "target"\n' if sa else ""
+    (tmp_path / "session.toml").write_text(
+        f'[points]\nfile = "seen.csv"\n{exported}[joints]\nfile = "joints.csv"\n[uncertainty]\n'
+        f'position_um = 5\n[drift]\nfile = "nests.csv"\nnests = {list(NESTS)}\n'.replace("'", '"')
+    )
+    session = read_session(tmp_path / "session.toml", ROBOT)
+    drift, T, middle = session.drift, moved[-1], points.mean(axis=0)
+    true = np.linalg.norm(T[:3, :3] @ middle + T[:3, 3] - middle)
+    assert abs(drift.shift[-1] - true) < 3 * np.sqrt(3) * drift.uncertainty  # of one axis
+    assert not drift.corrected
+    assert drift.sentence.endswith("not taken off")  # and not: as it is small
+    assert any("between which poses" in text for text in session.warnings)
+    # written to a nanometer
+    np.testing.assert_allclose(session.measurements.position, points, rtol=0, atol=1e-9)
