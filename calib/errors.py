@@ -103,9 +103,9 @@ class CalibError(Exception):
         """From one process to another: the message alone would not make it again."""
         return _again, (type(self), str(self)), vars(self)
 
-    def located(self, where: str) -> Self:
-        """The same error with its place in front; itself if it has one."""
-        if self.where:
+    def located(self, where: str, *, instead: str = "") -> Self:
+        """The same error with its place in front; itself if it has one other than `instead`."""
+        if self.where not in ("", instead):
             return self
         found = _again(type(self), "")
         vars(found).update(vars(self) | {"where": where})

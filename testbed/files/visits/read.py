@@ -101,9 +101,7 @@ def _one(
     try:
         found = read(own, here)
     except InputError as error:
-        if error.where in ("", where):
-            raise error.located(f'{where}: session "{visit.name}"') from error
-        raise
+        raise error.located(f'{where}: session "{visit.name}"', instead=where) from error
     return found
 
 
@@ -256,7 +254,7 @@ def _rows_say(alone: Sequence[Session]) -> RowsSay:
     drives = {one.drive for one in said}
     unsaid = dict(pair for one in said for pair in one.unsaid)
     if len(drives) > 1:
-        unsaid.setdefault("torque", "not every session has the same columns of the drives")
+        unsaid["torque"] = "not every session has the same columns of the drives"
     return RowsSay(drives.pop() if len(drives) == 1 else "", tuple(unsaid.items()))
 
 

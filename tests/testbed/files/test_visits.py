@@ -142,9 +142,13 @@ def test_what_only_one_session_can_have_is_refused(tmp_path):
     with pytest.raises(InputError, match=r"each .*names its own file"):
         read_session(tmp_path / "a.csv", ROBOT, config=written(tmp_path, visits, *both) /
                      "session.toml")  # fmt: skip
-    own = 'uncertainty = { position_um = 20, rotation_mdeg = 10, joint_repeatability = "robot" }'
-    with pytest.raises(InputError, match='"b" has another joint_repeatability than a'):
-        read(tmp_path, visits, session("a"), session("b", own))
+    own = "uncertainty = { position_um = 20, rotation_mdeg = 10, joint_repeatability = "
+    for more, said in (
+        ('"robot" }', "another joint_repeatability than a"),
+        ('"included", systematic = { target_offset_um = 5.0 } }', "other systematic parts of"),
+    ):
+        with pytest.raises(InputError, match=f'session "b" has {said}'):
+            read(tmp_path, visits, session("a"), session("b", own + more))
 
 
 def test_a_fault_in_the_file_of_one_visit_names_that_file(tmp_path):
@@ -153,6 +157,28 @@ def test_a_fault_in_the_file_of_one_visit_names_that_file(tmp_path):
     lines[3] = lines[3].replace(lines[3].split(",")[8], "far", 1)
     with pytest.raises(InputError, match=r"b\.csv"):
         read(tmp_path, {"a": visit(0, 8), "b": "\n".join(lines)}, session("a"), session("b"))
+
+
+def test_a_fault_in_the_tables_of_one_visit_names_that_visit(tmp_path):
+    """Several have the same keys, and the fault is of one."""
+    own = session("b", "conditions = { payload_kg = 100 }")
+    with pytest.raises(InputError, match=r'session\.toml: session "b": \[conditions\] payload_kg'):
+        read(tmp_path, {"a": visit(0, 8), "b": visit(1, 8)}, session("a"), own)
+
+
+@pytest.mark.parametrize("other", ["", "current{}_A"])
+def test_drives_are_followed_only_where_all_visits_have_the_same_columns(tmp_path, other):
+    def seen(k, stem):
+        loads = {stem.format(j + 1): np.linspace(-1, 1, 8) for j in range(6) if stem}
+        return table(visit(k, 8), **loads)
+
+    names = "torque{}_Nm", other or "torque{}_Nm", other
+    visits = {name: seen(k, names[k]) for k, name in enumerate("abc")}
+    one = read(tmp_path, {name: visits[name] for name in "ab"}, session("a"), session("b"))
+    assert (one.rows_say.drive == "torque") == (not other)
+    all_of_them = read(tmp_path, visits, *map(session, "abc"))
+    assert all_of_them.rows_say.drive == ""
+    assert "not every session" in dict(all_of_them.rows_say.unsaid)["torque"]
 
 
 def test_rows_of_the_session_keep_their_visit(tmp_path):
