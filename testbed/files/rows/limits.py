@@ -113,13 +113,14 @@ def _other_way(robot: Robot, q: Array, good: Bool) -> list[int]:
 
 def _allowed(robot: Robot, j: int, unit: str, value: float, *, of_arm: bool) -> str:
     """The limits that a joint's value [rad, m] passes, in the unit of its column."""
-    factor = UNITS["length" if robot.model.chain.prismatic[j] else "angle"].get(unit)
+    slides = bool(robot.model.chain.prismatic[j])
+    factor = UNITS["length" if slides else "angle"].get(unit)
     if factor is None:  # of a held joint of the other kind
-        slides = bool(robot.model.chain.prismatic[j])
         unit, factor = unit_of_kind(slides), 1 / (MM if slides else DEG)
     low, high = (robot.limits if of_arm else robot.controller.limits)[j] / factor
     if robot.controller.plain:
         return f"its limits are {low:.4g} to {high:.4g} {unit}"
-    whose = f"q{j + 1}, as the arm turns," if of_arm else f"J{j + 1} of the controller"
+    moves = "moves" if slides else "turns"
+    whose = f"q{j + 1}, as the arm {moves}," if of_arm else f"J{j + 1} of the controller"
     is_at = f" is {value / factor:.4g} {unit} there, and its" if of_arm else "'s"
     return f"{whose}{is_at} limits are {low:.4g} to {high:.4g} {unit}"

@@ -73,6 +73,7 @@ def test_the_inverse_of_random_statements_brings_joints_back(seed):
     ("statements", "told"),
     [
         (["q3"], "no statement on a joint"),
+        (["q3 = "], "says nothing of q3"),
         (["q7 = J7"], "names joint 7; there are q1 to q6"),
         (["q3 = J3 + 10"], "constants belong to theta_deg"),
         (["q3 = q3 + J3"], "q3 on both sides"),
@@ -98,6 +99,18 @@ def test_a_slide_is_moved_by_a_turn_only_with_a_unit():
         stated("q3 = J3 + 0.05 J4", kinds=SCARA)
     with pytest.raises(ValueError, match=r"limits_mm names J2: it is for joints that are stated"):
         stated("q3 = J3", kinds=SCARA, limits_mm={"J2": (0.0, 1.0)})
+
+
+@pytest.mark.parametrize(
+    ("limits", "told"),
+    [
+        ({"limits_deg": {"J3": (0.0, 1.0)}}, "limits_deg names J3, which is prismatic"),
+        ({"limits_mm": {"J3": (5.0, 1.0)}}, "limits_mm: J3 goes from 5 to 1"),
+    ],
+)
+def test_limits_that_no_joint_has_are_refused(limits, told):
+    with pytest.raises(ValueError, match=told):
+        stated("q3 = J3", kinds=SCARA, **limits)
 
 
 def test_a_robot_file_keeps_its_statements_and_says_what_is_wrong_with_them(tmp_path):

@@ -259,6 +259,24 @@ def test_a_table_beyond_a_limit_says_whose(tmp_path):
     with pytest.raises(InputError, match=r"q3, as the arm turns, is .* there") as caught:
         session(tmp_path, in_radians(data) | {"q3_rad": table["q3_rad"] + 4.0}, FANUC)
     assert caught.value.code == "M20"
+    table = columns(replace_q(data, FANUC.controller.of_arm(data.q)))
+    with pytest.raises(InputError, match=r"check the robot and its \[controller\]"):
+        session(tmp_path, table | {"q3_deg": table["q3_deg"] + 150.0}, FANUC)
+
+
+def test_a_held_slide_beyond_its_limit_is_told_in_mm_beside_the_turn_that_moves_it(tmp_path):
+    chain = ROBOT.model.chain
+    slides = replace(chain, kinds=(*chain.kinds[:5], "prismatic"))
+    limits = np.vstack([WIDE.limits[:5], [-0.1, 0.1]])
+    own = replace(ROBOT, model=replace(ROBOT.model, chain=slides), limits=limits)
+    robot = with_controller("q6 = 0.5 mm/deg J5", robot=own)
+    table = columns(made())
+    del table["q6_deg"]
+    table["q5_deg"] = np.array([*table["q5_deg"][:-1] / 2, 210.0])
+    (text,) = session(tmp_path, table, robot).warnings
+    assert text.endswith(
+        'q5_deg = "210"; q6, as the arm moves, is 105 mm there, and its limits are -100 to 100 mm'
+    )
 
 
 @pytest.mark.parametrize(
