@@ -43,10 +43,12 @@ class Sources:
     max_mb: float
     texts: dict[tuple[Path, str | None], FileText]
     """By file, and sheet of a workbook."""
+    toml: str = SESSION_FILE
+    """What the session.toml is called in messages."""
 
     def text(self, name: str | None, key: str, sheet: str | None = None) -> FileText:
         """Content of a file named in session.toml, or of DATA; each file is read once."""
-        toml = str(self.root / SESSION_FILE)
+        toml = str(self.root / self.toml)
         if name is None and self.data is None:
             message, fix = f"[{key}] names no file", f'write file = "{key}.csv" under [{key}]'
             raise refusal(toml, f"{key}.file", message, code="S37", fix=fix)
@@ -136,7 +138,8 @@ def given(data: str | Path, config: str | Path | None, max_mb: float, *, field: 
     document = toml_document(content, where)
     require_kind(document, "session", where)
     settings = validated(document, CampaignFile, where)
-    sources = Sources(toml.parent, None if toml == file else file, max_mb, {})
+    table = None if toml == file else file
+    sources = Sources(toml.parent, table, max_mb, {}, toml.name)
     return Given(file, toml, settings, sources, (SourceFile(toml, sha256(content).hexdigest()),))
 
 

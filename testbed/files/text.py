@@ -72,7 +72,7 @@ def read_sheet(
     text = text if header is False else with_commented_names(text)
     content = text.content("#")
     if not content:
-        raise refusal(text.where, "file", "has no table")
+        raise refusal(text.where, "file", "has no table", fix="give the file with the rows")
     above = 0 if header is not None else titles_above(content, separator)
     titles, content = content[:above], content[above:]
     separator = separator or _separator(content)
@@ -274,9 +274,8 @@ def _check_head(head: tuple[str, ...], where: str) -> None:
             fix = "name each once, with the tool, marker or kind that it is of before it"
             raise refusal(where, "file", message, fix=fix)
     if 2 * head.count("") > len(head):
-        message = (
-            f"column {head.index('') + 1} has no name, and {head.count('') - 1} more have none"
-        )
+        message = f"{head.count('')} of {len(head)} columns have no name, the first is column "
+        message += str(head.index("") + 1)
         raise refusal(where, "file", message, fix="name each once")
 
 

@@ -60,6 +60,8 @@ def valid_rows(
             row, column = np.argwhere(wrong)[0]
             if most and code == "M25" and re.search(r"\d", table.texts(names[column])[row]):
                 fix = "write numbers alone in these cells, and their unit in the column's name"
+                if names[column] == "time_s":
+                    fix = "call the column time if these are dates or hours"
             if most and code == "V9":
                 fix = f"check the unit of {table.names[name]}"
                 if unit_of(name) in ANGLES:

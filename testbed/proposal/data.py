@@ -162,7 +162,7 @@ def _looked(path: Path, name: str, sheet: str | None, text: FileText) -> Found:
         return replace(own, language=language, notes=found.note)
     content = text.content("#", "//")
     if not content:
-        raise refusal(text.where, "file", "has no table")
+        raise refusal(text.where, "file", "has no table", fix="give the file with the rows")
     _require_no_matrices(text, content)
     headed = _has_head(content[0][1])
     commented = any(line.lstrip().startswith("//") for line in text.lines) and not headed

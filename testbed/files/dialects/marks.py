@@ -88,6 +88,8 @@ def marks_of(
             continue
         whole = None
         for row, cell in enumerate(column.cells):
+            if ":" in cell:  # a moment, of which is said elsewhere that it is no number
+                continue
             mark, end = _parted(cell) if grouped and not of_turns else ("", "")
             if mark and thousands in (None, mark) and end != mark:
                 thousands, whole = mark, whole or (cell, row)

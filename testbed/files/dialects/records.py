@@ -10,7 +10,7 @@ from typing import Any
 from testbed.files.dialects.numbers import NUMBER
 from testbed.files.refusal import refusal
 from testbed.gates.text import MAX_ROWS, FileText, SourceFile, bytes_of
-from testbed.units import listed
+from testbed.units import counted, listed
 
 Rows = list[dict[str, Any]]
 ENDINGS = (".json", ".jsonl", ".ndjson")
@@ -59,7 +59,7 @@ def read_records(path: Path, where: str, *, max_mb: float) -> FileText:
         raise refusal(where, "file", str(error), allowed=ALLOWED, fix="give a CSV") from error
     head = list(dict.fromkeys(name for row in flat for name in row))
     if len(head) > MOST_COLUMNS or len(flat) > MAX_ROWS:
-        message = f"has {len(flat)} records of {len(head)} columns"
+        message = f"has {counted(len(flat), 'record')} of {counted(len(head), 'column')}"
         allowed = f"at most {MAX_ROWS} of {MOST_COLUMNS}"
         raise refusal(where, "file", message, code="M36", allowed=allowed, fix="split it")
     lines = [] if all(name.isdigit() for name in head) else [_line(head)]

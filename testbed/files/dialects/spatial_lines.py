@@ -51,7 +51,7 @@ def sa_lines(text: FileText) -> Lines:
     comments = [line for line in text.lines if line.lstrip().startswith("//")]
     content = [(number, line.strip().rstrip(",;")) for number, line in text.content("//", "#")]
     if not content:
-        raise refusal(text.where, "file", "has no points")
+        raise refusal(text.where, "file", "has no points", fix="export them again")
     between = next((each for each in ";,\t" if each in content[0][1]), None)
     end = table_ends([list(map(str.strip, line.split(between))) for _, line in content])
     content, below = content[:end], tuple(content[end:])

@@ -110,14 +110,14 @@ def times_of(
 
     A clock that stands still orders nothing.
     """
-    if moments is None:
+    if moments is None or not good.any():
         return None, ()
     times = moments.seconds
     count = len(np.unique(times[good]))
     if good.sum() > 2 and count < good.sum() / 2:
         told = "rounded to one value" if count == 1 else f"rounded to {count} values"
         return None, (f"{where}: the times are {told} and are not used",)
-    return times - times[good][:1], ()
+    return times - times[good][0], ()
 
 
 def _unread(table: DataTable) -> str:

@@ -1,6 +1,7 @@
 """Every message on a measurement file, word for word: one case or more per row of bad input."""
 
 import gzip
+import json
 import zipfile
 from functools import cache
 from pathlib import Path
@@ -217,6 +218,32 @@ def sa(content, keys=""):
     return case
 
 
+def sa_frames(content, keys):
+    def case(folder):
+        (folder / "frames.txt").write_text(content)
+        (folder / "session.toml").write_text(
+            f'[frames]\nfile = "frames.txt"\nformat = "sa"\nlength = "mm"\n{keys}\n{SIGMAS}'
+        )
+        return read_session(folder, ROBOT)
+
+    return case
+
+
+def records(rows):
+    """Records in JSON."""
+
+    def case(folder):
+        (folder / "a.json").write_text(json.dumps(rows))
+        return read_session(folder / "a.json", ROBOT)
+
+    return case
+
+
+def inside(count):
+    """A number in so many objects."""
+    return {"x": inside(count - 1)} if count else 1.0
+
+
 R = {f"r{i + 1}{j + 1}": made().T[:, i, j] for i in range(3) for j in range(3)}
 MATRIX = {k: v for k, v in table().items() if not k.startswith("r") and k != "euler"} | R
 QUATERNION = with_spread(columns(made(), form="quaternion"))
@@ -376,6 +403,10 @@ CASES = {
         '[joints]\nfile = "joints.csv"\n[frames]\nfile = "frames.csv"\n'),
     "M35 a name twice": read(TEXT.replace("y_mm", "x_mm", 1)),
     "M35 a column without a name": read(TEXT.replace("y_mm", "", 1)),
+    "M35 most columns without names": read(",,,pose_id\n1,2,3,4\n"),
+    "M35 comments alone": read("# pose_id,q1_deg\n"),
+    "M35 records in records": records([inside(12)]),
+    "M36 records of too many columns": records([{f"c{k}": 1 for k in range(1001)}]),
     "M35 a short line": read(TEXT.replace(",0.0175", "", 1)),
     "M35 comma for both": read(csv(table(), decimal=",")),
     "M35 another mark than stated": read(
@@ -415,6 +446,16 @@ CASES = {
     "SA unknown system": sa("// AXES = OBLIQUE: a, b, c (mm)\n1.0, 2.0, 3.0\n"),
     "SA cycles of unequal length": sa(
         "".join(f"A, S, {k % 3}, {k}.5, 2.5, 3.5\n" for k in range(8)), 'length = "mm"'
+    ),
+    "SA comments alone": sa("// X, Y, Z (mm)\n"),
+    "SA a field behind the coordinates of no kind": sa(
+        "// mm\nA, S, 1, 2.5, 3.5, 4.5, 0.1\n", 'length = "mm"\nafter = ["rms_mm"]'
+    ),
+    "SA more fields than there are": sa(
+        "A, S, 1, 2.5, 3.5, 4.5, 0.1\n", 'length = "mm"\nafter = ["ux_mm", "uy_mm"]'
+    ),
+    "SA frames of six numbers as quaternions": sa_frames(
+        "A, 1.5, 2.5, 3.5, 10, 20, 30\n", 'rotation = "quaternion_scalar_first"'
     ),
     "drift by two nests": points(
         {"target": ["B1", "B2", "SMR", "SMR"], "x_mm": [1, 2, 3, 4], "y_mm": [0, 1, 2, 4],

@@ -236,6 +236,18 @@ def test_more_joints_than_shots_are_told_of_their_times_and_a_reach_without_them
     assert any("match_within_s changes nothing" in one for one in said)
 
 
+@pytest.mark.parametrize("day", ["2026-03-01 ", "2026-03-01T", "1.3.2026 ", ""])
+@pytest.mark.parametrize("drop", [False, True])
+def test_dates_in_a_column_of_seconds_are_told_how_to_name_it(tmp_path, day, drop):
+    """Without a row that can be read there is no first one to count from."""
+    table = with_spread(columns(made())) | {"euler": ["XYZ"] * 29}
+    table["time_s"] = [f"{day}10:00:{k:02d}" for k in range(29)]
+    (tmp_path / "a.csv").write_text(csv(table))
+    said = r"no row is left" if drop else r"time_s .*; call the column time if these are dates"
+    with pytest.raises(InputError, match=said):
+        read_session(tmp_path / "a.csv", ROBOT, options=ReadOptions(drop_invalid=drop))
+
+
 @pytest.mark.parametrize("form", ["%Y-%m-%d %H:%M:%S", "%H:%M:%S", "%d/%m/%Y %H:%M:%S"])
 def test_the_dates_of_a_long_log_are_read_in_time(form):
     """Where a row takes all cells of its column, 20,000 rows take minutes."""

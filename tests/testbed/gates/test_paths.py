@@ -68,7 +68,7 @@ def test_a_nul_in_the_robot_of_a_scenario_is_told_with_the_scenario(tmp_path):
 )
 def test_a_file_of_a_session_is_told_with_the_session(file, says, tmp_path):
     (tmp_path / "ring").symlink_to("ring")
-    session = tmp_path / "session.toml"
+    session = tmp_path / "mine.toml"
     session.write_text(f'[points]\nfile = "{file}"\n')
     with pytest.raises(InputError, match=says) as caught:
         read_session(session, load_robot("staubli_tx60"))

@@ -2,6 +2,7 @@
 
 import sys
 import zipfile
+from datetime import datetime, timedelta
 
 import numpy as np
 import pytest
@@ -51,6 +52,22 @@ def test_a_sheet_reads_as_its_text_does(tmp_path):
     assert np.array_equal(one.measurements.covariance, two.measurements.covariance)
     assert one.place[0] == f"{file}:2"
     assert "xlsx sheet Tabelle1, values only, tab between cells" in one.notes[0]
+
+
+def test_moments_are_read_and_cells_without_anything_are_empty(tmp_path):
+    """As spreadsheets keep them, whatever they show."""
+    begun = datetime(2026, 3, 1, 23, 59, 50)
+    moments = [begun + timedelta(seconds=k) for k in range(29)]
+    book(tmp_path / "a.xlsx", ("Tabelle1", table()))
+    whole = openpyxl.load_workbook(tmp_path / "a.xlsx")
+    for row, (time, note) in enumerate([("time", "note"), *((one, None) for one in moments)], 1):
+        whole.active.cell(row, 30, time)
+        whole.active.cell(row, 31, note)
+    whole.save(tmp_path / "a.xlsx")
+    session = read_session(tmp_path / "a.xlsx", ROBOT)
+    # a workbook counts days since 1900: rounded to milliseconds by what reads it
+    np.testing.assert_allclose(session.time, np.arange(29.0), rtol=0, atol=2e-3)
+    assert not session.warnings
 
 
 def test_one_of_several_sheets_is_named(tmp_path):

@@ -42,6 +42,29 @@ def test_every_statement_of_a_line_is_read(language, line, tmp_path):
     assert found.lines == (1, 1)
 
 
+ELSEWHERE = {
+    "urscript": ["home = p[1, 2, 3, 0, 0, 0]", "movej([0, 0, 0, 0, 0, 0])", "movej(home)",
+                 "movel(home)", "movej([1, 2, 3, 4, 5, 6])"],
+    "doosan": ["home = posx(1, 2, 3, 0, 0, 0)", "movej(posj(0, 0, 0, 0, 0, 0))", "movel(home)",
+               "movej(home)", "movej(posj(1, 2, 3, 4, 5, 6))"],
+    "fanuc": ["/PROG A", "/MN", "1:J P[1] 20% FINE ;", "2:C P[3]", ":  P[4] 9mm/sec FINE ;",
+              "3:L P[3] 9mm/sec FINE ;", "4:J P[2] 20% FINE ;", "/POS",
+              "P[1]{ GP1: J1=0 deg, J2=0 deg, J3=0 deg, J4=0 deg, J5=0 deg, J6=0 deg };",
+              "P[2]{ GP1: J1=1 deg, J2=2 deg, J3=3 deg, J4=4 deg, J5=5 deg, J6=6 deg };",
+              "P[3]{ GP1: X = 1 mm, Y = 2 mm };", "P[4]{ GP1: X = 1 mm, Y = 2 mm };"],
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("language", ELSEWHERE)
+def test_moves_to_positions_of_the_tool_are_counted_and_left(language, tmp_path):
+    """By name, and on an arc, which is one move with two positions."""
+    text = text_of(tmp_path, "\n".join(ELSEWHERE[language]))
+    assert language_of(text) == language
+    found = joints_in(text, language)
+    assert [row[-6:] for row in found.sheet.rows] == [("0",) * 6, tuple("123456")]
+    assert "2 Cartesian positions are not used" in " ".join(found.note)
+
+
 @pytest.mark.parametrize("language", LANGUAGES)
 @pytest.mark.parametrize("content", ["! # // ; '\n", "; \n,\n", "x\n"])
 def test_a_program_without_a_statement_has_no_joint_target(language, content, tmp_path):
