@@ -109,6 +109,13 @@ ODD = {
         | {"q0": W, "q1": X, "q2": Y, "q3": Z}
     ),
     "our names counted from 0": csv({f"q{k}_deg": DEG[:, k] for k in range(6)} | places("{}_mm")),
+    "an array that a script assigns": "data = np.array(["
+    + ",\n ".join(map(repr, np.hstack([DEG, MM]).tolist())) + "])\n",
+    "cells that are lists, of the rotation as well": csv({
+        "joints": ['"' + repr(row.tolist()) + '"' for row in DEG],
+        "position": ['"' + repr(row.tolist()) + '"' for row in MM],
+        "R": ['"' + repr(T[:3, :3].ravel().tolist()) + '"' for T in DATA.T],
+    }),
     "messages of ROS": csv(
         {"stamp": 1.7e9 + np.arange(M)} | joints("joint_{}", DATA.q)
         | places("pose.position.{}", MM / 1e3, "xyz")

@@ -1,5 +1,6 @@
 """Formats that are no tables: each is called by its name, with how to make one of it."""
 
+import json
 import subprocess
 import sys
 
@@ -46,6 +47,16 @@ def test_yaml_is_told_how_to_become_json_which_is_read(form, ending, tmp_path):
     table = read_session(tmp_path / "session.toml", UR10).measurements
     np.testing.assert_array_equal(table.q, DATA.q)
     np.testing.assert_array_equal(table.position, DATA.T[:, :3, 3])
+
+
+def test_lists_of_numbers_in_json_are_a_table_without_names(tmp_path):
+    rows = np.hstack([np.degrees(DATA.q), 1e3 * DATA.T[:, :3, 3]])
+    (tmp_path / "a.json").write_text(json.dumps(rows.tolist()))
+    proposed(tmp_path, [tmp_path / "a.json"], "--robot", UR10.name)
+    table = read_session(tmp_path / "session.toml", UR10).measurements
+    # degrees and millimeters with every bit
+    np.testing.assert_allclose(table.q, DATA.q, rtol=1e-15)
+    np.testing.assert_allclose(table.position, DATA.T[:, :3, 3], rtol=1e-15)
 
 
 @pytest.mark.parametrize(
