@@ -55,9 +55,6 @@ class Rows:
     warnings: tuple[str, ...]
     notes: tuple[str, ...]
 
-    def __len__(self) -> int:
-        return len(self.place)
-
     def rows(self, index: Index) -> "Rows":
         """Some of them (indices)."""
         columns = ("place", "pose", "path", "approach", "cycle", "point", "time", "position",
@@ -216,6 +213,10 @@ def _texts(table: DataTable, name: str, index: Index) -> tuple[str, ...]:
 
 def require_pose_names(rows: Rows) -> None:
     """Refuse rows of poses without names; M25."""
+    if not any(rows.pose):
+        message = "no column names the poses that were measured"
+        fix = 'write a column pose_id, or pose_id = "NAME" under [cycles.columns]'
+        raise refusal(rows.where, "pose_id", message, code="M25", fix=fix)
     require_names("pose_id", rows.pose, rows.place)
 
 

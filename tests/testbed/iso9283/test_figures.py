@@ -18,7 +18,7 @@ from testbed.iso9283.decided import decisions, would_decide
 from testbed.iso9283.figure_words import show
 from testbed.iso9283.play import play_test
 from testbed.iso9283.read import read_test
-from testbed.iso9283.report_figures import angle_section
+from testbed.iso9283.report_figures import angle_section, direction_section
 from testbed.iso9283.results import headline, iso_csv
 from testbed.iso9283.shown import shown_test
 from testbed.iso9283.words import mark, reasons, verdict
@@ -156,6 +156,8 @@ def test_directions_of_approach_give_their_largest_gap(tmp_path):
     assert all(pair.count("from left") in (0, 2) for pair in pairs)
     shown = shown_test(result)
     assert list(shown.labels.values()) == ["P1", "P2", "P3", "P4", "P5"]
+    section = direction_section(result)
+    assert [row[:2] for row in section.blocks[0].rows] == [(f"P{k}", "100.0") for k in range(1, 6)]
     # three poses at one place whose own names have such words are three poses
     named = list(replace(shown, sent_to=shown.poses).labels.values())
     assert named[0] == "P1 from left, P1 from right, P1 from above"
@@ -357,6 +359,23 @@ def test_a_fitted_frame_takes_a_rigid_motion_and_nothing_else(tmp_path):
     assert "in the frame that was fitted to the same readings" in decisions(limited)[0].sentence
 
 
+def test_a_fitted_frame_moves_paths_with_the_poses(tmp_path):
+    from scipy.spatial.transform import Rotation
+
+    R, t = Rotation.from_rotvec([0.3, -0.2, 1.0]), np.array([100.0, -2000, 30])
+    shifts = 0.1 * np.random.default_rng(0).standard_normal((4, 3))
+    rows, moved = pose_rows(n=4) + path_rows(n=4, m=6, shifts=shifts), []
+    for row in rows:
+        x = R.apply([row[f"{a}_mm"] for a in "xyz"]) + t
+        moved.append(row | {f"{a}_mm": x[i] for i, a in enumerate("xyz")})
+    toml = '[iso9283]\nframe = "fitted"\n[uncertainty]\nposition_um = 3\n'
+    one, two = (played(tmp_path, each, toml) for each in (rows, moved))
+    assert min(*values(one, "AT"), *values(one, "RT")) > 50
+    for name in ("AT", "RT"):
+        # twelve digits of 2 m are 2e-6 um
+        np.testing.assert_allclose(values(one, name), values(two, name), rtol=0, atol=1e-4)
+
+
 def test_stated_noise_turns_with_the_readings(tmp_path):
     rows = [row | {"x_mm": -row["y_mm"], "y_mm": row["x_mm"]} for row in pose_rows(n=4)]
     noise = {"ux_mm": 1e-3, "uy_mm": 2e-3, "uz_mm": 3e-3}
@@ -389,6 +408,30 @@ def test_limits_are_decided_with_their_confidence(tmp_path):
     assert mark(near) == "? UNDECIDED at the stated limits"
     # Student's t leaves 76.27; scatter across the 80 um makes them longer by 0.04 in a bad case
     assert "AP is up to 80.0 um (pose P1; 95 % limits 76.2 to 83.7)" in verdict(result)
+
+
+def test_what_systematic_errors_leave_open_more_cycles_do_not_decide(tmp_path):
+    """And a limit beyond them they do, as many as are said."""
+    toml = (
+        "[uncertainty]\nposition_um = 2\n[uncertainty.systematic]\nscale_um_per_m = 10\n"
+        "station_mm = [-1500, 700, 100]\n[iso9283]\nlimits_um = {{AP = {}}}\n"
+    )
+    few = played(tmp_path, pose_rows(n=10, sd=30.0), toml.format(85))
+    said = decisions(few)[0].sentence
+    # at P1, 2.4 m along the beam and 80 um off along x
+    assert "the stated systematic errors alone give u = 24.0 um" in said
+    many = played(tmp_path, pose_rows(n=1000, sd=30.0), toml.format(85))
+    assert decisions(many)[0].word == "UNDECIDED"
+    figure = max(few.of("AP"), key=lambda one: one.most)
+    n = int(would_decide(figure, 140 * UM).split()[1])
+    # Student's t of 10 cycles is larger than that of more
+    assert decisions(played(tmp_path, pose_rows(n=n, sd=30.0), toml.format(140)))[0].word == "PASS"
+
+
+def test_poses_at_one_place_have_no_distance(tmp_path):
+    rows = pose_rows(n=4, commands=CUBE[[0, 1, 0]], bias=np.full((3, 3), 10.0))
+    pairs = {figure.where for figure in played(tmp_path, rows).of("AD")}
+    assert pairs == {"P1 to P2", "P2 to P3"}
 
 
 def test_noise_of_endlessly_many_readings_is_what_a_lower_limit_is_freed_of(tmp_path):

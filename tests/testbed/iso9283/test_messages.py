@@ -101,6 +101,12 @@ CASES = {
         without(POSES, *COMMANDS), '[cycles]\ncommanded = "none.csv"\n'),
     "a pose that is not among the commands": (
         without(POSES, *COMMANDS), '[cycles]\ncommanded = "sent.csv"\n'),
+    "poses without a column of names": (without(POSES, "pose_id"), ""),
+    "a point of a path that is commanded without a number": (
+        without(PATH, *COMMANDS), '[paths]\nfile = "a.csv"\ncommanded = "half.csv"\n'),
+    "readings of a path without numbers and cycles": (
+        without(PATH, *COMMANDS, "path_point", "cycle"),
+        '[paths]\nfile = "a.csv"\ncommanded = "line.csv"\n'),
     "a pose commanded twice": (
         without(POSES, *COMMANDS), '[cycles]\ncommanded = "twice.csv"\n'),
     "a limit of another name": (POSES, "[iso9283]\nlimits_um = {PA = 3}\n"),
@@ -123,6 +129,9 @@ def told(name):
         sent = "pose_id,x_mm,y_mm,z_mm\nP1,900,0,700\n"
         (root / "sent.csv").write_text(sent)
         (root / "twice.csv").write_text(sent + "P1,900,0,700\n")
+        line = "path,path_point,x_mm,y_mm,z_mm\nline,1,800,-50,600\nline,{},900,-50,600\n"
+        (root / "line.csv").write_text(line.format(2))
+        (root / "half.csv").write_text(line.format(1.5))
         data, config = root / "a.csv", None
         if toml not in ("", "drop"):
             config = root / "session.toml"
@@ -145,7 +154,7 @@ def test_every_message_is_one_line_with_file_and_code():
     for name in CASES:
         text = told(name)
         assert len(text.splitlines()) == 1, name
-        assert text.startswith(("DIR/", "a.csv", "none.csv", "twice.csv")), text
+        assert text.startswith(("DIR/", "a.csv", "none.csv", "twice.csv", "half.csv")), text
         assert text.endswith("]"), name
 
 
