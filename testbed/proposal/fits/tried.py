@@ -108,7 +108,6 @@ def tried_with(
     if likely is None:
         try:
             read(drafts[0], drop=False)  # which says why
-            read(drafts[0])
         except InputError as error:
             for draft in drafts[:MOST_TURNED]:
                 better = by_other_zeros(error, robot, partial(_read_for, read, draft))

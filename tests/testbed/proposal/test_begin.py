@@ -8,13 +8,14 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from calib.errors import InputError
+from testbed import assets
 from testbed.laboratory.truth.setting import make_setting
-from testbed.robots.catalog import load_robot, robot_names
+from testbed.robots.catalog import TRACKER, load_robot, robot_names
 from testbed.run.play import robot_of
 from testbed.scenario.read import changed, dump_scenario, scenario_path
 from testbed.studies import load_scenario
 from tests.command import call
-from tests.testbed.files.made import poses_csv
+from tests.testbed.files.made import columns, csv, made, poses_csv, with_spread
 
 
 def link_table(robot, folder, head, lengths, angles):
@@ -80,18 +81,23 @@ def test_columns_of_a_table_that_are_alike_have_one_unit(head, told, tmp_path):
     np.testing.assert_allclose(load_robot(out).model.chain.links, by_hand, rtol=1e-12, atol=0)
 
 
-def test_a_table_in_the_order_of_craig_is_read_as_its_names_say(tmp_path):
-    """Truth: the product of Rx(alpha) Tx(a) Rz(theta) Tz(d), line by line, up to the last x."""
-    rows = [(0, 0, 285, 0), (-90, 0, 0, -90), (180, 760, 0, -90), (-90, 30, 540, 0)]
+@pytest.mark.parametrize("first", [(0, 0), (90, 40)])
+def test_a_table_in_the_order_of_craig_is_read_as_its_names_say(tmp_path, first):
+    """Truth: the product of Rx(alpha) Tx(a) Rz(theta) Tz(d), line by line, up to the last x.
+
+    What stands before the first joint moves the base alone.
+    """
+    rows = [(*first, 285, 0), (-90, 0, 0, -90), (180, 760, 0, -90), (-90, 30, 540, 0)]
     names = "alpha_{i-1} [deg],a_{i-1} [mm],d_i [mm],theta_i [deg]"
     text = "\n".join([names, *(",".join(map(str, row)) for row in rows)])
     (tmp_path / "craig.csv").write_text(text)
     done = call("new", "robot", tmp_path / "craig.csv", "--out", tmp_path / "robot.toml")
     assert done.exit_code == 0
     assert "Craig" not in done.stdout
+    assert ("move only the base: not used" in done.stdout) == any(first)
     q = np.array([0.3, -0.7, 1.1, 0.4])
     T = np.eye(4)
-    for (alpha, a, d, theta), turn in zip(rows, q, strict=True):
+    for (alpha, a, d, theta), turn in zip([(0, 0, 285, 0), *rows[1:]], q, strict=True):
         X, Z = np.eye(4), np.eye(4)
         X[:3, :3] = Rotation.from_euler("x", alpha, degrees=True).as_matrix()
         Z[:3, :3] = Rotation.from_euler("z", turn + np.radians(theta)).as_matrix()
@@ -291,10 +297,20 @@ def test_check_tells_sessions_and_tables(tmp_path):
     (tmp_path / "session.toml").write_text(
         'robot = "staubli_tx60"\n[joints]\nfile = "a.csv"\n[frames]\nfile = "a.csv"\n'
     )
+    parts = ["identify"] * 20 + ["test"] * 9
+    (tmp_path / "a.csv").write_text(csv(with_spread(columns(made())) | {"split": parts, "euler":
+                                    ["XYZ"] * 29}))  # fmt: skip
+    assert "29 rows of 29 poses, 9 rows held out;" in call("check", tmp_path).stdout
     document = json.loads(call("check", tmp_path, "--json").stdout)
     assert document["sentences"][0] == "a session of frames"
     assert any(text.startswith("29 rows of 29 poses") for text in document["sentences"])
     assert not (tmp_path / "runs").exists()
+
+
+def test_check_tells_a_drawn_instrument():
+    folder = assets.models() / TRACKER
+    said = call("check", folder / "tracker.toml").stdout
+    assert "a drawn instrument, laser_tracker" in said
 
 
 @pytest.mark.parametrize(

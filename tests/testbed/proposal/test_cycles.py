@@ -1,11 +1,15 @@
 """Poses that are visited again and again in turn are proposed as a test after ISO 9283."""
 
+from functools import partial
+
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from testbed.files.sources import session_file
 from testbed.iso9283.read import read_test
 from tests.command import call
+from tests.testbed.files.made import columns, csv, made
 
 PLACES = {f"P{k}": 500.0 + 100 * np.array([k, (-1) ** k, k % 3]) for k in range(1, 6)}
 AXES = "xyz"
@@ -73,6 +77,41 @@ def test_check_says_the_same(tmp_path):
         said = call("check", tmp_path / "a.csv", *words).stdout
         assert "\n  5 poses in turn, each 30 times: read as a test after ISO 9283\n" in said
         assert said.endswith(f"\n  type truebed iso9283 {tmp_path / 'a.csv'}\n")
+
+
+def test_check_of_a_session_tells_what_both_verbs_would_read(tmp_path):
+    own(tmp_path)
+    seen = columns(made())
+    (tmp_path / "b.csv").write_text(csv({k: v for k, v in seen.items() if k[0] != "r"}))
+    cycles = '[cycles]\nfile = "a.csv"\n[uncertainty]\nposition_um = 9\n'
+    (tmp_path / "session.toml").write_text(cycles)
+    said = call("check", tmp_path).stdout
+    assert "a session of cycles\n  for truebed iso9283: 30 cycles of 5 poses" in said
+    both = '[joints]\nfile = "b.csv"\n[points]\nfile = "b.csv"\n'
+    (tmp_path / "session.toml").write_text(both + cycles)
+    said = call("check", tmp_path, "--robot", "staubli_tx60").stdout
+    assert "a session of points and cycles; for truebed iso9283: 30 cycles of 5 poses" in said
+    assert "29 rows of 29 poses; commanded joints" in said
+
+
+@pytest.mark.parametrize("form", ["euler", "rv"])
+def test_rotations_of_cycles_are_read_by_an_order_that_is_said_to_be_assumed(
+    tmp_path, monkeypatch, form
+):
+    head = ["pose_id", *(f"command_{a}_mm" for a in AXES), *(f"{a}_mm" for a in AXES)]
+    names = [f"rv{a}_deg" if form == "rv" else f"r{a}_deg" for a in AXES]
+    head += [f"command_{name}" for name in names] + names
+    sent, seen = (10, 20, 30), (10.01, 20.02, 30.03)
+    lines = [(name, *at, *there, *sent, *seen) for name, _, at, there in rows(30)]
+    written(tmp_path / "a.csv", head, lines)
+    said = proposed(tmp_path, monkeypatch)
+    assert ("turn; assumed: XYZ" in said) == (form == "euler")
+    found = read_test(session_file(tmp_path)).visits
+    by_scipy = {"euler": partial(Rotation.from_euler, "XYZ"), "rv": Rotation.from_rotvec}[form]
+    # fifteen digits of the degrees above
+    np.testing.assert_allclose(
+        found.rotation[0, 0], by_scipy(np.radians(seen)).as_matrix(), rtol=0, atol=1e-13
+    )
 
 
 def test_without_commands_it_says_what_iso9283_needs(tmp_path, monkeypatch):

@@ -82,6 +82,17 @@ def sa_frames(folder):
     )
 
 
+def sa_quaternions(folder, order="xyzw"):
+    own = columns(data(), form="quaternion")
+    numbers = np.column_stack([own[f"{a}_mm"] for a in "xyz"] + [own[f"q{a}"] for a in order])
+    rows = [", ".join([f"F{k}", *(f"{v:.9f}" for v in row)]) for k, row in enumerate(numbers)]
+    return write(folder, joints__csv=csv(joints(*JOINTS)), frames__txt="\n".join(rows))
+
+
+def sa_scalar_first(folder):
+    return sa_quaternions(folder, "wxyz")
+
+
 def leica(folder):
     table = {"Point ID": [f"P{k}" for k in range(M)]} | places("X [mm]", "Y [mm]", "Z [mm]")
     table |= joints(*(f"A{k} (deg)" for k in range(1, 7))) | {"Comment": ["ok"] * M}
@@ -144,6 +155,8 @@ KINDS = (
     rotation_vectors,
     sa_points,
     sa_frames,
+    sa_quaternions,
+    sa_scalar_first,
     leica,
     semicolons,
     workbook,
@@ -180,6 +193,26 @@ def test_what_is_proposed_is_read_as_it_was_meant(kind, tmp_path):
     assert f"with only base and tool {said}" in text.replace("\n# ", " ")
     assert tomllib.loads(text)["robot"] == "staubli_tx60"
     assert call("check", tmp_path).exit_code == 0
+
+
+def test_files_are_named_from_their_folder_however_they_are_given(tmp_path, monkeypatch):
+    """By a path through another folder, or one of them from the root."""
+    (tmp_path / "b" / "c").mkdir(parents=True)
+    monkeypatch.chdir(tmp_path)
+    files = [Path("b/c/../joints.csv"), tmp_path / "b" / "points.csv"]
+    named = {"pose_id": np.arange(M)}
+    files[0].write_text(csv(named | joints(*JOINTS)))
+    files[1].write_text(csv(named | places("x_mm", "y_mm", "z_mm")))
+    done = call("new", "session", *files, "--robot", "staubli_tx60")
+    assert done.exit_code == 0, done.stderr
+    written = tomllib.loads(Path("session.toml").read_text(encoding="utf-8"))
+    assert [written[key]["file"] for key in ("joints", "points")] == [
+        "b/joints.csv",
+        "b/points.csv",
+    ]
+    np.testing.assert_allclose(
+        read_session(tmp_path / "session.toml", ROBOT).measurements.q, data().q, rtol=0, atol=2e-11
+    )
 
 
 @pytest.mark.study
@@ -556,6 +589,7 @@ def test_a_few_distances_do_not_win_over_many_points(backwards, tmp_path):
         ),
         (("Sigma",), "uncertainty: Sigma is not used: scatter within a reading"),
         (("Ux", "Uy", "Uz"), "uncertainty: Ux, Uy, Uz are taken as standard uncertainties (k = 1)"),
+        (("x unc.", "y unc.", "z unc."), "x unc., y unc., z unc. are taken as standard uncert"),
         (("standard", "stdx"), "uncertainty: no column has it; position_um = 30 is assumed"),
     ],
 )
@@ -567,6 +601,6 @@ def test_columns_of_scatter_are_named_where_uncertainty_is_assumed(tmp_path, nam
     assert shown.exit_code == 0, shown.output
     text = out.read_text(encoding="utf-8")
     assert said in text
-    assumed = names[:1] != ("Ux",)
+    assumed = names[:1] not in (("Ux",), ("x unc.",))
     assert tomllib.loads(text).get("uncertainty", {}).get("assumed", False) is assumed
     assert read_session(out, ROBOT).noise_assumed is assumed
