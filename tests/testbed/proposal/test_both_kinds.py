@@ -137,6 +137,17 @@ def test_distances_that_do_not_go_with_the_points_are_left_aside_in_words(
     )
 
 
+def test_positions_that_fit_nothing_are_left_aside_for_distances_that_do(tmp_path):
+    places = np.random.default_rng(0).uniform(-500, 500, (3, M))
+    table = JOINTS | dict(zip(POINTS, places, strict=True)) | RANGES
+    (tmp_path / "p.csv").write_text(csv(table))
+    said, text = proposed(tmp_path, [tmp_path / "p.csv"], "--robot", ROBOT.name)
+    assert "No interpretation of the positions in p.csv fits: not used" in said
+    assert "points" not in tomllib.loads(text)
+    far = read_session(tmp_path / "session.toml", ROBOT).measurements.distance
+    np.testing.assert_allclose(1e3 * far, FAR, rtol=1e-12)
+
+
 def test_without_a_robot_both_kinds_are_proposed_as_well(tmp_path):
     tables = FILES["two files of some poses each"][0]
     for name, table in tables.items():
