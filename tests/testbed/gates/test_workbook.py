@@ -56,7 +56,7 @@ def test_a_sheet_reads_as_its_text_does(tmp_path):
 
 def test_moments_are_read_and_cells_without_anything_are_empty(tmp_path):
     """As spreadsheets keep them, whatever they show."""
-    begun = datetime(2026, 3, 1, 23, 59, 50)
+    begun = datetime(2026, 3, 1, 23, 59, 50)  # noqa: DTZ001 - a workbook knows no zones
     moments = [begun + timedelta(seconds=k) for k in range(29)]
     book(tmp_path / "a.xlsx", ("Tabelle1", table()))
     whole = openpyxl.load_workbook(tmp_path / "a.xlsx")
