@@ -95,10 +95,11 @@ class Budget(Shown):
         return f"Budget({', '.join(self.names)})"
 
     def tables(self) -> dict[str, ResultTable]:
-        """``numbers``: u of each from each source and from all [m, rad]."""
+        """``numbers``: u of each from each source and from all, in its unit."""
         sources = dict(zip(self.names, self.standard, strict=True))
+        unit = np.where(self.parameters.is_length[self.parameters.free], "m", "rad")
         columns = {"name": self.parameters.free_names, **sources, "combined": self.combined}
-        return {"numbers": ResultTable(columns)}
+        return {"numbers": ResultTable(columns | {"unit": unit})}
 
     @property
     def names(self) -> tuple[str, ...]:
