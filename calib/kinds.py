@@ -5,7 +5,7 @@ import re
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from functools import cache, wraps
 from types import UnionType
-from typing import Annotated, Any, Literal, ParamSpec, TypeVar, Union, get_args, get_origin
+from typing import Any, Literal, ParamSpec, TypeVar, Union, get_args, get_origin
 from typing import get_type_hints as hints_of
 
 import numpy as np
@@ -130,8 +130,6 @@ def of_kind(name: str, value: object, kind: Any) -> Any:
     if len(several) > 1:
         return value if {*several} >= ARRAYS else _of_one(name, value, several)
     origin, parts = get_origin(kind), get_args(kind)
-    if origin is Annotated:
-        return of_kind(name, value, parts[0])
     if origin is Literal:
         if not any(type(value) is type(one) and value == one for one in parts):
             said = f'"{value}"' if isinstance(value, str) else repr(value)

@@ -73,9 +73,6 @@ class Parameters(Shown):
     @checked_kinds
     def freeing(self, names: Iterable[str]) -> "Parameters":
         """Same table with exactly `names` free; an unknown name is an `InputError` (A4)."""
-        if isinstance(names, str) or not isinstance(names, Iterable):
-            message = f"free is of the type {type(names).__name__}"
-            raise refuse("free", names, "a list of names", code="A3", message=message)
         wanted, known = dict.fromkeys(map(str, names)), set(self.names)
         for name in wanted:
             if name not in known:

@@ -6,12 +6,22 @@ import numpy as np
 import pytest
 
 import calib
+from calib.design import Problem, best_next, detmax
+from calib.design.pose_count import stable_count
 from calib.errors import InputError
 from calib.geometry.fixtures import Fixtures
 from calib.geometry.operating import OperatingConditions, joined_conditions
 from calib.geometry.parameters import parameters_of
+from calib.identification.joint_models import extended_parameters
 from calib.identification.prior import Prior, weak_prior
+from calib.measurement.iso_memory import cycle_memory
+from calib.measurement.iso_straying import long_tails
+from calib.measurement.noise import whiteners
+from calib.uncertainty.parallel import in_batches
+from calib.uncertainty.regions import inside
+from calib.uncertainty.validation import first_order
 from tests.calib import kinds
+from tests.calib.design.design_cases import turned_pool
 
 NOISE = (20e-6, 1e-4)
 
@@ -112,6 +122,77 @@ def test_a_payload_without_a_center_hangs_at_the_flange_whatever_others_state():
     np.testing.assert_array_equal(both.rows(slice(0, 2)).moments, plain.moments)
     np.testing.assert_array_equal(both.rows(slice(2, 4)).moments, stated.moments)
     assert both.payload[4] == 2.5  # who says nothing carries what is usual
+
+
+def singular():
+    """Two directions that scatter as one, to rounding."""
+    C = np.tile(1e-10 * np.eye(6), (1, 1, 1))
+    C[0, 0, 1] = C[0, 1, 0] = 1e-10 * (1 - 1e-14)
+    return C
+
+
+def unspawned():
+    """Numbers of the kind that numpy drew before it had independent streams."""
+    return np.random.Generator(np.random.RandomState(0)._bit_generator)
+
+
+POSES = calib.poses(joints(4), calib.RobotModel(kinds.ARMS["tx60"]).poses(joints(4)), sd=NOISE)
+FREE = parameters_of(calib.RobotModel(kinds.ARMS["tx60"]))
+REFUSED = {
+    "a kind of row that there is not": (
+        lambda: replace(POSES, kind=np.full(4, "line")), "A3", "values ['line']; 4 entries, each",
+    ),
+    "a mode that there is not": (
+        lambda: calib.identify(arm(), POSES, FREE, mode="weighted"), "A3", "whitened, paper",
+    ),
+    "a loss that there is not": (
+        lambda: calib.identify(arm(), POSES, FREE, loss="l1"), "A3", "squared, huber, cauchy",
+    ),
+    "one name for several": (lambda: FREE.freeing("a1"), "A3", "give a list: ['a1']"),
+    "a scale below zero": (lambda: replace(FREE, scale=-FREE.scale), "A3", "must be positive"),
+    "a covariance that is singular to rounding": (
+        lambda: whiteners(singular()), "M34", "covariance[0] is not positive definite",
+    ),
+    "fewer covariances than errors": (
+        lambda: inside(np.zeros((3, 2)), np.tile(np.eye(2), (2, 1, 1))), "A1", "one for each error",
+    ),
+    "a function of no inputs": (
+        lambda: first_order(lambda x: x, [], np.zeros((0, 0))), "A1", "there are no inputs",
+    ),
+    "a function that loses rows": (
+        lambda: first_order(lambda x: x[:1], [1.0], np.eye(1)), "A1", "each of 5 rows",
+    ),
+    "one pose for several": (lambda: cycle_memory(np.zeros((9, 3))), "A3", "(e, n, 3) positions"),
+    "one pose for several, of tails": (
+        lambda: long_tails(np.zeros((9, 3))), "A3", "(e, n, 3) positions",
+    ),
+    "fewer means than counts": (lambda: stable_count([3, 4], [1.0]), "A1", "one for each of count"),
+    "streams that depend on each other": (
+        lambda: in_batches(np.random.Generator.random, unspawned(), 9, size=3), "A3",
+        "make it with numpy.random.default_rng(seed)",
+    ),
+    "a next pose where some are missing": (
+        lambda: best_next(Problem.of_blocks(turned_pool(), 3, "D", given=[0])), "M28",
+        "each next pose is as good as any; choose several poses at once",
+    ),
+    "a start that leaves a direction unseen": (
+        lambda: detmax(
+            Problem.of_blocks(turned_pool(), 2, "D"), np.random.default_rng(0), start=[0, 1]
+        ), "M28", "start leaves a direction unseen; start elsewhere",
+    ),
+    "a model without terms to add": (
+        lambda: extended_parameters(arm(), arm(), parameters_of(arm())), "A3",
+        "no joint term to add",
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(("call", "code", "said"), REFUSED.values(), ids=REFUSED)
+def test_what_cannot_be_used_is_refused_in_a_sentence(call, code, said):
+    with pytest.raises(InputError) as caught:
+        call()
+    assert caught.value.code == code
+    assert said in str(caught.value)
 
 
 def test_measured_rotations_are_rotations():
