@@ -75,11 +75,6 @@ class ManyTables(Shown):
         )
         return cls.of(tables) if plain else None
 
-    @property
-    def position(self) -> Array:
-        """(R, m, 3) positions measured [m]."""
-        return np.moveaxis(self.seen[:3], 0, 2)
-
     def one(self, k: int) -> Measurements:
         """Table of robot k, with its poses numbered in order."""
         m = self.seen.shape[2]

@@ -158,18 +158,12 @@ def _of_all(
 def _of_one(
     model: RobotModel, train: Measurements, test: Measurements, targets: Array
 ) -> list[tuple[Array, ...]]:
-    """Fields of the three tables of one robot, if possible in one pass over all of its poses."""
+    """Fields of the three tables of one robot."""
     wide = lacking(model)
     held = np.isin(wide.names, model.names)
     own, more = np.flatnonzero(held), np.flatnonzero(~held)
     rows = ((train.q, train.conditions), (test.q, test.conditions), (targets, AS_USUAL))
-    if wide.joint_errors.springs is None and all(t.is_wave for t in wide.joint_errors.terms):
-        # waves do not depend on operating conditions, so all rows go in one pass
-        poses = wide.poses_and_jacobian(np.concatenate([q for q, _ in rows]))
-        edges = np.cumsum([len(train), len(test)])
-        parts = list(zip(*(np.split(each, edges) for each in poses), strict=True))
-    else:
-        parts = [wide.poses_and_jacobian(q, at) for q, at in rows]
+    parts = [wide.poses_and_jacobian(q, at) for q, at in rows]
     found: list[tuple[Array, ...]] = []
     tables = (train, test, None)
     for table, (q, _), (T, J) in zip(tables, rows, parts, strict=True):

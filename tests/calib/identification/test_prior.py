@@ -20,6 +20,8 @@ from calib.identification.prior import Prior, prior_rows, step_derivative, weak_
 from calib.identification.tangent import System
 from calib.measurement.observations import Measurements
 from calib.measurement.residual import linearize
+from calib.uncertainty.judgement import judge
+from calib.uncertainty.statement.evidence import believed_before
 from tests.calib.slopes import slopes
 from tests.reference import BASE6, DEG, READABLE30, TX60_LINKS, WEN24, pool_r, rigid_truth, tx60
 from tests.truth.measuring import measured
@@ -190,6 +192,30 @@ def test_two_calibrations_in_turn_are_one_of_both_tables():
     assert np.abs((second.step - whole.step) / whole.standard_uncertainty).max() < 1e-3
     unit = np.outer(whole.standard_uncertainty, whole.standard_uncertainty)
     np.testing.assert_allclose(second.covariance / unit, whole.covariance / unit, atol=1e-3)
+
+
+def test_a_prior_of_correlated_numbers_is_believed_in_the_judgement_as_in_the_fit():
+    """As rows beside those of the readings: their squares and products are those of the prior."""
+    truth = rigid_truth(np.random.default_rng(10))
+    one, two, test = (
+        measured(truth, POOL[k : k + 20], np.random.default_rng(k)) for k in (100, 200, 300)
+    )
+    parameters = parameters_of(tx60(), WEN24)
+    first = identify(tx60(), one, parameters)
+    A = linearize(first.model, one).A[:, parameters.free_index]
+    order = np.random.default_rng(0).permutation(len(first.names))
+    precision = (A.T @ A)[np.ix_(order, order)]
+    prior = Prior.of_precision(first.step[order], precision, [first.names[k] for k in order])
+    found = identify(tx60(), two, parameters, prior=prior)
+    rows = believed_before(found)
+    off = prior.mean - found.step[order]
+    assert np.square(rows.y).sum() == pytest.approx(off @ precision @ off, rel=1e-9)
+    told = (rows.A.T @ rows.A / np.outer(*[parameters.free_scale] * 2))[np.ix_(order, order)]
+    assert np.abs(told - precision).max() < 1e-12 * precision.max()
+    judged = judge(found, test, train=two)
+    assert judged.trust.believe == "region"
+    T = (each.poses(test.q)[:, :3, 3] for each in (found.model, truth))
+    assert np.linalg.norm(next(T) - next(T), axis=1).mean() < judged.point.radius_mean
 
 
 @pytest.mark.parametrize("m", [1, 3, 29])
