@@ -265,6 +265,27 @@ def test_the_first_opening_is_exact_before_anything_is_polished(kind: str):
     assert seen.turns.max() < 1e-8
 
 
+@pytest.mark.parametrize("shared", [True, False])
+def test_a_reflector_that_only_the_further_station_sees_is_placed_by_it(shared: bool):
+    """By the station found from a reflector that both see, or from its own readings alone."""
+    rng = np.random.default_rng(23)
+    true = true_robot("tx60", rng)
+    true = replace(
+        true, chain=replace(true.chain, links=ARMS["tx60"].links),
+        fixtures=Fixtures(true.fixtures.reflectors, stations=true.fixtures.stations),
+    )  # fmt: skip
+    q = joints("tx60", rng, 40)
+    seen = [(0, 0), (1, 0), (1 if shared else 2, 1), (2, 1)]
+    table = exact(
+        true, joined([points(true, q, rng, reflector=r, station=s) for r, s in dict.fromkeys(seen)])
+    )
+    nominal = RobotModel(ARMS["tx60"], fixtures=Fixtures(np.zeros((3, 3)), stations=[np.eye(4)]))
+    problem = start_problem(nominal, forward(ARMS["tx60"], table.q), table, True, ())
+    # rounding over the condition of the lifts, below 1e6
+    assert next(initial_guesses(problem)).predict(table).misses.max() < 1e-8
+    assert start_frames(nominal, table).position_rms < 1e-9
+
+
 def test_joint_errors_of_the_model_are_taken_into_account():
     rng = np.random.default_rng(11)
     errors = JointErrors(gravity_terms(6), np.array([0.01, -0.008, 0.02]))
