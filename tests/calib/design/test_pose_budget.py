@@ -109,6 +109,21 @@ def test_a_target_out_of_reach_is_said_to_be():
     assert "no set of 11 gives less" in found.sentence
 
 
+def test_a_target_between_the_designed_set_and_the_bound_is_left_open():
+    """Neither reached nor proven to be out of reach; of fewer poses no set at all reaches it."""
+    blocks, criterion = small_pool(0, 12), small_criterion("V")
+    problem = Problem.of_blocks(blocks, 5, criterion)
+    curve = pose_budget(problem, 1e-3, np.random.default_rng(0))
+    target = (curve.reached[-1] + curve.possible[-1]) / 2
+    found = pose_budget(problem, target, np.random.default_rng(0))
+    assert (found.smallest, found.proven) == (None, 5)
+    assert "is not reached with 5 poses: the designed set gives" in found.sentence
+    assert found.sentence.endswith("; fewer than 5 poses are proven to be too few")
+    sets = blocks[list(itertools.combinations(range(12), 4))].reshape(-1, 8, 5)
+    every = np.swapaxes(sets, 1, 2) @ sets
+    assert criterion.figure(every[criterion.value(every).argmax()], 4) > target
+
+
 @pytest.mark.parametrize("counts", [None, [2, 3, 4, 6]])
 def test_a_number_of_poses_that_no_set_can_do_with_is_passed_over(counts):
     problem = Problem.of_blocks(turned_pool(), 6, small_criterion("V", 6))

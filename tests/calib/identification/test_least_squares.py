@@ -344,6 +344,15 @@ def test_certificate_is_the_angle_between_residual_and_tangent_plane():
     assert relative_offset(1e-9 * r, A) == pytest.approx(1e-9 * np.linalg.norm(inside), rel=1e-12)
 
 
+@pytest.mark.parametrize("apart", [1e-7, 1e-10])
+def test_the_covariance_factor_of_columns_that_are_nearly_one_makes_them_orthonormal(apart):
+    """A K has orthonormal columns, as K' A'A K = 1, to rounding times the condition."""
+    A = np.random.default_rng(0).normal(size=(40, 4)) * [1.0, 1e3, 1e-3, 1.0]
+    A[:, 3] = A[:, 0] + apart * A[:, 3]
+    B = A @ covariance_factor(A)
+    assert np.abs(B.T @ B - np.eye(4)).max() < 40 * 2.2e-16 / apart
+
+
 def test_covariance_factor_inverts_the_normal_matrix():
     A = np.random.default_rng(2).normal(size=(20, 4)) * [1, 1e-3, 1e4, 1]
     K = covariance_factor(A)
