@@ -243,8 +243,6 @@ def _check_meshes(root: Any, path: Path, options: FileOptions) -> list[str]:
         name = mesh.get("filename", "")
         if "://" in name and not name.startswith(("package://", "file://")):
             raise not_local(mesh, path, "filename", name)
-        if not name:
-            raise error_at(mesh, path, "R7", f"{called(mesh)} has no filename", "filename")
         places = mesh_files(name, folder)
         found = [mesh_path(mesh, path, file) for file in places]
         if not all(map(Path.is_relative_to, found, places.values())):

@@ -25,7 +25,10 @@ from testbed.laboratory.joint_lists import from_deg, read_joints
 from testbed.proposal.data import look_at
 from testbed.proposal.missing import columns_of
 from testbed.proposal.parts import joint_parts
+from testbed.robots.catalog import load_robot
 from testbed.robots.coupled import ControllerTable
+from testbed.robots.robot import workspace_of_reach
+from testbed.robots.write.folder import write_robot_folder
 from testbed.run.export import session_csv
 from tests.testbed.files import made as made_of
 from tests.testbed.files.made import ROBOT, columns, made, with_spread
@@ -262,6 +265,33 @@ def test_a_table_beyond_a_limit_says_whose(tmp_path):
     table = columns(replace_q(data, FANUC.controller.of_arm(data.q)))
     with pytest.raises(InputError, match=r"check the robot and its \[controller\]"):
         session(tmp_path, table | {"q3_deg": table["q3_deg"] + 150.0}, FANUC)
+
+
+def test_the_box_of_an_arm_is_of_what_its_controller_lets_it_reach():
+    """As with limits of the arm: of 2000 postures a third are left, of whose tenth 12 mm is one sd.
+
+    Five sd; without any limit the box is 200 mm narrower.
+    """
+    limits = ROBOT.limits.copy()
+    limits[2] = np.radians([0, 90])
+    own = workspace_of_reach(with_controller("J3 = q3", limits_deg={"J3": (0.0, 90.0)}))
+    other = workspace_of_reach(replace(ROBOT, limits=limits))
+    for one, two in ((own.box_center_mm, other.box_center_mm),
+                     (own.box_size_mm, other.box_size_mm)):  # fmt: skip
+        np.testing.assert_allclose(one, two, rtol=0, atol=60.0)
+    assert own.box_size_mm[0] > workspace_of_reach(ROBOT).box_size_mm[0] + 120.0
+
+
+def test_a_written_robot_keeps_its_controller_and_says_which_file_has_it(tmp_path):
+    told = write_robot_folder(replace(FANUC, visuals=()), tmp_path / "out")
+    assert told[-1].endswith("those of its controller (q3 = J3 + J2) are in robot.toml alone")
+    read = load_robot(tmp_path / "out")
+    J = made().q
+    assert_array_equal(read.controller.to_arm(J), FANUC.controller.to_arm(J))
+    joined = load_robot(tmp_path / "out" / "staubli_tx60.urdf")
+    assert joined.controller.plain
+    # the arm is the same: sixteen digits are written
+    assert_allclose(joined.model.poses(J), read.model.poses(J), rtol=0, atol=1e-12)
 
 
 def test_a_held_slide_beyond_its_limit_is_told_in_mm_beside_the_turn_that_moves_it(tmp_path):

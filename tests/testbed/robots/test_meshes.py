@@ -159,6 +159,26 @@ def test_a_mesh_without_normals_gets_crisp_ones(tmp_path):
     np.testing.assert_allclose(np.sort(np.abs(mesh.normals), axis=1), [[0, 0, 1]] * 24, atol=1e-9)
 
 
+def test_a_mesh_is_the_same_in_every_format_and_size(tmp_path):
+    """STL as text, DAE in millimeters, and a file too large to be kept."""
+    box = trimesh.creation.box((1, 2, 3))
+    box.export(tmp_path / "box.stl")
+    (tmp_path / "text.stl").write_text(trimesh.exchange.stl.export_stl_ascii(box))
+    box.apply_scale(1e3)
+    unit = b"<asset><unit meter='0.001'/>"
+    data = trimesh.exchange.dae.export_collada(box).replace(b"<asset>", unit)
+    (tmp_path / "mm.dae").write_bytes(data)
+    (tmp_path / "large.obj").write_text(
+        "# nothing\n" * 500_000 + trimesh.exchange.obj.export_obj(box, header=None)
+    )
+    for name, unit in (("box.stl", 1), ("text.stl", 1), ("mm.dae", 1), ("large.obj", 1e-3)):
+        found = load_mesh(tmp_path / name)
+        assert len(found.faces) == 12
+        # eight digits are written as text
+        assert volume(unit * found.vertices, found.faces) == pytest.approx(6.0, rel=1e-7)
+        np.testing.assert_allclose(unit * np.ptp(found.vertices, axis=0), [1, 2, 3], rtol=1e-7)
+
+
 def test_bad_mesh_files_are_refused(tmp_path):
     def refused(name, data):
         (tmp_path / name).write_bytes(data)

@@ -175,6 +175,16 @@ CASES = {
             "b.xml": '<mujocoinclude><include file="a.xml"/></mujocoinclude>',
         },
     ),
+    "R8 more includes than any arm has": in_mjcf(
+        "<actuator>",
+        "".join(f'<include file="i{k}.xml"/>' for k in range(65)) + "<actuator>",
+        files={f"i{k}.xml": "<mujoco/>" for k in range(65)},
+    ),
+    "R8 includes that are too large together": in_mjcf(
+        "<actuator>",
+        '<include file="a.xml"/><include file="b.xml"/><include file="c.xml"/><actuator>',
+        files=dict.fromkeys(("a.xml", "b.xml", "c.xml"), f"<mujoco>{' ' * 3_000_000}</mujoco>"),
+    ),
     "R8 pattern of printf": in_mjcf('name="lift"', 'name="lift" class="%s%n"'),
     "R8 plugin": in_mjcf("<actuator>", '<extension><plugin plugin="x"/></extension><actuator>'),
     "R8 replicated bodies": in_mjcf(
@@ -204,6 +214,10 @@ CASES = {
     "R11 DAE in units of nothing": in_urdf(
         text=with_mesh("part.dae"),
         files={"part.dae": f"{BENT}<asset><unit meter='0'/></asset></COLLADA>"},
+    ),
+    "R11 DAE in units that are no number": in_urdf(
+        text=with_mesh("part.dae"),
+        files={"part.dae": f"{BENT}<asset><unit meter='inch'/></asset></COLLADA>"},
     ),
     "R10 STL with a corner nowhere": mesh_of(a=NAN),
     "R10 MJCF STL with a corner nowhere": with_stl(NAN),
@@ -315,6 +329,9 @@ CASES = {
     "term with two coefficients": lambda folder: toml(
         folder, "_deg = 0.01", "_deg = 0.01\ncoefficient_mm = 1"
     ),
+    "ranges of one joint alone": lambda folder: toml(
+        folder, above="joint_ranges_deg = [[-10, 10]]\nbox_center_mm"
+    ),
     "mass without a center": lambda folder: toml(folder, TERM, drop="center_mm"),
     "reflector that is there twice": lambda folder: toml(folder, TERM, REFLECTORS),
     "term with the name of another number": lambda folder: toml(folder, '"g"', '"d2"'),
@@ -354,10 +371,14 @@ def sprung(old, new):
     return text.replace(old, new, 1)
 
 
-def toml(folder, old="", new="", drop=""):
-    """Read the shipped robot with a joint term changed, or the first line of a key left out."""
+def toml(folder, old="", new="", drop="", above="box_center_mm"):
+    """Read the shipped robot with a joint term changed, or the first line of a key left out.
+
+    `above` stands for the first key of its workspace.
+    """
     text = (TX60.folder / "robot.toml").read_text()
     text = re.sub(r"\[\[parts\]\].*", "", text, flags=re.DOTALL)
+    text = text.replace("box_center_mm", above, 1)
     if drop:
         text = re.sub(rf"^{drop} = .*\n", "", text, count=1, flags=re.MULTILINE)
     return read(folder, "robot.toml", text + TERM.replace(old, new, 1), None, {})
