@@ -88,6 +88,14 @@ def test_a_step_that_a_recording_does_not_have_is_refused_with_those_it_has(path
     assert not (tmp_path / "a.png").exists()
 
 
+def test_a_step_without_a_picture_is_refused(path):
+    done = call("view", str(path), "--step", "3")
+    assert done.exit_code == 2
+    assert done.stderr == (
+        "--step is 3, but there is no --picture; add --picture FILE.png. [C41]\n"
+    )
+
+
 @pytest.mark.parametrize("asked", [True, False])
 def test_a_picture_is_announced_and_shows_the_last_step_unless_told(
     path, tmp_path, monkeypatch, asked

@@ -24,6 +24,7 @@ def here(tmp_path, monkeypatch):
     (tmp_path / "s.toml").write_text(SESSION)
     (tmp_path / "other.toml").write_text(SESSION)
     (tmp_path / "data.json").write_text("{}")
+    (tmp_path / "links.csv").write_text("a,b\n1,2\n")
     (tmp_path / "full").mkdir()
     (tmp_path / "full" / "session.toml").write_text(SESSION)
     (tmp_path / "head.csv").write_text("pose_id,x_mm\n")
@@ -57,6 +58,9 @@ TX60 = "staubli_tx60"
         (["check", "data.json"], "data.json: holds no records that make a table; "),
         (["check", "head.csv"], "head.csv: names its columns and has no rows below them;"),
         (["check", "a.csv", "--robot", "kuka_iiwa7"], "no column for 1 of the 7 joints of kuka"),
+        (["run", "coverage", "--slice", "1/2", "--overwrite"], "a slice is one of several that"),
+        (["run", "coverage", "--slice", "1/2", "--export", "b"], "give --export with the run tha"),
+        (["identify", "links.csv", "a.csv"], "links.csv: is a table, and a robot is wanted here"),
         (["run", "quick", "--export", "full"], "choose another --export, or rename the old one"),
         (["run", "quick", "--out", "b", "--export", "b"], "--export b is --out, too; choose anoth"),
         (["merge", "a", "a", "--out", "b"], "a: is given twice; give each folder once. [C41]"),

@@ -16,6 +16,7 @@ from testbed.run.play import play_run
 from testbed.scenario.read import changed, dump_scenario
 from testbed.studies import load_scenario, scenario_of
 from tests.command import call
+from tests.testbed.files.made import columns, csv, made, with_spread
 from tests.testbed.studies.trial.fake_campaign import SCENARIO, Fake, campaign_of
 
 SMALL = {
@@ -123,6 +124,27 @@ def test_bad_words_end_with_code_2_and_leave_nothing(exported, done, tmp_path):
     error = json.loads(there.stdout)["error"]
     assert (there.exit_code, error["code"]) == (2, "C40")
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.slow
+def test_another_table_judges_what_one_identifies(tmp_path):
+    """With --test, all rows of the first and none of the second are identified from."""
+    data = made(m=40)
+    table = with_spread(columns(data, form="none"), turn=False)
+    for name, rows in (("a", slice(0, 30)), ("b", slice(30, 40))):
+        (tmp_path / f"{name}.csv").write_text(csv({k: v[rows] for k, v in table.items()}))
+    out = tmp_path / "out"
+    done = call("identify", "staubli_tx60", tmp_path / "a.csv", "--test", tmp_path / "b.csv",
+                "--json", "--model", "geometric", "--out", out)  # fmt: skip
+    assert done.exit_code == 0, done.stderr
+    told = json.loads(done.stdout)
+    assert told == json.loads((out / "result.json").read_bytes())
+    assert (told["split"]["train_poses"], told["split"]["held_out_poses"]) == (30, 10)
+    assert set(told["files_sha256"]) == {"a.csv", "b.csv"}
+    robot = load_robot(out / "robot").model.poses(data.q[30:])[:, :3, 3]
+    off = np.linalg.norm(robot - data.T[30:, :3, 3], axis=1).mean() * 1e3
+    # to the digits of the file
+    assert told["models"]["geometric"]["held_out"]["mean_mm"] == pytest.approx(off, abs=1e-4)
 
 
 def test_run_hands_its_campaign_to_the_export(monkeypatch, tmp_path):

@@ -521,6 +521,9 @@ CASES = {
     ),
     "a path of one corner": with_table(plan={"goal": {"kind": "path", "joints_deg": [[0.0] * 6]}}),
     "neither poses nor a target": with_table(plan={"poses": 0}),
+    "a grid of stations and a list": with_table(
+        plan={"stations": {"grid": GRID | {"count": [2, 2, 1]}, "list_mm": [[0.0, 0.0, 0.0]]}}
+    ),
     "a grid of ten thousand stations": with_table(
         plan={"stations": {"grid": GRID | {"count": [100, 100, 1]}}}
     ),

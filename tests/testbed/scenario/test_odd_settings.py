@@ -44,6 +44,9 @@ def test_a_noise_below_that_of_any_tracker_is_said(tmp_path):
 @pytest.mark.parametrize(
     ("changes", "sentence"),
     [
+        ({"truth.preset": "elastic", "truth.payload_kg": 0.0,
+          "truth.payload_center_mm": (0.0, 0.0, 90.0)},
+         "[truth] payload_center_mm changes nothing: payload_kg is 0"),
         ({"truth.encoder_periods": 512},
          "[truth] encoder_periods changes nothing: encoder_mdeg is 0"),
         ({"truth.gear_ratio": 81.0}, "[truth] gear_ratio changes nothing: gear_mdeg is 0"),
@@ -78,6 +81,8 @@ def test_a_key_whose_term_is_switched_off_is_said(changes, sentence):
         "truth.thermal_k": 1.0, "truth.thermal_um_per_m_k": 12.0, "studies.pose_count": True,
         "studies.paper_budget": True, "plan.target_um": 30.0, "plan.poses": 0,
     }  # fmt: skip
+    if "truth.payload_center_mm" in changes:
+        on["truth.payload_kg"] = 1.0
     if "truth.dwell_s" in changes:
         on["truth.motion"] = True
     if "tracker.preset" in changes:

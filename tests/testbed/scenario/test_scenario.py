@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from calib.errors import InputError
 from testbed.assets import scene_names
 from testbed.robots.catalog import load_robot
+from testbed.robots.parts import IN_PLACE, Form, Primitive
 from testbed.scenario.hashes import LATER_TRUTH, hashed_document, robot_hash, scenario_hash
 from testbed.scenario.read import changed, dump_scenario
 from testbed.scenario.scenario import RESERVED, Scenario
@@ -292,6 +293,22 @@ def test_the_scenario_hash_moves_with_every_key():
     for change in ({"title": "x"}, {"name": "x"}, {"studies": {"tool_point": True}}, {"seed": 4}):
         assert scenario_hash(small(**change), ROBOT) != base
     assert scenario_hash(small(), ROBOT) == base
+
+
+def test_the_hash_knows_what_a_robot_would_hit():
+    """Shapes and meshes, where they are, and whether they are drawn; runs go on from it."""
+    first, *others = ROBOT.visuals
+    aside = ((1.0, 0.0, 0.0, 0.1), *IN_PLACE[1:])
+    meshes = [dataclasses.replace(first, **change) for change in ({"affine": aside},
+              {"drawn": False}, {"collides": not first.collides}, {"link": 1})]  # fmt: skip
+    seen = [dataclasses.replace(ROBOT, visuals=(one, *others)) for one in (first, *meshes)]
+    body = Primitive(first.rgb, True, 2, "arm", form=Form("box", (0.1, 0.1, 0.3)))
+    less = Form("box", (0.1, 0.1, 0.2))
+    shapes = [dataclasses.replace(body, **change) for change in ({}, {"affine": aside},
+              {"form": less}, {"link": 3}, {"collides": False})]  # fmt: skip
+    seen += [dataclasses.replace(ROBOT, primitives=(one,)) for one in shapes]
+    assert len(set(map(robot_hash, seen))) == len(seen)
+    assert robot_hash(seen[0]) == robot_hash(ROBOT)
 
 
 def test_the_hash_knows_the_robot_by_its_content_not_by_its_place(tmp_path):
