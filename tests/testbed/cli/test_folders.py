@@ -265,3 +265,17 @@ def test_what_is_made_of_the_folder_one_stands_in_has_its_name(tmp_path, monkeyp
     monkeypatch.chdir(tmp_path / "cell" / "spring")
     names = [str(folder_of(Path(data), "identified")) for data in (".", "..", "a.csv")]
     assert names == [f"runs/{name}-identified" for name in ("spring", "cell", "a")]
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["run", "quick", "--out", "runs/ident", "--resume"],
+        ["merge", "runs/ident", "runs/plan", "--out", "new"],
+    ],
+)
+def test_a_run_does_not_go_on_in_the_folder_of_something_else(words, here):
+    done = call(*words)
+    assert done.exit_code == 2
+    assert "runs/ident: holds a calibration, not a campaign; " in done.stderr
+    assert not (here / "new").exists()

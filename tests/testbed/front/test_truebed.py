@@ -1,5 +1,6 @@
 """The product's front: what it hands out is what the rooms make, in memory and on disk."""
 
+import json
 from dataclasses import fields
 from inspect import getmembers
 
@@ -90,6 +91,8 @@ def test_a_plan_is_made_and_its_numbers_come_back(tmp_path):
     numbers = truebed.load(tmp_path / "plan")
     assert numbers["poses"] == len(made.places)
     assert "a plan's folder" in repr(numbers)
+    assert dict(numbers) == json.loads((tmp_path / "plan" / "plan.json").read_bytes())
+    assert len(numbers) == len([*numbers])
     stops = numbers.tables()["plan"]["role"].tolist()
     assert made.tables()["stops"]["role"].tolist() == [
         role for role in stops if role in ("identify", "test")

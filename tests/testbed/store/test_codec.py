@@ -161,6 +161,7 @@ def test_a_nan_survives_as_null_where_the_field_says_that_it_may_be_one_and_nowh
         (np.array(["1"]), "holds <U1, not float64"),
         (np.array([0.0, np.nan]), r"values\[1\] is nan"),
         (np.array([[-np.inf]]), r"values\[0, 0\] is -inf"),
+        (1.0, "values is not an array"),
     ],
 )
 def test_an_array_of_a_file_is_of_the_kind_that_the_field_declares_and_finite(array, message):
@@ -170,6 +171,17 @@ def test_an_array_of_a_file_is_of_the_kind_that_the_field_declares_and_finite(ar
 
     with pytest.raises((ValueError, CalibError), match=message):
         unpack(One, {"values": array})
+
+
+@pytest.mark.parametrize("value", [np.float64(0.1), np.int64(3), np.bool_(1), np.str_("a")])
+def test_a_number_of_numpy_is_kept_as_the_plain_one(value):
+    @dataclass(frozen=True)
+    class One:
+        thing: object
+
+    (kept,) = pack(One(value)).values()
+    assert type(kept) is type(value.item())
+    assert kept == value
 
 
 @pytest.mark.parametrize("value", [{"a": 1}, [1], b"x", 1j, np.array([None])])

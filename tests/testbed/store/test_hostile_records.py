@@ -62,6 +62,20 @@ def with_header(shape, descr="<f8"):
     return buffer.getvalue()
 
 
+def with_member(meta):
+    """A record with other meta data, or none."""
+    buffer, written = io.BytesIO(), io.BytesIO()
+    data = io.BytesIO(record_bytes("a", TRIAL, SPEC))
+    with zipfile.ZipFile(data) as old, zipfile.ZipFile(buffer, "w") as new:
+        for name in old.namelist():
+            if name != "meta.npy":
+                new.writestr(zipfile.ZipInfo(name), old.read(name))
+        if meta is not None:
+            np.save(written, meta)
+            new.writestr(zipfile.ZipInfo("meta.npy"), written.getvalue())
+    return buffer.getvalue()
+
+
 HOSTILE = {
     "a tuple of a thousand million": (sealed(PARTS, {"parts.#": 10**9}), FakeSetting),
     "a tuple of fewer than none": (sealed(PARTS, {"parts.#": -(10**9)}), FakeSetting),
@@ -89,6 +103,8 @@ HOSTILE = {
     "an axis too few": (sealed(SHAPED, arrays={"vector": np.ones(4)}), Shaped),
     "an axis too many": (sealed(SHAPED, arrays={"maybe": np.ones((4, 2, 1), bool)}), Shaped),
     "nothing where something is": (sealed(SHAPED, arrays={"vector": np.ones((0, 3))}), Shaped),
+    "no meta data": (with_member(None), FakeTrial),
+    "meta data of ten megabytes": (with_member(np.zeros(10**7 + 1, np.uint8)), FakeTrial),
     "long double": (with_header((3,), "<f16"), FakeTrial),
 }
 
