@@ -138,6 +138,17 @@ def program(**conditions):
     return case
 
 
+def cartesian(**columns):
+    """A program of two poses of the tool."""
+
+    def case(folder):
+        targets = {k: v[:2] for k, v in table().items() if k[0] in "xyzr"}
+        (folder / "p.csv").write_text(csv(targets | columns))
+        return read_program(folder / "p.csv", ROBOT)
+
+    return case
+
+
 JOINTS = {k: v for k, v in table().items() if k[0] in "pq"}
 SEEN = {k: v for k, v in table().items() if k[0] != "q"}
 
@@ -543,6 +554,9 @@ CASES = {
     "program: a row without a payload": program(payload_kg=["0", ""]),
     "program: a payload below zero": program(payload_kg=["0", "-2"]),
     "program: a temperature beyond sense": program(temperature_degC=["20", "1e5"]),
+    "program: a joint in two units": program(q1_rad=[0.1, 0.2]),
+    "program: angles in no order": cartesian(),
+    "program: angles in an order that means nothing": cartesian(euler=["abc", "abc"]),
     "program: a target without a tool": program(tool=["probe", ""]),
     "session: a target without a place": read(
         without("rx_deg", "ry_deg", "rz_deg", "euler") | {"target": ["R2"] * 29},
@@ -705,6 +719,16 @@ SAID = {
         "gear", "[frames]\n[gear]\nratio = { joint1 = 72 }\n",
         q1_deg=5.0 * np.round(table()["q1_deg"] / 5),
     ),
+    "times that are none": lambda f: told(
+        read(table(time=[f"shot {k}" for k in range(29)]))(f)
+    ),
+    "torques at one station and currents at the other": lambda f: [
+        why for what, why in stations(
+            SEEN | {f"torque{j}_Nm": np.arange(29.0) for j in range(1, 7)},
+            SEEN | {f"current{j}_A": np.arange(29.0) for j in range(1, 7)}
+            | {"x_mm": SEEN["x_mm"] + 1.0},
+        )(f).rows_say.unsaid if what == "torque"
+    ],
     "another robot's name": lambda f: told(read(table(), 'robot = "kuka"\n[frames]\n')(f)),
     "a rounded clock": lambda f: told(read(table(time=["2.02011E+13"] * 29))(f)),
     "joints without readings": lambda f: told(

@@ -8,9 +8,9 @@ from calib.geometry.frames import exp_so3, log_so3, step_transform
 from calib.measurement.corrections import rigid_fit_covariance
 from testbed.files.nests.drift import correct_drift, judge_drift
 from testbed.files.nests.motions import best_fit
-from testbed.files.read import read_session
+from testbed.files.read import read_held_out, read_session
 from testbed.files.readings import Readings
-from tests.testbed.files.made import ROBOT, N, csv, made
+from tests.testbed.files.made import ROBOT, N, columns, csv, made
 
 NESTS = {
     "B1": [2.0, 0.0, -0.3],
@@ -402,3 +402,24 @@ def test_a_drift_whose_nests_have_a_file_of_their_own_is_reported_and_left(tmp_p
     assert any("between which poses" in text for text in session.warnings)
     # written to a nanometer
     np.testing.assert_allclose(session.measurements.position, points, rtol=0, atol=1e-9)
+
+
+def test_nests_of_one_session_are_none_of_the_table_that_judges_it(tmp_path):
+    """Their file belongs to the other rows, and is not asked for again."""
+    table = columns(DATA, form="none", ids=False)
+    for name, rows in (("a", slice(0, 30)), ("t", slice(30, 40))):
+        (tmp_path / f"{name}.csv").write_text(csv({k: v[rows] for k, v in table.items()}))
+    shots = [(name, *(1e3 * np.array(place))) for _ in range(3) for name, place in NESTS.items()]
+    rows = [f"{name},{x},{y},{z}" for name, x, y, z in shots]
+    (tmp_path / "nests.csv").write_text("\n".join(["target,x_mm,y_mm,z_mm", *rows]))
+    session = tmp_path / "session.toml"
+    session.write_text(
+        '[joints]\nfile = "a.csv"\n[points]\nfile = "a.csv"\n[uncertainty]\nposition_um = 5\n'
+        f'[drift]\nfile = "nests.csv"\nnests = {list(NESTS)}\n'.replace("'", '"')
+    )
+    assert read_session(session, ROBOT).drift is not None
+    apart = read_held_out(tmp_path / "t.csv", ROBOT, session)
+    assert apart.drift is None
+    np.testing.assert_allclose(
+        apart.measurements.position, DATA.T[30:, :3, 3], rtol=0, atol=1e-12
+    )  # fifteen digits
