@@ -59,7 +59,7 @@ TX60 = "staubli_tx60"
         (["check", "head.csv"], "head.csv: names its columns and has no rows below them;"),
         (["check", "a.csv", "--robot", "kuka_iiwa7"], "no column for 1 of the 7 joints of kuka"),
         (["run", "coverage", "--slice", "1/2", "--overwrite"], "a slice is one of several that"),
-        (["run", "coverage", "--slice", "1/2", "--export", "b"], "give --export with the run tha"),
+        (["run", "coverage", "--slice", "1/2", "--export", "b"], "give --export with the run"),
         (["identify", "links.csv", "a.csv"], "links.csv: is a table, and a robot is wanted here"),
         (["run", "quick", "--export", "full"], "choose another --export, or rename the old one"),
         (["run", "quick", "--out", "b", "--export", "b"], "--export b is --out, too; choose anoth"),
