@@ -139,6 +139,14 @@ def unspawned():
 POSES = calib.poses(joints(4), calib.RobotModel(kinds.ARMS["tx60"]).poses(joints(4)), sd=NOISE)
 FREE = parameters_of(calib.RobotModel(kinds.ARMS["tx60"]))
 REFUSED = {
+    "a prior of a number that there is not": (
+        lambda: calib.calibrate(arm(), POSES, prior=Prior([0.0], [1.0], ["a9"])), "A4",
+        'the prior names "a9", which the model does not have',
+    ),
+    "a step to another arm": (
+        lambda: arm().step_to(calib.RobotModel(kinds.ARMS["scara"])), "A3",
+        "chains differ in their joints",
+    ),
     "a kind of row that there is not": (
         lambda: replace(POSES, kind=np.full(4, "line")), "A3", "values ['line']; 4 entries, each",
     ),

@@ -9,8 +9,12 @@ import calib
 from calib.design import Problem, best_next, exchange, pose_budget, pose_count
 from calib.design.relaxation import relaxation
 from calib.geometry.inverse import inverse_kinematics
+from calib.geometry.many import ManyModels
+from calib.identification.ladders import ladders_of
+from calib.identification.many.tables import ManyTables
 from calib.identification.model_choice import choose
 from calib.identification.outliers.search import search_outliers
+from calib.measurement.residual import linearize
 from calib.shown import Shown
 from calib.uncertainty.adaptive import adaptive
 from calib.uncertainty.bootstrap import bootstrap
@@ -21,7 +25,7 @@ from calib.uncertainty.statement.conformity import conformity
 from calib.uncertainty.type_a import best_budget
 from calib.uncertainty.type_b import common_inputs
 from calib.uncertainty.validation import first_order, validate
-from tests.calib.design.design_cases import small_criterion, small_pool
+from tests.calib.design.design_cases import small_criterion, small_goals, small_pool
 from tests.calib.kinds import joints, true_robot
 from tests.calib.test_calibration import poses_of
 from tests.reference import TX60_LIMITS, tx60
@@ -69,7 +73,8 @@ def results():
         point_spread(model, test.q, 1e-10 * np.eye(numbers), rng, draws=100),
         conformity(np.zeros((3, 3)), np.tile(1e-12 * np.eye(3), (3, 1, 1)), 1e-5),
         inverse_kinematics(model, model.poses(test.q), test.q, TX60_LIMITS),
-        calib.SinglePoses.of(model),
+        calib.SinglePoses.of(model), ManyModels.of(model, 3), ManyTables.of([train]),
+        linearize(model, train), tuple(ladders_of(model)), small_goals(0),
     )  # fmt: skip
     kinds: dict[str, Shown] = {}
     open_, seen = list(made), set()

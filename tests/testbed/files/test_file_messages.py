@@ -403,6 +403,15 @@ CASES = {
     "M35 no joints": read(NO_JOINTS),
     "M35 a joint is missing": read(without("q4_deg")),
     "M35 no readings": read({k: v for k, v in table().items() if k[0] in "pq"}),
+    "M35 ranges without angles": read(
+        without("x_mm", "y_mm", "z_mm", "rx_deg", "ry_deg", "rz_deg", "euler")
+        | {"range_mm": [1500.0] * 29},
+        "[points]\n" + SIGMAS,
+    ),
+    "M25 a section that finds nothing": read(
+        without("rx_deg", "ry_deg", "rz_deg", "euler", distance_mm=[""] * 29, anchor=["A"] * 29),
+        '[points]\n[ranges]\nanchors_mm = { A = "free" }\n',
+    ),
     "M35 misspelled": read({k.replace("x_mm", "x_mmm"): v for k, v in table().items()}),
     "M35 an axis is missing": read(without("z_mm")),
     "M35 rotations in two forms": read(table() | R),

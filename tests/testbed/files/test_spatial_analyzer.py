@@ -5,6 +5,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from calib.errors import InputError
+from calib.geometry.frames import inverse
 from testbed.files.read import read_session
 from tests.testbed.files.made import ROBOT, columns, csv, made
 
@@ -190,3 +191,30 @@ def test_frames_do_not_say_how_they_turn(tmp_path):
     (tmp_path / "session.toml").write_text('[frames]\nfile = "tmac.csv"\nformat = "sa"\n')
     with pytest.raises(InputError, match="M24"):
         read_session(tmp_path, ROBOT)
+
+
+@pytest.mark.parametrize("gives", ["T_tracker_tool", "T_tool_tracker"])
+def test_frames_either_way_round_are_the_same_poses(tmp_path, gives):
+    """As a camera on the flange sees a board, or as a tracker sees the tool."""
+    T = DATA.T if gives == "T_tracker_tool" else inverse(DATA.T)
+    place, turn = 1e3 * T[:, :3, 3], Rotation.from_matrix(T[:, :3, :3]).as_quat()
+    rows = [f"P{k}," + ",".join(f"{v:.12f}" for v in row)
+            for k, row in enumerate(np.column_stack([place, turn]))]  # fmt: skip
+    (tmp_path / "f.txt").write_text("\n".join(rows))
+    joints = {k: v for k, v in columns(DATA).items() if k[0] == "q"}
+    (tmp_path / "joints.csv").write_text(csv(joints | {"pose_id": [f"P{k}" for k in range(12)]}))
+    (tmp_path / "session.toml").write_text(
+        '[joints]\nfile = "joints.csv"\n[frames]\nfile = "f.txt"\nformat = "sa"\nlength = "mm"\n'
+        f'rotation = "quaternion_scalar_last"\ngives = "{gives}"\n'
+        "[uncertainty]\nposition_um = 20\nrotation_mdeg = 10\n"
+    )
+    table = read_session(tmp_path, ROBOT).measurements
+    # twelve decimals, of the rotation times meters
+    np.testing.assert_allclose(table.position, DATA.T[:, :3, 3], rtol=0, atol=1e-11)
+    np.testing.assert_allclose(table.rotation, DATA.T[:, :3, :3], rtol=0, atol=1e-11)
+    # what an angle of the camera does at the tool, three meters away, is noise of the place
+    sd = np.sqrt(np.trace(table.covariance[:, :3, :3], axis1=1, axis2=2))
+    arm = np.linalg.norm(T[:, :3, 3], axis=1) * (gives != "T_tracker_tool")
+    np.testing.assert_allclose(
+        sd, np.sqrt(3 * 20e-6**2 + 2 * (np.radians(0.01) * arm) ** 2), rtol=1e-9
+    )
