@@ -16,7 +16,7 @@ from testbed.files.dialects.tables import (
     PointsTable,
 )
 from testbed.files.nests.drift import without_drift
-from testbed.files.observed import misspelt_columns, read_observed, section_of
+from testbed.files.observed import how_written, misspelt_columns, read_observed, section_of
 from testbed.files.readings import Readings, lost_readings, lost_targets
 from testbed.files.reflectors.own_files import of_reflector
 from testbed.files.refusal import no_rows
@@ -139,7 +139,7 @@ def _read_own(
     found = read_observed(some_rows(table, rows), section, settings.uncertainty, drop=drop)
     left = len(table) - len(rows)
     note = f"{table.where}: {left} of {len(table)} rows have nothing for [{section.name}]"
-    notes = (*found.notes, *([note] if left else []))
+    notes = (how_written(table), *([note] if left else []))  # of the file, not of these rows
     return replace(found, order=rows[found.order], notes=notes)
 
 

@@ -130,7 +130,7 @@ def read_observed(
         stated=stated,
         extras=extras,
         warnings=(*warnings, *spread.warnings, *extras.warnings),
-        notes=(_dialect(table),),
+        notes=(how_written(table),),
     )
     return whole.rows(good)
 
@@ -286,8 +286,8 @@ def _names(table: DataTable, column: str, needed: Bool | None) -> tuple[str, ...
     return names
 
 
-def _dialect(table: DataTable) -> str:
-    """How the file is written."""
+def how_written(table: DataTable) -> str:
+    """How the file of a table is written, and how many rows it has."""
     mark = "comma" if table.decimal == "," else "point"
     titles = table.sheet.titles
     above = f", under a title ({titles[0][:40]})" if titles else ""
