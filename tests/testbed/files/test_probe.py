@@ -21,6 +21,7 @@ from testbed.files.rows.counts import Count
 from testbed.files.tried import ranged
 from testbed.files.tried.interpretations import Probe, Tried
 from testbed.files.tried.links_fit import LinksFit, links_fit
+from testbed.files.visits.probing import probed
 from testbed.robots.catalog import load_robot
 from tests.testbed.files.made import ROBOT, Made, N, columns, csv, made, with_spread
 
@@ -600,3 +601,16 @@ def test_a_target_that_was_changed_between_two_rows_may_be_what_moved(tmp_path):
         InputError, match=r"or the target on its flange was moved just before d\.csv:17"
     ):
         probe(ROBOT, read_session(tmp_path, ROBOT)).raise_if_wrong()
+
+
+@pytest.mark.parametrize("held_out", [4, 10])
+def test_a_wrong_reading_is_one_however_few_rows_are_held_out(held_out, tmp_path):
+    """Too few to be asked by themselves, or each part by itself."""
+    table = columns(made(m=30), form="none")
+    parts = ["identify"] * (30 - held_out) + ["test"] * held_out
+    (tmp_path / "a.csv").write_text(csv(table | {"y_mm": -table["y_mm"], "split": parts}))
+    (tmp_path / "s.toml").write_text("[points]\n[uncertainty]\nposition_um = 20\n")
+    session = read_session(tmp_path / "a.csv", ROBOT, config=tmp_path / "s.toml")
+    with pytest.raises(InputError, match="if one of x, y, z has the other sign") as caught:
+        probed(ROBOT, session)
+    assert caught.value.code == "M32"
