@@ -112,7 +112,7 @@ def whole_session(
             session = read(robot)
         except InputError as error:
             raise explained(error, robot, read) from error
-        return _without_strays(robot, session)
+        return without_strays(robot, session)
 
     if isinstance(settings, CampaignFile) and settings.session:
         return read_visits(settings, sources, one, where=where)
@@ -173,7 +173,7 @@ def _prior(settings: SessionFile, robot: Robot, where: str) -> Array | None:
     return frozen(tolerances_of(stated, usual_tolerances(n) if own is None else own))
 
 
-def _without_strays(robot: Robot, session: Session) -> Session:
+def without_strays(robot: Robot, session: Session) -> Session:
     """The session without rows that no base and tool bring near their joints, which are named.
 
     Where these are most of the held-out rows, or of the others, the file holds rows of two frames:

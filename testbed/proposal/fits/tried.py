@@ -21,11 +21,12 @@ from testbed.gates.mistakes import validated
 from testbed.gates.text import MAX_MB
 from testbed.proposal.both import Joined, is_ranged, joined_with, names_of
 from testbed.proposal.data import Found, files_of
-from testbed.proposal.drafts import PARTS, Draft
+from testbed.proposal.drafts import Draft
 from testbed.proposal.fits.between_targets import with_scatter
 from testbed.proposal.fits.draft_fit import AXES, DraftFit, fit_of
 from testbed.proposal.fits.far_off import far_off
 from testbed.proposal.fits.poses_for_joints import poses_for_joints
+from testbed.proposal.fits.rounds import rounds, without_words
 from testbed.proposal.fits.sent import is_of_a_controller, places_of, without_sent
 from testbed.proposal.fits.touches_alone import touches_alone
 from testbed.proposal.rows.beginning import SEEN, beginnings
@@ -76,11 +77,9 @@ def tried_with(
         except InputError:
             return None
 
-    sessions = [readable(draft) for draft in drafts]
-    # if a reading was lost and later rows are shifted, a part of the rows still fits
+    read_so = [readable(draft) for draft in drafts]
     whole: list[DraftFit] = []
-    for parts in PARTS:
-        fits = [fit_of(robot, session, parts) for session in sessions]
+    for sessions, parts, fits in rounds(robot, read_so):
         whole = whole or fits
         best = _best(drafts, sessions, fits)
         if fits[best].is_near:
@@ -99,12 +98,13 @@ def tried_with(
                     left, others = fit_of(robot, read(draft), parts).left, []
                 more += sent
             tried = _fitting(robot, left, others, len(same) - 1, parts)
+            tried += without_words(read_so[best], sessions[best])
             return with_scatter(draft, sessions[best]), tried + aside + more, True
     if (touched := touches_alone(looks, robot)) is not None:
         raise touched
     if all(one.guesses_distance for one in drafts):
         raise unnamed(next(one for one in looks if one.kind == "bare"))
-    likely = next((k for k, one in enumerate(sessions) if one is not None), None)
+    likely = next((k for k, one in enumerate(read_so) if one is not None), None)
     if likely is None:
         try:
             read(drafts[0], drop=False)  # which says why
@@ -121,11 +121,11 @@ def tried_with(
                 raise
             raise unnamed(nameless) from error
         raise AssertionError("a draft can be read that could not be")
-    if (explained := far_off(sessions, [one.score for one in whole], robot)) is not None:
+    if (explained := far_off(read_so, [one.score for one in whole], robot)) is not None:
         return drafts[explained[0]], explained[1], True
     if (told := poses_for_joints(looks, robot)) is not None:
         raise told
-    session = sessions[likely]
+    session = read_so[likely]
     assert session is not None
     found = probe(robot, session)
     if found.stated is None or found.wrong is not None:

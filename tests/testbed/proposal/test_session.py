@@ -604,3 +604,16 @@ def test_columns_of_scatter_are_named_where_uncertainty_is_assumed(tmp_path, nam
     assumed = names[:1] not in (("Ux",), ("x unc.",))
     assert tomllib.loads(text).get("uncertainty", {}).get("assumed", False) is assumed
     assert read_session(out, ROBOT).noise_assumed is assumed
+
+
+def test_rows_that_are_far_off_are_said_to_be_and_not_explained_by_links(tmp_path):
+    """One in seven by 0.4 m: base and tool were said to leave 15 cm, which links explain."""
+    table = {k: [f"{v:.9g}" for v in values] for k, values in columns(data(), form="none").items()}
+    far = range(3, M, 7)
+    for k in far:
+        table["x_mm"][k] = f"{float(table['x_mm'][k]) + 400 + k:.9g}"
+    (file,) = write(tmp_path, a__csv=csv(table))
+    said, _ = proposed(tmp_path, [file], "--robot", "staubli_tx60")
+    assert re.match(rf"with only .*, errors are 0\.\d+ mm, without {len(far)} rows far off", said)
+    assert "links up to" not in said
+    assert f"a.csv:{far[0] + 2}: left out: 40" in said
