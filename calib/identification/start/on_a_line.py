@@ -7,6 +7,10 @@ from calib.geometry.model import RobotModel
 from calib.measurement.observations import POINT, Measurements
 from calib.measurement.residual import linearize
 
+SURE = 3.7
+"""Readings of one place, in units of their noise, are an (m, 3) matrix of norm below sqrt(m) +
+sqrt(3) + t but for a chance of exp(-t^2 / 2), here 0.1 % (Davidson and Szarek 2001, II.13)."""
+
 
 def untold_turns(model: RobotModel, measured: Measurements) -> tuple[str, ...]:
     """Names of turns of base and stations that no reading tells, whatever the links are.
@@ -35,9 +39,9 @@ def untold_turns(model: RobotModel, measured: Measurements) -> tuple[str, ...]:
 def extents_told(rows: Measurements) -> int:
     """Number of directions in which points lie further apart than their noise: 0 for one place."""
     off = rows.position - rows.position.mean(axis=0)
-    noise = np.sqrt(np.trace(rows.covariance[:, :3, :3], axis1=1, axis2=2).mean() / 3)
-    extents = np.linalg.svd(off, compute_uv=False) / np.sqrt(len(rows))
-    return int((extents > noise).sum())
+    noise = np.linalg.cholesky(rows.covariance[:, :3, :3].mean(axis=0))
+    extents = np.linalg.svd(np.linalg.solve(noise, off.T), compute_uv=False)
+    return int((extents > np.sqrt(len(rows)) + np.sqrt(3) + SURE).sum())
 
 
 def _least_told(model: RobotModel, rows: Measurements, frame: str) -> list[int]:

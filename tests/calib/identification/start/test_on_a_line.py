@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from calib.geometry.model import RobotModel
-from calib.identification.start.on_a_line import untold_turns
+from calib.identification.start.on_a_line import extents_told, untold_turns
 from calib.measurement import tables
 from calib.measurement.observations import joined
 from tests.calib import kinds
@@ -39,6 +39,19 @@ def test_three_places_that_are_no_line_tell_all_turns():
     # within noise they are one
     held = untold_turns(*standing(PLACE, OTHER, PLACE + 0.3 * (OTHER - PLACE) + 0.5 * NOISE))
     assert len(held) == 1
+
+
+@pytest.mark.parametrize("m", [12, 118])
+@pytest.mark.parametrize("sd", [NOISE * np.ones(3), NOISE * np.array([0.2, 0.2, 5])], ids=["", "deep"])
+def test_places_that_are_read_with_their_noise_are_as_few_as_they_are(m, sd):
+    """Noise of the size stated made a line of one place, and a plane of two, in most sessions."""
+    for seed in range(20):
+        rng = np.random.default_rng([seed, m])
+        for extents, places in enumerate(([PLACE], [PLACE, OTHER], [PLACE, OTHER, ASIDE])):
+            rows = touches(*places, m=m // len(places), seed=seed)
+            noisy = rows.position + sd * rng.standard_normal(rows.position.shape)
+            read = tables.points(rows.q, noisy, sd=np.diag(sd**2))
+            assert extents_told(read) == extents
 
 
 def test_rotations_tell_turns_wherever_the_tool_is():
