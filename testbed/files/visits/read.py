@@ -212,11 +212,11 @@ def _visits(
 def _require_one(visits: Sequence[VisitTable], alone: Sequence[Session], where: str) -> None:
     """Refuse what sessions of one calibration cannot differ in."""
     lead, known = alone[0], dict[bytes, str]()
+    # what another station saw of another tool is never the same to the last bit; places that a tip
+    # touches are, and not the joints that lead there
+    touched = any(are_touched(one.measurements.position) for one in alone)
     for visit, one in zip(visits, alone, strict=True):
-        # what another station saw of another tool is never the same to the last bit; places that
-        # a tip touches are, and not the joints that lead there
         table = one.measurements
-        touched = are_touched(table.position)
         rows = np.hstack([table.position, table.q]) if touched else table.position
         seen = {row.tobytes() for row in rows}
         again = [row for row in seen if row in known]

@@ -109,6 +109,20 @@ def test_two_sessions_may_touch_places_of_the_same_coordinates(tmp_path):
         read_session(tmp_path / "session.toml", ROBOT)
 
 
+def test_copies_of_some_touched_rows_are_no_session_of_their_own(tmp_path):
+    """The copies alone, of few rows of each place, did not look like places that are touched."""
+    (tmp_path / "a.csv").write_text(csv(touched(PLACES)))
+    lines = (tmp_path / "a.csv").read_text().splitlines()
+    (tmp_path / "b.csv").write_text("\n".join([*lines[:3], *lines[16:18], ""]))
+    (tmp_path / "session.toml").write_text(
+        "format = 1\n[uncertainty]\nposition_um = 20\n"
+        '[[session]]\nname = "a"\nfile = "a.csv"\n'
+        '[[session]]\nname = "b"\nfile = "b.csv"\ntool = "same as a"\n'
+    )
+    with pytest.raises(InputError, match="name each file once"):
+        read_session(tmp_path / "session.toml", ROBOT)
+
+
 def test_files_of_joints_alone_are_told_to_state_what_was_touched(tmp_path):
     """Those of the second socket were taken as readings, and no interpretation fitted."""
     joints = [{k: v for k, v in touched(PLACES[[k]]).items() if k[0] == "q"} for k in (0, 1)]
