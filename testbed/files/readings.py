@@ -116,11 +116,14 @@ def are_touched(position: Array) -> bool:
     return len(count) > 0 and bool(count.min() >= TOUCHES)
 
 
-def lost_readings(readings: Readings, nests: Sequence[str]) -> tuple[Bool, list[str]]:
+def lost_readings(
+    readings: Readings, nests: Sequence[str], *, touches: bool = True
+) -> tuple[Bool, list[str]]:
     """Rows (m,) that were measured, and a sentence on those that were not.
 
     A tracker that loses its target writes 0 0 0, or a distance of 0. Readings of `nests` stay:
-    rounds are counted by them. So does a place in the origin that a tip touches, among others.
+    rounds are counted by them. So does a place in the origin that a tip touches, among others;
+    without `touches`, as in cycles that an instrument measures, none is.
 
     Raises
     ------
@@ -130,7 +133,7 @@ def lost_readings(readings: Readings, nests: Sequence[str]) -> tuple[Bool, list[
     distance = readings.kind == "distance"
     zero = readings.distance == 0 if distance else (readings.position == 0).all(axis=1)
     lost = zero & ~np.isin(readings.target, nests)
-    if not (distance or zero.all()) and are_touched(readings.position):
+    if touches and not (distance or zero.all()) and are_touched(readings.position):
         lost[:] = False
     if distance and len(zero) and zero.all():
         raise refusal(

@@ -94,7 +94,7 @@ def read_rows(
     if not len(table):
         raise no_rows(table.where)
     readings, stated = _readings(table, section, settings, drop=drop)
-    good, lost = lost_readings(readings, ())
+    good, lost = lost_readings(readings, (), touches=False)
     readings = readings.rows(good)
     index = readings.order
     if not len(index):

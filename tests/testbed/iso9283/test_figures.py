@@ -498,6 +498,17 @@ def test_incomplete_cycles_are_left_out_when_asked(tmp_path):
     assert played(tmp_path, zeros, drop_invalid=True).test.visits.cycles == 7
 
 
+def test_missed_shots_among_readings_in_few_digits_are_no_touched_place(tmp_path):
+    """All cycles of a pose are alike in tenths of a millimeter, as a tip in its socket would be."""
+    rows = [
+        row | {name: round(row[name], 1) for name in ("x_mm", "y_mm", "z_mm")}
+        for row in pose_rows(n=12, sd=1.0, bias=0 * BIAS)
+    ]
+    for cycle in (2, 5, 9):
+        rows = changed(rows, {"x_mm": 0, "y_mm": 0, "z_mm": 0}, pose_id="P4", cycle=cycle)
+    assert played(tmp_path, rows, drop_invalid=True).test.visits.cycles == 9
+
+
 def test_other_dialects_units_and_names_are_the_same_test(tmp_path):
     rows = pose_rows(n=5)
     first = played(tmp_path, rows)
