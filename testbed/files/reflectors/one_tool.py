@@ -1,6 +1,6 @@
 """Do targets that stand in one file stand on one tool? Places a robot was sent to are no target."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from itertools import combinations
 from typing import Literal, NamedTuple
 
@@ -62,12 +62,7 @@ def not_on_one_tool(session: Session, groups: Sequence[Index]) -> InputError | N
         Rows of each target and station.
     """
     table = session.measurements
-    for one, other in combinations(groups[:MOST], 2):
-        if any(own[one[0]] != own[other[0]] for own in (table.station, table.tool)):
-            continue
-        both = read_together(table, one, other)
-        if len(both) < FEWEST:
-            continue
+    for both in pairs_of_targets(table, groups):
         rows, beside = both.T
         why = apart_or_alike(table.position[rows], table.position[beside])
         if why is not None:
@@ -81,6 +76,19 @@ def not_on_one_tool(session: Session, groups: Sequence[Index]) -> InputError | N
                 allowed="targets are reflectors on one tool, each at a place of its own", fix=fix,
             )  # fmt: skip
     return None
+
+
+def pairs_of_targets(table: Measurements, groups: Sequence[Index]) -> Iterator[Index]:
+    """Rows (k, 2) of each two targets that one station saw on one tool, at `FEWEST` poses or more.
+
+    `groups` are the rows (m,) of each target; no more than `MOST` of them are paired.
+    """
+    for one, other in combinations(groups[:MOST], 2):
+        if any(own[one[0]] != own[other[0]] for own in (table.station, table.tool)):
+            continue
+        both = read_together(table, one, other)
+        if len(both) >= FEWEST:
+            yield both
 
 
 def read_together(table: Measurements, one: Index, other: Index) -> Index:

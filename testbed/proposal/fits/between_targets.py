@@ -6,13 +6,12 @@ markers 60 mm apart a misfit that turns the tool, at the end of a long arm.
 """
 
 from dataclasses import replace
-from itertools import combinations
 
 import numpy as np
 
 from calib.measurement.observations import Measurements
 from testbed.files.frames_fit import target_groups
-from testbed.files.reflectors.one_tool import MOST, read_together
+from testbed.files.reflectors.one_tool import pairs_of_targets
 from testbed.files.session import Session
 from testbed.proposal.drafts import ASSUMED, Draft
 
@@ -49,12 +48,8 @@ def noise_between(table: Measurements) -> float:
     quarter, as a target that is loose stands in two of the three pairs of three.
     """
     found = list[float]()
-    for one, other in combinations(target_groups(table)[:MOST], 2):
-        if table.is_pose[one[0]] or any(
-            own[one[0]] != own[other[0]] for own in (table.station, table.tool)
-        ):
-            continue
-        both = read_together(table, one, other)
+    groups = [rows for rows in target_groups(table) if not table.is_pose[rows[0]]]
+    for both in pairs_of_targets(table, groups):
         if len(both) < FEWEST:
             continue
         apart = np.linalg.norm(np.subtract(*table.position[both.T]), axis=1)

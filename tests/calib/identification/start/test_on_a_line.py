@@ -42,7 +42,9 @@ def test_three_places_that_are_no_line_tell_all_turns():
 
 
 @pytest.mark.parametrize("m", [12, 118])
-@pytest.mark.parametrize("sd", [NOISE * np.ones(3), NOISE * np.array([0.2, 0.2, 5])], ids=["", "deep"])
+@pytest.mark.parametrize(
+    "sd", [NOISE * np.ones(3), NOISE * np.array([0.2, 0.2, 5])], ids=["", "deep"]
+)
 def test_places_that_are_read_with_their_noise_are_as_few_as_they_are(m, sd):
     """Noise of the size stated made a line of one place, and a plane of two, in most sessions."""
     for seed in range(20):
