@@ -13,6 +13,7 @@ from calib.geometry.model import RobotModel
 from calib.geometry.operating import OperatingConditions
 from calib.geometry.parameters import parameters_of
 from calib.identification.identify import identify
+from calib.identification.outliers.changes import targets_of
 from calib.identification.outliers.moved import FEWEST, _at_one_place, moved_once
 from calib.measurement import tables
 from calib.measurement.observations import joined
@@ -101,6 +102,14 @@ def test_a_reflector_that_came_loose_is_named_from_wherever_it_is_seen(stations,
     assert table.pose_id[found.row] == table.pose_id[STEP]
     assert found.rows == stations * (POSES - STEP)
     np.testing.assert_allclose(found.change, way, atol=20e-6)
+
+
+def test_targets_are_told_apart_by_tool_and_kind_and_not_by_station():
+    q = np.zeros((3, 6))
+    rows = tables.points(q, np.zeros((3, 3)), sd=kinds.NOISE, station=[0, 1, 0], tool=[0, 0, 1])
+    assert targets_of(rows)[1].tolist() == [0, 0, 1]
+    both = joined([rows, tables.poses(q[:1], np.eye(4)[None], sd=(kinds.NOISE, kinds.TURN_NOISE))])
+    assert len(targets_of(both)[0]) == 3
 
 
 def of_three(true, q, rng, went=None, stations=(0, 0, 0)):

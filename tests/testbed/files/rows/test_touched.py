@@ -7,7 +7,9 @@ from calib.errors import InputError
 from calib.geometry.frames import target_points
 from testbed.files.probe import probe
 from testbed.files.read import read_session
-from testbed.proposal.fits.draft_fit import _moved
+from testbed.files.readings import are_touched
+from testbed.proposal.fits.draft_fit import EXPLAINED, _moved, fit_of
+from testbed.proposal.fits.touches_alone import _scatter
 from tests.command import call
 from tests.testbed.files.made import ROBOT, csv, made
 from tests.testbed.proposal.test_session import proposed
@@ -91,6 +93,16 @@ def test_a_place_in_the_origin_is_touched_and_not_missed(tmp_path):
     assert not session.masked
 
 
+def test_a_reading_and_its_copy_are_no_touched_place_and_an_origin_alone_is_a_missed_shot(tmp_path):
+    assert are_touched(np.repeat(PLACES, 3, axis=0))
+    assert not are_touched(np.repeat(PLACES, 2, axis=0))
+    assert not are_touched(np.vstack([np.repeat(PLACES, 3, axis=0), PLACES[:1] / 2]))
+    (tmp_path / "a.csv").write_text(csv(touched(PLACES) | {f"{k}_mm": np.zeros(45) for k in "xyz"}))
+    (tmp_path / "s.toml").write_text("[points]\n[uncertainty]\nposition_um = 20\n")
+    with pytest.raises(InputError, match="no row is left"):
+        read_session(tmp_path / "a.csv", ROBOT, config=tmp_path / "s.toml")
+
+
 def test_two_sessions_may_touch_places_of_the_same_coordinates(tmp_path):
     """A plate that was set down twice: its places were "readings of session a again"."""
     for name, seed in (("a", 12), ("b", 13)):
@@ -152,6 +164,22 @@ def test_a_flange_that_moves_while_its_tip_stays_has_moved_what_is_seen():
     sockets = np.repeat([[0.0, 0, 0], [0.05, 0, 0]], 20, axis=0)
     assert _moved(F, sockets) == pytest.approx(np.sqrt(np.var(F[:, :3, 3], axis=0).sum()))
     assert _moved(F, sockets / 10) == pytest.approx(0.0025)  # one place tells no length
+
+
+def test_an_arm_that_is_off_by_more_than_a_third_of_its_sockets_spread_is_still_fitted(tmp_path):
+    table = touched(PLACES[:1] + np.array([[0.0, 0, 0], [0, 0.05, 0]]))
+    rng = np.random.default_rng(1)
+    for name in (name for name in table if name[0] == "q"):
+        table[name] = table[name] + 1.2 * rng.standard_normal(30)
+    (tmp_path / "a.csv").write_text(csv(table))
+    (tmp_path / "s.toml").write_text("[points]\n[uncertainty]\nposition_um = 20\n")
+    session = read_session(tmp_path / "a.csv", ROBOT, config=tmp_path / "s.toml")
+    assert 0.025 / EXPLAINED < fit_of(ROBOT, session, 1).score < 0.02
+
+
+def test_a_flange_that_stays_tells_no_touch():
+    q = np.outer(np.linspace(-2, 2, 20), np.eye(6)[5])
+    assert _scatter(ROBOT.model, q) == np.inf
 
 
 def test_one_place_is_told_to_say_nothing_of_lengths(tmp_path):

@@ -4,7 +4,9 @@ The line through both does not tell how the arm is turned about it: fits moved a
 their steps were up, and no statement was believed.
 """
 
+from dataclasses import replace
 from functools import cache
+from types import SimpleNamespace
 
 import numpy as np
 
@@ -12,8 +14,8 @@ from calib.identification.identify import Status
 from calib.identification.prior import weak_prior
 from calib.measurement import tables
 from testbed.identify.fit import fit
-from testbed.identify.frames import frames_of
-from testbed.identify.outliers import _alike
+from testbed.identify.frames import _without_untold, frames_of
+from testbed.identify.outliers import _alike, _elsewhere
 from tests.calibrated import robot, session_of
 from tests.testbed.files.rows.test_touched import touching
 
@@ -62,3 +64,19 @@ def test_three_places_hold_no_turn():
 def test_joints_of_the_same_place_are_no_swapped_ones():
     rows = touches()
     assert _alike(rows, 3).tolist() == [True] * 20 + [False] * 20
+    station = np.arange(40) % 2
+    assert _alike(replace(rows, station=station), 3).tolist() == [False, True] * 10 + [False] * 20
+    assert not _alike(replace(rows, kind=np.full(40, "pose")), 3).any()
+    # whose reading fits 19 other joints, and must: it is no more than far off itself
+    start = frames_of(robot(), session_of(rows), rows).start
+    shots = SimpleNamespace(judge=SimpleNamespace(model=start), misses=np.full(40, 5e-3))
+    assert _elsewhere(shots, rows, 3, [str(k) for k in range(40)], None) == "; measure it again"
+
+
+def test_a_turn_that_is_not_free_is_not_said_to_be_held():
+    arm, rows = robot(), touches()
+    frames = frames_of(arm, session_of(rows), rows)
+    links = [name for name in frames.parameters.free_names if "." not in name]
+    parameters = frames.parameters.freeing(links)
+    same, said = _without_untold(parameters, frames.start, rows)
+    assert (same, said) == (parameters, ())
