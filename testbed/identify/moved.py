@@ -39,8 +39,8 @@ def moved_in(
     """What moved between two rows that identify, where something tells their order.
 
     A step that a rich model took for waves of the joints is not in its residuals, but it explains
-    those of a simpler model, almost all that is beyond noise: what the model misses follows the
-    poses and does not begin at a row.
+    those of a simpler model, most of what is beyond noise: what the model misses follows the poses
+    and does not begin at a row.
 
     Parameters
     ----------
