@@ -8,7 +8,7 @@ import numpy as np
 from calib.arrays import Bool
 from calib.geometry.gravity import DOWN
 from calib.geometry.model import RobotModel
-from calib.identification.outliers.changes import targets_of
+from calib.identification.outliers.changes import targets_of, told
 from calib.identification.outliers.moved import Moved, moved_once
 from calib.measurement.observations import GIVEN, Measurements
 from testbed.files.session import Session
@@ -40,7 +40,8 @@ def moved_in(
 
     A step that a rich model took for waves of the joints is not in its residuals, but it explains
     those of a simpler model, most of what is beyond noise: what the model misses follows the poses
-    and does not begin at a row.
+    and does not begin at a row. Where rows state what bends or lengthens the arm, it may: there
+    only the chosen model is asked.
 
     Parameters
     ----------
@@ -62,7 +63,8 @@ def moved_in(
     rows = np.flatnonzero(used)
     order = session.in_time[rows] if visit is None else visit[rows]
     table = measurements.rows(rows)
-    fits = dict.fromkeys(model.identification for model in models)
+    asked = models[:1] if told(table.conditions) else models
+    fits = dict.fromkeys(model.identification for model in asked)
     gravity = nominal.chain.T_world_base[:3, :3].T @ DOWN
     steps = (moved_once(fit, table, order, gravity=gravity) for fit in fits)
     found = next((step for step in steps if step is not None), None)

@@ -1,20 +1,25 @@
 """What a calibration says of the conditions it was measured under."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from calib.geometry.operating import OperatingConditions
 from calib.uncertainty.statement.conditions import Conditions, Tolerance
 from testbed.files.conditions import SetUp
+from testbed.identify import moved
 from testbed.identify.conditions import conditions_words, held_out_warnings, measured
+from testbed.identify.moved import moved_in
 from testbed.identify.report.page import page_of
 from testbed.identify.to_do.next_step import next_step
 from testbed.identify.words import terminal_text
 from testbed.jobsheet.sheet import Instrument, JobSheet
 from testbed.scenario.tolerance import Decision
 from testbed.units import plain
-from tests.calibrated import sound, sound_session
+from tests.calibrated import robot, session_of, sound, sound_session, table_of, true_model
+from tests.reference import pool_r
 from tests.reported import VERSIONS, undrawn
 from tests.testbed.identify.test_report import DELIVERED
 
@@ -96,3 +101,20 @@ def test_who_judges_under_other_conditions_is_said():
     none = np.zeros(8, dtype=bool)
     assert held_out_warnings(Conditions(payload, tool, warmth), SetUp(), ~none, none) == ()
     assert held_out_warnings(Conditions(), SetUp(), ~is_test, is_test) == ()
+
+
+@pytest.mark.parametrize(("payload", "asked"), [(None, "chosen plain"), (5.0, "chosen")])
+def test_a_model_that_cannot_follow_what_rows_state_is_not_asked_what_moved(
+    payload, asked, monkeypatch
+):
+    """A load from some row on bends the arm there: of geometry alone that is a step."""
+    table = table_of(true_model(), pool_r(20))
+    if payload is not None:
+        load = np.where(np.arange(20) < 10, 0.0, payload)
+        table = replace(table, conditions=OperatingConditions(payload=load))
+    said = []
+    monkeypatch.setattr(moved, "moved_once", lambda fit, *_, **__: said.append(fit))
+    models = [SimpleNamespace(identification=name) for name in ("chosen", "plain")]
+    found = moved_in(session_of(table), robot().model, models, table, np.ones(20, dtype=bool))
+    assert found is None
+    assert " ".join(said) == asked
