@@ -97,7 +97,7 @@ def test_report_record_and_compare_know_the_folder(done, tmp_path):
     compared = call("compare", out, out)
     assert compared.exit_code == 0
     assert compared.stdout.startswith("Calibrations")
-    assert re.search(r"R95 um +relative +believed\n", compared.stdout)
+    assert re.search(r"R95 um +relative +believed +guarded by\n", compared.stdout)
     figures = json.loads((out / "result.json").read_bytes())
     after = figures["models"][figures["model"]]["held_out"]["mean_mm"]
     assert f"{after:.4f}" in compared.stdout
