@@ -27,6 +27,7 @@ RANGED = "? The stated radius was tested by distances alone"
 UNTESTED = "? No held-out pose has tested the stated radius"
 ELSEWHERE = "✗ The held-out poses are off as a whole: they prove nothing until the cause is found"
 UNSHOWN = "? Nothing shows in which frame the held-out positions stand: they prove nothing yet"
+MOVED = "? Something moved or changed while this was measured: the stated radius covers both sides"
 NOTHING = "✗ No statement about the tool point can be believed"
 LARGER = 1.2
 """Residuals so many times the stated noise are said to be larger."""
@@ -46,6 +47,8 @@ def mark(calibration: Calibration) -> str:
         return NOTHING
     if calibration.elsewhere:
         return UNSHOWN if calibration.unshown else ELSEWHERE
+    if calibration.moved is not None:
+        return MOVED
     if belief.n_guards:
         return GUESSED if calibration.source.noise_assumed else GUARDED
     if belief.n_ranged:

@@ -9,6 +9,7 @@ from testbed.identify.decisions import decided_at, decision_section, decision_wo
 from testbed.identify.handback.delivered import Delivered
 from testbed.identify.handback.report import hand_back_section
 from testbed.identify.headline import condition, headline_cells
+from testbed.identify.moved import moved_words
 from testbed.identify.records import FittedModel
 from testbed.identify.report.belief import belief_section
 from testbed.identify.report.errors import (
@@ -46,7 +47,8 @@ def page_of(calibration: Calibration, delivered: Delivered, versions: Mapping[st
         Program and packages.
     """
     source = calibration.source
-    decided = decision_words(calibration, delivered)
+    decided, moved = decision_words(calibration, delivered), sentences(moved_words(calibration))
+    why = [text for text in reasons(calibration) if text not in moved]
     sections = (
         accuracy_section(calibration),
         visit_section(calibration),
@@ -75,8 +77,8 @@ def page_of(calibration: Calibration, delivered: Delivered, versions: Mapping[st
         subtitle=sentence(calibration.split.sentence),
         believable=calibration.believable,
         mark=mark(calibration),
-        verdict=typeset(" ".join((verdict(calibration), *decided[:1]))),
-        reasons=tuple(map(typeset, (*decided[1:], *reasons(calibration)))),
+        verdict=typeset(" ".join((verdict(calibration), *moved, *decided[:1]))),
+        reasons=tuple(map(typeset, (*decided[1:], *why))),
         headline=headline(calibration),
         next_step=typeset(" ".join(filter(None, _to_do(calibration)))),
         recording=RECORDING,

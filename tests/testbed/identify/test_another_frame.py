@@ -13,14 +13,17 @@ from calib.uncertainty.statement.conditions import Conditions
 from testbed.files.read import read_held_out, read_session
 from testbed.identify.calibrate import Options, calibrate
 from testbed.identify.handback.delivered import Delivered
+from testbed.identify.report.page import page_of
 from testbed.identify.results import headline
 from testbed.identify.session import with_test
 from testbed.identify.to_do.next_step import next_step
-from testbed.identify.words import reasons, verdict
+from testbed.identify.words import MOVED, reasons, verdict
 from tests.calibrated import robot, session_of, true_model
 from tests.reference import pool_r
+from tests.reported import VERSIONS, undrawn
 from tests.testbed.files.campaign import HEAD, session, table, visit, written
 from tests.testbed.files.made import ROBOT, Made
+from tests.testbed.identify.test_report import DELIVERED
 
 GEOMETRIC = Options(model="geometric")
 ONE = HEAD.replace("[frames]", '[frames]\nfile = "a.csv"')
@@ -177,6 +180,12 @@ def test_a_station_pushed_halfway_is_named_with_the_poses_between_which_it_was(t
     )
     assert said.endswith('own, tool or base "same as" the first if you know that it stayed.')
     assert next_step(found).startswith("First find out what moved")
+    with undrawn():
+        page = page_of(found, DELIVERED, VERSIONS)
+    assert page.mark == MOVED
+    where = f"Between pose {names[0]} and pose {names[1]} something moved: "
+    assert where in page.verdict
+    assert not any(where in text for text in page.reasons)
     # what it advises mends it
     data = pushed(0.2)
     halves = {"a": Made(data.q[:STEP], data.T[:STEP], data.truth),
