@@ -12,6 +12,7 @@ from testbed.identify.handback.states import hand_back_warnings, tool_words
 from testbed.identify.headline import deg, headline_cells, kind, mm, r95
 from testbed.identify.moved import moved_words
 from testbed.identify.shared import states_instrument
+from testbed.identify.to_do.causes import description_step
 from testbed.identify.to_do.change import NOTHING_LEFT, changes, nothing_left
 from testbed.identify.to_do.next_step import next_step
 from testbed.identify.visits.report import judges_called, visit_words
@@ -28,6 +29,8 @@ UNTESTED = "? No held-out pose has tested the stated radius"
 ELSEWHERE = "✗ The held-out poses are off as a whole: they prove nothing until the cause is found"
 UNSHOWN = "? Nothing shows in which frame the held-out positions stand: they prove nothing yet"
 MOVED = "? Something moved or changed while this was measured: the stated radius covers both sides"
+COMPUTED = "✗ These seem to be poses that a controller computed: they prove nothing"
+UNSETTLED = "? The stated radius can be believed, but first settle what the next step names"
 NOTHING = "✗ No statement about the tool point can be believed"
 LARGER = 1.2
 """Residuals so many times the stated noise are said to be larger."""
@@ -45,10 +48,14 @@ def mark(calibration: Calibration) -> str:
     belief = calibration.proof.belief
     if belief is None:
         return NOTHING
+    if calibration.source.exact:
+        return COMPUTED
     if calibration.elsewhere:
         return UNSHOWN if calibration.unshown else ELSEWHERE
     if calibration.moved is not None:
         return MOVED
+    if description_step(calibration):
+        return UNSETTLED
     if belief.n_guards:
         return GUESSED if calibration.source.noise_assumed else GUARDED
     if belief.n_ranged:

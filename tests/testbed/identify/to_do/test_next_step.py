@@ -12,6 +12,7 @@ from testbed.identify.calibration import FRAMES, MOUNTING
 from testbed.identify.session import origin_of
 from testbed.identify.to_do.causes import CHECK
 from testbed.identify.to_do.next_step import next_step
+from testbed.identify.words import COMPUTED, GUARDED, UNSETTLED, mark
 from tests.calibrated import robot, session_of, sound, table_of, true_model
 from tests.reference import pool_r
 from tests.testbed.identify.to_do.test_too_few import asking, worse
@@ -33,6 +34,7 @@ def test_poses_of_a_controller_are_told_first_though_the_model_is_worse_and_all_
         step = next_step(from_controller(found))
         assert step.startswith("First find out whether these are measurements")
         assert CHECK not in step
+        assert mark(from_controller(found)) == COMPUTED
 
 
 def test_what_is_read_as_exactly_as_a_controller_computes_it_is_such_poses():
@@ -61,6 +63,8 @@ def test_a_worse_model_is_put_down_to_what_was_found_and_else_to_the_description
         assert said in step
         assert CHECK not in step
         assert "Until then" not in step
+        assert mark(sound()) == GUARDED
+        assert mark(replace(sound(), doubted=(doubted,))) == UNSETTLED
         fine = next_step(replace(sound(), doubted=(doubted,)))
         assert said in fine
         assert "Until then, load the identified robot" in fine
