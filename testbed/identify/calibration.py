@@ -187,8 +187,9 @@ class Calibration(Shown):
 
     @property
     def believable(self) -> bool:
-        """Whether the stated region is believed, and nothing about it is left to settle."""
-        return self.proof.trust.believe == "region" and not self.elsewhere
+        """Whether the stated region is believed, and held-out poses say something of it."""
+        says = not (self.elsewhere or self.source.exact)
+        return self.proof.trust.believe == "region" and says
 
     @property
     def is_stated(self) -> Bool:

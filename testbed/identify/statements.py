@@ -57,6 +57,8 @@ def _believed(calibration: Calibration) -> list[StatedRadius]:
     stated = states_instrument(calibration.shared)
     within += ", and systematic errors" if stated else ", but no systematic errors"
     whole = "stand in no frame that is shown" if calibration.unshown else "are off as a whole"
+    if calibration.source.exact:
+        whole = "were computed, not measured"
     use = (
         BELIEVED if calibration.believable else f"believed, but not tested: held-out poses {whole}"
     )

@@ -28,9 +28,9 @@ RANGED = "? The stated radius was tested by distances alone"
 UNTESTED = "? No held-out pose has tested the stated radius"
 ELSEWHERE = "✗ The held-out poses are off as a whole: they prove nothing until the cause is found"
 UNSHOWN = "? Nothing shows in which frame the held-out positions stand: they prove nothing yet"
-MOVED = "? Something moved or changed while this was measured: the stated radius covers both sides"
-COMPUTED = "✗ These seem to be poses that a controller computed: they prove nothing"
-UNSETTLED = "? The stated radius can be believed, but first settle what the next step names"
+MOVED = "? Something moved or changed while this was measured: first find out what"
+COMPUTED = "✗ These seem to be poses that a controller computed, not measurements"
+UNSETTLED = "? The readings contradict the description: first settle what the next step names"
 NOTHING = "✗ No statement about the tool point can be believed"
 LARGER = 1.2
 """Residuals so many times the stated noise are said to be larger."""
@@ -115,6 +115,8 @@ def _believed_words(calibration: Calibration) -> str:
     if not states_instrument(calibration.shared):
         # whoever quotes the verdict alone must not claim them
         radius += ", without systematic errors of the instrument"
+    if calibration.source.exact:
+        return f"{radius}; poses that a controller computed prove nothing of it."
     if calibration.elsewhere:
         return f"{radius}; the held-out poses should have tested it, and could not."
     if belief.n_guards:

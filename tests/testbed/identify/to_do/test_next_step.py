@@ -12,7 +12,7 @@ from testbed.identify.calibration import FRAMES, MOUNTING
 from testbed.identify.session import origin_of
 from testbed.identify.to_do.causes import CHECK
 from testbed.identify.to_do.next_step import next_step
-from testbed.identify.words import COMPUTED, GUARDED, UNSETTLED, mark
+from testbed.identify.words import COMPUTED, GUARDED, UNSETTLED, mark, verdict
 from tests.calibrated import robot, session_of, sound, table_of, true_model
 from tests.reference import pool_r
 from tests.testbed.identify.to_do.test_too_few import asking, worse
@@ -35,6 +35,8 @@ def test_poses_of_a_controller_are_told_first_though_the_model_is_worse_and_all_
         assert step.startswith("First find out whether these are measurements")
         assert CHECK not in step
         assert mark(from_controller(found)) == COMPUTED
+        assert not from_controller(found).believable
+        assert "computed prove nothing of it" in verdict(from_controller(found))
 
 
 def test_what_is_read_as_exactly_as_a_controller_computes_it_is_such_poses():
