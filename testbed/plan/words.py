@@ -55,7 +55,7 @@ def headline_rows(plan: Plan) -> list[tuple[str, str, str]]:
          _stated(seen.stated.links, "of an arm whose links alone are off")),
         (f"the same where {joint_words(plan)}", or_dash(joints * UM, 2),
          _stated(seen.stated.joints, "of an arm whose joint errors are identified, too")),
-        ("standard uncertainty u over these", micrometres(plan.u_mean),
+        ("standard uncertainty u at the goal", micrometres(plan.u_mean),
          f"µm (3-D, k = 1, RMS): {parts_words(plan)}"),
         ("smallest misfit that would show", micrometres(seen.misfit_seen, 2), "µm per axis"),
         ("certified efficiency", "–" if efficiency is None else efficiency_word(efficiency),

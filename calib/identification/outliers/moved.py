@@ -110,10 +110,9 @@ def moved_once(
     for all k and all kinds, and the kinds compared by BIC: those that may be it as well at odds of
     less than `ODDS` are named. Where poses come again after the step, or lie elsewhere, joints may
     have come from the other side, or be loaded from it: None if steps of joints, one or all of
-    them, explain it about as well. The rows of a
-    pose share its misfit: c of them count as one, with chi-square and degrees of freedom divided by
-    c (design effect: Kish 1965), and shots of one target on one side of a step leave no more
-    freedom than one of them would.
+    them, explain it about as well. The rows of a pose share its misfit: c of them count as one,
+    with chi-square and degrees of freedom divided by c (design effect: Kish 1965), and shots of one
+    target on one side of a step leave no more freedom than one of them would.
     """
     if table.is_distance.any() or table.n_poses < 2 * FEWEST:
         return None
@@ -138,9 +137,10 @@ def moved_once(
         scale = rest / freedom
         one = float(fdtrc(rank, min(freedom / alike, once), gain / rank / scale / alike))
         chance = one * len(places) * len(kinds)
-        worth = _evidence(free, rest, free.freedom - freedom, alike)
+        if chance >= RED:
+            continue
         least = _least(what, chance, rows, k)
-        if chance >= RED or least is None or gain < least * excess:
+        if least is None or gain < least * excess:
             continue
         if gain - fit.slow(plain) < SUDDEN * max(scale, 1.0) * alike:
             continue
@@ -153,7 +153,7 @@ def moved_once(
             float(np.sqrt((by[seen, :3] ** 2).sum() / max(int(seen.sum()), 1))),
             min(gain / excess, 1.0), min(chance, 1.0),
         )  # fmt: skip
-        steps.append((worth, k, found))
+        steps.append((_evidence(free, rest, free.freedom - freedom, alike), k, found))
     if not steps:
         return None
     best, at, found = max(steps, key=lambda step: step[0])

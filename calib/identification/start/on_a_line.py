@@ -32,7 +32,7 @@ def untold_turns(model: RobotModel, measured: Measurements) -> tuple[str, ...]:
             continue
         frame = f"station{station + 1}" if station else "base"
         turns = [f"{frame}.r{axis}" for axis in "xyz"]
-        held += [turns[k] for k in _least_told(model, rows, frame)] if extents else turns
+        held += [turns[_least_told(model, rows, frame)]] if extents else turns
     return tuple(name for name in held if name in model.names)
 
 
@@ -44,8 +44,8 @@ def extents_told(rows: Measurements) -> int:
     return int((extents > np.sqrt(len(rows)) + np.sqrt(3) + SURE).sum())
 
 
-def _least_told(model: RobotModel, rows: Measurements, frame: str) -> list[int]:
-    """The axis of a frame that points most along the line, as a list of one place in x, y, z.
+def _least_told(model: RobotModel, rows: Measurements, frame: str) -> int:
+    """The axis of a frame that points most along the line, by its place in x, y, z.
 
     Of the turns of a frame, those about the line move its points least, beside what a shift does.
     """
@@ -54,4 +54,4 @@ def _least_told(model: RobotModel, rows: Measurements, frame: str) -> list[int]:
     shifts, turns = A[:, :3], A[:, 3:]
     left = turns - shifts @ np.linalg.lstsq(shifts, turns, rcond=None)[0]
     about = np.linalg.svd(left)[2][-1]
-    return [int(np.abs(about).argmax())]
+    return int(np.abs(about).argmax())

@@ -71,7 +71,7 @@ def _left_by_digits(model: RobotModel, read: Interpretation, *, read_back: bool)
     all joints slide, as real axes that are compensated are off by a few micrometers. Places that
     are touched again and again are a drawing's, in round numbers: no file has rounded them.
     """
-    place = 0.0 if _are_touched(read) else step_of(read.position, METERS)
+    place = 0.0 if _share_places(read) else step_of(read.position, METERS)
     steps = digit_steps(model, read.q)
     turns = model.chain.prismatic == 0
     shown = steps[turns] <= SHOWN[1] * (1 + ON_STEP)
@@ -83,7 +83,7 @@ def _left_by_digits(model: RobotModel, read: Interpretation, *, read_back: bool)
     return float(np.sqrt(3 * place**2 / 12 + joints**2))
 
 
-def _are_touched(read: Interpretation) -> bool:
+def _share_places(read: Interpretation) -> bool:
     """Whether most rows lead with other joints to a place that another row has, to its digits."""
     places, joints = (len(np.unique(one, axis=0)) for one in (read.position, read.q))
     return 2 * places < joints
