@@ -6,6 +6,8 @@ from unicodedata import normalize
 
 LONG = 100
 """Letters of a name beyond which no other one is taken for it: comparing takes their square."""
+PART_ALIKE = 0.75
+"""Least likeness to one word of a name: short words share letters by chance (nothing, moving)."""
 
 
 def did_you_mean(word: str, known: Collection[str]) -> str:
@@ -33,7 +35,7 @@ def name_meant(word: str, known: Collection[str]) -> str:
     if hint := did_you_mean(word, known):
         return hint
     parts = {part.lower(): name for name in letters for part in name.split("_") if len(part) > 2}
-    close = get_close_matches(word.lower()[:LONG], parts, 1)
+    close = get_close_matches(word.lower()[:LONG], parts, 1, PART_ALIKE)
     return f'did you mean "{parts[close[0]]}"?' if close else ""
 
 
