@@ -50,8 +50,8 @@ def likelihoods_between(
     profiled: list[Likelihood | None] = [None] * len(tables)
     for (_, n, p), some in alike.items():
         size, *parts = _grid().profile(np.array([every for _, every in some]), n, p)
-        for (k, _), value, scale in zip(some, *parts, strict=True):
-            profiled[k] = Likelihood(frozen(size), frozen(value), frozen(scale))
+        for (k, _), *values in zip(some, *parts, strict=True):
+            profiled[k] = Likelihood(*map(frozen, (size, *values)))
     return profiled
 
 
@@ -79,7 +79,7 @@ def _of_sizes(rows: PositionRows, unit: float, before: PositionRows | None) -> _
     most = max(float(lam.max()), float(grid.t[-1]) ** -2)
     s = np.log1p(most * grid.t**2)
     alike = lam.max() < np.exp(ALIKE) * lam.min()
-    every, start, best = np.full((3, len(nodes), len(s)), np.nan), 0, -np.inf
+    every, start, best = np.full((3, len(nodes), len(s)), np.nan), 0, np.full(2, -np.inf)
     while start < len(s):
         low, (length, terms) = s[start], PARTS[start > 0]
         end = int(np.searchsorted(s, low + length, side="right"))
@@ -92,10 +92,11 @@ def _of_sizes(rows: PositionRows, unit: float, before: PositionRows | None) -> _
         every[:2, :, at], every[2, :, at] = found @ between, logarithms @ between
         if not start:  # its first size is none
             alike = alike and every[1, len(nodes) // 2, 0] < LIKE_NOISE * (len(A) - p)
-        value = grid.of_both(every[:, :, at], n, p).max(axis=1)
-        if value[-1] < max(best, value.max()) - (UNLIKELY if alike else HOPELESS) - missed(n):
+        value = grid.likeliest(every[:, :, at], n, p)
+        best = np.maximum(best, value.max(axis=1))
+        if (value[:, -1] < best - (UNLIKELY if alike else HOPELESS) - missed(n)).all():
             break  # larger sizes are less likely still
-        best, start = max(best, float(value.max())), end
+        start = end
     return _OfSizes(every, n, p)
 
 

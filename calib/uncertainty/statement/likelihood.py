@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calib.arrays import Array, Index, frozen
+from calib.arrays import Array, Bool, Index, frozen
 from calib.uncertainty.statement.evidence import NoiseRepeats, PositionRows, reduced
 from calib.uncertainty.statement.likelihood_systems import systems_of
 
@@ -45,10 +45,17 @@ class Likelihood:
     """(g,) logarithm, up to a constant."""
     noise_scale: Array
     """(g,) most likely factor on the stated noise at each size."""
+    trusted: Array
+    """(g,) as `value`, of no more noise than stated unless repeats show it."""
 
     def limit(self, drop: float) -> float:
-        """Largest size within `drop` of the best; inf if beyond."""
-        return float(np.sqrt(last_within(self.value, self.size**2, self.value.max() - drop)))
+        """Largest size within `drop` of the best; inf if beyond.
+
+        No more noise than stated is taken for what a misfit may be: real ones have other forms than
+        the one assumed, and even noise of another size may be more like them than that is.
+        """
+        level = self.trusted.max() - drop
+        return float(np.sqrt(last_within(self.trusted, self.size**2, level)))
 
 
 def likelihood(
@@ -88,7 +95,7 @@ def likelihood(
     nodes = grid.nodes if n < len(A) else np.zeros(1)
     systems = systems_of(np.column_stack([A, both.y]), lam, nodes)
     found = np.full((3, len(nodes), len(t)), np.nan)  # what is known of a size, whatever the scale
-    value = np.full(len(t), -np.inf)
+    value = np.full((2, len(t)), -np.inf)
     hopeless = HOPELESS + missed(n)
 
     def look(at: Index, many: int) -> None:
@@ -97,15 +104,16 @@ def likelihood(
             part = at[start : start + many]
             found[:2, :, part] = systems.eliminated(t[part])
             found[2, :, part] = np.log1p(t[part, None] ** 2 * lam).sum(axis=1)[:, None]
-            value[part] = grid.of_both(found[:, :, part], n, p).max(axis=1)
-            if value[part[-1]] < value[: part[-1]].max(initial=-np.inf) - hopeless:
+            value[:, part] = grid.likeliest(found[:, :, part], n, p)
+            before = value[:, : part[-1]].max(axis=1, initial=-np.inf)
+            if (value[:, part[-1]] < before - hopeless).all():
                 break  # larger ones are less likely still
 
     every = np.arange(len(t))
     if p > WIDE:
         look(every[::STRIDE], STRIDE // 2)
-        near = every[max(0, int(value.argmax()) - STRIDE - 2 * reach) :]
-        look(near[np.isneginf(value[near])], STRIDE)
+        near = every[max(0, int(value[0].argmax()) - STRIDE - 2 * reach) :]
+        look(near[np.isneginf(value[0, near])], STRIDE)
     else:
         look(every, AT_ONCE)
     return Likelihood(*map(frozen, grid.profile(found, n, p)))
@@ -185,24 +193,33 @@ class Grid:
             value += np.swapaxes(quadratic, -1, -2) * less
         return np.asarray(-value / 2 - of_rows[..., 0, :, None] / 2 - self._known(log_g))
 
+    def likeliest(self, found: Array, n: int, p: int) -> Array:
+        """Log-likelihoods (2, k) at the most likely scale, and at that of no untold noise."""
+        value = self.of_both(found, n, p)
+        return np.array([value.max(axis=1), value[:, self._told(self.log_g)].max(axis=1)])
+
+    def _told(self, log_g: Array) -> Bool:
+        """Scales of no more noise than stated, unless repeats show it."""
+        return np.asarray(log_g <= self.center) | (self.repeats is not None)
+
     def _known(self, log_g: Array) -> Array:
         """What minus the log-likelihood has from what is known of the scale."""
         if self.repeats is None:
             return np.asarray((log_g - self.center) ** 2 / (2 * self.sd**2))
         return self.repeats.against(log_g)
 
-    def profile(self, found: Array, n: int, p: int) -> tuple[Array, Array, Array]:
+    def profile(self, found: Array, n: int, p: int) -> tuple[Array, Array, Array, Array]:
         """Sizes (s,), and of each its log-likelihood (..., s) and most likely scale (..., s).
 
-        From what is `found` (..., 3, nodes, k) of sizes in scaled noise, as in `of_both`: not a
-        number where nobody looked.
+        Last, the log-likelihoods (..., s) of no more noise than is told. From what is `found` (...,
+        3, nodes, k) of sizes in scaled noise, as in `of_both`: not a number where nobody looked.
         """
         looked = np.flatnonzero(~np.isnan(found).all(axis=(*range(found.ndim - 1),)))
         found = found[..., : looked[-1] + 3]  # two that nobody looked at stand for all
         # size = t g: equal steps in both logarithms, so that every size meets every scale there is
         sizes, last = np.arange(_count())[:, None], len(self.log_g)
         best = np.full((*found.shape[:-3], 1 + len(sizes)), -np.inf)
-        scale, unseen = np.ones(best.shape), np.zeros(best.shape, dtype=bool)
+        scale, unseen, trusted = np.ones(best.shape), np.zeros(best.shape, dtype=bool), best.copy()
         for part, log_g in self._scales(n):
             value = self.of_both(found if part == 0.0 else _between(found, 1 - part), n, p, log_g)
             shift = np.rint((log_g - part * STEP - self.log_g[0]) / STEP).astype(np.int64)
@@ -215,10 +232,13 @@ class Grid:
             value = np.take_along_axis(every, top[..., None], axis=-1)[..., 0]
             more = value > best
             best[more], scale[more] = value[more], np.exp(log_g)[top[more]]
-        least = best.max(axis=-1, keepdims=True) - 2 * HOPELESS
-        best = np.where(unseen, np.maximum(best, least), best)
+            told = every[..., self._told(log_g)].max(axis=-1, initial=-np.inf)
+            trusted = np.maximum(trusted, told)
+        for one in best, trusted:
+            least = one.max(axis=-1, keepdims=True) - 2 * HOPELESS
+            np.copyto(one, np.maximum(one, least), where=unseen)
         size = SMALLEST * np.exp(STEP * sizes[:, 0] + self.log_g[self.reach])
-        return np.append(0.0, size), best, scale
+        return np.append(0.0, size), best, scale, trusted
 
     def _scales(self, rows: int) -> Iterator[tuple[float, Array]]:
         """Scales by the part of a step that each lies above one of `log_g`.

@@ -296,6 +296,24 @@ def test_the_upper_limit_is_above_the_true_size_in_nine_of_ten_draws():
     assert low <= above <= high
 
 
+def test_noise_that_nobody_told_counts_as_misfit_in_the_limit():
+    """Readings that scatter 1.3 times as much as stated look like noise, and may be misfit.
+
+    Of white noise the limit is that of a misfit which makes rows scatter as much; with repeats that
+    show the scatter it is noise.
+    """
+    rows = white(np.random.default_rng(8), 450, 20, 0.0)
+    rows = PositionRows(rows.A, 1.3 * rows.y, rows.lam, rows.noise)
+    found, told = likelihood(rows, 1.0, None), likelihood(rows, 1.0, NoiseRepeats(300, 1.69 * 300))
+    assert found is not None
+    assert told is not None
+    # sqrt(1.3^2 - 1) = .83; the rows tell it to a tenth
+    assert 0.75 < found.limit(DROP) < 1.1
+    assert found.size[np.argmax(found.value)] < found.size[np.argmax(found.trusted)]
+    assert told.limit(DROP) < 0.55
+    np.testing.assert_array_equal(told.trusted, told.value)
+
+
 def test_repeats_tell_the_scale_of_the_noise():
     """Noise stated 1.5 times too large hides a misfit; repeats give it back."""
     rng = np.random.default_rng(8)
@@ -408,10 +426,12 @@ def test_the_limit_is_that_of_the_likeliest_scales_however_many_rows_tell_them(n
             known = log_g**2 / DOUBT**2
             return (np.log(V).sum() + np.linalg.slogdet(H)[1] + square + known) / 2
 
-        return float(minimize_scalar(minus, bounds=(-0.5, 0.5), method="bounded").fun)
+        inside = minimize_scalar(minus, bounds=(-0.5, 0.0), method="bounded").fun
+        return float(min(inside, minus(0.0)))  # no more than was stated
 
-    best = min(least(0.0), minimize_scalar(least, bounds=(0.0, 0.6), method="bounded").fun)
-    limit = brentq(lambda size: least(size) - best - DROP, 0.02, 1.0)
+    likeliest = minimize_scalar(least, bounds=(0.0, 0.6), method="bounded")
+    best = min(least(0.0), likeliest.fun)
+    limit = brentq(lambda size: least(size) - best - DROP, likeliest.x, 1.0)
     found = likelihood(rows, 1.0, None)
     assert found is not None
     # of a drop of 1.35, .01 by scales as `OF_ITS_SD` promises, and as much by sizes 7 % apart
