@@ -65,7 +65,8 @@ def load_robot(
     mesh_root : Path, optional
         URDF and MJCF: the folder that holds all meshes; that of the file by default.
     allow_missing_meshes : bool
-        URDF and MJCF: whether a mesh may be missing; it is then listed in `notes`.
+        URDF and MJCF: whether a mesh may be missing, or a URDF's of no use (its format, its size);
+        it is then listed in `notes`.
 
     Raises
     ------

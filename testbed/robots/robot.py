@@ -155,8 +155,9 @@ class Robot(Shown):
 
     @property
     def lacks_meshes(self) -> bool:
-        """Whether meshes that its file names were missing, and allowed to be."""
-        return any(note.startswith("mesh ") and " is missing" in note for note in self.notes)
+        """Whether meshes that its file names were missing, or no use, and allowed to be."""
+        told = (note for note in self.notes if note.startswith("mesh "))
+        return any(" is missing" in note or " counts as missing" in note for note in told)
 
     @property
     def moments(self) -> Array | None:

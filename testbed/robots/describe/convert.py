@@ -54,10 +54,10 @@ def read_description(path: Path, options: FileOptions) -> Robot:
         from testbed.robots.describe.urdf import describe_urdf as describe
     else:
         from testbed.robots.describe.mjcf import describe_mjcf as describe
-    return robot_of(describe(path, options))
+    return robot_of(describe(path, options), allow_missing=options.allow_missing_meshes)
 
 
-def robot_of(description: Description) -> Robot:
+def robot_of(description: Description, *, allow_missing: bool = False) -> Robot:
     """The robot of a description, its chain proven against the poses of the other reader."""
     chain = description.chain
     notes = list(description.notes)
@@ -73,7 +73,7 @@ def robot_of(description: Description) -> Robot:
         moved = f"what joint {name} moves"
         _check(description, moved, "mass", [mass], bounds.MASS, "kg")
         _check(description, moved, "moment of inertia", moments, bounds.INERTIA, "kg m2")
-    visuals, primitives, flat = parts_of(description, frames, notes)
+    visuals, primitives, flat = parts_of(description, frames, notes, allow_missing=allow_missing)
     floor, height = floor_of((*visuals, *primitives), chain, limits, stands=description.stands)
     name = plain_name(description.name or description.path.stem, default="robot")
     robot = Robot(

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from calib.arrays import Array
-from calib.errors import refuse
+from calib.errors import InputError, refuse
 from calib.geometry.frames import inverse
 from testbed.robots.describe.description import Description, plain_name
 from testbed.robots.meshes.files import check_files, read_mesh
@@ -19,11 +19,12 @@ FLAT = 1e-4
 
 
 def parts_of(
-    description: Description, frames: Array, notes: list[str]
+    description: Description, frames: Array, notes: list[str], *, allow_missing: bool = False
 ) -> tuple[tuple[Visual, ...], tuple[Primitive, ...], set[int]]:
     """Meshes and plain shapes in the frames of their bodies, each with a different name.
 
-    Meshes are checked; bodies that lack a flat one which collides are the third.
+    Meshes are checked; where some may be missing, those that cannot be used are left out, too.
+    Bodies that lack a mesh which collides, a flat one or one left out, are the third.
     """
     visuals, primitives = list[Visual](), list[Primitive]()
     lacking, names, counts = set[int](), set[str](), Counter[str]()
@@ -33,12 +34,13 @@ def parts_of(
         allowed = f"at most {MOST_SHAPES}"
         raise refuse("shapes", allowed=allowed, code="R2", message=message, where=where)
     files = dict.fromkeys(shape.source for _, shape in shapes if isinstance(shape.source, Path))
-    check_files(*files)
-    flat = {file: _is_flat(read_mesh(file)[0]) for file in files}
+    if not allow_missing:
+        check_files(*files)
+    left_out = _left_out(list(files), allow_missing=allow_missing)
     for link, shape in shapes:
         source, body = shape.source, description.bodies[link].name
-        if isinstance(source, Path) and flat[source]:
-            notes.append(f"mesh {source.name} is flat and is left out")
+        if isinstance(source, Path) and source in left_out:
+            notes.append(left_out[source])
             lacking |= {link} if shape.collides else set()
             continue
         plain = f"{body}_{source.kind}" if isinstance(source, Form) else source.stem
@@ -58,6 +60,21 @@ def parts_of(
         else:
             visuals.append(Visual(*rest, file=source))
     return tuple(visuals), tuple(primitives), lacking
+
+
+def _left_out(files: list[Path], *, allow_missing: bool) -> dict[Path, str]:
+    """Why a mesh is left out: flat ones, and those that cannot be used if these may be missing."""
+    why, total = {}, 0
+    for file in files:
+        try:
+            total = check_files(file, before=total)
+            if _is_flat(read_mesh(file)[0]):
+                why[file] = f"mesh {file.name} is flat and is left out"
+        except InputError as error:
+            if not allow_missing:
+                raise
+            why[file] = f"mesh {file.name} counts as missing: {error.message}"
+    return why
 
 
 def _is_flat(vertices: Array) -> bool:

@@ -76,15 +76,15 @@ def part_mesh(part: Visual | Primitive) -> Mesh:
     )
 
 
-def check_files(*paths: Path) -> None:
-    """Look at the mesh files of a model before one is opened.
+def check_files(*paths: Path, before: int = 0) -> int:
+    """Look at the mesh files of a model before one is opened; bytes of all, and `before` them.
 
     Raises
     ------
     InputError
         R7 no such file; R9 another format, or too large, this one or all together.
     """
-    total = 0
+    total = before
     for path in paths:
         where = str(path)
         if not real(path, field="mesh").is_file():
@@ -105,6 +105,7 @@ def check_files(*paths: Path) -> None:
                 raise refuse(
                     "file", many, allowed, code="R9", message=message, fix=fix, where=where
                 )
+    return total
 
 
 def mesh_bytes(path: Path) -> bytes:

@@ -473,6 +473,26 @@ def test_what_is_odd_but_legal_is_told(case, says, tmp_path):
     assert (robot.limits[:, 0] < robot.limits[:, 1]).all()
 
 
+@pytest.mark.parametrize(
+    ("name", "data", "says"),
+    [
+        ("part.glb", b"glTF", "is not a mesh that can be read (glb)"),
+        ("part.dae", b" " * 20_000_001, "is 20.0 MB"),
+        ("part.stl", b"\0" * 80 + b"\x0c\0\0\0", "binary STL claims 12 facets"),
+    ],
+    ids=["format", "size", "damage"],
+)
+def test_a_mesh_that_is_no_use_may_be_missing_too(name, data, says, tmp_path):
+    """R9: it refuses the arm unless meshes may be missing; its link then has no shape."""
+    with pytest.raises(InputError, match="R9"):
+        in_urdf(text=with_mesh(name), files={name: data})(tmp_path)
+    robot = in_urdf(text=with_mesh(name), files={name: data}, allow_missing_meshes=True)(tmp_path)
+    assert f"mesh {name} counts as missing: {says}" in " | ".join(robot.notes)
+    assert robot.lacks_meshes
+    assert not robot.visuals
+    assert robot.shapeless == (1,)
+
+
 def test_all_limits_in_degree_mode_that_look_like_radians_are_told(tmp_path):
     text = re.sub(r'range="-1\d0 1\d0"', 'range="-3.14 3.14"', MJCF)
     robot = load_robot(bench_arm(tmp_path, text))
