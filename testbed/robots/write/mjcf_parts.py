@@ -58,9 +58,9 @@ def _add_mesh(spec: Any, part: Visual | Primitive, folder: Path) -> None:
     import mujoco
 
     file = part.file if isinstance(part, Visual) and part.affine == IN_PLACE else None
-    if file is not None and file.suffix.lower() == ".obj":
+    if file is not None and file.suffix.lower() == ".obj" and file.is_relative_to(folder):
         spec.add_mesh(name=part.name, file=file.relative_to(folder).as_posix())
-    else:  # other formats and places go in as numbers
+    else:  # other formats and places, and meshes beside the folder, go in as numbers
         found = part_mesh(part)
         places, index = np.unique(found.vertices, axis=0, return_inverse=True)
         faces = index.reshape(-1)[found.faces]

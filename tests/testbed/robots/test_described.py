@@ -17,12 +17,15 @@ from testbed.robots.catalog import load_robot
 from testbed.robots.describe import description
 from testbed.robots.describe.axes import chain_from_axes, reach, regauged
 from testbed.robots.meshes.files import part_mesh
+from testbed.robots.parts import IN_PLACE
 from testbed.robots.placements import difference, link_poses
 from testbed.robots.write.folder import write_robot_folder
 from tests.testbed.robots.described_cases import (
     ARMS,
+    CORNERS,
     IIWA_LIKE,
     MJCF,
+    SIDES,
     UR_LIKE,
     bench_arm,
     block,
@@ -169,6 +172,25 @@ def test_mujoco_draws_a_described_robot_where_the_viewer_does(tmp_path):
     robot = load_robot(bench_arm(tmp_path))
     model, q = Simulator(robot, robot.model.chain), joint_vectors(20, robot=robot)
     np.testing.assert_allclose(model.poses(q), robot.model.poses(q), rtol=0, atol=AGREE)
+
+
+def test_mujoco_takes_an_obj_of_a_package_beside_the_folder_of_the_urdf(tmp_path):
+    """As packages of ROS have it; the mesh stands in the frame of its link, so no number moves."""
+    (package := tmp_path / "some_arm" / "urdf").mkdir(parents=True)
+    (mesh := tmp_path / "some_arm" / "meshes" / "part.obj").parent.mkdir()
+    corners = [f"v {x} {y} {z}" for x, y, z in 0.1 * CORNERS]
+    sides = [f"f {a + 1} {b + 1} {c + 1}" for a, b, c in SIDES]
+    mesh.write_text("\n".join(corners + sides), encoding="utf-8")
+    shape = '<geometry><mesh filename="package://some_arm/meshes/part.obj"/></geometry>'
+    base = f'<link name="base_link"><visual>{shape}</visual></link>'
+    text = urdf("c", [("a", "revolute", "0 0 1", "0 0 0", "0 0 1", (-1, 1))])
+    robot = load_robot(written(text.replace('<link name="base_link"/>', base), package))
+    (visual,) = robot.visuals
+    assert visual.file == mesh
+    assert visual.affine == IN_PLACE
+    q = joint_vectors(3, robot=robot)
+    poses = Simulator(robot, robot.model.chain).poses(q)
+    np.testing.assert_allclose(poses, robot.model.poses(q), rtol=0, atol=AGREE)
 
 
 def test_collision_meshes_stand_in_where_nothing_is_drawn(tmp_path):
