@@ -168,9 +168,10 @@ def _why_and_beyond(calibration: Calibration) -> list[str]:
     refuted = "ask for it, though some of what the model misses may be in it"
     for alone, why in (
         (True, refuted if calibration.refuted else "confirm it"),
-        (False, "determine them only together with others"),
+        (False, "determine {} only together with others"),
     ):
         some = [one for one in far if (one.held_by == BEYOND) == alone]
+        why = why.format("them" if len(some) > 1 else "it")
         told = [
             f"{one.row.name} by {significant(abs(one.row.delta), 2)} {one.row.unit}"
             for one in some[:MOST_NAMED]

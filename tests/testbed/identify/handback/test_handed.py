@@ -20,6 +20,7 @@ from testbed.identify.applies.targets import statement_at
 from testbed.identify.calibrate import Options, calibrate
 from testbed.identify.calibration import Calibration
 from testbed.identify.conditions import measured
+from testbed.identify.handback import states
 from testbed.identify.handback.deliver import delivered_robot
 from testbed.identify.handback.delivered import Delivered
 from testbed.identify.handback.handed import hand_back
@@ -218,7 +219,7 @@ def test_a_model_that_tests_refute_confirms_no_number():
         assert ("what the model misses may be in it" in told) != confirmed
 
 
-def test_a_number_beyond_its_tolerance_is_told_though_priors_hold_others():
+def test_a_number_beyond_its_tolerance_is_told_though_priors_hold_others(monkeypatch):
     """Waves have priors of their own, and share their mean with the zero of their joint."""
     found = sound()
     given = replace(found.handback, tolerance=usual_tolerances(6) / 4)
@@ -230,6 +231,10 @@ def test_a_number_beyond_its_tolerance_is_told_though_priors_hold_others():
     assert PRIOR in {one.held_by for one in far}
     (sentence,) = (text for text in hand_back_warnings(other) if "changed by more than" in text)
     assert "determine them only together with others" in sentence
+    monkeypatch.setattr(states, "handed_numbers", lambda _: far[:1])
+    (sentence,) = (text for text in hand_back_warnings(other) if "changed by more than" in text)
+    assert sentence.startswith("1 number changed")
+    assert "determine it only together with others" in sentence
 
 
 def test_a_joint_term_is_held_by_what_tells_it_and_not_by_its_weak_prior():
