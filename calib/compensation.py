@@ -29,7 +29,7 @@ from calib.geometry.operating import AS_USUAL, OperatingConditions
 from calib.geometry.parameters import CHARACTERISTIC_LENGTH
 from calib.kinds import checked_kinds
 from calib.measurement.accuracy import position_errors, rotation_errors
-from calib.shown import ResultTable, Shown
+from calib.shown import ResultTable, Shown, length_words
 
 LARGEST = np.radians(5.0)
 """A correction of a joint beyond this counts as nearly singular [rad, or that times 0.3 m]."""
@@ -78,7 +78,7 @@ class Correction(_Corrected):
     """(m,) condition number of the joint Jacobian, the larger of before and after correction."""
 
     def __repr__(self) -> str:
-        left = f"{1e6 * self.position_error.max(initial=0.0):.3g} um"
+        left = length_words(float(self.position_error.max(initial=0.0)), um=".3g")
         return f"Correction({self.corrected.sum()} of {len(self.q)} targets, largest rest: {left})"
 
     def tables(self) -> dict[str, ResultTable]:

@@ -7,6 +7,7 @@ from html import escape
 from typing import Any, cast
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from calib.errors import refuse
 
@@ -158,27 +159,69 @@ def mean_of(values: np.ndarray[Any, np.dtype[np.float64]]) -> float:
     return float(values.mean()) if values.size else 0.0
 
 
-def in_um(length: float) -> str:
-    """A length [m] for a sentence, in um: whole ones, and two digits where these would hide it.
+def length_unit(lengths: ArrayLike) -> tuple[float, str]:
+    """Unit in which people read lengths [m] side by side, per meter: um, and mm from 1 mm on.
+
+    The largest that is finite decides. A length that three digits round to 1 mm counts as one.
 
     Examples
     --------
-    >>> in_um(26.4e-6), in_um(3.14e-6), in_um(45e-9), in_um(0.0)
-    ('26', '3.1', '0.045', '0')
+    >>> length_unit(412e-6), length_unit([412e-6, 4.31e-3]), length_unit(999.6e-6)
+    ((1000000.0, 'um'), (1000.0, 'mm'), (1000.0, 'mm'))
     """
-    size = 1e6 * length
-    return f"{size:.0f}" if size == 0 or size >= 9.95 else f"{size:.2g}"
+    sizes = np.abs(np.asarray(lengths, dtype=np.float64))
+    largest = sizes.max(initial=0.0, where=np.isfinite(sizes))
+    return (1e3, "mm") if largest >= 0.9995e-3 else (1e6, "um")
 
 
-def length_words(length: float) -> str:
-    """A length [m] for a sentence with its unit: in um below a millimetre, else in mm.
+def length_words(length: float, *beside: float, um: str = "") -> str:
+    """A length [m] for a sentence with its unit, the same for all that it is read beside.
+
+    In mm it has three digits; in um it is written in the format `um`, by default as a whole number,
+    and with two digits where that would hide it.
 
     Examples
     --------
-    >>> length_words(26.4e-6), length_words(1.0186e-3)
-    ('26 um', '1.019 mm')
+    >>> length_words(26.4e-6), length_words(3.14e-6), length_words(45e-9), length_words(0.0)
+    ('26 um', '3.1 um', '0.045 um', '0 um')
+    >>> length_words(4.3074e-3), length_words(26.4e-6, 4.3e-3)
+    ('4.31 mm', '0.0264 mm')
+    >>> length_words(26.44e-6, um=".1f"), length_words(412e-6, um="#.3g")
+    ('26.4 um', '412 um')
     """
-    return f"{in_um(length)} um" if length < 1e-3 else f"{1e3 * length:.4g} mm"
+    scale, unit = length_unit([length, *beside])
+    size = scale * length
+    if unit == "mm":
+        return f"{three_digits(size)} mm"
+    form = um or (".0f" if size == 0 or size >= 9.95 else ".2g")
+    return f"{f'{size:{form}}'.rstrip('.')} um"
+
+
+def angle_words(angle: float) -> str:
+    """An angle [rad] for a sentence with its unit: mdeg with two digits, and deg from one on.
+
+    Examples
+    --------
+    >>> [angle_words(np.radians(degrees)) for degrees in (0.0096, 0.957, 0.9996, 3.02)]
+    ['9.6 mdeg', '957 mdeg', '1.00 deg', '3.02 deg']
+    """
+    size = 1e3 * float(np.degrees(angle))
+    if size >= 999.5:
+        return f"{three_digits(size / 1e3)} deg"
+    return f"{size:.2g} mdeg" if size < 99.5 else f"{size:.0f} mdeg"
+
+
+def three_digits(number: float) -> str:
+    """Three digits, zeros at the end among them, and all of those before the point.
+
+    Examples
+    --------
+    >>> three_digits(3.0), three_digits(412.3), three_digits(1234.5), three_digits(0.0)
+    ('3.00', '412', '1234', '0')
+    """
+    if number == 0 or abs(number) >= 999.5:
+        return f"{number:.0f}"
+    return f"{number:#.3g}".rstrip(".")
 
 
 def decimals(uncertainty: float) -> int:

@@ -14,7 +14,7 @@ from calib.information.criteria.d import D
 from calib.information.criteria.spectral import Spectral
 from calib.information.criteria.whitened import relative_rounding
 from calib.kinds import in_short
-from calib.shown import Shown
+from calib.shown import Shown, length_unit
 
 CERTAIN = 1e-9
 """Relative difference below which two figures count as equal."""
@@ -131,9 +131,10 @@ def _sentence(
         return f"D-efficiency at least {part}: {of} have a det^(1/p) {_more(1 / efficiency)} larger"
     if criterion.unit == "m" and criterion.name != "A":
         which = "worst" if criterion.name == "G" else "RMS"
+        scale, unit = length_unit([limit, figure])
         return (
             f"{criterion.name}-efficiency at least {part}: {of} give a tool point u ({which}) "
-            f"below {limit * 1e6:.4g} um; this set gives {figure * 1e6:.4g} um"
+            f"below {limit * scale:.4g} {unit}; this set gives {figure * scale:.4g} {unit}"
         )
     word = "larger" if criterion.larger_is_better else "smaller"
     return f"{criterion.name}-efficiency at least {part}: {of} have a figure {change} {word}"

@@ -16,7 +16,7 @@ from calib.design.random import UNTOLD
 from calib.design.relaxation import Grams, relaxation
 from calib.errors import InputError, refuse
 from calib.information.criteria.base import Certifiable
-from calib.shown import ResultTable, Shown
+from calib.shown import ResultTable, Shown, length_unit
 
 RESTARTS = 3
 """Number of local searches at each number of poses."""
@@ -213,18 +213,22 @@ def _sentence(
     target: float, smallest: int | None, proven: int | None, high: int, curve: _Curve, known: float
 ) -> str:
     """The budget in words; `known` is the figure before any pose of it."""
-    asked = f"u = {target * 1e6:.4g} um"
-    if known <= target:
-        return f"{asked} is reached by what is known before: {known * 1e6:.4g} um without a pose"
-    if smallest is None:
+    figure = bound = np.inf
+    if smallest is None and known > target:
         _, figure, bound = curve.at(high)
+    scale, unit = length_unit([target, figure, bound])
+    asked = f"u = {target * scale:.4g} {unit}"
+    if known <= target:
+        without = f"{known * scale:.4g} {unit} without a pose"
+        return f"{asked} is reached by what is known before: {without}"
+    if smallest is None:
         words = f"{asked} is not reached with {high} poses: "
         if np.isfinite(figure):
-            words += f"the designed set gives {figure * 1e6:.4g} um"
+            words += f"the designed set gives {figure * scale:.4g} {unit}"
         else:
             words += "no set of so many was found that tells all numbers apart"
         if proven is None:
-            return words + f", and no set of {high} gives less than {bound * 1e6:.4g} um"
+            return words + f", and no set of {high} gives less than {bound * scale:.4g} {unit}"
         return words + f"; fewer than {proven} poses are proven to be too few"
     reach = "1 pose reaches" if smallest == 1 else f"{smallest} poses reach"
     if proven == smallest:

@@ -30,7 +30,7 @@ from calib.geometry.inverse_search import joint_jacobian as joint_jacobian
 from calib.geometry.model import RobotModel
 from calib.geometry.operating import AS_USUAL, OperatingConditions
 from calib.kinds import checked_kinds
-from calib.shown import Shown
+from calib.shown import Shown, length_words
 
 InverseStatus = Literal["reached", "singular", "limits", "out of reach"]
 SINGULAR_CONDITION = 1e3
@@ -64,7 +64,7 @@ class Inverse(Shown):
         object.__setattr__(self, "reached", frozen(near, np.bool_))
 
     def __repr__(self) -> str:
-        farthest = f"{1e6 * self.position_error.max(initial=0.0):.3g} um"
+        farthest = length_words(float(self.position_error.max(initial=0.0)), um=".3g")
         return f"Inverse({self.reached.sum()} of {len(self)} reached, farthest {farthest})"
 
     def __len__(self) -> int:

@@ -17,7 +17,7 @@ from calib.geometry.parameters import CHARACTERISTIC_LENGTH, PER_METER, SCALE_OF
 from calib.identification.levels import Ladder, Level
 from calib.information.sizes import GROWTH, usual_sizes
 from calib.measurement.observations import Measurements
-from calib.shown import in_um
+from calib.shown import length_words
 
 EXPANSION = {"steel": 12e-6, "aluminium": 23e-6}
 """Thermal expansion of materials of links [1/K]."""
@@ -200,7 +200,9 @@ def _lengths(nominal: RobotModel, measurements: Measurements, known: RowTerms) -
     position = np.diagonal(measurements.covariance[:, :3, :3], axis1=1, axis2=2)
     noise = float(np.sqrt(np.median(position[:, 0])))
     if effect < noise:
-        why = f"temperature moves by {span:.2g} K, {in_um(effect)} um at the tip, below the noise"
+        why = (
+            f"temperature moves by {span:.2g} K, {length_words(effect)} at the tip, below the noise"
+        )
         return _ladder("lengths", nominal, [], [why])
     n = nominal.chain.n_joints
     term = JointTerm("lengths", NO_JOINT, "lengths", (0,) * n, float(warmth.mean()))

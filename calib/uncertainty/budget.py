@@ -12,7 +12,7 @@ from calib.geometry.model import RobotModel
 from calib.geometry.parameters import Parameters
 from calib.information.propagation import point_uncertainty, tool_covariance
 from calib.kinds import checked_kinds
-from calib.shown import ResultTable, Shown, mean_of
+from calib.shown import ResultTable, Shown, length_words, mean_of
 from calib.uncertainty.covariance import (
     common_input_covariance,
     covariance_factor,
@@ -60,8 +60,8 @@ class ToolBudget(Shown):
     """(N,) effective, of the combined u_3D."""
 
     def __repr__(self) -> str:
-        u = 1e6 * mean_of(self.combined)
-        return f"ToolBudget({len(self.names)} sources, mean u {u:.3g} um)"
+        u = length_words(mean_of(self.combined), um=".3g")
+        return f"ToolBudget({len(self.names)} sources, mean u {u})"
 
     def tables(self) -> dict[str, ResultTable]:
         """``sources``: what each leaves at the tool point alone, root mean square [m]."""

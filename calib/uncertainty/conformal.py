@@ -10,7 +10,7 @@ from calib.arrays import check, require_probability
 from calib.errors import refuse
 from calib.held_out_counts import fewest_poses
 from calib.kinds import checked_kinds
-from calib.shown import in_um
+from calib.shown import length_words
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,7 +44,7 @@ class Conformal:
         low, high = self.content_range()
         return (
             f"a further reading of the same target, at a pose drawn like the {self.n_poses} held "
-            f"out, lies within {in_um(self.radius)} um with {100 * self.probability:g} % "
+            f"out, lies within {length_words(self.radius)} with {100 * self.probability:g} % "
             f"probability, whatever the errors are made of; this one radius holds "
             f"{100 * low:.0f} to {100 * high:.0f} % of such readings, with 95 % confidence. The "
             "noise of that reading is in it, and what all readings share is not"

@@ -10,7 +10,7 @@ from calib.arrays import Array, frozen, require_probability
 from calib.errors import refuse
 from calib.held_out_counts import FEWEST
 from calib.kinds import checked_kinds
-from calib.shown import Shown, in_um
+from calib.shown import Shown, length_words
 from calib.uncertainty.held_out import HeldOut
 
 
@@ -26,8 +26,8 @@ class Discrepancy(Shown):
     """Held-out poses behind it."""
 
     def __repr__(self) -> str:
-        size = 1e6 * float(np.sqrt(np.trace(self.covariance)))
-        return f"Discrepancy({size:.3g} um from {self.n_poses} poses)"
+        size = length_words(float(np.sqrt(np.trace(self.covariance))), um=".3g")
+        return f"Discrepancy({size} from {self.n_poses} poses)"
 
     def factor(self, probability: float = 0.95) -> float:
         """Factor of the region of Sigma_t + Sigma_d: as if all of it were known from n poses.
@@ -52,9 +52,9 @@ class Discrepancy(Shown):
                 "measurements explain"
             )
         return (
-            f"{self.n_poses} held-out poses show {in_um(size)} um (3-D, one standard deviation) "
-            "that the model does not explain; the interval with this discrepancy is approximate: "
-            "it treats a systematic error as if it were drawn anew at each pose"
+            f"{self.n_poses} held-out poses show {length_words(size)} (3-D, one standard "
+            "deviation) that the model does not explain; the interval with this discrepancy is "
+            "approximate: it treats a systematic error as if it were drawn anew at each pose"
         )
 
 

@@ -13,7 +13,7 @@ from calib.geometry.model import RobotModel
 from calib.kinds import checked_kinds
 from calib.measurement.observations import Measurements
 from calib.measurement.prediction import predict
-from calib.shown import ResultTable, Shown, mean_of
+from calib.shown import ResultTable, Shown, length_words, mean_of
 from calib.uncertainty.covariance import covariance_factor
 
 SAME_POSE = 1e-4
@@ -43,8 +43,8 @@ class HeldOut(Shown):
         return len(self.error)
 
     def __repr__(self) -> str:
-        mean = 1e6 * mean_of(self.distance)
-        return f"HeldOut({len(self)} poses, mean error {mean:.3g} um, p = {self.p_value:.2g})"
+        mean = length_words(mean_of(self.distance), um=".3g")
+        return f"HeldOut({len(self)} poses, mean error {mean}, p = {self.p_value:.2g})"
 
     def tables(self) -> dict[str, ResultTable]:
         """``errors``, pose by pose [m]; u is stated of them, 3-D, the reading's noise in it."""

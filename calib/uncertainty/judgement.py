@@ -18,7 +18,7 @@ from calib.identification.outliers.tails import LongTails, long_tails
 from calib.kinds import checked_kinds
 from calib.measurement.observations import Measurements
 from calib.measurement.remembered import remembering
-from calib.shown import ResultTable, Shown, in_um
+from calib.shown import ResultTable, Shown, length_words
 from calib.uncertainty.bootstrap import REPLICATES, Bootstrap, bootstrap
 from calib.uncertainty.circumstances import Circumstances as Circumstances
 from calib.uncertainty.circumstances import measured_noise
@@ -79,7 +79,7 @@ class Judgement(Shown):
 
     def __repr__(self) -> str:
         count = 0 if self.held_out is None else len(self.held_out)
-        radius = "none" if self.point is None else f"{in_um(self.point.radius_mean)} um"
+        radius = "none" if self.point is None else length_words(self.point.radius_mean)
         return (
             f"Judgement(believe={self.trust.believe!r}, held-out poses: {count}, radius: {radius})"
         )
@@ -95,9 +95,10 @@ class Judgement(Shown):
         lines = []
         if self.held_out is not None:
             size = self.held_out.distance
+            mean, most = float(size.mean()), float(size.max())
             lines.append(
-                f"held-out poses: {len(size)}, mean error {in_um(size.mean())} um, largest "
-                f"{in_um(size.max())} um, p = {self.held_out.p_value:.2g}"
+                f"held-out poses: {len(size)}, mean error {length_words(mean, most)}, largest "
+                f"{length_words(most)}, p = {self.held_out.p_value:.2g}"
             )
         parts = (self.discrepancy, self.conformal, self.bootstrap)
         names = ("discrepancy", "conformal radius", "bootstrap")

@@ -10,7 +10,7 @@ from calib.errors import refuse
 from calib.geometry.model import RobotModel
 from calib.information.propagation import point_uncertainty, tool_covariance
 from calib.kinds import checked_kinds
-from calib.shown import Shown, mean_of
+from calib.shown import Shown, length_words, mean_of
 from calib.uncertainty.covariance import checked, covariance_factor, drawn
 from calib.uncertainty.covariance import correlated_draws as correlated_draws
 from calib.uncertainty.covariance import independent_draws as independent_draws
@@ -50,8 +50,8 @@ class DistanceSpread(Shown):
     """(N, 3, 2) smallest and largest deviation of x, y, z from nominal [m]."""
 
     def __repr__(self) -> str:
-        u = 1e6 * mean_of(self.standard)
-        return f"DistanceSpread({len(self.standard)} postures, mean u of |P| {u:.3g} um)"
+        u = length_words(mean_of(self.standard), um=".3g")
+        return f"DistanceSpread({len(self.standard)} postures, mean u of |P| {u})"
 
     @property
     def point(self) -> Array:
@@ -91,8 +91,8 @@ class PointSpread(Shown):
     """(N,) largest ``|exact - linear|`` of the first 10 000 draws, in units of the linear u_3D."""
 
     def __repr__(self) -> str:
-        u = 1e6 * mean_of(self.point)
-        return f"PointSpread({len(self.nominal)} postures, {self.draws} draws, mean u {u:.3g} um)"
+        u = length_words(mean_of(self.point), um=".3g")
+        return f"PointSpread({len(self.nominal)} postures, {self.draws} draws, mean u {u})"
 
     @property
     def point(self) -> Array:

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 from calib.arrays import Array, Index, check, frozen
 from calib.errors import refuse
 from calib.kinds import checked_kinds
-from calib.shown import Shown
+from calib.shown import Shown, length_words
 from calib.uncertainty.statement.stated_point import widened
 from calib.uncertainty.tool_point import ToolStatement
 
@@ -36,8 +36,9 @@ class ToolMap(Shown):
     """(a, b, c, 3, 3) mean covariance there, world axes [m^2]."""
 
     def __repr__(self) -> str:
-        size, worst = " x ".join(map(str, self.count.shape)), 1e6 * float(np.nanmax(self.worst))
-        return f"ToolMap({size} cells of {self.cell:g} m, largest u {worst:.3g} um)"
+        size = " x ".join(map(str, self.count.shape))
+        worst = length_words(float(np.nanmax(self.worst)), um=".3g")
+        return f"ToolMap({size} cells of {self.cell:g} m, largest u {worst})"
 
     @property
     def centers(self) -> tuple[Array, Array, Array]:

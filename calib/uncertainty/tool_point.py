@@ -22,7 +22,7 @@ from calib.information.propagation import (
 )
 from calib.kinds import checked_kinds
 from calib.measurement.tool_target import ToolTarget
-from calib.shown import Shown, mean_of
+from calib.shown import Shown, length_words, mean_of
 from calib.uncertainty.discrepancy import Discrepancy
 from calib.uncertainty.regions import coverage_factor, ellipsoid, inside, require_covariance
 
@@ -40,8 +40,8 @@ class ToolStatement(Shown):
     probability: float
 
     def __repr__(self) -> str:
-        u = 1e6 * mean_of(self.point)
-        return f"ToolStatement({len(self.position)} postures, mean u {u:.3g} um)"
+        u = length_words(mean_of(self.point), um=".3g")
+        return f"ToolStatement({len(self.position)} postures, mean u {u})"
 
     @property
     def axes(self) -> Array:

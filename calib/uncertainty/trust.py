@@ -11,7 +11,7 @@ from calib.held_out_counts import fewest_poses
 from calib.identification.fit_statistics import RED, chance
 from calib.identification.identify import Identification, Status
 from calib.identification.outliers.tails import LongTails
-from calib.shown import Shown
+from calib.shown import Shown, angle_words, length_words
 from calib.uncertainty.bootstrap import Bootstrap
 from calib.uncertainty.conformal import Conformal
 from calib.uncertainty.drift.drifting import Drifting
@@ -161,18 +161,18 @@ def _believed(
     ranged: bool,
 ) -> list[str]:
     """What is believed, and what is in it."""
-    um = 1e6 * belief.misfit.upper
-    what = (
-        f"this includes a misfit of up to {um:.1f} um per axis" if um > 0 else "no misfit is in it"
-    )
+    what, size = "no misfit is in it", belief.misfit.upper
+    if size > 0:
+        up_to = length_words(size, point.radius_mean, um=".1f")
+        what = f"this includes a misfit of up to {up_to} per axis"
     words = [f"{_capital(point.sentence)}; {what}"]
     if point.move_sentence:
         words.append(_capital(point.move_sentence))
     words.append(_capital(belief.misfit.told(MISFIT in questions.said, few=few)))
     if belief.turned:
         words.append(
-            f"The measured angles are off by up to {1e3 * np.degrees(belief.turned):.2g} mdeg per "
-            "axis more than their stated noise and the misfit explain; the region includes what "
+            f"The measured angles are off by up to {angle_words(belief.turned)} per axis "
+            "more than their stated noise and the misfit explain; the region includes what "
             "this does to the tool point"
         )
     if belief.n_guards:

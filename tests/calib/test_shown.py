@@ -15,7 +15,7 @@ from calib.identification.many.tables import ManyTables
 from calib.identification.model_choice import choose
 from calib.identification.outliers.search import search_outliers
 from calib.measurement.residual import linearize
-from calib.shown import Shown
+from calib.shown import Shown, length_unit, length_words
 from calib.uncertainty.adaptive import adaptive
 from calib.uncertainty.bootstrap import bootstrap
 from calib.uncertainty.budget import RowNoise, budget
@@ -139,3 +139,24 @@ def test_tables_say_what_the_results_say(results):
     assert (np.diff(ranking["gain"]) <= 0).all()
     curve = results["PoseBudget"].tables()["curve"]
     assert (curve["possible"] <= curve["reached"] * (1 + 1e-9)).all()  # a bound, to rounding
+
+
+@pytest.mark.parametrize(
+    ("length", "said"),
+    [(0.0, "0 um"), (3.14e-6, "3.1 um"), (999.4e-6, "999 um"), (999.6e-6, "1.00 mm"),
+     (1e-3, "1.00 mm"), (4.3074e-3, "4.31 mm"), (0.0127, "12.7 mm"), (1.2345, "1234 mm")],
+)  # fmt: skip
+def test_a_length_is_said_in_millimeters_from_where_three_digits_reach_one(length, said):
+    assert length_words(length) == said
+    # whatever the digits of its micrometers, no thousand of them is written
+    for form in (".1f", ".3g", "#.3g", ".0f"):
+        number, unit = length_words(length, um=form).split()
+        assert "e" not in number
+        assert unit == said.split()[1]
+        assert unit == "mm" or float(number) < 1000
+
+
+def test_lengths_that_are_read_side_by_side_have_the_unit_of_the_largest():
+    assert length_words(26.4e-6, 4.3e-3) == "0.0264 mm"
+    assert length_unit([26.4e-6, -4.3e-3]) == (1e3, "mm")
+    assert length_unit([]) == length_unit([26.4e-6, np.inf, np.nan]) == (1e6, "um")

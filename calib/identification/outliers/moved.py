@@ -21,7 +21,7 @@ from calib.identification.outliers.whitened import WhitenedRows
 from calib.identification.result import Identification
 from calib.identification.start.on_a_line import extents_told
 from calib.measurement.observations import POINT, Measurements
-from calib.shown import Shown
+from calib.shown import Shown, length_words
 
 FEWEST = 8
 """Fewest poses on either side of a step; six numbers would fit fewer too well."""
@@ -82,7 +82,8 @@ class Moved(Shown):
     """What else may have moved instead, with its number: the readings do not tell the two apart."""
 
     def __repr__(self) -> str:
-        return f"Moved({self.what} {self.number + 1}, {1e6 * self.size:.3g} um, row {self.row})"
+        size = length_words(self.size, um=".3g")
+        return f"Moved({self.what} {self.number + 1}, {size}, row {self.row})"
 
 
 def moved_once(

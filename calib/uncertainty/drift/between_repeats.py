@@ -55,7 +55,8 @@ class RepeatDrift(Shown):
     distance of two visits [m]."""
 
     def __repr__(self) -> str:
-        return f"RepeatDrift({1e6 * self.size:.3g} um, {'tool' if self.of_tool else 'readings'})"
+        size = length_words(self.size, um=".3g")
+        return f"RepeatDrift({size}, {'tool' if self.of_tool else 'readings'})"
 
     @property
     def what(self) -> str:

@@ -17,6 +17,7 @@ from calib.arrays import LATER, Array, FloatOrNan, Index
 from calib.identification.identify import Identification
 from calib.measurement.observations import Measurements, joined
 from calib.measurement.prediction import tool_poses
+from calib.shown import length_words
 from calib.uncertainty.drift.memory import (
     REMEMBERS,
     SlowDrift,
@@ -85,7 +86,8 @@ class Drifting:
         """The result in words."""
         size = ""
         if self.drift is not None:
-            size = f"{1e6 * self.drift.sd:.1f} um per axis over {self.drift.memory:.0f} rows"
+            size = length_words(self.drift.sd, um=".1f")
+            size += f" per axis over {self.drift.memory:.0f} rows"
         if self.void:
             return self._undecided(size)
         steady = "" if self.steady is None else f"; the region includes {self.steady.words}"

@@ -16,7 +16,7 @@ from calib.arrays import Array, Bool, Index, check
 from calib.identification.identify import Identification
 from calib.measurement.observations import Measurements
 from calib.measurement.prediction import predict
-from calib.shown import Shown
+from calib.shown import Shown, length_words
 from calib.uncertainty.drift.beside_drift import rows_in_time
 from calib.uncertainty.statement.gain import estimator_gain, of_all_numbers
 from calib.uncertainty.statement.likelihood import last_within
@@ -48,7 +48,7 @@ class SlowDrift(Shown):
     """(P, P) of all numbers [m, rad]."""
 
     def __repr__(self) -> str:
-        return f"SlowDrift({1e6 * self.sd:.3g} um, memory {self.memory:g} rows)"
+        return f"SlowDrift({length_words(self.sd, um='.3g')}, memory {self.memory:g} rows)"
 
 
 def memory_p(

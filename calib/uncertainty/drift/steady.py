@@ -48,7 +48,9 @@ class SteadyDrift(Shown):
     """(P, P) of all numbers [m, rad]."""
 
     def __repr__(self) -> str:
-        return f"SteadyDrift({1e6 * self.sd:.3g} um, {1e6 * self.at_tool:.3g} um at the tool)"
+        sd, at_tool = self.sd, self.at_tool
+        sizes = (length_words(sd, at_tool, um=".3g"), length_words(at_tool, sd, um=".3g"))
+        return f"SteadyDrift({', '.join(sizes)} at the tool)"
 
     @property
     def way(self) -> float:

@@ -80,7 +80,7 @@ class OtherFrame(Shown):
 
     def __repr__(self) -> str:
         word = "another" if self.found else "the same"
-        return f"OtherFrame({word}, {1e6 * self.size:.3g} um, p = {self.p_base:.2g})"
+        return f"OtherFrame({word}, {length_words(self.size, um='.3g')}, p = {self.p_base:.2g})"
 
     @property
     def found(self) -> bool:

@@ -17,7 +17,7 @@ from calib.information.propagation import propagated
 from calib.measurement.observations import Measurements
 from calib.measurement.prediction import predict, predicted_positions
 from calib.measurement.tool_target import ToolTarget
-from calib.shown import Shown
+from calib.shown import Shown, length_words
 from calib.uncertainty.frames.inner_datum import InnerDatum
 from calib.uncertainty.statement.applicability import Proven
 from calib.uncertainty.statement.misfit import HiddenMisfit
@@ -56,7 +56,7 @@ class Belief(Shown):
 
     def __repr__(self) -> str:
         return (
-            f"Belief(misfit up to {1e6 * self.misfit.upper:.3g} um per axis, factor "
+            f"Belief(misfit up to {length_words(self.misfit.upper, um='.3g')} per axis, factor "
             f"{self.factor:.3g}, {self.n_guards} guards)"
         )
 

@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 
 from calib.arrays import LATER, Array, Bool, Labels, check, frozen, require_probability
 from calib.errors import refuse
-from calib.shown import ResultTable, Shown, in_um
+from calib.shown import ResultTable, Shown, length_unit, length_words
 from calib.uncertainty.statement.distance import distance_radius, probability_within
 
 Rule = Literal["guarded", "simple"]
@@ -68,18 +68,21 @@ class Conformity(Shown):
     def sentence(self) -> str:
         """The decisions in words; which rule, and how large the risk of a pass is."""
         counted = ", ".join(f"{count} {word}" for word, count in self.counts.items())
-        limit, radius = f"tolerance {in_um(self.tolerance)} um", self.radius
+        radius = self.guard if self.radius is None else self.radius
+        small = int(self.hopeless.sum())
+        both = (self.tolerance, float(radius.max())) if small else (self.tolerance,)
+        scale, unit = length_unit(both)
+        limit = length_words(self.tolerance) if unit == "um" else f"{scale * self.tolerance:.6g} mm"
         risk, band = self.largest_risk, f"R{100 * self.probability:g}"
         largest = "" if risk is None else f", largest risk of a pass {100 * risk:.2g} %"
         rule = f"guard band {band}" if self.rule == "guarded" else SIMPLE
-        small, said = int(self.hopeless.sum()), ""
+        said = ""
         if small:
-            widest = float((self.guard if radius is None else radius).max())
             said = (
                 f"; at {small} of {len(self.guard)} points no pass is possible: the tolerance is "
-                f"smaller than the uncertainty, {band} up to {in_um(widest)} um"
+                f"smaller than the uncertainty, {band} up to {length_words(*both[::-1])}"
             )
-        return f"{counted} ({limit}, {rule}{largest}{said})"
+        return f"{counted} (tolerance {limit}, {rule}{largest}{said})"
 
 
 def conformity(

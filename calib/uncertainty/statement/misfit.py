@@ -18,7 +18,7 @@ from calib.geometry.parameters import Parameters
 from calib.identification.identify import Identification
 from calib.measurement.observations import Measurements
 from calib.measurement.prediction import predict
-from calib.shown import Shown
+from calib.shown import Shown, length_words
 from calib.uncertainty.statement.evidence import (
     SEEN,
     NoiseRepeats,
@@ -71,7 +71,7 @@ class HiddenMisfit(Shown):
     """Whether counting the held-out errors lowered the upper limit."""
 
     def __repr__(self) -> str:
-        return f"HiddenMisfit(up to {1e6 * self.upper:.3g} um per axis)"
+        return f"HiddenMisfit(up to {length_words(self.upper, um='.3g')} per axis)"
 
     @property
     def larger_noise(self) -> float:
@@ -101,7 +101,7 @@ class HiddenMisfit(Shown):
             return "there are too few measurements to bound what the model may miss"
         if shown:
             return self._shown(few)
-        size, told = f"up to {1e6 * self.upper:.1f} um", ""
+        size, told = f"up to {_words(self.upper, self.detectable)}", ""
         if self.doubted:
             told = (
                 "; repeats do not show how far the joints scatter, so all of that scatter counts "
@@ -119,15 +119,15 @@ class HiddenMisfit(Shown):
         if self.detectable < self.upper:
             return f"no test detects a misfit, yet one may hide behind the noise; per axis, {limit}"
         return (
-            f"a misfit of {1e6 * self.detectable:.1f} um per axis or more would have been "
+            f"a misfit of {_words(self.detectable, self.upper)} per axis or more would have been "
             f"detected; {limit}"
         )
 
     def _shown(self, few: bool) -> str:
         """That the readings show a misfit, and how large a one the region allows for."""
         p = "p < 0.001" if self.p_value < SEEN else f"p = {self.p_value:.3f}"
-        size = f"about {1e6 * self.best:.1f} um per axis ({p})"
-        limit = f"the region allows for up to {1e6 * self.upper:.1f} um"
+        size = f"about {_words(self.best, self.upper)} per axis ({p})"
+        limit = f"the region allows for up to {_words(self.upper, self.best)}"
         if self.upper < self.best:
             limit += f", {ENOUGH}"
         if few:
@@ -136,6 +136,11 @@ class HiddenMisfit(Shown):
                 f"readings show one of {size}, and {limit}"
             )
         return f"the readings show a misfit of {size}, and {limit}"
+
+
+def _words(size: float, *beside: float) -> str:
+    """A size [m] with its unit, to a tenth of a micrometer."""
+    return length_words(size, *beside, um=".1f")
 
 
 def misfit(

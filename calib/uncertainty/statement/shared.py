@@ -16,7 +16,7 @@ from calib.identification.identify import Identification
 from calib.measurement.corrections import Corrections
 from calib.measurement.observations import GIVEN, POINT, Measurements, joined
 from calib.measurement.prediction import predict
-from calib.shown import Shown
+from calib.shown import Shown, length_words
 from calib.uncertainty.statement.gain import beside_held, estimator_gain, of_all_numbers
 from calib.uncertainty.statement.instrument import PLACE, SOURCES, InstrumentErrors, shared_rows
 
@@ -45,7 +45,8 @@ class SharedErrors(Shown):
     """(P, P) that all of them leave in the numbers of the model [m, rad]."""
 
     def __repr__(self) -> str:
-        return f"SharedErrors({1e6 * self.combined:.3g} um at the tool, {len(self.names)} sources)"
+        size = length_words(self.combined, um=".3g")
+        return f"SharedErrors({size} at the tool, {len(self.names)} sources)"
 
     def joined(self, other: "SharedErrors | None") -> "SharedErrors":
         """Both, independent of each other, over the same poses."""

@@ -12,6 +12,7 @@ from calib.geometry.operating import AS_USUAL, OperatingConditions
 from calib.measurement.observations import Measurements
 from calib.measurement.prediction import predict
 from calib.measurement.tool_target import ToolTarget
+from calib.shown import length_words
 from calib.uncertainty.regions import coverage_factor
 from calib.uncertainty.statement.belief import Belief
 from calib.uncertainty.statement.distance import radius_over
@@ -46,8 +47,9 @@ class StatedPoint:
     @property
     def sentence(self) -> str:
         """Of the mean of many moves, in words."""
+        radius = length_words(self.radius_mean, um="#.3g")
         return (
-            f"the mean tool point lies within {_in_um(self.radius_mean)} um of the predicted one "
+            f"the mean tool point lies within {radius} of the predicted one "
             f"with {100 * self.probability:g} % probability (3-D radius, poses like the "
             f"{self.n_poses} {'held out' if self.held_out else 'identified from'})"
             + IN_DATUM
@@ -59,16 +61,11 @@ class StatedPoint:
         """Of one move, in words; empty where nothing is known of it."""
         if np.isnan(self.radius_move):
             return ""
+        radius = length_words(self.radius_move, um="#.3g")
         return (
-            f"a single move ends within {_in_um(self.radius_move)} um of it, with the same "
-            f"probability (joint repeatability: {self.move_told_by})"
+            f"a single move ends within {radius} of it, with the same probability "
+            f"(joint repeatability: {self.move_told_by})"
         )
-
-
-def _in_um(length: float) -> str:
-    """Three digits, zeros at the end among them, and all of those before the point."""
-    size = 1e6 * length
-    return f"{size:#.3g}".rstrip(".") if size < 999.5 else f"{size:.0f}"
 
 
 def stated_point(

@@ -1,6 +1,7 @@
 """Pose budget and additions: the smallest number is one, the proven one is never too large."""
 
 import itertools
+import re
 from importlib import import_module
 
 import numpy as np
@@ -82,6 +83,19 @@ def test_no_set_smaller_than_proven_reaches_the_target(name: str, known: str):
         assert str(found.smallest) in found.sentence
         for m, u, bound in zip(found.counts, found.reached, found.possible, strict=True):
             assert bound <= best[m] * (1 + 1e-9) <= u * (1 + 2e-9)
+
+
+def test_a_budget_is_said_in_one_unit():
+    blocks, criterion = small_pool(1, 10), small_criterion("V")
+    whole = criterion.figure(information(blocks), 10)
+    for size in (whole, 412e-6, 4.31e-3):
+        unit, scale = ("um", 1e6) if size < 1e-3 else ("mm", 1e3)
+        # the figure goes with the inverse of the rows
+        one = Problem.of_blocks(blocks * (whole / size), 10, criterion)
+        for target in (1.1 * size, 0.9 * size):
+            said = pose_budget(one, target, np.random.default_rng(0)).sentence
+            assert f"u = {scale * target:.4g} {unit}" in said
+            assert len(re.findall(f"[0-9.]+ {unit}", said)) == (1 if target > size else 3)
 
 
 def test_a_poor_search_asks_for_more_poses_but_proves_no_more(monkeypatch):

@@ -125,7 +125,7 @@ def test_gross_motions_are_found_with_few_poses_and_told_apart(count, tool):
     assert found.found
     assert found.at_tool == tool
     angle = np.degrees(np.sqrt(3))
-    assert ("616." if tool else f"{angle:.3g} deg") in found.sentence
+    assert ("616 mm" if tool else f"{angle:.3g} deg") in found.sentence
 
 
 @pytest.mark.parametrize("tool", [False, True], ids=["station", "target"])

@@ -612,6 +612,11 @@ SEEN_FROM = "a misfit of 9.0 um per axis or more would have been detected; "
          "noise; per axis, these readings allow for up to 12.0 um, which the region includes"),
         ({"detectable": np.nan}, False, False, "the measurements are too few to detect a misfit; "
          "per axis, these readings allow for up to 5.0 um, which the region includes"),
+        ({"best": 0.8e-3, "upper": 1.2e-3}, True, False, "the readings show a misfit of about "
+         "0.800 mm per axis (p < 0.001), and the region allows for up to 1.20 mm"),
+        ({"best": 0.0, "upper": 0.4e-3, "detectable": 5.6e-3}, False, False,
+         "a misfit of 5.60 mm per axis or more would have been detected; these readings allow for "
+         "up to 0.400 mm, which the region includes"),
     ],
 )  # fmt: skip
 def test_every_sentence_on_the_misfit(changed, shown, few, said):

@@ -80,14 +80,15 @@ def test_words_and_figures_of_a_robot():
 @pytest.mark.parametrize(
     ("radius", "said"),
     [
-        (2.5e-5, "25.0"), (2.503e-5, "25.0"), (5e-7, "0.500"), (9.996e-6, "10.0"),
-        (9.996e-5, "100"), (1.234e-4, "123"), (9.997e-4, "1000"), (2.3456e-3, "2346"),
+        (2.5e-5, "25.0 um"), (2.503e-5, "25.0 um"), (5e-7, "0.500 um"), (9.996e-6, "10.0 um"),
+        (9.996e-5, "100 um"), (1.234e-4, "123 um"), (9.994e-4, "999 um"), (9.997e-4, "1.00 mm"),
+        (2.3456e-3, "2.35 mm"), (0.0341, "34.1 mm"),
     ],
 )  # fmt: skip
 def test_a_radius_has_three_digits_whether_or_not_the_last_is_a_zero(radius, said):
     point = StatedPoint(radius / 2, radius, radius / 2, radius, 0.95, 20, True, "repeats")
-    assert f"lies within {said} um of" in point.sentence
-    assert f"ends within {said} um of" in point.move_sentence
+    assert f"lies within {said} of" in point.sentence
+    assert f"ends within {said} of" in point.move_sentence
 
 
 def test_held_out_poses_beyond_the_radius_too_often_for_chance_widen_it():
