@@ -18,6 +18,8 @@ from testbed.scenario.read import changed
 from testbed.studies import load_scenario
 from tests import campaign
 
+THOUSANDS = re.compile(r"(?<![\d.,])\d{4,}(?:\.\d+)?\s*[uµ]m\b|\de\+\d")
+"""A thousand micrometers or more, in figures or as a power of ten."""
 VERSIONS = {"truebed": "0.0.0", "numpy": "0"}
 SMALL = {
     "pool.size": 160,

@@ -9,7 +9,7 @@ from calib.arrays import Array, Bool, Index
 from calib.geometry.fixtures import Fixtures
 from calib.measurement.corrections import Corrections
 from calib.measurement.observations import Measurements
-from calib.shown import Shown, in_a_line
+from calib.shown import Shown, in_a_line, length_words
 from calib.uncertainty.statement.conditions import Conditions
 from testbed.files.conditions import SetUp
 from testbed.files.rows.say import NOTHING_SAID, RowsSay
@@ -63,13 +63,15 @@ class Drift:
     def sentence(self) -> str:
         """The drift in words, for the report."""
         done = "taken off" if self.corrected else "not taken off"
-        if self.shift.max(initial=0.0) <= DRIFTED * self.uncertainty:
+        size, u = float(self.shift.max(initial=0.0)), self.uncertainty
+        largest, uncertain = length_words(size, u, um=".1f"), length_words(u, size, um=".1f")
+        if size <= DRIFTED * u:
             done += ", being below twice that"
         lost = f"; {len(self.wrong)} wrong shots left out" if self.wrong else ""
         return (
-            f"the station drifted up to {self.shift.max(initial=0.0) * 1e6:.1f} um over "
+            f"the station drifted up to {largest} over "
             f"{len(self.shift)} rounds of {len(self.nests)} nests "
-            f"(standard uncertainty {self.uncertainty * 1e6:.1f} um): {done}{lost}"
+            f"(standard uncertainty {uncertain}): {done}{lost}"
         )
 
 

@@ -12,6 +12,7 @@ from testbed.files.columns import AXES, bound_of, covariance_names
 from testbed.files.refusal import refusal
 from testbed.files.session_toml import UncertaintyTable
 from testbed.files.table import Columns, DataTable, together
+from testbed.units import as_stated
 
 MPE_RULES = {"rectangular": 3**-0.5, "two_sigma": 0.5, "typical": 0.25}
 """Standard uncertainty as a part of the maximum permissible error."""
@@ -141,7 +142,7 @@ def _part(
     stated = getattr(settings, f"{part}_{unit}")
     if stated is not None:
         u = stated * factor
-        shown = f"{np.degrees(u) * 1e3:g} mdeg" if turns else f"{u * 1e6:g} um"
+        shown = f"{np.degrees(u) * 1e3:g} mdeg" if turns else as_stated(u)
         width = 1 if part == "distance" else 3
         source = f"{part} {shown} per axis, stated"
         return Spread(_diagonal(np.full((len(position), width), max(u, least))), source)

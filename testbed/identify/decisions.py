@@ -11,7 +11,7 @@ from calib.uncertainty.statement.stated_point import widened
 from testbed.identify.calibration import Calibration
 from testbed.identify.handback.delivered import Delivered
 from testbed.report.page import Block, Section, Table, Text
-from testbed.units import UM, fixed, listed, micrometres, percent, significant
+from testbed.units import as_stated, fixed, length_unit, listed, percent, significant, with_unit
 
 UNDECIDED = "undecided"
 
@@ -115,7 +115,7 @@ def decision_line(found: tuple[Decided, ...]) -> str:
         counts[UNDECIDED] = one.counts["undecided"]
         words = [f"{count} {word}" for word, count in counts.items() if count]
         said.append(f"{one.what}: {one.word} ({', '.join(words)})")
-    return f"Tolerance {found[0].by.tolerance * UM:.6g} um: {'; '.join(said)}."
+    return f"Tolerance {as_stated(found[0].by.tolerance)}: {'; '.join(said)}."
 
 
 def decision_words(calibration: Calibration, delivered: Delivered) -> tuple[str, ...]:
@@ -130,7 +130,7 @@ def decision_words(calibration: Calibration, delivered: Delivered) -> tuple[str,
         why = "the held-out poses are off as a whole"
     elif calibration.proof.belief is not None:
         why = "the readings do not show where the robot stands"
-    return (f"Tolerance {asked.tolerance * UM:.6g} um: UNDECIDED: {why}.",)
+    return (f"Tolerance {as_stated(asked.tolerance)}: UNDECIDED: {why}.",)
 
 
 def would_decide(calibration: Calibration) -> str:
@@ -144,9 +144,9 @@ def would_decide(calibration: Calibration) -> str:
     )  # fmt: skip
     if found.radius <= asked.tolerance:
         return ""
-    now = micrometres(found.radius)
     said = (
-        f"R95 of the corrected robot is up to {now} um: no smaller tolerance can be decided now. "
+        f"R95 of the corrected robot is up to {with_unit(found.radius)}: no smaller tolerance can "
+        "be decided now. "
     )
     ways = []
     if np.isfinite(found.poses):
@@ -167,8 +167,9 @@ def would_decide(calibration: Calibration) -> str:
         )
     if ways:
         return f"{said}According to a forecast, {' or '.join(ways)} would decide it."
-    stays = [f"{micrometres(found.staying)} um remain"] if found.staying else []
-    stays += [f"{micrometres(found.shared)} um are shared by all readings"] * bool(found.shared)
+    staying, shares = (with_unit(part, found.radius) for part in (found.staying, found.shared))
+    stays = [f"{staying} remain"] if found.staying else []
+    stays += [f"{shares} are shared by all readings"] * bool(found.shared)
     why = f": of R95, {listed(stays)}" if stays else ""
     return f"{said}Neither more poses nor quieter readings would decide it{why}."
 
@@ -179,10 +180,13 @@ def decision_section(found: tuple[Decided, ...]) -> Section | None:
         return None
     rows, rule = [], found[0].rule
     guarded = found[0].by.rule == "guarded"
+    scale, unit = length_unit([one.by.distance.max() for one in found])
+    per, wide = length_unit([one.by.guard.max() for one in found])
+    places = 1 if unit == "um" else 3
     for one in found:
-        band = micrometres(float(one.by.guard.max())) if guarded else "–"
+        band = significant(float(one.by.guard.max()) * per) if guarded else "–"
         risk = "–" if one.risk is None else percent(one.risk)
-        far = fixed(float(one.by.distance.max()) * UM, 1)
+        far = fixed(float(one.by.distance.max()) * scale, places)
         rows.append((one.what, *map(str, one.counts.values()), far, band, risk))
     told = (
         "Pass: the predicted mean point lies inside the tolerance by at least the guard band, "
@@ -198,11 +202,11 @@ def decision_section(found: tuple[Decided, ...]) -> Section | None:
         told += " At some points the tolerance is smaller than R95, so they cannot pass at all."
     blocks: tuple[Block, ...] = (
         Table(
-            caption=f"Tolerance {found[0].by.tolerance * UM:.6g} um on the distance of "
-            "the mean tool point from where it should be",
+            caption=f"Tolerance {as_stated(found[0].by.tolerance)} on the distance of the "
+            " mean tool point from where it should be",
             head=(
                 "at", f"pass, {rule}", f"fail, {rule}", UNDECIDED,
-                "farthest um", "guard band R95 um", "largest risk of a pass",
+                f"farthest {unit}", f"guard band R95 {wide}", "largest risk of a pass",
             ),
             rows=tuple(rows),
             align="lrrrrrr",

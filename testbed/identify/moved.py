@@ -14,7 +14,7 @@ from calib.measurement.observations import GIVEN, Measurements
 from testbed.files.session import Session
 from testbed.identify.calibration import Calibration
 from testbed.identify.records import FittedModel
-from testbed.units import DEG, MM, UM, fixed, micrometres, millimetres
+from testbed.units import DEG, MM, fixed, length_unit, with_unit
 
 PART = {"tool": "tool", "target": "tool", "station": "base", "base": "base"}
 """The part of a [[session]] that is another's no more, by what moved."""
@@ -114,11 +114,12 @@ def happened(found: Moved) -> str:
 
 def said_of(calibration: Calibration, found: Moved) -> tuple[str, str]:
     """What stands off, and what mends it."""
-    size = _length(found.size)
+    size = with_unit(found.size, digits=2)
     if found.what == "joint":
         slides = calibration.nominal.chain.kinds[found.number] == "prismatic"
         off = float(found.change[0])
-        text = f"{off * UM:+.3g} um" if slides else f"{off * DEG:+.3g} deg"
+        scale, unit = length_unit(off) if slides else (DEG, "deg")
+        text = f"{off * scale:+.3g} {unit}"
         what = f"joint {found.number + 1} is {text} off (its zero slipped or was set again)"
         return what, f"correct that joint in the rows of one side, or identify {ONE_SIDE}"
     if found.what == "load":
@@ -186,10 +187,3 @@ def _target(calibration: Calibration, table: Measurements, number: int) -> str:
         return f"target {calibration.reflector_names[reflector]}"
     place = " ".join(f"{MM * x:g}" for x in table.offset[row])
     return f"the target at {place} mm"
-
-
-def _length(metres: float) -> str:
-    """In um below a millimetre, else in mm."""
-    if metres < 1e-3:
-        return f"{micrometres(metres, 2)} um"
-    return f"{millimetres(metres)} mm"

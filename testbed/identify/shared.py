@@ -19,7 +19,7 @@ from testbed.identify.calibration import Calibration
 from testbed.report.page import Section, Table
 from testbed.scenario.instrument import beam_of, errors_of
 from testbed.store.quantities import METRE, Quantity, below
-from testbed.units import UM, fixed, percent
+from testbed.units import column_unit, fixed, percent
 
 OF_NESTS = "nests that the drift was taken off by"
 """Name of their source."""
@@ -69,17 +69,19 @@ def shared_section(calibration: Calibration) -> Section | None:
     if found is None:
         return None
     held = calibration.split.is_test.any()
+    scale, unit = column_unit([found.combined, *found.at_tool, *found.seen])
+    places = 2 if unit == "µm" else 3
     rows = [
-        (name, fixed(at_tool * UM, 2), fixed(seen * UM, 2), words)
+        (name, fixed(at_tool * scale, places), fixed(seen * scale, places), words)
         for name, at_tool, seen, words in zip(
             found.names, found.at_tool, found.seen, found.shown, strict=True
         )
     ]
-    whole = ("all together", fixed(found.combined * UM, 2), "", "")
+    whole = ("all together", fixed(found.combined * scale, places), "", "")
     table = Table(
         caption="Standard uncertainty that all readings share, 3-D, root mean square over "
         + ("the held-out poses" if held else "the poses identified from"),
-        head=("source", "at the tool µm", "seen µm", "enough to see it"),
+        head=("source", f"at the tool {unit}", f"seen {unit}", "enough to see it"),
         rows=(*rows, whole),
         align="lrrl",
         note="All readings are assumed to come from one instrument. At the tool: the part that "

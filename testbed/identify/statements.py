@@ -6,13 +6,14 @@ import numpy as np
 
 from calib.arrays import Array, FloatOrNan, frozen
 from calib.identification.identify import Identification
+from calib.shown import length_words
 from calib.uncertainty.regions import coverage_factor
 from calib.uncertainty.statement.gain import of_all_numbers
 from calib.uncertainty.statement.stated_point import common_radius
 from calib.uncertainty.tool_point import ToolStatement, tool_statement
 from testbed.identify.calibration import Calibration
 from testbed.identify.shared import states_instrument
-from testbed.units import UM, counted, probability
+from testbed.units import counted, probability
 
 BELIEVED, NOT_NEEDED = "believed", "not needed"
 
@@ -46,10 +47,8 @@ def _believed(calibration: Calibration) -> list[StatedRadius]:
     if point is None or belief is None:
         return []
     held = f"{100 * point.probability:g} %"
-    within = (
-        f"{held} of true mean points; includes noise and a misfit of up to "
-        f"{belief.misfit.upper * UM:.1f} um per axis"
-    )
+    misfit = length_words(belief.misfit.upper, point.radius_mean, um=".1f")
+    within = f"{held} of true mean points; includes noise and a misfit of up to {misfit} per axis"
     drifting = calibration.proof.drifting
     between = calibration.repeats_drift is not None
     if between or (drifting is not None and drifting.covariance is not None):

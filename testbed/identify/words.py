@@ -18,7 +18,7 @@ from testbed.identify.to_do.next_step import next_step
 from testbed.identify.visits.report import judges_called, visit_words
 from testbed.identify.visits.wide import wide_because, wide_words
 from testbed.report.page import SIMULATED
-from testbed.units import counted, micrometres, sentences, significant
+from testbed.units import counted, sentences, significant, with_unit
 
 MEASURED = "MEASURED - a calibration report, not a certificate; no traceability is claimed"
 GUARDED = "✓ The stated radius can be believed"
@@ -109,7 +109,7 @@ def _believed_words(calibration: Calibration) -> str:
     point, belief = calibration.proof.point, calibration.proof.belief
     if point is None or belief is None:
         return "No statement about the true tool point can be believed."
-    radius = f"{r95(point)} of the mean tool point is {micrometres(point.radius_mean)} um"
+    radius = f"{r95(point)} of the mean tool point is {with_unit(point.radius_mean)}"
     if point.relative:
         radius += " relative to the others (the readings do not show where the robot stands)"
     if not states_instrument(calibration.shared):
@@ -144,24 +144,25 @@ def _believed_words(calibration: Calibration) -> str:
 
 def _drift_words(calibration: Calibration) -> str:
     """That no held-out pose shows a drift which the order of the poses hides; else empty."""
-    slow = calibration.proof.drifting
-    if slow is None or not slow.void or slow.steady is None:
+    slow, point = calibration.proof.drifting, calibration.proof.point
+    if slow is None or not slow.void or slow.steady is None or point is None:
         return ""
     return (
         " They cannot show a steady drift, which the order of the poses hides: one of up to "
-        f"{micrometres(slow.steady.way)} um per axis is in R95."
+        f"{with_unit(slow.steady.way, point.radius_mean)} per axis is in R95."
     )
 
 
 def _drawn_out_words(calibration: Calibration) -> str:
     """That the radius is so wide because of held-out rows that stand out; empty where it is not."""
     less, shots = drawn_out(calibration), len(calibration.gross.held_out_names)
-    if less is None:
+    point = calibration.proof.point
+    if less is None or point is None:
         return ""
     stand, them = ("stands", "it") if shots == 1 else ("stand", "them")
     return (
         f" It is so wide because of {counted(shots, 'held-out row')} that {stand} out: without "
-        f"{them}, R95 would be {micrometres(less)} um."
+        f"{them}, R95 would be {with_unit(less, point.radius_mean)}."
     )
 
 

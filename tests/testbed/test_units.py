@@ -193,3 +193,24 @@ def test_fields_of_a_record_bring_the_units_that_they_declare():
     assert stored["coverage/radius_m"] is record.radius
     with pytest.raises(ValueError, match="radius"):
         fields_of(record, {"radius": "radius"})
+
+
+@given(length=st.floats(min_value=0.0, max_value=10.0), digits=st.sampled_from([2, 3, 4]))
+def test_no_length_reads_as_a_thousand_micrometers(length, digits):
+    value, unit = quantities.with_unit(length, digits=digits).rsplit(" ", 1)
+    if unit == "um":
+        assert length < 0.9995e-3
+    else:
+        # three digits: half a unit of the last is 5 parts in 1000 at worst
+        assert number(value) == pytest.approx(1e3 * length, rel=5.01e-3)
+        assert length >= 0.9995e-3
+
+
+def test_a_length_is_written_in_the_unit_of_those_that_it_is_read_beside():
+    words = quantities.with_unit
+    assert [words(x) for x in (999.4e-6, 999.6e-6, 1e-3)] == ["999 um", "1.00 mm", "1.00 mm"]
+    assert (words(980e-6, 1.2e-3), words(1.2e-3, 980e-6)) == ("0.980 mm", "1.20 mm")
+    assert words(26.4e-6, math.nan, math.inf) == "26.4 um"
+    assert quantities.as_stated(1234.5e-6) == "1.2345 mm"
+    assert quantities.column_unit([412e-6, 4.31e-3]) == (1e3, "mm")
+    assert quantities.column_unit([412e-6]) == (1e6, "µm")

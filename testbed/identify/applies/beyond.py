@@ -13,7 +13,7 @@ from calib.uncertainty.statement.departure import named
 from testbed.identify.calibration import Calibration
 from testbed.identify.errors import of_poses
 from testbed.identify.session import TARGET
-from testbed.units import DEG, MM, fixed, listed, micrometres, significant
+from testbed.units import DEG, MM, fixed, listed, significant, with_unit
 
 FARTHER = 2.0
 """So many times as far must held-out poses be missed: with ten of them or more, no chance does it
@@ -77,7 +77,7 @@ def far_words(calibration: Calibration) -> tuple[str, ...]:
     more = f" (and {len(far) - 1} more like it)" if len(far) > 1 else ""
     return (
         "Readings that are far off enlarge the radius, which would be "
-        f"{micrometres(less)} um without them: {far[0]}{more}; if a reading "
+        f"{with_unit(less)} without them: {far[0]}{more}; if a reading "
         "proves to be bad, measure the pose again, or remove the row and state that you did",
     )
 
@@ -94,7 +94,7 @@ def far_step(calibration: Calibration) -> str:
     them, are = ("it", "stands") if len(names) == 1 else ("them", "stand")
     return (
         f"First look into held-out {listed(shown)}, which {are} out: without {them}, R95 would be "
-        f"{micrometres(less)} um. If the reading is wrong, measure the pose again, or remove "
+        f"{with_unit(less)}. If the reading is wrong, measure the pose again, or remove "
         "the row and state that you did; if it is right, the model fails there. Until then, "
     )
 

@@ -12,7 +12,7 @@ from testbed.files.session import Session
 from testbed.identify.applies.quiet import quiet_words
 from testbed.identify.records import FittedModel
 from testbed.robots.catalog import Robot
-from testbed.units import micrometres, named, significant
+from testbed.units import named, significant, with_unit
 
 LEAST_TURN, LEAST_SLIDE = np.radians(10.0), 0.010
 """Range of a joint at the training poses below which it counts as not moved [rad, m]."""
@@ -62,8 +62,8 @@ def coarse_joints(session: Session, chosen: FittedModel, train: Measurements) ->
     rounded = "rounding" if read else "if they were rounded when they were written, that"
     return (
         f"the joints stand {coarse} in the file: {rounded} alone moves the tool by "
-        f"{micrometres(moved, 2)} um per axis in each reading (standard deviation), where "
-        f"{micrometres(noise, 2)} um of noise is stated; write more decimals",
+        f"{with_unit(moved, noise, digits=2)} per axis in each reading (standard deviation), where "
+        f"{with_unit(noise, moved, digits=2)} of noise is stated; write more decimals",
     )
 
 

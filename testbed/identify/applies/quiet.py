@@ -7,14 +7,15 @@ from calib.identification.fit_statistics import RED
 from calib.identification.identify import Identification
 from calib.measurement.observations import Measurements
 from calib.measurement.prediction import predict
-from testbed.units import MDEG, UM, listed, significant
+from testbed.units import MDEG, UM, length_unit, listed, significant
 
 PARTS = {
-    "positions": (slice(0, 3), "position_um", "um per axis", UM),
-    "angles": (slice(3, 6), "rotation_mdeg", "mdeg per axis", MDEG),
-    "distances": (slice(0, 1), "distance_um", "um", UM),
+    "positions": (slice(0, 3), "position_um", " per axis", UM),
+    "angles": (slice(3, 6), "rotation_mdeg", " mdeg per axis", MDEG),
+    "distances": (slice(0, 1), "distance_um", "", UM),
 }
-"""Parts of readings: their numbers, the key under [uncertainty] that states them, its unit."""
+"""Parts of readings: their numbers, the key under [uncertainty] that states them, what follows in a
+sentence, the unit of the key."""
 SURE = 0.95
 """Probability of the upper limit of the noise."""
 
@@ -33,11 +34,14 @@ def quiet_words(fit: Identification, train: Measurements, scatter: str) -> tuple
     """
     said, lines = [], []
     for part, (stated, most) in quieter(fit, train).items():
-        _, key, unit, factor = PARTS[part]
-        limit = significant(most * factor, 2)
-        whole = significant(stated * factor, 2)
-        said.append(f"{limit} {unit} of {part}, where {whole} is stated")
+        _, key, per, factor = PARTS[part]
+        limit, whole = (significant(size * factor, 2) for size in (most, stated))
         lines.append(f"{key} = {limit}")
+        if factor == UM:
+            scale, unit = length_unit([most, stated])
+            limit, whole = (significant(size * scale, 2) for size in (most, stated))
+            per = f" {unit}{per}"
+        said.append(f"{limit}{per} of {part}, where {whole} is stated")
     if not said:
         return ()
     of = "readings"

@@ -10,7 +10,7 @@ from testbed.identify.applies.targets import datum_words, named, target_words
 from testbed.identify.calibration import Calibration
 from testbed.identify.handback.delivered import Delivered, TargetStatement
 from testbed.report.page import Block, Points, Section, Table, Text, heads
-from testbed.units import DEG, MM, micrometres, sentences, significant
+from testbed.units import DEG, MM, column_unit, sentences, significant
 
 MOST_TARGETS = 30
 """Targets of a program in the report; all are in a file beside it."""
@@ -88,9 +88,10 @@ def workspace_table(calibration: Calibration) -> Table:
 def target_table(found: TargetStatement) -> Table:
     """What is stated at the first targets of a program."""
     rows, (names, places) = [], named(found)
+    scale, unit = column_unit([*found.radius_mean, *found.radius_move])
     for k in range(min(len(found.why), MOST_TARGETS)):
         moves = found.radius_move[k : k + 1]
-        radii = [micrometres(float(x)) for x in (found.radius_mean[k], *moves)]
+        radii = [significant(float(x) * scale) for x in (found.radius_mean[k], *moves)]
         cells = [*radii, "–"][:2] if found.stated[k] else ["–", "–"]
         reach = (significant(float(x[k]), 2) for x in (found.transfer, found.leverage))
         told = (str(found.place[k]), found.why[k])
@@ -99,7 +100,8 @@ def target_table(found: TargetStatement) -> Table:
     return Table(
         caption="What is stated at the targets of the corrected program",
         head=heads(
-            "target, name, R95 mean µm, R95 one move µm, transfer g, leverage h, place, why"
+            f"target, name, R95 mean {unit}, R95 one move {unit}, transfer g, leverage h, "
+            "place, why"
         ),
         rows=tuple(rows),
         align="rlrrrrll",

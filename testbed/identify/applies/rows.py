@@ -12,7 +12,7 @@ from calib.uncertainty.statement.places import PLACES, place_words, reasons
 from calib.uncertainty.statement.stated_point import widened
 from testbed.identify.calibration import Calibration
 from testbed.store.quantities import Quantity
-from testbed.units import DEG, MM, UM, listed, micrometres, percent
+from testbed.units import DEG, MM, UM, listed, percent, with_unit
 
 HEAD = ("place", "transfer", "leverage", "R95_mean_um", "R95_relative", "why")
 ELSEWHERE = 0.25
@@ -103,11 +103,11 @@ def edge_words(calibration: Calibration) -> tuple[str, ...]:
         return ()
     poses = np.unique(table.pose_id[found.rows])
     far = [calibration.pose_names[k] for k in np.unique(table.pose_id[found.rows[edge]]).tolist()]
-    narrow = micrometres(point.radius_mean * usual / wide)
+    narrow = with_unit(point.radius_mean * usual / wide)
     return (
         f"R95 is so wide because of {len(far)} of the {len(poses)} held-out poses, at the edge of "
         f"what they prove ({listed(far, MOST_NAMED)}): at poses like the others it is "
-        f"{narrow} um; training poses like these would narrow it",
+        f"{narrow}; training poses like these would narrow it",
     )
 
 

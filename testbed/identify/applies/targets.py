@@ -21,7 +21,7 @@ from testbed.identify.handback.delivered import NOT_CORRECTED, TargetStatement
 from testbed.identify.handback.in_use import carried
 from testbed.report.text import csv_text
 from testbed.scenario.tool_in_use import ToolInUse
-from testbed.units import UM, counted, micrometres, millimetres
+from testbed.units import UM, counted, length_unit, millimetres, significant
 
 FILE_TOOL = "tool of the robot's file"
 CALLED = ("target", "name", "where")
@@ -240,9 +240,13 @@ def target_words(found: TargetStatement) -> tuple[str, ...]:
         most = f", where {outside} of {m} targets lie: {MEASURE}"
         said.append("no region is stated outside" + ("" if found.reaches else most))
     if n:
-        text = f"R95 (3-D radius, 95 %) of the mean is {_span(found.radius_mean[found.stated])} um"
-        if len(found.radius_move):
-            text += f", for a single move {_span(found.radius_move[found.stated])} um,"
+        mean, move = (
+            x[found.stated] if len(x) else x for x in (found.radius_mean, found.radius_move)
+        )
+        unit = length_unit([*mean, *move])
+        text = f"R95 (3-D radius, 95 %) of the mean is {_span(mean, *unit)}"
+        if len(move):
+            text += f", for a single move {_span(move, *unit)},"
         grown = ""
         if (found.transfer[found.stated] > 1).any():
             grown = "; it grows where transfer is above 1"
@@ -250,10 +254,10 @@ def target_words(found: TargetStatement) -> tuple[str, ...]:
     return tuple(said)
 
 
-def _span(radius: Array) -> str:
-    """Least to largest [um]."""
-    ends = (micrometres(float(end)) for end in (radius.min(), radius.max()))
-    return " to ".join(dict.fromkeys(ends))
+def _span(radius: Array, scale: float, unit: str) -> str:
+    """Least to largest in a unit, of which `scale` make a meter."""
+    ends = (significant(float(end) * scale) for end in (radius.min(), radius.max()))
+    return f"{' to '.join(dict.fromkeys(ends))} {unit}"
 
 
 def statement_csv(found: TargetStatement) -> str:

@@ -15,7 +15,7 @@ from calib.geometry.operating import AS_USUAL, OperatingConditions
 from calib.uncertainty.statement.stated_point import common_radius
 from calib.uncertainty.tool_point import ToolStatement
 from testbed.identify.calibration import Calibration
-from testbed.units import listed, micrometres
+from testbed.units import listed, with_unit
 
 MOST_ROWS = 64
 """Rows of the measurements whose conditions a pose is tried under: spread evenly over all."""
@@ -124,5 +124,5 @@ def unsaid_words(calibration: Calibration) -> tuple[str, ...]:
     return (
         f"R95 is for poses of which you know {listed([WORDS[name] for name in names])}; if you do "
         "not, and only know that they are like those of the measurements, R95 is "
-        f"{micrometres(radius)} um",
+        f"{with_unit(radius)}",
     )

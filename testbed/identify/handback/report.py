@@ -5,7 +5,7 @@ import numpy as np
 from testbed.identify.calibration import Calibration
 from testbed.identify.handback.states import hand_back_words
 from testbed.report.page import Block, Points, Section, Table, Text
-from testbed.units import micrometres
+from testbed.units import column_unit, significant
 
 SPRUNG = (
     "A compliance, a moment or a tilt has no U of its own: measurements only show what all springs "
@@ -29,8 +29,9 @@ def hand_back_section(calibration: Calibration, files: tuple[Block, ...]) -> Sec
     ]
     found = calibration.handback.in_use
     if found is not None:
+        scale, unit = column_unit([*found.measured_at_poses, *found.at_poses])
         ends = [
-            (name, *(micrometres(float(size)) for size in (np.median(at), at.max())))
+            (name, *(significant(float(size) * scale) for size in (np.median(at), at.max())))
             for name, at in (
                 ("measured target", found.measured_at_poses),
                 (found.tool.name, found.at_poses),
@@ -39,7 +40,7 @@ def hand_back_section(calibration: Calibration, files: tuple[Block, ...]) -> Sec
         blocks += [
             Table(
                 caption="The tool in use compared with the measured target",
-                head=("point", "R95 µm, median", "R95 µm, largest"),
+                head=("point", f"R95 {unit}, median", f"R95 {unit}, largest"),
                 rows=tuple(ends),
                 align="lrr",
                 strong=(1,),

@@ -12,7 +12,7 @@ from testbed.identify.handback.least_moved import RULE, LeastMoved, least_moved
 from testbed.identify.handback.links import farthest
 from testbed.identify.records import FittedModel
 from testbed.robots.write.dh_table import DhRow, dh_rows
-from testbed.units import DEG, MM, counted, listed, micrometres, sentences, significant
+from testbed.units import DEG, MM, counted, listed, sentences, significant, with_unit
 
 NOMINAL, MEASURED, PRIOR = "nominal", "measurements", "prior"
 TOGETHER = "measurements, with all that springs do"
@@ -205,13 +205,14 @@ def tool_words(calibration: Calibration) -> tuple[str, ...]:
     if found is None:
         return tuple(filter(None, [calibration.handback.tool_refused]))
     x, y, z = (1e3 * each for each in found.worst)
+    mean, move = found.radius_mean, found.radius_move
     text = (
         f"for {found.tool.name}, at ({x:.6g}, {y:.6g}, {z:.6g}) mm in the flange frame, the mean "
-        f"tip lies within R95 = {micrometres(found.radius_mean)} um of the predicted one "
+        f"tip lies within R95 = {with_unit(mean, move)} of the predicted one "
         f"(3-D radius, {100 * found.probability:g} %"
     )
-    if np.isfinite(found.radius_move):
-        text += f"; for a single move {micrometres(found.radius_move)} um"
+    if np.isfinite(move):
+        text += f"; for a single move {with_unit(move, mean)}"
     text += ")"
     if any(found.tool.box):
         text += "; that is the worst corner of the stated box"

@@ -3,7 +3,7 @@
 from testbed.identify.calibration import Calibration
 from testbed.identify.statements import statements_of
 from testbed.report.page import Block, Section, Table
-from testbed.units import micrometres, probability
+from testbed.units import column_unit, probability, significant
 
 FIXED = "\u00a0"
 """A space at which no line ends: the sentences between short cells have the room."""
@@ -14,14 +14,20 @@ def belief_section(calibration: Calibration) -> Section | None:
     proof = calibration.proof
     blocks: list[Block] = []
     if found := statements_of(calibration):
+        scale, unit = column_unit([one.radius for one in found])
         blocks.append(
             Table(
                 caption="What can be stated about the tool point at a new pose, like the "
                 f"{len(calibration.stated_q)} "
                 f"{'identified from' if calibration.elsewhere else 'judged here'}",
-                head=("statement", f"R95{FIXED}µm", "what it contains", "status"),
+                head=("statement", f"R95{FIXED}{unit}", "what it contains", "status"),
                 rows=tuple(
-                    (one.name, micrometres(one.radius), one.promise, one.use.replace(" ", FIXED))
+                    (
+                        one.name,
+                        significant(one.radius * scale),
+                        one.promise,
+                        one.use.replace(" ", FIXED),
+                    )
                     for one in found
                 ),
                 align="lrll",

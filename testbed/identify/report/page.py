@@ -28,7 +28,7 @@ from testbed.report.apart import left_nominal
 from testbed.report.glossary import glossary_section
 from testbed.report.page import Block, Page, Points, Section, Table, Text, record_section
 from testbed.store.layout import RECORDING
-from testbed.units import UM, counted, listed, sentence, sentences, typeset
+from testbed.units import as_stated, counted, listed, sentence, sentences, typeset
 
 KINDS = {"pose": "position and orientation", "point": "position", "distance": "a distance"}
 """What a reading of each kind measures."""
@@ -213,7 +213,7 @@ def rank_words(fit: FittedModel) -> str:
 def sheet_rows(calibration: Calibration, delivered: Delivered) -> tuple[Row, ...]:
     """The job sheet with the robot before it, and the day, the tolerance and the decision after."""
     asked, day = calibration.decision, calibration.set_up.date
-    limit = "" if asked is None else f"{asked.tolerance * UM:.6g} um, {asked.rule}"
+    limit = "" if asked is None else f"{as_stated(asked.tolerance)}, {asked.rule}"
     stated = job_rows(calibration.set_up.job, (("measured on", day), ("tolerance", limit)))
     decided = "; ".join(text.rstrip(".") for text in decision_words(calibration, delivered))
     return (*stated, ("decision", decided)) if decided else stated

@@ -23,7 +23,7 @@ from testbed.report.plots import (
     view_of,
 )
 from testbed.report.svg import DARK, HALF_WIDTH, INK, LIGHT, MIDDLE, SOFT, WIDTH, drawing, svg_of
-from testbed.units import DEG, MM, micrometres
+from testbed.units import DEG, MM, with_unit
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -71,8 +71,10 @@ def histogram(calibration: Calibration) -> str:
                            linewidth=1.0, linestyle="--")  # fmt: skip
             point = calibration.proof.point
             if name == "position" and point is not None and point.radius_mean * scale < top:
-                text = f"R95 {micrometres(point.radius_mean)} µm"
-                marked_line(ax, point.radius_mean * scale, text, 4, color=INK, linewidth=0.9)
+                text = f"R95 {with_unit(point.radius_mean)}".replace("um", "µm")
+                at = point.radius_mean * scale
+                side = 4 if at < 0.8 * top else -4  # near the right end there is no room beyond
+                marked_line(ax, at, text, side, color=INK, linewidth=0.9)
             if edges[0] > 0:
                 ax.set_xscale("log")
                 log_ticks(ax.xaxis, float(edges[0]), top)

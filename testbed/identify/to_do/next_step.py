@@ -20,7 +20,7 @@ from testbed.identify.to_do.causes import (
 from testbed.identify.to_do.change import NOTHING_LEFT, nothing_left
 from testbed.identify.to_do.unconfirmed import unconfirmed
 from testbed.identify.visits.wide import wide_step
-from testbed.units import micrometres
+from testbed.units import with_unit
 
 LEARNT = 1.1
 """Errors at held-out poses up to so many times those at training poses are all that is left."""
@@ -48,12 +48,13 @@ def next_step(calibration: Calibration) -> str:
         )
     if proof.belief is None or proof.point is None:
         return _without_region(calibration, use)
-    quote = f"R{100 * proof.point.probability:g} = {micrometres(proof.point.radius_mean)} um"
+    mean, move = proof.point.radius_mean, proof.point.radius_move
+    quote = f"R{100 * proof.point.probability:g} = {with_unit(mean, move)}"
     # the tool of the file is another point, known less well: what is stated at targets is of it
     whose = " of the measured target" if target_words(calibration) else ""
     text = f"{use} Quote {quote} for the mean of many moves{whose}"
-    if np.isfinite(proof.point.radius_move):
-        text += f" and {micrometres(proof.point.radius_move)} um for a single move"
+    if np.isfinite(move):
+        text += f" and {with_unit(move, mean)} for a single move"
     text += ", at poses like the held-out ones."
     if first := description_step(calibration) or far or wide_step(calibration):
         # a drift that is hidden may look like a load from another side

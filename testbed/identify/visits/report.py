@@ -12,7 +12,7 @@ from testbed.identify.errors import figures_of
 from testbed.identify.records import Figures
 from testbed.report.page import Section, Table, Text
 from testbed.store.quantities import METRE, RADIAN, Quantity, below
-from testbed.units import DEG, MM, counted, fixed, micrometres
+from testbed.units import DEG, MM, column_unit, counted, fixed, significant, with_unit
 
 IDENTIFIES, FITS, JUDGES = "identify", "fit its frames", "judge"
 """What rows of a visit do."""
@@ -65,11 +65,17 @@ def visit_section(calibration: Calibration) -> Section | None:
         note="station2, tool2 ...: see Parameters for their numbers. The frames of a held-out "
         "session are fitted to some of its poses while the robot is held; its other poses judge.",
     )
+    parts = [*_parts(calibration)]
+    radii = [radius_there(calibration, rows) for *_, rows in parts]
+    scale, unit = column_unit([radius or 0.0 for radius in radii])
     errors = Table(
         caption="Errors of each session: measured minus predicted",
         head=("session", "rows that", "rows", "before mean mm", "mean mm", "p95 mm", "max mm",
-              "mean deg", "R95 there µm"),
-        rows=tuple(_error_cells(calibration, *each) for each in _parts(calibration)),
+              "mean deg", f"R95 there {unit}"),
+        rows=tuple(
+            (*_error_cells(calibration, *each), significant(radius * scale) if radius else "–")
+            for each, radius in zip(parts, radii, strict=True)
+        ),
         align="llrrrrrrr",
         size="small",
         note="A pose with several rows counts once. before: nominal links, with all free frames "
@@ -127,7 +133,7 @@ def visit_words(calibration: Calibration) -> tuple[str, ...]:
             f"{fixed(mean * MM, 4)} mm after"
         )
         if (radius := radius_there(calibration, rows)) is not None and not calibration.elsewhere:
-            said[-1] += f"; R95 there is {micrometres(radius)} um, its frames included"
+            said[-1] += f"; R95 there is {with_unit(radius)}, its frames included"
     return (*said, *handed_out(calibration))
 
 
@@ -185,17 +191,13 @@ def _before_after(calibration: Calibration, rows: Bool) -> tuple[Figures, Figure
 
 
 def _error_cells(calibration: Calibration, k: int, part: str, rows: Bool) -> tuple[str, ...]:
-    """Cells of one part of a visit."""
+    """Cells of one part of a visit, all but R95."""
     before, after = _before_after(calibration, rows)
     p = after.position
     lengths = (before.position.mean, p.mean, p.p95, p.maximum)
     turn = "–" if after.rotation is None else fixed(after.rotation.mean * DEG, 4)
-    radius = radius_there(calibration, rows)
-    return (
-        calibration.visits[k].name, part, str(int(rows.sum())),
-        *(fixed(value * MM, 4) for value in lengths), turn,
-        "–" if radius is None else micrometres(radius),
-    )  # fmt: skip
+    numbers = (fixed(value * MM, 4) for value in lengths)
+    return (calibration.visits[k].name, part, str(int(rows.sum())), *numbers, turn)
 
 
 def radius_there(calibration: Calibration, rows: Bool) -> float | None:

@@ -13,7 +13,7 @@ from calib.uncertainty.statement.stated_point import common_radius
 from testbed.files.visits.visit import OWN
 from testbed.identify.calibration import Calibration
 from testbed.identify.visits.report import of
-from testbed.units import DEG, MM, counted, listed, micrometres
+from testbed.units import DEG, MM, counted, listed, with_unit
 
 TIMES = 2.0
 """So many times as wide as with known frames must a radius be, to say so: of 130 campaigns of two
@@ -92,13 +92,14 @@ def wide_words(calibration: Calibration) -> tuple[str, ...]:
         poses = "its held-out poses" if one.visit else "the poses judged"
         text = (
             f'The poses of session "{name}" hardly show its {" and ".join(one.parts)}: in its '
-            f"frames, R95 is {micrometres(one.radius)} um at {poses}, which would be "
-            f"{micrometres(one.known)} um if {_which(one)} known; at the poses that its "
-            f"frames were fitted to it is {micrometres(one.own)} um"
+            f"frames, R95 is {with_unit(one.radius)} at {poses}, which would be "
+            f"{with_unit(one.known, one.radius)} if {_which(one)} known; at the poses that its "
+            f"frames were fitted to it is {with_unit(one.own, one.radius)}"
         )
         if one.other is not None:
             name, radius = one.other
-            text += f'; in the frames of session "{name}", {micrometres(radius)} um at {poses}'
+            there = with_unit(radius, one.radius)
+            text += f'; in the frames of session "{name}", {there} at {poses}'
         said.append(f"{text}; {_mend(calibration, one)}" if one.visit else text)
     return tuple(said)
 
@@ -111,7 +112,7 @@ def wide_because(calibration: Calibration) -> str:
     return (
         f"It is so wide because of the {' and '.join(one.parts)} of session "
         f'"{calibration.visits[0].name}", which its poses hardly show: if {_which(one)} known, '
-        f"R95 would be {micrometres(one.known)} um."
+        f"R95 would be {with_unit(one.known, one.radius)}."
     )
 
 

@@ -68,7 +68,7 @@ def test_the_conditions_stand_after_the_next_step(case):
     found = replace(found, decision=Decision(1e-3, "guarded"))
     with undrawn():
         page = page_of(found, DELIVERED, VERSIONS)
-    assert " Tolerance 1000 um: " in plain(page.verdict)  # the decision stands on the first screen
+    assert " Tolerance 1 mm: " in plain(page.verdict)  # the decision stands on the first screen
     assert [section.anchor for section in page.sections][-3:] == ["job", "words", "record"]
     assert plain(page.next_step).startswith(f"{next_step(found)} {words} Systematic errors of")
 

@@ -100,4 +100,4 @@ def test_no_decision_is_said_too():
         decision=Decision(1e-3, "guarded"),
     )
     words = decision_words(none, DELIVERED)
-    assert words == ("Tolerance 1000 um: UNDECIDED: no region of the tool point can be believed.",)
+    assert words == ("Tolerance 1 mm: UNDECIDED: no region of the tool point can be believed.",)
