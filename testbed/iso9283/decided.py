@@ -6,9 +6,9 @@ import numpy as np
 from scipy.special import stdtrit
 
 from calib.measurement.iso_drift import BLOCK
-from testbed.iso9283.figure_words import limit_um, place, show, told, unit
+from testbed.iso9283.figure_words import place, show, show_limit, told, unit
 from testbed.iso9283.records import PROBABILITY, CycleResult, StatedFigure
-from testbed.units import micrometres
+from testbed.units import as_stated, with_unit
 
 SURE = 0.01
 """A p-value, for all poses together, below which a drift is said."""
@@ -46,26 +46,34 @@ def decisions(result: CycleResult) -> tuple[LimitDecision, ...]:
 
 def _decision(result: CycleResult, name: str, limit: float) -> LimitDecision:
     """One limit."""
-    figures, allowed = result.of(name), f"{name} limit {limit_um(limit)} um"
+    figures = result.of(name)
     if not figures:
-        text = f"{allowed}: UNDECIDED, nothing that was measured gives {name}"
+        text = f"{name} limit {as_stated(limit)}: UNDECIDED, nothing that was measured gives {name}"
         return LimitDecision(name, limit, "UNDECIDED", "", text)
     failing = [figure for figure in figures if figure.own_least > limit]
     if failing:
         worst = max(failing, key=lambda figure: figure.least)
-        text = f"{allowed}: FAIL, {told(worst)}"
+        text = f"{_allowed(worst, limit)}: FAIL, {told(worst, unit(worst, limit))}"
         return LimitDecision(name, limit, "FAIL", worst.where, text)
     worst = max(figures, key=lambda figure: figure.most)
     if worst.most <= limit:
-        most = f"{show(worst.most, worst)} {unit(worst)}"
-        text = f"{allowed}: PASS, the largest upper limit is {most} ({place(worst)})"
+        named = unit(worst, limit)
+        most = f"{show(worst.most, worst, named)} {named}"
+        text = f"{_allowed(worst, limit)}: PASS, the largest upper limit is {most} ({place(worst)})"
         if result.test.fitted and name in OF_THE_FRAME:
             text += ", in the frame that was fitted to the same readings"
         if drifts(result):
             text += ", if the drift stays within what these cycles show"
         return LimitDecision(name, limit, "PASS", worst.where, text)
-    text = f"{allowed}: UNDECIDED, {told(worst)}; {would_decide(worst, limit)}"
+    ways, named = would_decide(worst, limit), unit(worst, limit)
+    text = f"{_allowed(worst, limit)}: UNDECIDED, {told(worst, named)}; {ways}"
     return LimitDecision(name, limit, "UNDECIDED", worst.where, text)
+
+
+def _allowed(figure: StatedFigure, limit: float) -> str:
+    """A limit in the unit of the figure that it is read beside."""
+    named = unit(figure, limit)
+    return f"{figure.name} limit {show_limit(limit, named)} {named}"
 
 
 def would_decide(figure: StatedFigure, limit: float) -> str:
@@ -83,9 +91,10 @@ def would_decide(figure: StatedFigure, limit: float) -> str:
             "instrument that scatters less would"
         )
     if not below and size <= limit:
+        named = unit(figure, limit)
         return (
-            f"the stated noise of the instrument alone gives {show(figure.floor, figure)} "
-            f"{unit(figure)}, and without it the robot may keep the limit: an instrument with less "
+            f"the stated noise of the instrument alone gives {show(figure.floor, figure, named)} "
+            f"{named}, and without it the robot may keep the limit: an instrument with less "
             "noise would decide it"
         )
     gap = abs(limit - (figure.size if below else size))
@@ -101,7 +110,7 @@ def would_decide(figure: StatedFigure, limit: float) -> str:
     if of_all and rest <= 0:
         return (
             "more cycles would not decide it: the stated systematic errors alone give u = "
-            f"{micrometres(figure.shared)} um; a more accurate instrument would"
+            f"{with_unit(figure.shared)}; a more accurate instrument would"
         )
     return "it is so near the limit that no reasonable number of cycles would decide it"
 

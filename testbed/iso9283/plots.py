@@ -8,7 +8,7 @@ from calib.arrays import Array, evenly
 from testbed.iso9283.records import CycleResult, PathShown, PoseDrift
 from testbed.report.plots import dots, label, legend_above, legend_entries
 from testbed.report.svg import DARK, FAINT, INK, LIGHT, MIDDLE, SOFT, drawing, svg_of
-from testbed.units import UM, micrometres
+from testbed.units import column_unit, significant
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -34,20 +34,23 @@ def clusters(result: CycleResult) -> str:
     visits = result.test.visits
     assert visits is not None  # asked for where there are some
     entries = drawn(result)
-    RP = [result.of("RP")[e].value * UM for e in entries]
-    reach = 1.25 * max(*RP, *(float(np.abs(_about(visits.position[e])).max()) for e in entries))
+    sizes = [result.of("RP")[e].value for e in entries]
+    about = [visits.position[e] - visits.position[e].mean(axis=0) for e in entries]
+    largest = max(*sizes, *(float(np.abs(each).max()) for each in about))
+    scale, unit = column_unit(largest)
+    reach = 1.25 * largest * scale
     n = len(entries)
     width = min(7.1, 1.9 + 1.42 * n)
     with drawing(2, n, height=3.4, width=width, pairs=True, sharex=True, sharey=True) as (
         figure, axes,
     ):  # fmt: skip
-        for k, (e, radius) in enumerate(zip(entries, RP, strict=True)):
-            x = _about(visits.position[e])
-            toward = (visits.command[e] - visits.position[e].mean(axis=0)) * UM
+        for k, (e, radius) in enumerate(zip(entries, sizes, strict=True)):
+            x = about[k] * scale
+            toward = (visits.command[e] - visits.position[e].mean(axis=0)) * scale
             views = axes[2 * k : 2 * k + 2]
             for ax, j in zip(views, (1, 2), strict=True):
-                _cluster(ax, x[:, [0, j]], radius, toward[[0, j]], reach)
-                _name_axes(ax, views[0], "xyz"[j])
+                _cluster(ax, x[:, [0, j]], radius * scale, toward[[0, j]], reach)
+                _name_axes(ax, views[0], "xyz"[j], unit)
             views[0].set_title(_short(visits.names[e]))
         axes[0].set_xlim(-reach, reach)
         axes[0].set_ylim(-reach, reach)
@@ -68,20 +71,15 @@ def clusters(result: CycleResult) -> str:
         return svg_of(figure)
 
 
-def _about(position: Array) -> Array:
-    """Readings (n, 3) about their mean [um]."""
-    return np.asarray((position - position.mean(axis=0)) * UM)
-
-
-def _name_axes(ax: "Axes", upper: "Axes", name: str) -> None:
+def _name_axes(ax: "Axes", upper: "Axes", name: str, unit: str) -> None:
     """Names where no panel to the left or below has the same; views may stand side by side."""
     place, first = ax.get_subplotspec(), upper.get_subplotspec()
     assert place is not None  # panels of a drawing
     assert first is not None
     if place.is_first_col() or place.colspan != first.colspan:
-        ax.set_ylabel(f"{name} [µm]")
+        ax.set_ylabel(f"{name} [{unit}]")
     if place.is_last_row():
-        ax.set_xlabel("x [µm]")
+        ax.set_xlabel(f"x [{unit}]")
 
 
 def _short(name: str, most: int = 16) -> str:
@@ -137,18 +135,18 @@ def path_picture(path: PathShown) -> str:
         view.set_xlabel(f"{'xyz'[i]} [mm]")
         view.set_ylabel(f"{'xyz'[j]} [mm]")
         view.set_title(f"errors × {times}")
-        along = path.along * mm
-        curve.plot(along, path.AT * UM, color=DARK, label="mean path from command")
-        curve.plot(along, path.RT * UM, color=LIGHT, label="RT of each point")
+        along, (scale, unit) = path.along * mm, column_unit([*path.AT, *path.RT])
+        curve.plot(along, path.AT * scale, color=DARK, label="mean path from command")
+        curve.plot(along, path.RT * scale, color=LIGHT, label="RT of each point")
         for values, color, name in ((path.AT, DARK, "AT"), (path.RT, LIGHT, "RT")):
             k = int(values.argmax())
-            curve.plot(along[k], values[k] * UM, "o", color=color, markersize=4)
-            text = f"{name} {micrometres(float(values[k]))}"
+            curve.plot(along[k], values[k] * scale, "o", color=color, markersize=4)
+            text = f"{name} {significant(float(values[k]) * scale)}"
             side = "left" if k < len(along) / 3 else "right" if k > 2 * len(along) / 3 else "center"
-            label(curve, text, (float(along[k]), float(values[k]) * UM), (0, 4), ha=side)
-        curve.set_ylim(0, 1.2 * UM * float(max(path.AT.max(), path.RT.max())))
+            label(curve, text, (float(along[k]), float(values[k]) * scale), (0, 4), ha=side)
+        curve.set_ylim(0, 1.2 * scale * float(max(path.AT.max(), path.RT.max())))
         curve.set_xlabel("along the path [mm]")
-        curve.set_ylabel("[µm]")
+        curve.set_ylabel(f"[{unit}]")
         curve.plot([], [], color=MIDDLE, linestyle="--", linewidth=0.9, label="commanded")
         legend_above(figure, curve)
         return svg_of(figure)
@@ -169,12 +167,14 @@ def drift_picture(drifts: tuple[PoseDrift, ...]) -> str:
     """AP and RP of each pose, block after block."""
     with drawing(1, 2, height=2.2) as (figure, axes):
         for ax, key in zip(axes, ("AP", "RP"), strict=True):
+            shown = [getattr(one, key).max() for one in drifts]
+            scale, unit = column_unit(shown)
             for one in drifts[:MOST_DRIFTS]:
-                ax.plot(one.hours, getattr(one, key) * UM, "o-", color=FAINT, markersize=3)
+                ax.plot(one.hours, getattr(one, key) * scale, "o-", color=FAINT, markersize=3)
             worst = min(drifts, key=lambda one: min(one.p_values))
-            ax.plot(worst.hours, getattr(worst, key) * UM, "o-", color=DARK, markersize=3.5,
+            ax.plot(worst.hours, getattr(worst, key) * scale, "o-", color=DARK, markersize=3.5,
                     label=_short(worst.where, 30))  # fmt: skip
-            ax.set_ylabel(f"{key} [µm]")
+            ax.set_ylabel(f"{key} [{unit}]")
             ax.set_xlabel("time [h]")
             ax.set_ylim(bottom=0)
         axes[0].plot([], [], "o-", color=FAINT, markersize=3, label="other poses")

@@ -7,7 +7,8 @@ import numpy as np
 
 from calib.arrays import Array, evenly
 from calib.measurement.iso_drift import BLOCK
-from testbed.iso9283.recording_path import DARK, FRAMES, PALE, path_chapter
+from calib.shown import length_unit
+from testbed.iso9283.recording_path import DARK, FRAMES, PALE, path_chapter, rounded
 from testbed.iso9283.shown import ShownTest
 from testbed.recording import style
 from testbed.recording.cell import box_edges
@@ -15,7 +16,7 @@ from testbed.recording.chart import Chart, Series
 from testbed.recording.pen import Pen
 from testbed.recording.story import Chapter, Story
 from testbed.recording.timeline import Phase, spread, visit
-from testbed.units import UM, counted
+from testbed.units import counted
 
 MOST_VISITS = 600
 """Readings to which the recording goes; of more cycles, evenly spread ones are shown."""
@@ -136,7 +137,8 @@ def _visits(shown: LargerThanLife) -> Chapter:
     count, all_of_them = len(test.poses), test.position.shape[1]
     cycles = evenly(np.arange(all_of_them), max(2, MOST_VISITS // count))
     position = test.position[:, cycles]
-    off = UM * np.linalg.norm(position - test.command[:, None], axis=2)
+    off = np.linalg.norm(position - test.command[:, None], axis=2)
+    scale, unit = length_unit(largest := float(off.max()))
     named = sorted(np.argsort(-test.RP, kind="stable")[: len(CURVES)].tolist())
     items = np.arange(len(cycles)) * count
     some = f"- {len(cycles)} of {all_of_them} cycles, evenly spread, are shown"
@@ -165,15 +167,15 @@ def _visits(shown: LargerThanLife) -> Chapter:
         draw=draw,
         lines=[
             f"cycle {cycles[k // count] + 1} of {all_of_them}, {test.called[k % count]}: "
-            f"{away:.0f} um off"
+            f"{rounded(away, largest)} off"
             for k, away in enumerate(off.T.ravel())
         ],
         charts=(
             Chart(
                 "visit",
-                "Distance from the command [um] by cycle",
+                f"Distance from the command [{unit}] by cycle",
                 [
-                    Series(f"off{e + 1}", off[e], color, test.called[e], items + e)
+                    Series(f"off{e + 1}", scale * off[e], color, test.called[e], items + e)
                     for e, color in zip(named, CURVES, strict=False)
                 ],
                 np.repeat(cycles + 1.0, count),
@@ -185,7 +187,8 @@ def _visits(shown: LargerThanLife) -> Chapter:
 def _figures(shown: LargerThanLife) -> Chapter:
     """AP as an arrow and RP as a sphere, pose after pose."""
     test, count = shown.test, len(shown.test.poses)
-    AP, RP = UM * test.AP, UM * test.RP
+    AP, RP = test.AP, test.RP
+    scale, unit = length_unit(largest := float(max(AP.max(), RP.max())))
 
     def draw(pen: Pen, phase: Phase) -> None:
         import rerun as rr
@@ -217,14 +220,14 @@ def _figures(shown: LargerThanLife) -> Chapter:
         ),
         draw=draw,
         lines=[
-            f"{name}: AP {a:.0f} um, RP {r:.0f} um"
+            f"{name}: AP {rounded(a, largest)}, RP {rounded(r, largest)}"
             for name, a, r in zip(test.called, AP, RP, strict=True)
         ],
         charts=(
             Chart(
                 "figures",
-                "AP and RP [um] by pose",
-                (Series("AP", AP, style.VERMILION), Series("RP", RP, style.BLUE)),
+                f"AP and RP [{unit}] by pose",
+                (Series("AP", scale * AP, style.VERMILION), Series("RP", scale * RP, style.BLUE)),
                 np.arange(1.0, count + 1),
             ),
         ),
@@ -236,9 +239,11 @@ def _drift(shown: LargerThanLife) -> Chapter:
     test, n = shown.test, shown.test.position.shape[1]
     ends = evenly(np.arange(BLOCK, n + 1), FRAMES)
     moving = np.array([test.position[:, end - BLOCK : end].mean(axis=1) for end in ends])
-    AP = UM * np.linalg.norm(moving - test.command, axis=2)
+    AP = np.linalg.norm(moving - test.command, axis=2)
     first, center = moving[0], shown.center
     worst = int(np.abs(AP - AP[0]).max(axis=0).argmax())
+    most, others, changes = AP[:, worst], AP.mean(axis=1), f"{test.called[worst]}, changes most"
+    scale, unit = length_unit(largest := float(max(most.max(), others.max())))
 
     def draw(pen: Pen, phase: Phase) -> None:
         import rerun as rr
@@ -262,7 +267,6 @@ def _drift(shown: LargerThanLife) -> Chapter:
         pen.static(path, rr.Arrows3D.from_fields(radii=thin, colors=style.VERMILION))
         pen.clear(phase.stop, "world/last_ten", path, f"world/RP_x{shown.wide}")
 
-    others = AP.mean(axis=1)
     return Chapter(
         name="drift",
         local="cycle",
@@ -276,18 +280,17 @@ def _drift(shown: LargerThanLife) -> Chapter:
         ),
         draw=draw,
         lines=[
-            f"cycles {end - BLOCK + 1} to {end} of {n}, {test.called[worst]}: AP {value:.0f} um"
-            for end, value in zip(ends, AP[:, worst], strict=True)
+            f"cycles {end - BLOCK + 1} to {end} of {n}, {test.called[worst]}: "
+            f"AP {rounded(value, largest)}"
+            for end, value in zip(ends, most, strict=True)
         ],
         charts=(
             Chart(
                 "drift",
-                f"AP [um] of {BLOCK} cycles, by the last of them",
+                f"AP [{unit}] of {BLOCK} cycles, by the last of them",
                 (
-                    Series(
-                        "most", AP[:, worst], style.VERMILION, f"{test.called[worst]}, changes most"
-                    ),
-                    Series("mean", others, style.BLUE, "mean of all poses"),
+                    Series("most", scale * most, style.VERMILION, changes),
+                    Series("mean", scale * others, style.BLUE, "mean of all poses"),
                 ),
                 ends * 1.0,
             ),

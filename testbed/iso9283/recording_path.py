@@ -5,13 +5,13 @@ from dataclasses import replace
 import numpy as np
 
 from calib.arrays import evenly
+from calib.shown import length_unit, length_words
 from testbed.iso9283.shown import ShownPath
 from testbed.recording import style
 from testbed.recording.chart import Chart, Series
 from testbed.recording.pen import Pen
 from testbed.recording.story import Chapter
 from testbed.recording.timeline import Phase, glide, spread
-from testbed.units import UM
 
 TUBE = 0.12
 """Largest drawn error of a path, in sizes of the path."""
@@ -23,13 +23,20 @@ DARK, PALE = (40, 46, 54), (*style.BLUE, 46)
 """Of commands, and of what scatters about a middle."""
 
 
+def rounded(length: float, largest: float) -> str:
+    """A length [m] of a curve that goes up to the largest, micrometers as whole ones."""
+    return length_words(length, largest, um=".0f")
+
+
 def path_chapter(path: ShownPath, k: int) -> Chapter:
     """Point after point, how far the mean run is from the command and how far runs scatter."""
     size, largest = float(np.ptp(path.command, axis=0).max()), float((path.AT + path.RT).max())
     times = style.nice_factor(TUBE * size, largest)
     mean = path.command + times * (path.mean - path.command)
     items, root = evenly(np.arange(len(mean)), FRAMES), f"world/path{k + 1}"
-    AT, RT = (UM * np.where(one > ROUNDING, one, 0.0)[items] for one in (path.AT, path.RT))
+    AT, RT = (np.where(one > ROUNDING, one, 0.0)[items] for one in (path.AT, path.RT))
+    largest = float(max(AT.max(), RT.max()))
+    scale, unit = length_unit(largest)
     motion = spread(len(items), FRAMES)
     way = glide(path.command[items], motion.steps)
 
@@ -65,14 +72,14 @@ def path_chapter(path: ShownPath, k: int) -> Chapter:
         ),
         draw=draw,
         lines=[
-            f"point {item + 1} of {len(mean)}: {a:.0f} um off, RT {r:.0f} um"
+            f"point {item + 1} of {len(mean)}: {rounded(a, largest)} off, RT {rounded(r, largest)}"
             for item, a, r in zip(items, AT, RT, strict=True)
         ],
         charts=(
             Chart(
                 f"path{k + 1}",
-                "AT and RT [um] by point",
-                (Series("AT", AT, style.VERMILION), Series("RT", RT, style.BLUE)),
+                f"AT and RT [{unit}] by point",
+                (Series("AT", scale * AT, style.VERMILION), Series("RT", scale * RT, style.BLUE)),
                 items + 1.0,
             ),
         ),

@@ -6,7 +6,7 @@ import numpy as np
 
 from calib.arrays import Array, Index
 from calib.measurement.iso_memory import CycleMemory
-from calib.shown import ResultTable, Shown
+from calib.shown import ResultTable, Shown, length_words
 from testbed.gates.text import SourceFile
 from testbed.jobsheet.sheet import JobSheet
 from testbed.scenario.systematic import SystematicTable
@@ -229,7 +229,9 @@ class CycleResult(Shown):
 
     def __repr__(self) -> str:
         worst = ((name, self.worst(name)) for name in ("AP", "RP"))
-        sizes = [f"{name} {1e6 * figure.size:.3g} um" for name, figure in worst if figure]
+        sizes = [
+            f"{name} {length_words(figure.size, um='.3g')}" for name, figure in worst if figure
+        ]
         return f"CycleResult({self.test.name!r}: {', '.join(sizes) or 'no poses'})"
 
     def tables(self) -> dict[str, ResultTable]:

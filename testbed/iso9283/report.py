@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 
 from testbed.iso9283.decided import decisions, overall
-from testbed.iso9283.figure_words import limit_um
+from testbed.iso9283.figure_words import show_limit, unit
 from testbed.iso9283.records import STANDARD, CycleResult
 from testbed.iso9283.report_figures import (
     angle_section,
@@ -18,7 +18,7 @@ from testbed.iso9283.words import EDITION, enough, mark, next_step, notice, reas
 from testbed.jobsheet.report import Row, job_rows, job_section
 from testbed.report.page import Block, Page, Points, Section, Table, Text, record_section
 from testbed.store.layout import PLAYED_TEST
-from testbed.units import sentences
+from testbed.units import as_stated, sentences
 
 WORST = ("AP", "RP", "AP_angle", "RP_angle_x", "RP_angle_y", "RP_angle_z", "vAP", "AD", "RD",
          "dAP", "dRP", "AT", "RT")  # fmt: skip
@@ -73,13 +73,14 @@ def headline(result: CycleResult) -> Table:
         figure = result.worst(name)
         if figure is not None:
             limit = asked.get(name)
+            named = unit(figure) if limit is None else unit(figure, limit.limit)
             rows.append(
                 (
                     called(name),
                     figure.where,
-                    *cells(figure),
-                    "mdeg" if figure.angle else "µm",
-                    "–" if limit is None else limit_um(limit.limit),
+                    *cells(figure, named),
+                    named.replace("u", "µ"),
+                    "–" if limit is None else show_limit(limit.limit, named),
                     "–" if limit is None else limit.word,
                 )
             )
@@ -104,7 +105,7 @@ def called(name: str) -> str:
 def sheet_rows(result: CycleResult) -> tuple[Row, ...]:
     """The job sheet with how the test was done, and what was decided."""
     test = result.test
-    limits = ", ".join(f"{name} {limit_um(x)} um" for name, x in test.limits.items())
+    limits = ", ".join(f"{name} {as_stated(x)}" for name, x in test.limits.items())
     decided = "; ".join(one.sentence for one in decisions(result))
     stated = job_rows(
         test.job,

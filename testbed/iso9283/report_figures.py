@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from testbed.iso9283.figure_words import show
+from testbed.iso9283.figure_words import show, unit_of_all
 from testbed.iso9283.plots import FEW, clusters, drawn, drift_picture, factor_of, path_picture
 from testbed.iso9283.records import CycleResult, StatedFigure
 from testbed.report.page import Figure as Drawing
@@ -14,10 +14,10 @@ MOST_ROWS = 60
 """Rows of a table; all of them stand in iso9283.csv."""
 
 
-def cells(figure: StatedFigure) -> tuple[str, ...]:
-    """Value, limits, floor and cycles."""
-    floor = "–" if np.isnan(figure.floor) else show(figure.floor, figure)
-    values = (show(x, figure) for x in (figure.value, figure.lower, figure.upper))
+def cells(figure: StatedFigure, named: str) -> tuple[str, ...]:
+    """Value, limits and floor in a unit, and cycles."""
+    floor = "–" if np.isnan(figure.floor) else show(figure.floor, figure, named)
+    values = (show(x, figure, named) for x in (figure.value, figure.lower, figure.upper))
     return (*values, floor, str(figure.cycles))
 
 
@@ -27,20 +27,21 @@ def pose_section(result: CycleResult) -> Section | None:
     if visits is None:
         return None
     parts = {name: result.of(name) for name in ("AP", "AP_x", "AP_y", "AP_z", "RP")}
-    rows = []
+    rows, named = [], unit_of_all(result.of("AP", "RP"))
     for e, name in enumerate(visits.names[:MOST_ROWS]):
         own = {key: figures[e] for key, figures in parts.items()}
         along = (own[f"AP_{axis}"] for axis in "xyz")
-        signed = (show(part.value, part) for part in along)
+        signed = (show(part.value, part, named) for part in along)
         AP, RP = own["AP"], own["RP"]
         rows.append(
             (
-                name, show(AP.value, AP), _span(AP), *signed,
-                show(RP.value, RP), _span(RP), "–" if np.isnan(RP.floor) else show(RP.floor, RP),
+                name, show(AP.value, AP, named), _span(AP, named), *signed,
+                show(RP.value, RP, named), _span(RP, named),
+                "–" if np.isnan(RP.floor) else show(RP.floor, RP, named),
             )
         )  # fmt: skip
     table = Table(
-        caption=f"Pose accuracy and repeatability, µm, {visits.cycles} cycles",
+        caption=f"Pose accuracy and repeatability, {_letter(named)}, {visits.cycles} cycles",
         head=("pose", "AP", "95 %", "AP x", "AP y", "AP z", "RP", "95 %", "floor of RP"),
         rows=tuple(rows),
         align="lrrrrrrrr",
@@ -62,9 +63,14 @@ def pose_section(result: CycleResult) -> Section | None:
     return Section("poses", "Poses", (table, picture))
 
 
-def _span(figure: StatedFigure) -> str:
+def _span(figure: StatedFigure, named: str) -> str:
     """Both limits in one cell."""
-    return f"{show(figure.lower, figure)} to {show(figure.upper, figure)}"
+    return f"{show(figure.lower, figure, named)} to {show(figure.upper, figure, named)}"
+
+
+def _letter(named: str) -> str:
+    """A unit with micro as one letter."""
+    return named.replace("u", "µ")
 
 
 def _more(count: int) -> str:
@@ -77,15 +83,20 @@ def angle_section(result: CycleResult) -> Section | None:
     turns, about = result.of("AP_angle"), [result.of(f"RP_angle_{axis}") for axis in "xyz"]
     if not about[0]:
         return None
+    named = unit_of_all([*turns, *(figure for own in about for figure in own)])
     rows = tuple(
         (
-            one.where, *((show(turns[e].value, turns[e]), _span(turns[e])) if turns else "––"),
-            *(cell for own in about for cell in (show(own[e].value, own[e]), _span(own[e]))),
+            one.where,
+            *((show(turns[e].value, turns[e], named), _span(turns[e], named)) if turns else "––"),
+            *(
+                cell for own in about
+                for cell in (show(own[e].value, own[e], named), _span(own[e], named))
+            ),
         )
         for e, one in enumerate(about[0][:MOST_ROWS])
     )  # fmt: skip
     table = Table(
-        "Orientation, mdeg",
+        f"Orientation, {named}",
         ("pose", "AP", "95 %", "RP x", "95 %", "RP y", "95 %", "RP z", "95 %"),
         rows,
         size="small",
@@ -101,8 +112,9 @@ def direction_section(result: CycleResult) -> Section | None:
     figures = result.of("vAP")
     if not figures:
         return None
-    rows = tuple((figure.where, *cells(figure)) for figure in figures[:MOST_ROWS])
-    head = ("where", "vAP µm", "95 % from", "to", "floor", "cycles")
+    named = unit_of_all(figures)
+    rows = tuple((figure.where, *cells(figure, named)) for figure in figures[:MOST_ROWS])
+    head = ("where", f"vAP {_letter(named)}", "95 % from", "to", "floor", "cycles")
     note = "Largest distance between the barycenters of one pose reached from several directions."
     table = Table("vAP", head, rows, size="small", note=note + _more(len(figures)))
     return Section("directions", "Directions of approach", (table,))
@@ -113,12 +125,16 @@ def distance_section(result: CycleResult) -> Section | None:
     AD, RD = result.of("AD"), result.of("RD")
     if not AD:
         return None
+    named = unit_of_all([*AD, *RD])
     rows = tuple(
-        (one.where, show(one.value, one), _span(one), show(two.value, two), _span(two))
+        (
+            one.where, show(one.value, one, named), _span(one, named),
+            show(two.value, two, named), _span(two, named),
+        )
         for one, two in zip(AD[:MOST_ROWS], RD, strict=False)
-    )
+    )  # fmt: skip
     table = Table(
-        "Distance accuracy and repeatability, µm",
+        f"Distance accuracy and repeatability, {_letter(named)}",
         ("from, to", "AD", "95 %", "RD", "95 %"),
         rows,
         size="small",
@@ -133,16 +149,18 @@ def drift_section(result: CycleResult) -> Section | None:
     if not result.drifts:
         return None
     dAP, dRP = result.of("dAP"), result.of("dRP")
+    named = unit_of_all([*dAP, *dRP])
     rows = tuple(
         (
             one.where, str(len(one.AP)), significant(float(np.ptp(one.hours)), 2),
-            show(a.value, a), _span(a), show(one.chance[0], a), probability(one.p_values[0]),
-            show(r.value, r), show(one.chance[1], r), probability(one.p_values[1]),
+            show(a.value, a, named), _span(a, named), show(one.chance[0], a, named),
+            probability(one.p_values[0]), show(r.value, r, named),
+            show(one.chance[1], r, named), probability(one.p_values[1]),
         )
         for one, a, r in zip(result.drifts[:MOST_ROWS], dAP, dRP, strict=False)
     )  # fmt: skip
     table = Table(
-        "Drift of pose accuracy and repeatability, µm",
+        f"Drift of pose accuracy and repeatability, {_letter(named)}",
         ("pose", "blocks", "over h", "dAP", "95 %", "chance 95 %", "p", "dRP", "chance 95 %", "p"),
         rows,
         size="small",
@@ -165,14 +183,15 @@ def path_sections(result: CycleResult) -> list[Section]:
     sections = []
     for k, shown in enumerate(result.paths):
         figures = [f for f in result.of("AT", "RT") if f.where == f"path {shown.name}"]
-        rows = tuple((figure.name, *cells(figure)) for figure in figures)
+        named = unit_of_all(figures)
+        rows = tuple((figure.name, *cells(figure, named)) for figure in figures)
         run = result.test.paths[k]
         how = (
             "" if run.matched else " The runs have no point numbers and were read in their order."
         )  # fmt: skip
         table = Table(
             f"Path {shown.name}: {counted(len(run.runs), 'run')}, {len(shown.command)} points",
-            ("figure", "µm", "95 % from", "to", "floor", "runs"),
+            ("figure", _letter(named), "95 % from", "to", "floor", "runs"),
             rows,
             size="small",
             note="AT: largest distance of the mean path from a commanded point, in the plane "

@@ -5,7 +5,7 @@ import numpy as np
 from calib.measurement.iso_drift import BLOCK
 from testbed.iso9283.cycle_words import corner_words, cycle_words
 from testbed.iso9283.decided import SURE, decisions, drifts, overall
-from testbed.iso9283.figure_words import place, show
+from testbed.iso9283.figure_words import place, show, unit
 from testbed.iso9283.records import (
     PATH_CYCLES,
     POSE_CYCLES,
@@ -60,7 +60,7 @@ def verdict(result: CycleResult) -> str:
             span = f"{show(figure.least, figure)} to {show(figure.most, figure)}"
             limits = f"95 % limits {span}" if not parts else span
             at = f"({place(figure)}; {limits})"
-            parts.append(f"{name} is up to {show(figure.size, figure)} um {at}")
+            parts.append(f"{name} is up to {show(figure.size, figure)} {unit(figure)} {at}")
     said = [f"{'; '.join(parts)}", *_drift_told(result), f"Measured: {extent(result.test)}"]
     return f"{'. '.join(said)}."
 
@@ -93,8 +93,8 @@ def reasons(result: CycleResult) -> tuple[str, ...]:
             else "the robot itself repeats better than that"
         )
         texts.append(
-            f"{worst.name} of {place(worst)} is {show(worst.size, worst)} um, and the stated noise "
-            f"alone gives {show(worst.floor, worst)} um: {follows}"
+            f"{worst.name} of {place(worst)} is {show(worst.size, worst)} {unit(worst)}, and the "
+            f"stated noise alone gives {show(worst.floor, worst)} {unit(worst)}: {follows}"
             + (f" ({counted(len(near) - 1, 'more figure')} like it)" if len(near) > 1 else "")
         )
     if not test.uncertainty:
@@ -121,7 +121,8 @@ def _too_few(result: CycleResult) -> list[str]:
         assert RP is not None  # every pose has one
         texts.append(
             f"{said}: these are not the standard's figures; with infinitely many cycles, the RP of "
-            f"{show(RP.size, RP)} um may become {show(RP.least, RP)} to {show(RP.most, RP)} um"
+            f"{show(RP.size, RP)} {unit(RP)} may become {show(RP.least, RP)} to "
+            f"{show(RP.most, RP)} {unit(RP)}"
         )
     texts += [
         f"Path {one.name} has {len(one.runs)} runs, and {STANDARD} asks for {PATH_CYCLES}"
@@ -143,7 +144,7 @@ def _drift_told(result: CycleResult) -> list[str]:
     dAP, p = result.worst("dAP"), p_equals(result.drift_p_value)
     assert dAP is not None  # every drift has one
     hours = max(float(np.ptp(one.hours)) for one in result.drifts)
-    size = f"{show(dAP.size, dAP)} um ({place(dAP)}) over {significant(hours, 2)} h"
+    size = f"{show(dAP.size, dAP)} {unit(dAP)} ({place(dAP)}) over {significant(hours, 2)} h"
     if drifts(result):
         return [f"The robot drifts (p {p} for all poses together): AP changes by up to {size}"]
     return [
@@ -169,7 +170,9 @@ def _drifting(result: CycleResult) -> list[str]:
     worst = max(result.drifts, key=lambda one: float((one.changes / one.chance).max()))
     k = int((worst.changes / worst.chance).argmax())
     own = next(f for f in result.of(("dAP", "dRP")[k]) if f.where == worst.where)
-    change, usual = show(worst.changes[k], own), show(worst.chance[k], own)
+    change, usual = (
+        f"{show(size, own)} {unit(own)}" for size in (worst.changes[k], worst.chance[k])
+    )
     name = ("AP", "RP")[k]
     changed = any(figure.lower > 0 for figure in result.of("dAP", "dRP"))
     follow = result.memory is not None and result.memory.kept > 0
@@ -178,8 +181,8 @@ def _drifting(result: CycleResult) -> list[str]:
         "the limits of dAP and dRP, which allow for that, include zero at every pose"
     )
     return [
-        f"{name} of {place(own)} changes by {change} um; in 95 % of random orders of the "
-        f"same cycles it changes by less than {usual} um. The confidence limits hold for the "
+        f"{name} of {place(own)} changes by {change}; in 95 % of random orders of the "
+        f"same cycles it changes by less than {usual}. The confidence limits hold for the "
         "hours measured",
         *([unsure] if follow and not changed else []),
     ]
