@@ -21,10 +21,10 @@ from calib.design.problem import NO_POSES
 from calib.design.relaxation import relaxation
 from calib.errors import InputError, refuse
 from testbed.laboratory.tracker.predicted import goal_u
-from testbed.plan.promises import OVER, efficiency_word, factor_words
+from testbed.plan.promises import OVER, efficiency_word, factor_words, length
 from testbed.plan.records import Curve, NextPose, Proof
 from testbed.plan.task import DesignTask, rms
-from testbed.units import counted, micrometres
+from testbed.units import UM, as_stated, counted
 
 RANDOM_SETS = 40
 """Random sets behind each value of the curve."""
@@ -71,11 +71,11 @@ def designed(task: DesignTask, rng: np.random.Generator) -> tuple[Index, str, Cu
         target, k = task.settings.target_um, task.settings.coverage * 1e6
         reached, possible = float(budget.reached[-1]) * k, float(budget.possible[-1]) * k
         part = k * task.u_shared(budget.chosen)
-        shared = f" ({part:.3g} um from the tracker's systematic errors)" if task.inputs else ""
+        shared = f" ({_three(part)} um from the tracker's systematic errors)" if task.inputs else ""
         raise refuse(
             "plan.target_um", target,
-            f"they reach {reached:.3g} um{shared}, and no set of so many goes below "
-            f"{possible:.3g} um",
+            f"they reach {_three(reached)} um{shared}, and no set of so many goes below "
+            f"{_three(possible)} um",
             code="S37", fix="ask for less, measure better, or enlarge [pool] size",
             message=f"[plan] target_um is {target:g}, which "
             f"{_poses(len(budget.chosen), 'do', 'does')} not reach",
@@ -184,15 +184,24 @@ def _sentence(task: DesignTask, m: int, proven: int) -> str:
     """What is proven about the number of poses."""
     settings = task.settings
     over = OVER["G" if settings.target_is == "worst" else "V"]
-    asked = f"U = {settings.target_um:g} µm ({factor_words(settings.coverage, over)})"
+    target, here = settings.target_um / UM, 0.0
+    if not proven:
+        here = settings.coverage * task.u(NO_POSES)
+    said = as_stated(target, here).replace("um", "µm")
+    asked = f"U = {said} ({factor_words(settings.coverage, over)})"
     reach = _poses(m, "reach", "reaches", "more pose" if len(task.before) else "pose")
     if not proven:
-        here = micrometres(settings.coverage * task.u(NO_POSES))
         before = counted(len(task.before) // task.blocks.shape[1], "pose")
-        return f"The {before} measured already reach {asked}: they give {here} µm without another"
+        gives = f"they give {length(here, target)} without another"
+        return f"The {before} measured already reach {asked}: {gives}"
     if m == proven:
         return f"{reach} {asked}, and it is proven that no fewer can"
     return f"{reach} {asked}; it is proven that fewer than {proven} from this pool do not"
+
+
+def _three(size: float) -> str:
+    """Three digits, in the unit of the key that it is held against."""
+    return f"{float(f'{size:.3g}'):g}"
 
 
 def _poses(m: int, verb: str, singular: str, noun: str = "pose") -> str:
@@ -208,13 +217,14 @@ def proof_of(task: DesignTask, places: Index) -> Proof:
     sentence, k, criterion = found.sentence, task.settings.coverage, task.settings.criterion
     if criterion in OVER:
         # in the unit of everything else a plan says: expanded, not standard, uncertainty
+        bound, reached = k * found.figure_bound, k * found.figure
         even = ", even if its estimate found the tracker's systematic errors as well"
         sentence = (
             f"{criterion}-efficiency at least {efficiency_word(found.efficiency)}: no other set of "
             f"{len(places)} from the {len(task.blocks)} poses of the pool goes below "
-            f"U = {micrometres(k * found.figure_bound, 4)} µm "
+            f"U = {length(bound, reached, digits=4)} "
             f"({factor_words(k, OVER[criterion])}){even if task.inputs else ''}; "
-            f"this set reaches {micrometres(k * found.figure, 4)} µm"
+            f"this set reaches {length(reached, bound, digits=4)}"
         )
     elif task.inputs:
         sentence += "; the criterion counts noise alone, not the tracker's systematic errors"

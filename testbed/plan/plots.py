@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from calib.arrays import Array
-from testbed.plan.promises import factor_words
+from testbed.plan.promises import curve_unit, factor_words, unit_of
 from testbed.plan.records import Plan
 from testbed.report.plots import (
     BARS,
@@ -20,7 +20,7 @@ from testbed.report.plots import (
     view_of,
 )
 from testbed.report.svg import DARK, FAINT, INK, LIGHT, MIDDLE, SOFT, drawing, svg_of
-from testbed.units import MM, UM, significant
+from testbed.units import MM, significant
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -88,34 +88,35 @@ def order_map(plan: Plan) -> str:
 def budget(plan: Plan) -> str:
     """Expanded uncertainty against the number of poses, with what no set can go below."""
     curve, k = plan.curve, plan.scenario.plan.coverage
+    scale, unit = curve_unit(plan)
     m = len(plan.places)
     with drawing(1, 1, height=2.75) as (figure, (ax,)):
         x = curve.counts
         if np.isfinite(curve.random).any():
-            random = k * curve.random * UM
+            random = k * curve.random * scale
             ax.plot(x, random, ":", color=SOFT, label="random sets, median", marker="^")
-        ax.plot(x, k * curve.u * UM, color=DARK, marker="o", label="designed")
+        ax.plot(x, k * curve.u * scale, color=DARK, marker="o", label="designed")
         if curve.shared.any():
             parts = np.sqrt(np.maximum(curve.u**2 - curve.shared**2, 0.0)), curve.shared
             for part, dashes, name in zip(parts, ("-.", "-"), PARTS, strict=True):
-                ax.plot(x, k * part * UM, dashes, color=SOFT, linewidth=1.0, label=name)
+                ax.plot(x, k * part * scale, dashes, color=SOFT, linewidth=1.0, label=name)
         if np.isfinite(curve.bound).any():
-            bound = k * curve.bound * UM
+            bound = k * curve.bound * scale
             ax.plot(x, bound, "--", color=MIDDLE, label="no set goes below")
             ax.fill_between(x, 0, bound, color="#f3ded2", linewidth=0)
         if curve.target is not None:
-            target = k * curve.target * UM
+            target = k * curve.target * scale
             ax.axhline(target, color=INK, linewidth=0.8)
             label(
-                ax, f"target {target:.3g} µm", (1.0, target), (-2, 3),
+                ax, f"target {target:.3g} {unit}", (1.0, target), (-2, 3),
                 xycoords=("axes fraction", "data"), ha="right",
             )  # fmt: skip
         marked_line(ax, m, f"the plan: {m}", -4, color=LIGHT, linewidth=1.2)
-        ax.set_ylim(0, _top(k * UM * curve.u, k * UM * (curve.target or 0.0)))
+        ax.set_ylim(0, _top(k * scale * curve.u, k * scale * (curve.target or 0.0)))
         already = " beyond those measured already" if len(plan.measured_q) else ""
         ax.set_xlabel(f"poses{already}")
         ax.locator_params(axis="x", integer=True)
-        ax.set_ylabel(f"U, {factor_words(k)} [µm]")
+        ax.set_ylabel(f"U, {factor_words(k)} [{unit}]")
         ax.legend(loc="upper right")
         return svg_of(figure)
 
@@ -130,23 +131,24 @@ def _top(values: Array, target: float) -> float:
 def prediction(plan: Plan) -> str:
     """Left: uncertainty while poses are measured. Right: its spread over the goal."""
     k = plan.scenario.plan.coverage
+    scale, unit = unit_of(plan, plan.u_worst)
     with drawing(1, 2, height=2.3) as (figure, (left, right)):
         steps = np.arange(1, len(plan.u_of_step) + 1)
         seen = np.isfinite(plan.u_of_step)
-        left.plot(steps[seen], k * plan.u_of_step[seen] * UM, color=DARK, marker="o")
+        left.plot(steps[seen], k * plan.u_of_step[seen] * scale, color=DARK, marker="o")
         if seen.any():
-            left.set_ylim(0, _top(k * UM * plan.u_of_step[seen], 0.0))
+            left.set_ylim(0, _top(k * scale * plan.u_of_step[seen], 0.0))
         left.set_xlim(0, len(steps) + 1)
         left.set_title("while measuring, in the order of the plan")
         left.set_xlabel("identification poses measured")
         left.locator_params(axis="x", integer=True)
-        left.set_ylabel("U over the goal [µm]")
-        right.hist(k * plan.u * UM, bins=20, weights=plan.goal.weights, **BARS)
+        left.set_ylabel(f"U over the goal [{unit}]")
+        right.hist(k * plan.u * scale, bins=20, weights=plan.goal.weights, **BARS)
         right.set_ylim(0, 1.15 * right.get_ylim()[1])  # room for the two words
         for value, name in ((plan.u_mean, "RMS"), (plan.u_worst, "worst")):
-            marked_line(right, k * value * UM, name, -3, color=MIDDLE, linewidth=1.2)
+            marked_line(right, k * value * scale, name, -3, color=MIDDLE, linewidth=1.2)
         right.set_title("over the goal, after all poses")
-        right.set_xlabel(f"U, {factor_words(k)} [µm]")
+        right.set_xlabel(f"U, {factor_words(k)} [{unit}]")
         right.set_ylabel("share of the goal")
         return svg_of(figure)
 
@@ -157,7 +159,8 @@ def stations(plan: Plan) -> str:
     if seen is None:
         return ""
     k = plan.scenario.plan.coverage
-    u = k * seen.u_mean * UM
+    scale, unit = unit_of(plan, seen.u_mean[seen.best])
+    u = k * seen.u_mean * scale
     order = np.argsort(np.where(np.isfinite(u), u, np.inf), kind="stable")
     with drawing(1, 2, height=2.6) as (figure, (left, right)):
         dots(left, plan.pool.T[:, :2, 3] * MM)
@@ -175,7 +178,7 @@ def stations(plan: Plan) -> str:
         right.barh(range(len(shown)), u[shown], color=colors, height=0.65)
         right.set_yticks(range(len(shown)), [f"{n + 1}" for n in shown])
         right.invert_yaxis()
-        right.set_xlabel(f"U over the goal, {factor_words(k)} [µm]")
+        right.set_xlabel(f"U over the goal, {factor_words(k)} [{unit}]")
         right.set_ylabel("station")
         right.grid(axis="y", visible=False)
         return svg_of(figure)

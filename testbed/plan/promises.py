@@ -12,7 +12,17 @@ from calib.uncertainty.statement.applicability import REFUSED, WARNED, Applicabi
 from calib.uncertainty.statement.distance import least_content
 from calib.uncertainty.statement.places import room_words
 from testbed.plan.records import Plan
-from testbed.units import NARROW, UM, counted, listed, micrometres, percent, significant
+from testbed.units import (
+    NARROW,
+    UM,
+    column_unit,
+    counted,
+    length_unit,
+    listed,
+    percent,
+    significant,
+    with_unit,
+)
 
 OVER = {"V": "RMS over the goal", "G": "worst of the goal"}
 """What a figure of each criterion of the goal is."""
@@ -26,7 +36,7 @@ def promise(plan: Plan) -> str:
     seen = plan.foresight
     far = "noise and the tracker's systematic errors" if has_shared(plan) else "noise alone"
     return (
-        f"{poses} will locate the mean tool point within {micrometres(seen.R95_over)} µm (3-D "
+        f"{poses} will locate the mean tool point within {length(seen.R95_over)} (3-D "
         f"radius, 95{NARROW}%). This counts {far}, over all postures of the goal. "
         f"{misfit_words(plan)}. {_time_words(plan)}."
     )
@@ -48,7 +58,7 @@ def misfit_words(plan: Plan) -> str:
         return f"{few}, and the calibration will state {about}" if about else few
     allowed = f"allow for it and state {about}" if about else "allow for it"
     return (
-        f"Errors outside the model may stay hidden below {micrometres(size, 2)} µm per axis: the "
+        f"Errors outside the model may stay hidden below {length(size, digits=2)} per axis: the "
         f"calibration will {allowed}"
     )
 
@@ -58,10 +68,10 @@ def stated_words(plan: Plan) -> str:
     links, joints = plan.foresight.stated.medians[:, 0]
     if not np.isfinite(links):
         return ""
-    about = f"about {micrometres(links, 2)} µm"
+    about = f"about {length(links, joints, digits=2)}"
     if not np.isfinite(joints):
         return about
-    return f"{about}, or {micrometres(joints, 2)} µm if {joint_words(plan)}"
+    return f"{about}, or {length(joints, links, digits=2)} if {joint_words(plan)}"
 
 
 def joint_words(plan: Plan) -> str:
@@ -83,9 +93,27 @@ def factor_words(factor: float, over: str = "") -> str:
     return f"{words}, {over}" if over else words
 
 
-def expanded(plan: Plan, u: float, digits: int = 3) -> str:
-    """Expanded uncertainty [µm] of a standard one [m]."""
-    return or_dash(plan.coverage * u * UM, digits)
+def length(value: float, *beside: float, digits: int = 3) -> str:
+    """A length [m] with its unit as `with_unit` gives it, micro as one letter."""
+    return with_unit(value, *beside, digits=digits).replace(" um", " µm")
+
+
+def expanded(plan: Plan, u: float, digits: int = 3, scale: float = UM) -> str:
+    """Expanded uncertainty, in a unit of which `scale` make a meter, of a standard one [m]."""
+    return or_dash(plan.coverage * u * scale, digits)
+
+
+def unit_of(plan: Plan, *u: float) -> tuple[float, str]:
+    """Unit of a column or an axis of expanded uncertainties, by standard ones that matter [m]."""
+    return column_unit(plan.coverage * np.array(u))
+
+
+def curve_unit(plan: Plan) -> tuple[float, str]:
+    """Unit of U against the number of poses: the first, ill-conditioned sets have no say."""
+    curve = plan.curve
+    reached = curve.u[np.isfinite(curve.u)]
+    typical = float(np.median(reached)) if len(reached) else 0.0
+    return unit_of(plan, typical, curve.target or 0.0)
 
 
 def parts_words(plan: Plan) -> str:
@@ -93,7 +121,8 @@ def parts_words(plan: Plan) -> str:
     if not has_shared(plan):
         return "noise alone: the tracker states no systematic errors"
     noise, shared = map(plan.over_goal, (plan.foresight.noise, plan.foresight.shared))
-    return f"noise {micrometres(noise)}, systematic errors {micrometres(shared)}"
+    scale, _ = length_unit(plan.u_mean)
+    return f"noise {significant(noise * scale)}, systematic errors {significant(shared * scale)}"
 
 
 def or_dash(value: float, digits: int = 3) -> str:

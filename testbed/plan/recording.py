@@ -8,12 +8,14 @@ import numpy as np
 from calib.arrays import Array, evenly
 from testbed.plan.promises import (
     OVER,
+    curve_unit,
     factor_words,
     minutes,
     order_words,
     promise,
     reach_warnings,
     reach_words,
+    unit_of,
 )
 from testbed.plan.recording_cell import (
     draw_candidates,
@@ -31,7 +33,7 @@ from testbed.recording.style import Color
 from testbed.recording.timeline import along, spread, visit
 from testbed.report.page import SIMULATED
 from testbed.robots.robot import Robot
-from testbed.units import counted
+from testbed.units import counted, plain
 
 CANDIDATE_FRAMES, BUDGET_FRAMES = 144, 60
 CANDIDATES = 24
@@ -106,19 +108,20 @@ def _candidates(plan: Plan) -> Chapter:
 
 
 def _budget(plan: Plan) -> Chapter:
-    """Uncertainty by number of poses [um]."""
+    """Uncertainty by number of poses."""
     curve, k = plan.curve, plan.scenario.plan.coverage
     colors = "- vermilion: no set of that size goes below; gray: random sets"
-    um = k * 1e6
-    top = 4.0 * um * float(np.median(curve.u))
+    scale, unit = curve_unit(plan)
+    times, unit = k * scale, plain(unit)
+    top = 4.0 * times * float(np.median(curve.u))
     curves = [
-        _below("designed", um * curve.u, top, style.BLUE),
-        _below("no_set_below", um * curve.bound, top, style.VERMILION, "no set goes below"),
-        _below("random", um * curve.random, top, style.MUTED_COLOR, "random sets"),
+        _below("designed", times * curve.u, top, style.BLUE),
+        _below("no_set_below", times * curve.bound, top, style.VERMILION, "no set goes below"),
+        _below("random", times * curve.random, top, style.MUTED_COLOR, "random sets"),
     ]
     if curve.target is not None:
         count = len(curve.counts)
-        curves.append(level("target", count, um * curve.target, style.ORANGE))
+        curves.append(level("target", count, times * curve.target, style.ORANGE))
 
     return Chapter(
         name="budget",
@@ -135,22 +138,25 @@ def _budget(plan: Plan) -> Chapter:
         ),
         draw=partial(draw_chosen, plan),
         lines=[
-            f"{n} poses, U = {um * u:.3g} um" for n, u in zip(curve.counts, curve.u, strict=True)
+            f"{n} poses, U = {times * u:.3g} {unit}"
+            for n, u in zip(curve.counts, curve.u, strict=True)
         ],
-        charts=(Chart("budget", "U [um] by number of poses", curves, curve.counts),),
+        charts=(Chart("budget", f"U [{unit}] by number of poses", curves, curve.counts),),
     )
 
 
 def _tour(plan: Plan) -> Chapter:
-    """The way from pose to pose, and the uncertainty after each of them [um]."""
-    tour, um = plan.tour, plan.scenario.plan.coverage * 1e6
+    """The way from pose to pose, and the uncertainty after each of them."""
+    tour = plan.tour
+    scale, unit = unit_of(plan, plan.u_worst)
+    times, unit = plan.coverage * scale, plain(unit)
     motion = visit(tour.q)
     q = along(tour.start, tour.q, tour.vias, motion.steps // len(tour))
     measured = np.cumsum([role == "identify" for role in tour.roles])
     # a held-out pose teaches nothing: the curve stays where it was
     after = np.concatenate([[np.nan], plan.u_of_step])[measured]
     known = after[np.isfinite(after)]
-    limit = 4.0 * um * float(np.median(known)) if len(known) else 1.0
+    limit = 4.0 * times * float(np.median(known)) if len(known) else 1.0
 
     return Chapter(
         name="tour",
@@ -166,24 +172,26 @@ def _tour(plan: Plan) -> Chapter:
             f"- {order_words(plan)}",
         ),
         draw=partial(draw_tour, plan),
-        lines=numbered("pose", len(tour), (_known(um * u) for u in after)),
+        lines=numbered("pose", len(tour), (_known(u, times, unit) for u in after)),
         charts=(
             Chart(
                 "tour",
-                "U [um] by pose measured",
-                (_below("U", um * after, limit, style.BLUE, "U after it"),),
+                f"U [{unit}] by pose measured",
+                (_below("U", times * after, limit, style.BLUE, "U after it"),),
             ),
         ),
     )
 
 
 def _goal(plan: Plan) -> Chapter:
-    """Uncertainty at goal postures [um]."""
+    """Uncertainty at goal postures."""
     k = plan.scenario.plan.coverage
+    scale, letter = unit_of(plan, plan.u_worst)
+    times, unit = k * scale, plain(letter)
     goals = evenly(np.arange(len(plan.goal.q)), MOST_GOALS)
     curves = (
-        Series("U", k * 1e6 * plan.u[goals], style.BLUE),
-        level("mean", len(goals), k * 1e6 * plan.u_mean, style.MUTED_COLOR, "RMS"),
+        Series("U", times * plan.u[goals], style.BLUE),
+        level("mean", len(goals), times * plan.u_mean, style.MUTED_COLOR, "RMS"),
     )
 
     return Chapter(
@@ -194,21 +202,21 @@ def _goal(plan: Plan) -> Chapter:
         text=(
             f"#### 4 Goal: {plan.goal.sentence}",
             "- purple over green to yellow: tool points of the goal, with growing uncertainty",
-            f"- U ({factor_words(k)}): RMS {k * plan.u_mean * 1e6:.3g} µm, "
-            f"worst {k * plan.u_worst * 1e6:.3g} µm",
+            f"- U ({factor_words(k)}): RMS {times * plan.u_mean:.3g} {letter}, "
+            f"worst {times * plan.u_worst:.3g} {letter}",
             *(f"- {text}" for text in (*reach_warnings(plan), *reach_words(plan))),
         ),
         draw=partial(draw_goal, plan),
         lines=numbered(
-            "goal pose", len(goals), (f"U = {k * 1e6 * u:.3g} um" for u in plan.u[goals])
+            "goal pose", len(goals), (f"U = {times * u:.3g} {unit}" for u in plan.u[goals])
         ),
-        charts=(Chart("goal", "U [um] by goal pose", curves),),
+        charts=(Chart("goal", f"U [{unit}] by goal pose", curves),),
     )
 
 
-def _known(u: float) -> str:
-    """The uncertainty after a pose [um]."""
-    return f"U = {u:.3g} um" if np.isfinite(u) else "too few for a U"
+def _known(u: float, times: float, unit: str) -> str:
+    """The expanded uncertainty after a pose, of a standard one [m]."""
+    return f"U = {times * u:.3g} {unit}" if np.isfinite(u) else "too few for a U"
 
 
 def _below(key: str, values: Array, top: float, color: Color, name: str = "") -> Series:

@@ -9,7 +9,7 @@ from calib.arrays import Array, Index
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import Parameters
 from calib.information.reduction import Reduction
-from calib.shown import ResultTable, Shown
+from calib.shown import ResultTable, Shown, length_words
 from calib.uncertainty.statement.applicability import Applicability
 from calib.uncertainty.statement.conditions import Conditions
 from calib.uncertainty.statement.shared import SharedErrors
@@ -230,10 +230,10 @@ class Plan(Shown):
     """What the robot's file leaves open and the promise rests on, in words."""
 
     def __repr__(self) -> str:
-        R95, count = 1e6 * self.foresight.R95_over, len(self.places)
+        R95, count = length_words(self.foresight.R95_over, um=".3g"), len(self.places)
         return (
             f"Plan({self.scenario.name!r}: {count} poses to identify of {len(self.tour)}, "
-            f"R95 {R95:.3g} um over the goal, {self.tour.duration:.0f} s)"
+            f"R95 {R95} over the goal, {self.tour.duration:.0f} s)"
         )
 
     def tables(self) -> dict[str, ResultTable]:

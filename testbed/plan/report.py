@@ -7,7 +7,7 @@ import numpy as np
 from calib.geometry.parameters import shown_in
 from testbed.plan import plots
 from testbed.plan.cautions import mark
-from testbed.plan.promises import expanded, factor_words, has_shared, or_dash, promise
+from testbed.plan.promises import expanded, factor_words, has_shared, or_dash, promise, unit_of
 from testbed.plan.records import Plan
 from testbed.plan.report_goal import joint_cells, joint_head, number_section, prediction_section
 from testbed.plan.results import pose_ids
@@ -37,7 +37,7 @@ from testbed.report.page import (
 from testbed.report.svg import on_phone
 from testbed.robots.catalog import Robot
 from testbed.store.layout import PLAYED_PLAN
-from testbed.units import DEG, MDEG, MM, UM, counted, fixed, sentence, significant
+from testbed.units import DEG, MDEG, MM, column_unit, counted, fixed, sentence, significant
 
 ABREAST = 3
 """Numbers in one row of a table."""
@@ -160,6 +160,7 @@ def station_section(plan: Plan) -> Section | None:
     seen = plan.stations
     if seen is None:
         return None
+    scale, unit = unit_of(plan, seen.u_mean[seen.best], seen.u_worst[seen.best])
     rows = tuple(
         (
             str(n + 1),
@@ -168,8 +169,8 @@ def station_section(plan: Plan) -> Section | None:
             str(int(seen.turned_away[n])),
             str(int(seen.hidden[n])),
             or_dash(seen.range_mean[n]),
-            expanded(plan, seen.u_mean[n]),
-            expanded(plan, seen.u_worst[n]),
+            expanded(plan, seen.u_mean[n], scale=scale),
+            expanded(plan, seen.u_worst[n], scale=scale),
         )
         for n in map(int, np.argsort(seen.u_mean, kind="stable"))
     )
@@ -177,7 +178,7 @@ def station_section(plan: Plan) -> Section | None:
         caption=f"{counted(len(rows), 'station')} compared on the same "
         f"{seen.n_candidates} candidate poses, best first",
         head=("station", "x mm", "y mm", "z mm", "seen", "turned away", "hidden", "mean range m",
-              "U RMS µm", "U worst µm"),
+              f"U RMS {unit}", f"U worst {unit}"),
         rows=rows,
         size="small",
         strong=(0,),
@@ -226,7 +227,7 @@ def parameter_section(plan: Plan) -> Section:
     cells = [
         (name, significant(float(value) * factor), unit)
         for name, value, length in zip(names, u, lengths, strict=True)
-        for factor, unit in [_fine(name, bool(length))]
+        for factor, unit in [_fine(name, bool(length), float(value))]
     ]
     lines = -(-len(cells) // ABREAST)
     cells += [("", "", "")] * (ABREAST * lines - len(cells))
@@ -245,7 +246,11 @@ def parameter_section(plan: Plan) -> Section:
     return Section("parameters", "What will be identified", tuple(blocks))
 
 
-def _fine(name: str, is_length: bool) -> tuple[float, str]:
-    """How many small units of a number are one of SI, and the unit."""
+def _fine(name: str, is_length: bool, u: float) -> tuple[float, str]:
+    """How many of the unit that suits a number's uncertainty are one of SI, and the unit."""
     unit, _ = shown_in(name, is_length)
-    return {"mm": (UM, "µm"), "deg": (MDEG, "mdeg")}.get(unit, (1.0, unit))
+    if unit == "mm":
+        return column_unit(u)
+    if unit == "deg":
+        return (MDEG, "mdeg") if u * MDEG < 999.5 else (DEG, "deg")
+    return 1.0, unit

@@ -6,11 +6,19 @@ from calib.arrays import Array
 from calib.uncertainty.statement.applicability import REFUSED, WARNED
 from calib.uncertainty.statement.shared import HIDDEN, NOTHING
 from testbed.plan import plots
-from testbed.plan.promises import OVER, efficiency_word, expanded, factor_words, has_shared
+from testbed.plan.promises import (
+    OVER,
+    curve_unit,
+    efficiency_word,
+    expanded,
+    factor_words,
+    has_shared,
+    unit_of,
+)
 from testbed.plan.records import Plan
 from testbed.plan.results import joint_columns, joint_values
 from testbed.report.page import Block, Figure, Section, Table, Text
-from testbed.units import UM, fixed, percent, significant
+from testbed.units import UM, column_unit, fixed, percent, significant
 
 
 def joint_head(plan: Plan) -> tuple[str, ...]:
@@ -25,7 +33,7 @@ def joint_cells(plan: Plan, q: Array) -> tuple[str, ...]:
 
 def number_section(plan: Plan) -> Section:
     """How many poses, how good they are, which to add."""
-    curve = plan.curve
+    curve, (scale, unit) = plan.curve, curve_unit(plan)
     parts = has_shared(plan)
     caption = (
         f"Predicted U ({factor_words(plan.coverage)}) against the number of poses. Blue: the "
@@ -38,20 +46,20 @@ def number_section(plan: Plan) -> Section:
         caption="Uncertainty against the number of poses",
         head=(
             "poses",
-            "designed U µm",
+            f"designed U {unit}",
             *(("of noise", "of systematic errors") if parts else ()),
-            "no set below µm",
+            f"no set below {unit}",
             "efficiency",
-            "random U µm",
+            f"random U {unit}",
         ),
         rows=tuple(
             (
                 str(int(m)),
-                expanded(plan, u, 4),
-                *((expanded(plan, (u**2 - b**2) ** 0.5, 4), expanded(plan, b, 4)) if parts else ()),
-                expanded(plan, bound, 4),
+                expanded(plan, u, 4, scale),
+                *(expanded(plan, part, 4, scale) for part in ((u**2 - b**2) ** 0.5, b) if parts),
+                expanded(plan, bound, 4, scale),
                 efficiency_word(bound / u),
-                expanded(plan, random, 4),
+                expanded(plan, random, 4, scale),
             )
             for m, u, b, bound, random in zip(
                 curve.counts, curve.u, curve.shared, curve.bound, curve.random, strict=True
@@ -64,11 +72,16 @@ def number_section(plan: Plan) -> Section:
     )
     blocks: list[Block] = [Figure(caption, plots.budget(plan)), table]
     if plan.next_poses:
+        scale, unit = unit_of(plan, *(one.u for one in plan.next_poses))
         ranking = Table(
             caption="The best next pose, if one more can be measured",
-            head=("rank", *joint_head(plan), "U with it µm"),
+            head=("rank", *joint_head(plan), f"U with it {unit}"),
             rows=tuple(
-                (str(rank), *joint_cells(plan, plan.pool.q[one.place]), expanded(plan, one.u, 4))
+                (
+                    str(rank),
+                    *joint_cells(plan, plan.pool.q[one.place]),
+                    expanded(plan, one.u, 4, scale),
+                )
                 for rank, one in enumerate(plan.next_poses, start=1)
             ),
             note=f"Each alone in addition to the plan, best first. U: "
@@ -100,10 +113,16 @@ def source_blocks(plan: Plan) -> tuple[Block, ...]:
     if seen is None:
         return ()
     rows = zip(seen.names, seen.at_tool, seen.seen, seen.shown, strict=True)
+    scale, unit = column_unit([*seen.at_tool, *seen.seen])
     table = Table(
         caption="The tracker's systematic errors",
-        head=("source", "at the tool µm", "held-out poses will show µm", "enough to see it"),
-        rows=tuple((name, hundredths(u), hundredths(v), words) for name, u, v, words in rows),
+        head=(
+            "source",
+            f"at the tool {unit}",
+            f"held-out poses will show {unit}",
+            "enough to see it",
+        ),
+        rows=tuple((name, fine(u, scale), fine(v, scale), words) for name, u, v, words in rows),
         align="lrrl",
         note="Standard uncertainties, 3-D, k = 1, RMS over the held-out poses. At the tool: the "
         "part that the calibrated robot takes over. More poses hardly reduce it. no: held-out "
@@ -113,9 +132,11 @@ def source_blocks(plan: Plan) -> tuple[Block, ...]:
     return (table,)
 
 
-def hundredths(u: float) -> str:
-    """A standard uncertainty [m] in um to two decimals; what they do not show is no zero."""
-    return fixed(u * UM, 2) if u * UM >= 0.005 else "< 0.01"
+def fine(u: float, scale: float) -> str:
+    """A standard uncertainty [m] in um to two decimals, in mm to three; what is less is no zero."""
+    places = 2 if scale == UM else 3
+    least = 10.0**-places
+    return fixed(u * scale, places) if u * scale >= least / 2 else f"< {least:g}"
 
 
 def reach_blocks(plan: Plan) -> tuple[Block, ...]:

@@ -16,16 +16,18 @@ from testbed.plan.promises import (
     has_shared,
     hidden_words,
     joint_words,
+    length,
     or_dash,
     order_words,
     parts_words,
     promise,
     reach_warnings,
     reach_words,
+    unit_of,
 )
 from testbed.plan.records import FAR, Plan
 from testbed.report.page import SIMULATED
-from testbed.units import MM, UM, counted, fixed, micrometres, millimetres, percent, plain, sentence
+from testbed.units import MM, UM, column_unit, counted, fixed, millimetres, percent, plain, sentence
 
 CLOSE = 0.01
 """Stations whose uncertainty differs by less than this part are called equally good."""
@@ -47,25 +49,25 @@ def headline_rows(plan: Plan) -> list[tuple[str, str, str]]:
         ("held-out poses, to check with", str(tour.roles.count("test")), ""),
         ("expected time", fixed(tour.duration / 60, 1),
          f"min, {minutes_moving} min moving at {percent(settings.speed_share)} speed"),
-        ("R95 over the postures of the goal", micrometres(seen.R95_over),
-         "µm: 3-D radius, 95 % probability"),
-        ("R95 at the worst of these", micrometres(seen.R95_worst),
-         "µm: 3-D radius, 95 % probability"),
-        ("R95 that the calibration will state", or_dash(links * UM, 2),
-         _stated(seen.stated.links, "of an arm whose links alone are off")),
-        (f"the same where {joint_words(plan)}", or_dash(joints * UM, 2),
-         _stated(seen.stated.joints, "of an arm whose joint errors are identified, too")),
-        ("standard uncertainty u at the goal", micrometres(plan.u_mean),
-         f"µm (3-D, k = 1, RMS): {parts_words(plan)}"),
-        ("smallest misfit that would show", micrometres(seen.misfit_seen, 2), "µm per axis"),
+        _row("R95 over the postures of the goal", seen.R95_over, ": 3-D radius, 95 % probability"),
+        _row("R95 at the worst of these", seen.R95_worst, ": 3-D radius, 95 % probability"),
+        _stated("R95 that the calibration will state", links, seen.stated.links,
+                "of an arm whose links alone are off"),
+        _stated(f"the same where {joint_words(plan)}", joints, seen.stated.joints,
+                "of an arm whose joint errors are identified, too"),
+        _row("standard uncertainty u at the goal", plan.u_mean,
+             f" (3-D, k = 1, RMS): {parts_words(plan)}"),
+        _row("smallest misfit that would show", seen.misfit_seen, " per axis", digits=2),
         ("certified efficiency", "–" if efficiency is None else efficiency_word(efficiency),
          f"of the best possible, {settings.criterion}"),
     ]  # fmt: skip
     if target is not None:
         over = OVER["V" if settings.target_is == "mean" else "G"]
         u = plan.u_mean if settings.target_is == "mean" else plan.u_worst
-        reached = f"µm for U = {plan.coverage:g} u ({factor_words(plan.coverage, over)})"
-        rows.append(("target", expanded(plan, target), f"{reached}; predicted {expanded(plan, u)}"))
+        scale, unit = unit_of(plan, target, u)
+        asked, reached = (expanded(plan, each, scale=scale) for each in (target, u))
+        what = f"{unit} for U = {plan.coverage:g} u ({factor_words(plan.coverage, over)})"
+        rows.append(("target", asked, f"{what}; predicted {reached}"))
         if plan.curve.fewest is not None:
             rows.append(("proven least number of poses for it", str(plan.curve.fewest), "poses"))
     # a wide value would push the words beside it off a phone
@@ -74,18 +76,24 @@ def headline_rows(plan: Plan) -> list[tuple[str, str, str]]:
     return rows
 
 
-def _stated(radii: Array, arm: str) -> str:
-    """The unit of a radius that will be stated, and how far it may be off."""
+def _row(what: str, value: float, about: str, *, digits: int = 3) -> tuple[str, str, str]:
+    """A length [m]: what it is, its value, its unit with more about it."""
+    number, _, unit = length(value, digits=digits).rpartition(" ")
+    return what, number, f"{unit}{about}"
+
+
+def _stated(what: str, radius: float, radii: Array, arm: str) -> tuple[str, str, str]:
+    """A radius that will be stated [m], and how far it may be off."""
     if not len(radii):
-        return f"µm: nothing will be stated {arm}"
+        return what, or_dash(radius * UM, 2), f"µm: nothing will be stated {arm}"
     low, high = np.quantile(radii[:, 0], OFTEN)
     reached = radii[np.isfinite(radii[:, 1]), 1]
     goal = float(np.median(reached)) if len(reached) else np.nan
-    over = f"; at the goal {micrometres(goal, 2)}" if np.isfinite(goal) else ""
-    return (
-        f"µm: {micrometres(float(low), 2)} to {micrometres(float(high), 2)} in 8 of 10 rehearsals "
-        f"{arm}{over}"
-    )
+    scale, unit = column_unit([radius, low, high, goal])
+    digits = 2 if unit == "µm" else 3
+    value, least, most, over = (or_dash(x * scale, digits) for x in (radius, low, high, goal))
+    said = f"{unit}: {least} to {most} in 8 of 10 rehearsals {arm}"
+    return what, value, f"{said}; at the goal {over}" if np.isfinite(goal) else said
 
 
 def axes_words(plan: Plan) -> str:
@@ -192,7 +200,7 @@ def station_words(plan: Plan) -> str:
     head = (
         f"Of {counted(len(order), 'station')}, {place_word(top, seen.stations[top])} is best: "
         f"{counted(poses, 'pose')} designed from there {'gives' if poses == 1 else 'give'} U = "
-        f"{expanded(plan, seen.u_mean[top])} µm ({factor_words(plan.coverage, OVER['V'])})"
+        f"{length(plan.coverage * seen.u_mean[top])} ({factor_words(plan.coverage, OVER['V'])})"
     )
     if not others:
         return f"{head}; no other can be used." if len(order) > 1 else f"{head}."

@@ -12,6 +12,7 @@ from calib.geometry.frames import target_points
 from calib.geometry.parameters import Parameters
 from calib.information.goals import Goals
 from calib.measurement.observations import DISTANCE
+from calib.shown import length_words
 from testbed.laboratory.bench import Bench
 from testbed.laboratory.tracker.predicted import goal_uncertainty, shared_rows
 from testbed.robots.room import BESIDE, from_arm, leading_slides, reach
@@ -266,4 +267,5 @@ def _statement(k: int, station: Array, row: View, n: int) -> str:
     seen = f"{place_word(k, station)} sees {row.visible} of {n} candidates{because}"
     if row.fault:
         return f"{seen}, but no design: {row.fault}"
-    return f"{seen} at {row.range_mean:.2f} m on average and predicts u = {row.u_mean * 1e6:.1f} um"
+    u = length_words(row.u_mean, um=".1f")
+    return f"{seen} at {row.range_mean:.2f} m on average and predicts u = {u}"

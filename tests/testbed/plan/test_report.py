@@ -12,7 +12,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from testbed.plan import plots as plan_plots
 from testbed.plan.promises import efficiency_word
 from testbed.plan.report import plan_report_html
-from testbed.plan.report_goal import hundredths, number_section
+from testbed.plan.report_goal import fine, number_section
 from testbed.plan.words import headline_rows, terminal_text
 from testbed.report.page import SIMULATED
 from testbed.scenario.read import changed
@@ -124,9 +124,10 @@ def test_values_of_the_headline_are_short_so_that_a_phone_has_room_for_their_wor
 
 
 def test_what_two_decimals_do_not_show_is_no_zero():
-    assert [hundredths(u) for u in (0.0, 4.9e-9, 6e-9, 1.381e-6)] == [
+    assert [fine(u, 1e6) for u in (0.0, 4.9e-9, 6e-9, 1.381e-6)] == [
         "< 0.01", "< 0.01", "0.01", "1.38"
     ]  # fmt: skip
+    assert [fine(u, 1e3) for u in (4e-7, 6e-7, 1.381e-3)] == ["< 0.001", "0.001", "1.381"]
 
 
 def test_a_blocked_move_is_the_verdict():
