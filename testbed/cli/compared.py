@@ -10,7 +10,7 @@ from testbed.report.text import table
 from testbed.store import layout
 from testbed.store.documents import read_json
 from testbed.store.manifest import CALIBRATION, CAMPAIGN
-from testbed.units import plain, significant
+from testbed.units import UM, length_unit, plain, significant
 
 NUMBERS = {PLAN: layout.PLAN, ISO9283: layout.RESULT, CALIBRATION: layout.RESULT}
 """Where the figures of a folder stand."""
@@ -72,21 +72,32 @@ def table_of(kind: str, found: Mapping[str, Mapping[str, Any]]) -> str:
         notice = next(iter(found.values()))["notice"]
         title = "Tool error on held-out poses"
         return f"{notice}\n{table(title, ('run', 'scenario', 'seed', *HEAD), cells)}"
-    cells = [[name, *row] for name, row in zip(found, rows(kind, [*found.values()]), strict=True)]
-    head = ("folder", *COLUMNS[kind])
+    heads, each = columns(kind, [*found.values()])
+    cells = [[name, *row] for name, row in zip(found, each, strict=True)]
+    head = ("folder", *heads)
     shown = [k for k in range(len(head)) if any(row[k] != NONE for row in cells)]
     return table(TITLES[kind], [head[k] for k in shown], [[row[k] for k in shown] for row in cells])
 
 
-def rows(kind: str, found: Sequence[Mapping[str, Any]]) -> list[list[str]]:
-    """One row per folder; a dash where it has no such figure."""
-    return [
-        [
-            cell(figure(one, path.format(model=one.get("model", ""))), head)
-            for head, path in COLUMNS[kind].items()
-        ]
-        for one in found
-    ]
+def columns(
+    kind: str, found: Sequence[Mapping[str, Any]]
+) -> tuple[list[str], list[tuple[str, ...]]]:
+    """Heads, and one row per folder with a dash where it has no such figure.
+
+    A column of micrometers is one of millimeters where its largest figure asks for these.
+    """
+    heads, cells = [], []
+    for head, path in COLUMNS[kind].items():
+        told = [figure(one, path.format(model=one.get("model", ""))) for one in found]
+        if head.endswith(" um"):
+            lengths = [x / UM for x in told if isinstance(x, float)]
+            scale, unit = length_unit(lengths)
+            told = [x / UM * scale if isinstance(x, float) else x for x in told]
+            heads.append(f"{head.removesuffix('um')}{unit}")
+        else:
+            heads.append(head)
+        cells.append([cell(value, head) for value in told])
+    return heads, [*zip(*cells, strict=True)]
 
 
 def figure(document: object, path: str) -> object:
@@ -108,7 +119,7 @@ def figure(document: object, path: str) -> object:
 
 
 def cell(value: object, head: str) -> str:
-    """A figure in the unit that its head names."""
+    """A figure in the unit that its head in `COLUMNS` names, or in that which suits its column."""
     if value is None or isinstance(value, Mapping | list):
         return NONE
     if isinstance(value, bool):

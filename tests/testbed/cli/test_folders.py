@@ -9,7 +9,7 @@ import pytest
 import truebed
 from calib.errors import InputError
 from testbed.cli import handout, viewer
-from testbed.cli.compared import COLUMNS, document, figure, rows
+from testbed.cli.compared import COLUMNS, columns, document, figure
 from testbed.cli.measured import folder_of
 from testbed.store.npz import pretty_json
 from tests.command import call
@@ -221,7 +221,7 @@ def test_a_folder_of_several_kinds_has_a_table_of_each(here):
 @pytest.mark.parametrize("kind", COLUMNS)
 def test_a_document_without_a_figure_has_a_dash(kind):
     for broken in ({}, {"predicted": 3, "figures": {"AP": {"P1": "x"}}, "model": ["a"]}):
-        (row,) = rows(kind, [broken])
+        _, (row,) = columns(kind, [broken])
         assert set(row) == {"-"}
 
 
@@ -279,3 +279,16 @@ def test_a_run_does_not_go_on_in_the_folder_of_something_else(words, here):
     assert done.exit_code == 2
     assert "runs/ident: holds a calibration, not a campaign; " in done.stderr
     assert not (here / "new").exists()
+
+
+def test_a_column_of_micrometers_is_one_of_millimeters_where_its_largest_asks_for_it():
+    one, other = ({"statements": {"R95_mean_um": R95}} for R95 in (412.0, 4310.0))
+    place = list(COLUMNS["calibration"]).index("R95 um")
+    for found, head, cells in (
+        ([one], "R95 um", ["412"]),
+        ([one, other, {}], "R95 mm", ["0.412", "4.31", "-"]),
+        ([{"statements": {"R95_mean_um": 999.6}}], "R95 mm", ["1.00"]),
+    ):
+        heads, rows = columns("calibration", found)
+        assert heads[place] == head
+        assert [row[place] for row in rows] == cells
