@@ -7,7 +7,7 @@ from calib.identification.identify import Status
 from testbed.studies.trial.records import Campaign, Comparison
 from testbed.studies.trial.statement.records import LEVEL, Statement
 from testbed.studies.trial.verdict import ALARM, judge, strays_of, tested
-from testbed.units import counted, micrometres, millimetres, significant
+from testbed.units import counted, millimetres, significant, with_unit
 
 NOISE = ("tracker noise", "joint repeatability", "gross errors")
 """Sources that more poses average out."""
@@ -75,10 +75,16 @@ def more_poses(statement: Statement | None) -> str:
     if [name for name in statement.sources if name not in NOISE] == ["prior"]:
         return "Only a fit without the prior can show how much more poses would help."
     part = float(np.sqrt((statement.source_u[noise] ** 2).sum()))
+    u = statement.point.u_mean
     return (
-        f"Four times as many poses would halve the noise part, {micrometres(part, 2)} µm of "
-        f"u = {micrometres(statement.point.u_mean, 2)} µm (3-D, k = 1)."
+        f"Four times as many poses would halve the noise part, {_length(part, u, digits=2)} of "
+        f"u = {_length(u, part, digits=2)} (3-D, k = 1)."
     )
+
+
+def _length(value: float, *beside: float, digits: int = 3) -> str:
+    """A length [m] with its unit, micro as one letter."""
+    return with_unit(value, *beside, digits=digits).replace("um", "µm")
 
 
 def quotable(statement: Statement, errors: str) -> str:
@@ -87,10 +93,10 @@ def quotable(statement: Statement, errors: str) -> str:
     if point is None:
         if statement.conformal is None:
             return errors
-        radius = micrometres(statement.conformal.radius, 3)
-        return f"the conformal radius, {radius} µm for 95 % of poses like the held-out ones"
-    radius = micrometres(point.radius_mean, 3)
-    words = f"{radius} µm (3-D radius, 95 %) for the mean of many moves"
-    if np.isfinite(point.radius_move):
-        words += f" and {micrometres(point.radius_move, 3)} µm for the end of a single move"
+        radius = _length(statement.conformal.radius)
+        return f"the conformal radius, {radius} for 95 % of poses like the held-out ones"
+    mean, move = point.radius_mean, point.radius_move
+    words = f"{_length(mean, move)} (3-D radius, 95 %) for the mean of many moves"
+    if np.isfinite(move):
+        words += f" and {_length(move, mean)} for the end of a single move"
     return f"{words}, at poses like the {'held-out ones' if point.held_out else 'measured ones'}"

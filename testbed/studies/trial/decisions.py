@@ -17,7 +17,7 @@ from testbed.scenario.tolerance import Decision
 from testbed.store.quantities import METRE, Quantity, below, stated
 from testbed.studies.trial.records import Campaign, Estimate
 from testbed.studies.trial.statement.records import LEVEL
-from testbed.units import UM, counted, micrometres, percent, sentence, typeset
+from testbed.units import as_stated, column_unit, counted, percent, sentence, significant, typeset
 
 PROGRAMS = {"before": "as it was", "after": "corrected"}
 
@@ -64,19 +64,25 @@ def decision_section(campaign: Campaign) -> Section | None:
     if settings is None:
         return None
     rows = []
-    for trial, estimate in campaign.estimates:
-        for name, found in decide(campaign, estimate).items():
-            made, counts = found.made, found.made.counts
-            rows.append(
-                (
-                    trial.name if name == "before" else "",
-                    PROGRAMS[name],
-                    *(str(counts.get(word, 0)) for word in ("pass", "undecided", "fail")),
-                    micrometres(float(np.median(made.guard))) if made.guard.any() else "none",
-                    "–" if made.largest_risk is None else percent(made.largest_risk),
-                    str(found.wrong),
-                )
+    decided = [
+        (trial, name, found)
+        for trial, estimate in campaign.estimates
+        for name, found in decide(campaign, estimate).items()
+    ]
+    guards = [float(np.median(found.made.guard)) for *_, found in decided]
+    scale, unit = column_unit(guards)
+    for guard, (trial, name, found) in zip(guards, decided, strict=True):
+        made, counts = found.made, found.made.counts
+        rows.append(
+            (
+                trial.name if name == "before" else "",
+                PROGRAMS[name],
+                *(str(counts.get(word, 0)) for word in ("pass", "undecided", "fail")),
+                significant(guard * scale) if guard else "none",
+                "–" if made.largest_risk is None else percent(made.largest_risk),
+                str(found.wrong),
             )
+        )
     said = Text(rule_in_words(settings.decision))
     if not rows:
         nothing = "No decision is possible: nothing about the tool point is believed."
@@ -84,10 +90,10 @@ def decision_section(campaign: Campaign) -> Section | None:
     poses = counted(len(campaign.setting.test_q), "held-out pose")
     table = Table(
         caption=f"Decisions at {poses}: the mean tool point within "
-        f"{settings.position_um:g} µm of the nominal one",
+        f"{limit_words(settings.decision)} of the nominal one",
         head=heads(
-            "trial, program, number pass, number without decision, number fail, guard band µm, "
-            "largest share of risk in a pass, wrong number"
+            "trial, program, number pass, number without decision, number fail, "
+            f"guard band {unit}, largest share of risk in a pass, wrong number"
         ),
         rows=tuple(rows),
         align="llrrrrrr",
@@ -100,18 +106,23 @@ def decision_section(campaign: Campaign) -> Section | None:
     return Section("decisions", "Does the tool point conform?", (said, table))
 
 
+def limit_words(by: Decision) -> str:
+    """The tolerance with its unit."""
+    return as_stated(by.tolerance).replace("um", "µm")
+
+
 def rule_in_words(by: Decision) -> str:
     """The decision rule, as a certificate would state it."""
-    limit_um = by.tolerance * UM
+    limit = limit_words(by)
     if by.rule == "simple":
         return (
-            f"Tolerance {limit_um:g} µm on the distance of the mean tool point from the nominal "
+            f"Tolerance {limit} on the distance of the mean tool point from the nominal "
             "one, simple acceptance without a guard band, as the scenario asks: at the limit a "
             "pass has a risk of 50 % or more. Where the tolerance is smaller than R95 (95 %, 3-D) "
             "of the believed region, no pass is possible."
         )
     return (
-        f"Tolerance {limit_um:g} µm on the distance of the mean tool point from the nominal one, "
+        f"Tolerance {limit} on the distance of the mean tool point from the nominal one, "
         "decided with a guard band of R95 (95 %, 3-D) of the believed region on both sides of the "
         "limit: by that region a pass has a risk of at most 5 %, and between the bands no decision "
         "is possible."

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from calib.arrays import Array
+from calib.shown import length_words
 from testbed.report.plots import (
     BARS,
     LETTER,
@@ -110,7 +111,7 @@ def _mark_radius(ax: "Axes", trial: Trial, room: tuple[float, float]) -> None:
         for error in errors
     ]
     for radius in radii:
-        name = f"R95 {radius * UM:.3g} µm"
+        name = f"R95 {length_words(radius, um='.3g')}".replace("um", "µm")
         place = float((np.log(radius * MM) - low) / (high - low))
         size = (LETTER[0] * 7.5 * len(name), 7.5)
         look: Look = {"color": INK, "linewidth": 0.9, "linestyle": (0, (1, 1))}

@@ -18,7 +18,7 @@ from calib.information.observability import Observability
 from calib.information.propagation import point_uncertainty
 from calib.measurement.accuracy import Accuracy
 from calib.measurement.observations import Measurements
-from calib.shown import ResultTable, Shown, concatenated
+from calib.shown import ResultTable, Shown, concatenated, length_words
 from calib.uncertainty.statement.belief import Belief
 from testbed.laboratory.truth.setting import Setting
 from testbed.scenario.scenario import Scenario
@@ -120,7 +120,7 @@ class Estimate(Shown):
 
     def __repr__(self) -> str:
         before, after = 1e3 * self.comparison.before.mean(), 1e3 * self.comparison.after.mean()
-        stated = f", R95 {1e6 * self.radius:.3g} um" if np.isfinite(self.radius) else ""
+        stated = f", R95 {length_words(self.radius, um='.3g')}" if np.isfinite(self.radius) else ""
         return f"Estimate({self.mode}: {before:.3g} -> {after:.3g} mm{stated})"
 
     def tables(self) -> dict[str, ResultTable]:

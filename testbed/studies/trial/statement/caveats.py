@@ -4,6 +4,7 @@ from calib.arrays import Index
 from calib.held_out_counts import FEWEST, fewest_poses
 from calib.identification.identify import Identification
 from calib.identification.joint_models import shared_waves
+from calib.shown import length_words
 from testbed.studies.trial.statement.records import LEVEL
 
 
@@ -48,7 +49,8 @@ def warnings_of(
     if shared > 0:
         warnings.append(
             "held-out poses cannot show errors of the tracker that are the same at both visits: "
-            f"{1e6 * shared:.0f} um for these are added to the conformal radius in the table"
+            f"{length_words(shared, um='.0f')} for these are added to the conformal radius in the "
+            "table"
         )
     if unseen:
         warnings.append(

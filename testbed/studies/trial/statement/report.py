@@ -13,7 +13,16 @@ from testbed.studies.trial import plots, plots_uncertainty
 from testbed.studies.trial.estimator import AS_ASKED
 from testbed.studies.trial.records import Campaign, Trial
 from testbed.studies.trial.statement.records import SUMS, Statement, sums_of
-from testbed.units import counted, micrometres, percent, probability, sentence, significant, typeset
+from testbed.units import (
+    UM,
+    column_unit,
+    counted,
+    percent,
+    probability,
+    sentence,
+    significant,
+    typeset,
+)
 
 NONE = "–"
 COLUMNS = {
@@ -62,8 +71,9 @@ def statement_blocks(campaign: Campaign) -> list[Block]:
         cells = f"root mean square in cells of {1e3 * plots_uncertainty.CELL:.0f} mm"
         ends = map_ends(campaign, stated.belief)
         if made_map.flat:
-            low, high = (micrometres(u * 1e-6, 2) for u in (made_map.low, made_map.high))
-            text = f"{mapped}: {low} to {high} µm everywhere in the pool ({cells}){ends}."
+            scale, unit = column_unit(made_map.high / UM)
+            low, high = (significant(u / UM * scale, 2) for u in (made_map.low, made_map.high))
+            text = f"{mapped}: {low} to {high} {unit} everywhere in the pool ({cells}){ends}."
             blocks.append(Text(text))
         else:
             text = f"{mapped} over the postures of the pool, {cells}{ends}."
@@ -112,6 +122,7 @@ def statement_table(campaign: Campaign, statements: list[tuple[Trial, Statement]
     """One row per trial: the radius of each statement, and its coverage of the truth."""
     names = [n for n in COLUMNS if any(n in one.names for _, one in statements)]
     rows = []
+    scale, unit = column_unit([radius for _, one in statements for radius in one.radius])
     for trial, statement in statements:
         cells = []
         for name in names:
@@ -120,15 +131,16 @@ def statement_table(campaign: Campaign, statements: list[tuple[Trial, Statement]
                 continue
             k = statement.names.index(name)
             mark = f" {REFUTED}" * (name == "parameters" and statement.trust.refuted)
-            radius = micrometres(float(statement.radius[k]))
+            radius = significant(float(statement.radius[k]) * scale)
             cells += [f"{radius}{mark}", percent(float(statement.attained[k]))]
         rows.append((trial.name, *cells))
     judges = counted(len(campaign.validation.judge_q), "further pose")
     return Table(
         caption=(
-            f"R95 of the tool point by each statement [µm], and the true points inside at {judges}"
+            f"R95 of the tool point by each statement [{unit}], and the true points inside at "
+            f"{judges}"
         ),
-        head=("trial", *(h for name in names for h in (f"{COLUMNS[name]} µm", "inside"))),
+        head=("trial", *(h for name in names for h in (f"{COLUMNS[name]} {unit}", "inside"))),
         rows=tuple(rows),
         size="small",
         on_paper=printed(len(rows)),
@@ -217,6 +229,9 @@ def reasons(statement: Statement, *, brief: bool = False) -> tuple[str, ...]:
 def budget_table(statements: list[tuple[Trial, Statement]]) -> Table:
     """Sources in rows, trials in columns."""
     names = list(dict.fromkeys(name for _, statement in statements for name in statement.sources))
+    scale, unit = column_unit(
+        [u for _, one in statements for u in (*one.source_u, *sums_of(one).values())]
+    )
     rows = []
     for name in names:
         cells = []
@@ -224,16 +239,17 @@ def budget_table(statements: list[tuple[Trial, Statement]]) -> Table:
             if name not in statement.sources:
                 cells.append(NONE)
                 continue
-            cells.append(micrometres(float(statement.source_u[statement.sources.index(name)])))
+            u = float(statement.source_u[statement.sources.index(name)])
+            cells.append(significant(u * scale))
         rows.append((name, *cells))
     sums: dict[str, list[str]] = {}
     for k, (_, statement) in enumerate(statements):
         for name, u in sums_of(statement).items():
             cells = sums.setdefault(name, [NONE] * len(statements))
-            cells[k] = micrometres(u)
+            cells[k] = significant(u * scale)
     rows += [(name, *sums[name]) for name in SUMS if name in sums]
     return Table(
-        caption="Uncertainty budget at the tool point, u [µm]",
+        caption=f"Uncertainty budget at the tool point, u [{unit}]",
         head=("source", *(trial.name for trial, _ in statements)),
         rows=tuple(rows),
         size="small" if len(statements) > 2 else "normal",

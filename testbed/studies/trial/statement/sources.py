@@ -10,6 +10,7 @@ from calib.identification.identify import Identification
 from calib.identification.robust import sizes
 from calib.measurement.noise import with_joint_noise
 from calib.measurement.observations import Measurements
+from calib.shown import length_words
 from calib.uncertainty.budget import RowNoise, budget
 from calib.uncertainty.refit import Frozen, freeze
 from calib.uncertainty.statement.instrument import SOURCES, shared_rows
@@ -201,8 +202,8 @@ def unmodelled_effects(bench: Laboratory, u: float) -> tuple[str, ...]:
     if left <= DRIFT_COUNTS * u:
         return ()
     return (
-        f"the station wanders, which no stated covariance contains: about {1e6 * left:.0f} um stay "
-        "in the readings between two rounds over the nests",
+        f"the station wanders, which no stated covariance contains: about "
+        f"{length_words(left, um='.0f')} stay in the readings between two rounds over the nests",
     )
 
 

@@ -12,7 +12,7 @@ from testbed.run.derive import page_of
 from testbed.scenario.hashes import scenario_hash
 from testbed.scenario.read import changed
 from testbed.store.quantities import as_json
-from testbed.studies.trial.advice import next_step
+from testbed.studies.trial.advice import next_step, quotable
 from testbed.studies.trial.decisions import decide, decided_in_words, decision_section, published
 from testbed.studies.trial.records import Campaign
 from tests.campaign import record_hash
@@ -83,6 +83,18 @@ def test_without_a_guard_band_poses_at_the_limit_pass_and_some_are_wrong():
     assert (said["rule"], said["before"]["pass"], said["after"]["pass"]) == ("simple", 10, 20)
     assert said["before"]["largest_risk_of_a_pass"] == found.made.largest_risk
     assert said["after"]["guard_median_um"] == 0
+
+
+def test_a_tolerance_and_a_radius_of_millimeters_are_said_in_millimeters():
+    of = tolerating(5000.0)
+    assert "(tolerance 5 mm, guard band R95" in decided_in_words(of)
+    said, table = decision_section(of).blocks
+    assert said.text.startswith("Tolerance 5 mm on the distance of the mean tool point")
+    assert "within 5 mm of the nominal one" in table.caption
+    statement = of.trials[0].estimates[0].statement
+    point = replace(statement.point, radius_mean=980e-6, radius_move=1.2e-3)
+    quoted = quotable(replace(statement, point=point), "")
+    assert quoted.startswith("0.980 mm (3-D radius, 95 %) for the mean of many moves and 1.20 mm")
 
 
 def test_no_rule_passes_what_is_less_certain_than_the_tolerance():
