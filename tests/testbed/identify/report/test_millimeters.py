@@ -8,6 +8,7 @@ import pytest
 
 from testbed.identify.calibrate import Options, calibrate
 from testbed.identify.decisions import decided_at, decision_section, decision_words
+from testbed.identify.report import plots
 from testbed.identify.report.page import page_of
 from testbed.identify.words import terminal_text
 from testbed.report.page import Table, render
@@ -17,7 +18,7 @@ from testbed.scenario.tool_in_use import ToolInUse
 from tests.calibrated import robot, session_of, table_of, true_model
 from tests.reference import SIGMA_POSITION, pool_r
 from tests.reported import THOUSANDS, VERSIONS, read
-from tests.testbed.identify.test_report import DELIVERED
+from tests.testbed.identify.test_report import DELIVERED, lines_of
 
 LOUD = 1.5e-3 / SIGMA_POSITION
 """Times the noise of a tracker."""
@@ -69,3 +70,16 @@ def test_a_tolerance_and_what_is_held_against_it_are_in_one_unit():
     (table, _) = decision_section(decided_at(loud(), DELIVERED)).blocks
     assert "Tolerance 20 mm on the distance" in table.caption
     assert table.head[-2] == "guard band R95 mm"
+
+
+@pytest.mark.parametrize(("part", "side"), [(0.3, "left"), (0.95, "right")])
+def test_the_radius_is_named_where_the_picture_has_room(part, side, monkeypatch):
+    found = loud()
+    axes = lines_of(monkeypatch, plots.histogram, found)
+    top = max(bar.get_x() + bar.get_width() for bar in axes[0].patches)
+    point = replace(found.proof.point, radius_mean=1e-3 * part * top)
+    found = replace(found, proof=replace(found.proof, point=point))
+    axes = lines_of(monkeypatch, plots.histogram, found)
+    (named,) = [text for text in axes[0].texts if text.get_text().startswith("R95 ")]
+    assert named.get_horizontalalignment() == side
+    assert named.get_text() == f"R95 {part * top:#.3g} mm"
