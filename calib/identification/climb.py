@@ -16,17 +16,12 @@ from calib.errors import refuse
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import Parameters
 from calib.identification.climbing import Climb, Question, climb_of, climbing, run
+from calib.identification.evidence.model_equations import MOST_TURNS, SETTLED, Solved
+from calib.identification.evidence.normal_equations import NormalEquations, normal_equations
+from calib.identification.evidence.shared_misfit import SharedMisfit
 from calib.identification.levels import Ladder, Level, asked_of, joined, with_errors
-from calib.identification.normal_equations import (
-    MOST_TURNS,
-    SETTLED,
-    NormalEquations,
-    Solved,
-    normal_equations,
-)
 from calib.identification.prior import Prior
 from calib.identification.robust import Loss, loss_weights
-from calib.identification.shared_misfit import SharedMisfit
 from calib.measurement.observations import Measurements
 
 

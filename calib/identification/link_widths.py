@@ -14,10 +14,10 @@ from calib.arrays import Array, Bool, Index
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import Parameters
 from calib.identification.climbing import ASKED
+from calib.identification.evidence.normal_equations import normal_equations
+from calib.identification.evidence.shared_misfit import Asked, SharedMisfit
 from calib.identification.levels import Ladder, Level, asked_of
-from calib.identification.normal_equations import normal_equations
 from calib.identification.prior import Prior
-from calib.identification.shared_misfit import Asked, SharedMisfit
 from calib.measurement.observations import Measurements
 
 MOST = 4

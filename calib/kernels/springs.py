@@ -1,7 +1,7 @@
 """Fit of the springs of one model to the rows of one robot.
 
-It takes the steps of `calib.identification.spring_products.lowest`, with the same results but for
-the order of sums.
+It takes the steps of `calib.identification.evidence.spring_products.lowest`, with the same results
+but for the order of sums.
 """
 
 from typing import Any

@@ -20,6 +20,7 @@ from calib.identification.climbing import (
     climb_of,
     climbing,
 )
+from calib.identification.evidence.model_equations import MOST_TURNS, SETTLED
 from calib.identification.folds import parts_of, some_poses
 from calib.identification.levels import Ladder, Level
 from calib.identification.many.climb_plan import ClimbPlan, apart, plan_of
@@ -27,7 +28,6 @@ from calib.identification.many.climb_rows import ClimbRows
 from calib.identification.many.climber import Climber, Fitted, Task
 from calib.identification.many.settle import settled_many
 from calib.identification.many.tables import ManyTables
-from calib.identification.normal_equations import MOST_TURNS, SETTLED
 from calib.identification.prior import Prior
 from calib.measurement.observations import Measurements
 

@@ -8,10 +8,10 @@ import numpy as np
 from calib.arrays import Array, Index
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import Parameters
+from calib.identification.evidence.spring_products import ModelSprings, Products, products_of
 from calib.identification.folds import parts_of
 from calib.identification.levels import Ladder, Level
 from calib.identification.prior import Prior
-from calib.identification.spring_products import ModelSprings, Products, products_of
 from calib.kernels.loops import spring_loop_for
 from calib.measurement.observations import Measurements
 

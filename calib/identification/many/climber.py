@@ -8,11 +8,11 @@ import numpy as np
 
 from calib.arrays import Array, Index
 from calib.geometry.model import RobotModel
+from calib.identification.evidence.model_equations import LEAST_FREE
 from calib.identification.levels import Level, joined, with_errors
 from calib.identification.many.climb_plan import ClimbPlan, apart
 from calib.identification.many.grounds import Ground, Rest
 from calib.identification.many.settle import SprungRows
-from calib.identification.normal_equations import LEAST_FREE
 
 MANY_TERMS = 64
 """Number of terms from which the products of their columns are computed joint by joint."""

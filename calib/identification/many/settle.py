@@ -6,8 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from calib.arrays import Array, Index
-from calib.identification.many.grounds import RowsLeft
-from calib.identification.spring_products import (
+from calib.identification.evidence.spring_products import (
     GAIN,
     STEPS,
     Lowest,
@@ -15,6 +14,7 @@ from calib.identification.spring_products import (
     lowest,
     newton_steps,
 )
+from calib.identification.many.grounds import RowsLeft
 
 AWAKE = 0.75
 """Fraction of problems still moving; below it those that have ended leave the arrays."""

@@ -13,8 +13,8 @@ from calib.geometry.frames import exp_so3, inverse
 from calib.geometry.joint_errors import JointErrors, gravity_terms, harmonic_terms
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import parameters_of
+from calib.identification.evidence.normal_equations import normal_equations
 from calib.identification.identify import identify
-from calib.identification.normal_equations import normal_equations
 from calib.identification.prior import step_derivative, weak_prior
 from calib.identification.start.start import start_frames
 from calib.measurement import tables

@@ -11,11 +11,11 @@ from calib.geometry.model import RobotModel
 from calib.geometry.parameters import parameters_of
 from calib.identification.climb import best_alone, climb
 from calib.identification.climbing import ASKED
+from calib.identification.evidence.normal_equations import NormalEquations, normal_equations
 from calib.identification.identify import Status, identify
 from calib.identification.ladders import MAP_ORDERS, ladders_of
 from calib.identification.levels import prior_of, with_errors
 from calib.identification.model_choice import choose, extended_by
-from calib.identification.normal_equations import NormalEquations, normal_equations
 from calib.identification.prior import weak_prior
 from calib.measurement.tables import poses as poses_of
 from tests.calib.identification.test_joint_models import GOALS, POOL, bent, seen

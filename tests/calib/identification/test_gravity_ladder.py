@@ -12,15 +12,15 @@ from calib.geometry.joint_errors import JointErrors
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import parameters_of
 from calib.identification.climb import climb
+from calib.identification.evidence.normal_equations import normal_equations
+from calib.identification.evidence.spring_products import ModelSprings, settled
 from calib.identification.identify import Status, identify
 from calib.identification.joint_models import against_gravity
 from calib.identification.ladders import ladders_of
 from calib.identification.least_squares import solve
 from calib.identification.levels import Level, joined, with_errors
 from calib.identification.model_choice import choose, extended_by
-from calib.identification.normal_equations import normal_equations
 from calib.identification.prior import weak_prior
-from calib.identification.spring_products import ModelSprings, settled
 from calib.information.sizes import SAG
 from calib.measurement.tables import poses
 from tests.calib import kinds
@@ -198,7 +198,7 @@ def test_springs_settle_where_no_other_numbers_are_better():
 
 def test_springs_settle_in_few_steps_where_compliance_and_weight_stand_for_each_other(monkeypatch):
     """Twice the one, half the other: along that valley steps by slopes alone take 46."""
-    monkeypatch.setattr("calib.identification.spring_products.STEPS", 12)
+    monkeypatch.setattr("calib.identification.evidence.spring_products.STEPS", 12)
     rng = np.random.default_rng(1)
     springs = ModelSprings(np.arange(12), np.ones(4), 2, np.ones(6))
     A = rng.normal(size=(30, 12)) * np.tile([0.05, 1.0, 1.0], 4)

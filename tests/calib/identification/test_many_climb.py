@@ -13,6 +13,7 @@ from calib.geometry.joint_errors import JointErrors, harmonic_terms
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import parameters_of
 from calib.identification.climb import climb
+from calib.identification.evidence.spring_products import ModelSprings, settled
 from calib.identification.folds import parts_of
 from calib.identification.ladders import ladders_of
 from calib.identification.levels import NOTHING, with_errors
@@ -23,7 +24,6 @@ from calib.identification.many.climb_plan import plan_of
 from calib.identification.many.settle import settled_many
 from calib.identification.many.single import identify_many
 from calib.identification.prior import Prior, weak_prior
-from calib.identification.spring_products import ModelSprings, settled
 from calib.kernels.loops import MANY_SPRUNG
 from calib.measurement.residual import linearize, table_whiteners
 from tests.calib import kinds

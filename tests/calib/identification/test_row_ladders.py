@@ -9,8 +9,8 @@ from calib.geometry.chain import forward
 from calib.geometry.gravity import weight_of
 from calib.geometry.operating import OperatingConditions, approaches
 from calib.geometry.parameters import parameters_of
+from calib.identification.evidence.normal_equations import normal_equations
 from calib.identification.model_choice import choose, extended_by
-from calib.identification.normal_equations import normal_equations
 from calib.identification.prior import weak_prior
 from calib.identification.row_ladders import (
     EXPANSION,

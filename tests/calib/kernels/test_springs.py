@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from calib.identification.evidence.spring_products import ModelSprings, settled
 from calib.identification.many.grounds import RowsLeft
 from calib.identification.many.settle import SprungRows
-from calib.identification.spring_products import ModelSprings, settled
 from calib.kernels import loops
 
 

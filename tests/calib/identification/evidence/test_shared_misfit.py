@@ -9,12 +9,12 @@ from calib.geometry.fixtures import Fixtures
 from calib.geometry.joint_errors import JointErrors
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import parameters_of
+from calib.identification.evidence.normal_equations import NormalEquations, normal_equations
+from calib.identification.evidence.shared_misfit import SharedMisfit
 from calib.identification.identify import identify
 from calib.identification.ladders import ladders_of
 from calib.identification.model_choice import choose
-from calib.identification.normal_equations import NormalEquations, normal_equations
 from calib.identification.prior import weak_prior
-from calib.identification.shared_misfit import SharedMisfit
 from calib.measurement.observations import Measurements, joined
 from calib.measurement.prediction import predict
 from calib.measurement.tables import points

@@ -8,57 +8,22 @@ column. Least squares of a model then needs only its part of A'A and A'r, howeve
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import NamedTuple
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve
-from scipy.linalg.lapack import dtrtri
 
-from calib.arrays import Array, Bool, Index
+from calib.arrays import Array, Bool
 from calib.geometry.bodies import Z
 from calib.geometry.joint_errors import JointErrors
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import Parameters
+from calib.identification.evidence.model_equations import ModelEquations, Solved, Sums
+from calib.identification.evidence.spring_products import Products, products_of
 from calib.identification.levels import distinct_terms
 from calib.identification.prior import Prior
-from calib.identification.spring_products import Products, products_of, settled
 from calib.measurement.observations import Measurements
 from calib.measurement.prediction import mount, predict_at
 from calib.measurement.residual import table_whiteners
 from calib.shown import Shown
-
-SETTLED = 1e-4
-"""Relative change below which the iteration for the noise scale has converged."""
-MOST_TURNS = 50
-"""Largest number of its iterations."""
-LEAST_FREE = 0.2
-"""Least degrees of freedom, as a part of the rows, however many numbers are learned."""
-
-
-class Solved(NamedTuple):
-    """Solution of a model's part of the normal equations."""
-
-    step: Array
-    """(k,) step from the fit they are about: geometry, terms, springs [m, rad; kg, kg m]."""
-    applied: Array
-    """(c,) coefficient of each column of the equations, products of springs multiplied out."""
-    evidence: float
-    """Log evidence by Laplace's method, up to a constant that all models share."""
-    left: float
-    """Whitened sum of squares of the measurements after the step."""
-
-
-class _Inside(NamedTuple):
-    """Factors by which a model's part of the normal equations was solved."""
-
-    factor: Array
-    """(k, k) in its lower half, of the matrix of the linear numbers with unit diagonal."""
-    root: Array
-    """(k,) square roots of its diagonal."""
-    moved: Array
-    """(k, p) how the linear numbers follow those of the springs, with the sign turned."""
-    inverse: Array
-    """(p, p) of the second derivative of half the loss by the springs' numbers."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -97,18 +62,49 @@ class NormalEquations(Shown):
     def __repr__(self) -> str:
         return f"NormalEquations({len(self.r)} observations, {len(self.pull)} columns)"
 
+    @property
+    def sums(self) -> Sums:
+        """Those of all columns."""
+        return Sums(self.normal, self.pull, self.square)
+
     def columns(self, terms: Iterable[str]) -> list[int]:
         """Columns of the geometry and of some terms."""
         place = _places(self.names)
         return [*range(len(self.offset)), *(place[name] for name in terms)]
+
+    def of_model(self, errors: JointErrors, sd: Array, mean: Array | None = None) -> ModelEquations:
+        """The part of a model with some joint errors, of prior sd and mean (k,).
+
+        The prior mean of springs is zero; without `mean`, that of all.
+        """
+        k, f = len(errors.terms), len(self.offset)
+        linear = self.columns(term.name for term in errors.terms)
+        springs = self.products.of(errors, sd[k:])
+        live = np.flatnonzero(np.diag(self.normal)[springs.columns])
+        precision = np.eye(f + k)
+        precision[:f, :f] = self.precision
+        model = ModelEquations(
+            sums=self.sums, precision=precision,
+            believed=float(np.linalg.slogdet(self.precision)[1]),
+            away=np.append(self.offset, np.zeros(k) if mean is None else -mean[:k] / sd[:k]),
+            size=np.append(np.ones(f), sd[:k]), springs=springs,
+            columns=np.append(linear, springs.columns[live]).astype(np.int64), live=live,
+            width=len(self.pull),
+        )  # fmt: skip
+        sums = model.picked(self.sums)
+        if len(self.less):
+            less = self.less[:, model.columns]
+            less[:, : f + k] *= model.size
+            sums = sums._replace(normal=sums.normal - less.T @ less)
+        return replace(model, sums=sums)
 
     def solved(
         self, errors: JointErrors, sd: Array, mean: Array | None = None, scale: float | None = None
     ) -> Solved:
         """Maximum a posteriori of the model with some joint errors, of prior sd and mean (k,).
 
-        The prior mean of springs is zero; without `mean`, that of all. Geometry and terms are
-        eliminated linearly, and the numbers of the springs are then found by a few steps.
+        Geometry and terms are eliminated linearly, and the numbers of the springs are then found by
+        a few steps.
 
         References
         ----------
@@ -116,80 +112,20 @@ class NormalEquations(Shown):
         numbers are counted in units of their prior, where |Lambda0| of the joint errors is one.
         Eliminating the linear numbers: Golub & Pereyra 1973 (variable projection).
         """
-        return self._solved(errors, sd, mean, scale or self.scale)[0]
-
-    def _solved(
-        self, errors: JointErrors, sd: Array, mean: Array | None, s: float
-    ) -> tuple[Solved, "_Inside"]:
-        """The same at a scale s of the noise, and what it was solved by."""
-        k, f = len(errors.terms), len(self.offset)
-        at = np.array(self.columns(term.name for term in errors.terms))
-        size = np.concatenate([np.ones(f), sd[:k]])
-        seen = self._products(at, at) * (size[:, None] * size / s**2)
-        seen[:f, :f] += self.precision
-        seen[range(f, f + k), range(f, f + k)] += 1.0
-        force = size * self.pull[at] / s**2
-        force[:f] -= self.precision @ self.offset
-        away = np.zeros(k) if mean is None else -mean[:k] / sd[:k]
-        force[f:] -= away
-        root = np.sqrt(np.diag(seen))
-        factor = cho_factor(seen / root[:, None] / root, lower=True, overwrite_a=True)
-        springs = self.products.of(errors, sd[k:])
-        cross = size[:, None] * self._products(at, springs.columns) / s**2
-        back = cho_solve(factor, np.column_stack([force, cross]) / root[:, None])
-        back /= root[:, None]
-        free, gives = np.split(back, [1], axis=1)
-        own = self._products(springs.columns, springs.columns) / s**2
-        pull = self.pull[springs.columns] / s**2 - cross.T @ free[:, 0]
-        bent = settled(springs, own - cross.T @ gives, pull)
-        step = free[:, 0] - gives @ bent.products
-        loss = self.square / s**2 + self.offset @ self.precision @ self.offset - force @ free[:, 0]
-        loss += bent.loss + away @ away
-        spread = 2 * float(np.log(np.diag(factor[0])).sum() + np.log(root).sum()) + bent.spread
-        beside = step.copy()
-        beside[:f] += self.offset
-        beside[f:] += away
-        believed = beside[:f] @ self.precision @ beside[:f] + beside[f:] @ beside[f:]
-        believed += bent.numbers @ bent.numbers
-        applied = np.zeros(len(self.pull))
-        applied[at], applied[springs.columns] = size * step, bent.products
-        found = Solved(
-            np.concatenate([size * step, springs.sd * bent.numbers]),
-            applied,
-            float(np.linalg.slogdet(self.precision)[1] - loss - spread) / 2,
-            float(loss - believed) * s**2,
-        )
-        return found, _Inside(factor[0], root, gives @ bent.slopes, bent.inverse)
+        return self.of_model(errors, sd, mean).solved(scale or self.scale)
 
     def learned(
         self, errors: JointErrors, sd: Array, mean: Array | None = None, scale: float | None = None
     ) -> float:
         """Effective number of parameters that a model as in `solved` learns from the rows."""
-        return self._learned(self._solved(errors, sd, mean, scale or self.scale)[1])
-
-    def _learned(self, inside: "_Inside") -> float:
-        """The same: all numbers less the part that the prior holds."""
-        f = len(self.offset)
-        # inv(A'A/s^2 + Lambda0) = X'X, with what the springs move of the linear numbers beside it
-        X = dtrtri(np.tril(inside.factor), lower=1)[0] / inside.root
-        moved = inside.moved.copy()
-        moved[:f] = self.precision @ moved[:f]
-        held = ((X[:, :f] @ self.precision) * X[:, :f]).sum() + (X[:, f:] ** 2).sum()
-        held += np.trace(inside.inverse) + ((moved @ inside.inverse) * inside.moved).sum()
-        return float(len(X) + len(inside.inverse) - held)
+        return self.of_model(errors, sd, mean).learned(scale or self.scale)
 
     def at_noise_of(
         self, errors: JointErrors, sd: Array, mean: Array | None = None
     ) -> "NormalEquations":
         """The same equations at the noise scale, one or more, that a model leaves."""
-        rows, scale = float(self.equations.sum()), 1.0
-        for _ in range(MOST_TURNS):
-            found, inside = self._solved(errors, sd, mean, scale)
-            free = max(rows - self._learned(inside), LEAST_FREE * rows)
-            last, scale = scale, max(1.0, float(np.sqrt(found.left / free)))
-            if abs(scale / last - 1) < SETTLED:
-                break
-        return replace(self, scale=scale)
+        model = self.of_model(errors, sd, mean)
+        return replace(self, scale=model.noise(float(self.equations.sum())))
 
     def sizes_after(self, found: Solved) -> Array:
         """Root mean square (m,) of each observation's rows after a step, in stated noises."""
@@ -210,13 +146,6 @@ class NormalEquations(Shown):
         """The normal equations without some rows (m,)."""
         A, r = _flat(self.A[rows]), self.r[rows].ravel()
         return replace(self, less=A, pull=self.pull - A.T @ r, square=self.square - float(r @ r))
-
-    def _products(self, one: Index, other: Index) -> Array:
-        """A'A (k, l) of some columns."""
-        found: Array = self.normal[np.ix_(one, other)]
-        if len(self.less):
-            found -= self.less[:, one].T @ self.less[:, other]
-        return found
 
     def _of(self, A: Array, r: Array, equations: Array) -> "NormalEquations":
         flat, all_r = _flat(A), r.ravel()

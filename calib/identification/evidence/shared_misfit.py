@@ -4,6 +4,7 @@ Their mean averages the noise but not the misfit. If rows counted as independent
 be overconfident and ask for any model that fits the misfit of few poses.
 """
 
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -11,7 +12,8 @@ from scipy.optimize import minimize_scalar
 
 from calib.arrays import Array, Index
 from calib.geometry.joint_errors import JointErrors
-from calib.identification.normal_equations import NormalEquations, Solved
+from calib.identification.evidence.model_equations import ModelEquations, Solved, Sums
+from calib.identification.evidence.normal_equations import NormalEquations
 from calib.measurement.grouping import first_met
 from calib.measurement.observations import Measurements
 from calib.shown import Shown
@@ -50,8 +52,8 @@ class SharedMisfit(Shown):
     """(g,) rows of each group."""
     equations: Array
     """(g,) of each of these rows."""
-    means: tuple[tuple[float, Array, Array, float], ...]
-    """For each number of rows above one: the number, and A'A, A'r, r'r of the means."""
+    means: tuple[tuple[float, Sums], ...]
+    """For each number of rows above one: the number, and the sums over the means."""
 
     def __repr__(self) -> str:
         return f"SharedMisfit({len(self.group)} rows in {len(self.count)} groups)"
@@ -70,28 +72,18 @@ class SharedMisfit(Shown):
         for size in np.unique(count[count > 1]).tolist():
             own = A[count == size].reshape(-1, A.shape[2])
             left = r[count == size].ravel()
-            found.append((size, own.T @ own, own.T @ left, float(left @ left)))
+            found.append((size, Sums(own.T @ own, own.T @ left, float(left @ left))))
         return cls(bare, group, share, count, np.bincount(group, rows) / count, tuple(found))
 
     def solved(self, asked: Asked) -> tuple[Solved, float]:
         """Maximum a posteriori of a model with the misfit of most evidence, and its variance."""
-        v = self._variance(asked)
-        found = self.at(v).solved(*asked)
-        return found._replace(evidence=found.evidence - self._spread(v)), v
+        return self.of_model(asked).solved(self.bare.scale)
 
-    def _variance(self, asked: Asked) -> float:
-        """Variance of the misfit with the largest evidence, in units of that of the noise."""
-        if not self.means:
-            return 0.0
-
-        def less(log: float) -> float:
-            v = float(np.exp(log))
-            return self._spread(v) - self.at(v).solved(*asked).evidence
-
-        ends = np.log([LEAST, MOST])
-        found = minimize_scalar(less, bounds=ends, method="bounded", options={"xatol": FINE})
-        none = -self.bare.solved(*asked).evidence
-        return float(np.exp(found.x)) if found.fun < none else 0.0
+    def of_model(self, asked: Asked) -> "ModelMisfit":
+        """The part of a model, whose columns are taken out once for all variances."""
+        model = self.bare.of_model(*asked)
+        parts = tuple((size, model.picked(sums)) for size, sums in self.means)
+        return ModelMisfit(model, parts, self._spread)
 
     def _spread(self, v: float) -> float:
         """Half the log determinant of the rows' covariance, in units of the noise."""
@@ -99,15 +91,11 @@ class SharedMisfit(Shown):
 
     def at(self, v: float) -> NormalEquations:
         """The normal equations under a misfit of variance v."""
+        bare = self.bare
         if v == 0.0 or not self.means:
-            return self.bare
-        normal, pull, square = self.bare.normal.copy(), self.bare.pull.copy(), self.bare.square
-        for size, own, left, total in self.means:
-            less = size * v / (1 + size * v)
-            normal -= less * own
-            pull -= less * left
-            square -= less * total
-        return replace(self.bare, normal=normal, pull=pull, square=square)
+            return bare
+        normal, pull, square = _under(v, bare.sums, self.means)
+        return replace(bare, normal=normal, pull=pull, square=square)
 
     def rows_at(self, v: float) -> NormalEquations:
         """The same with rows that add up to it, of which those of some poses can be left out."""
@@ -121,21 +109,64 @@ class SharedMisfit(Shown):
 
     def at_noise_of(self, asked: Asked) -> "SharedMisfit":
         """The same at the noise, one or more times the stated, that a model and misfits leave."""
-        now = replace(self, bare=self.bare.at_noise_of(*asked))
+        model, rows = self.of_model(asked), float(self.bare.equations.sum())
+        scale = model.bare.noise(rows)
         last = 0.0
         for _ in range(MOST_TURNS if self.means else 0):
-            v = now._variance(asked)
+            v = model.variance(scale)
             if abs(np.log((v + LEAST) / (last + LEAST))) < 2 * FINE:
                 break
-            last, scale = v, self.at(v).at_noise_of(*asked).scale
-            now = replace(self, bare=replace(self.bare, scale=scale))
-        return now
+            last, scale = v, model.at(v).noise(rows)
+        return replace(self, bare=replace(self.bare, scale=scale))
 
     def noise_factor(self, v: float) -> float:
         """Noise of rows that would tell as much without a misfit, in units of the stated one."""
         rows = self.count * self.equations
         told = rows / (1 + (self.count > 1) * self.count * v)
         return self.bare.scale * float(np.sqrt(rows.sum() / told.sum()))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ModelMisfit:
+    """One model, of which rows of one pose share a misfit."""
+
+    bare: ModelEquations
+    """Without any misfit."""
+    means: tuple[tuple[float, Sums], ...]
+    """The model's part of those of `SharedMisfit`."""
+    spread: Callable[[float], float]
+    """Half the log determinant of the rows' covariance at a variance of the misfit."""
+
+    def at(self, v: float) -> ModelEquations:
+        """The model under a misfit of variance v."""
+        return replace(self.bare, sums=_under(v, self.bare.sums, self.means))
+
+    def solved(self, scale: float) -> tuple[Solved, float]:
+        """Its solution at a scale of the noise, with the misfit of most evidence; its variance."""
+        v = self.variance(scale)
+        found = self.at(v).solved(scale)
+        return found._replace(evidence=found.evidence - self.spread(v)), v
+
+    def variance(self, scale: float) -> float:
+        """Variance of the misfit with the largest evidence, in units of that of the noise."""
+        if not self.means:
+            return 0.0
+
+        def less(log: float) -> float:
+            v = float(np.exp(log))
+            return self.spread(v) - self.at(v).solved(scale).evidence
+
+        ends = np.log([LEAST, MOST])
+        found = minimize_scalar(less, bounds=ends, method="bounded", options={"xatol": FINE})
+        none = -self.bare.solved(scale).evidence
+        return float(np.exp(found.x)) if found.fun < none else 0.0
+
+
+def _under(v: float, sums: Sums, means: Iterable[tuple[float, Sums]]) -> Sums:
+    """Sums over rows under a misfit of variance v, from those of the rows and of their means."""
+    for size, of_means in means:
+        sums = sums.less(size * v / (1 + size * v), of_means)
+    return sums
 
 
 def _means(values: Array, share: Array, group: Index) -> Array:

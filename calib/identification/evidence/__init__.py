@@ -1,0 +1,1 @@
+"""Evidence of models about one fit: their normal equations, with springs and shared misfit."""
