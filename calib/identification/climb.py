@@ -126,11 +126,26 @@ def climb(
 
 def best_alone(
     nominal: RobotModel, near: RobotModel, measurements: Measurements, parameters: Parameters,
-    ladder: Ladder, *, prior: Prior,
-) -> tuple[str, float] | None:  # fmt: skip
-    """What a climb on one ladder has as its `best`, without climbing; arguments as of `climb`."""
+    ladders: Sequence[Ladder], *, prior: Prior,
+) -> list[tuple[str, float] | None]:  # fmt: skip
+    """What a climb on each of several ladders alone has as its `best`, without climbing.
+
+    The ladders are much alike: the noise of each is searched from the misfit of the one before.
+    Arguments are as of `climb`.
+    """
     _require_prior(parameters, prior)
-    shared, _ = _misfit_of(nominal, near, measurements, parameters, [ladder], prior, "squared")
+    found: list[tuple[str, float] | None] = []
+    misfit = 0.0
+    for ladder in ladders:
+        system = _equations(nominal, near, measurements, parameters, [ladder], prior)
+        bare = SharedMisfit.of(system, measurements)
+        shared, misfit = bare.at_noise_of(asked_of(ladder.levels[-1:]), misfit)
+        found.append(_best_of(shared, ladder))
+    return found
+
+
+def _best_of(shared: SharedMisfit, ladder: Ladder) -> tuple[str, float] | None:
+    """Name and gain of the best level that a climb on one ladder can begin with, if any."""
     bottom, *others = ladder.levels
 
     def evidence(level: Level) -> float:
@@ -161,14 +176,22 @@ def _misfit_of(
     ladders: Sequence[Ladder], prior: Prior, loss: Loss,
 ) -> tuple[SharedMisfit, tuple[Level, ...]]:  # fmt: skip
     """Equations of all levels at the noise that the richest model leaves; and its levels."""
-    every = [level.errors for ladder in ladders for level in ladder.levels]
-    system = normal_equations(nominal, near, measurements, parameters, every, prior)
+    system = _equations(nominal, near, measurements, parameters, ladders, prior)
     richest = tuple(ladder.levels[-1] for ladder in ladders)
     if loss == "squared":
-        shared = SharedMisfit.of(system, measurements).at_noise_of(asked_of(richest))
+        shared, _ = SharedMisfit.of(system, measurements).at_noise_of(asked_of(richest))
     else:
         shared = SharedMisfit.of(_calmed(system, richest, loss), measurements)
     return shared, richest
+
+
+def _equations(
+    nominal: RobotModel, near: RobotModel, measurements: Measurements, parameters: Parameters,
+    ladders: Sequence[Ladder], prior: Prior,
+) -> NormalEquations:  # fmt: skip
+    """Equations of all levels of some ladders."""
+    every = [level.errors for ladder in ladders for level in ladder.levels]
+    return normal_equations(nominal, near, measurements, parameters, every, prior)
 
 
 def _calmed(plain: NormalEquations, levels: tuple[Level, ...], loss: Loss) -> NormalEquations:

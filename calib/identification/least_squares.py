@@ -169,7 +169,9 @@ def solve(
         if steady:
             step = memory.mixed(plain, here.scale)
         candidate = move(x, step)
-        there = _system(evaluate, candidate, here.scale)
+        # a step that raises the sum of squares is refused, whatever the tangent plane there
+        level = np.inf if here.exact else here.cost * (1 + LEVEL)
+        there = _system(evaluate, candidate, here.scale, level)
         drop = here.cost - there.cost if there is not None else -np.inf
         gain = drop / predicted if predicted > 0 else -np.inf
         nearer = there is not None and _nearer(here, there)
@@ -245,16 +247,19 @@ class Memory:
 
 
 def _system(
-    evaluate: Callable[[X], tuple[Array, Array] | System], x: X, least: Array | float = 0.0
+    evaluate: Callable[[X], tuple[Array, Array] | System],
+    x: X,
+    least: Array | float = 0.0,
+    most: float = np.inf,
 ) -> Tangent | None:
-    """Tangent plane at x; None if the model is not finite there.
+    """Tangent plane at x; None if the model is not finite there, or |r|^2 is larger than `most`.
 
     The scale of a column never falls below `least`, its scale before, so that an unknown whose
     column vanishes on the way does not diverge.
     """
     # a trial step may be far too long: overflow only refuses it
     with np.errstate(all="ignore"):
-        return normal_plane(System(*evaluate(x)), least)
+        return normal_plane(System(*evaluate(x)), least, most)
 
 
 def _nearer(here: Tangent, there: Tangent) -> bool:

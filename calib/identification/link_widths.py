@@ -135,8 +135,8 @@ class _Under:
         if rung not in self.found:
             doubled = self.lengths * rung[0] + self.angles * rung[1]
             bare = replace(self.shared.bare, precision=np.diag((self.sd * 2.0**doubled) ** -2.0))
-            shared = replace(self.shared, bare=bare).at_noise_of(self.asked)
-            solved, v = shared.solved(self.asked)
+            shared, v = replace(self.shared, bare=bare).at_noise_of(self.asked)
+            solved = shared.of_model(self.asked).solved_at(v, shared.bare.scale)
             noise = float(bare.equations.sum()) * float(np.log(shared.bare.scale))
             self.found[rung] = solved.evidence - noise, shared, v
         return self.found[rung]

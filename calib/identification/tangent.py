@@ -66,6 +66,13 @@ class System(NamedTuple):
     """Rows of a prior, most of which have one number each."""
 
     @property
+    def square(self) -> float:
+        """R'r of all rows."""
+        own = self.believed
+        square = float(self.r @ self.r)
+        return square if own is None else square + float(own.r @ own.r + own.alone @ own.alone)
+
+    @property
     def whole(self) -> tuple[Array, Array]:
         """Residual and derivative of all rows."""
         A = self.A if isinstance(self.A, np.ndarray) else self.A.dense
@@ -82,7 +89,6 @@ class System(NamedTuple):
     @property
     def normal(self) -> tuple[Array, Array, float]:
         """A'A (p, p), A'r (p,) and r'r of all rows."""
-        square = float(self.r @ self.r)
         if isinstance(self.A, np.ndarray):
             normal, pull = self.A.T @ self.A, self.r @ self.A
         else:
@@ -91,8 +97,7 @@ class System(NamedTuple):
             normal += own.A.T @ own.A
             normal[np.diag_indices_from(normal)] += own.slope**2
             pull += own.r @ own.A + own.slope * own.alone
-            square += float(own.r @ own.r + own.alone @ own.alone)
-        return normal, pull, square
+        return normal, pull, self.square
 
 
 @dataclass(frozen=True, eq=False)
@@ -254,16 +259,20 @@ def tangent_plane(r: Array, A: Array, scale: Array) -> Tangent:
     return Tangent(System(r, A), A.shape, float(r @ r), scale, triangle, inside, True)
 
 
-def normal_plane(system: System, least: Array | float = 0.0) -> Tangent | None:
+def normal_plane(
+    system: System, least: Array | float = 0.0, most: float = np.inf
+) -> Tangent | None:
     """The same by normal equations, with scales no smaller than `least`; by A where these fail.
 
-    None where something is not finite.
+    None where something is not finite, or the sum of squares exceeds `most`.
 
     References
     ----------
     Bjorck 1996, Numerical Methods for Least Squares Problems, 2.2: the error of a step grows with
     the square of the condition, that of the gradient does not.
     """
+    if system.square > most:
+        return None
     normal, pull, cost = system.normal
     power = np.diagonal(normal)
     if not np.isfinite(cost + power.sum()):

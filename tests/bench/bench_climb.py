@@ -4,14 +4,21 @@
 one fit of the model that it finds.
 """
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from scipy.linalg import cho_factor, cho_solve
 
 from calib.geometry.parameters import parameters_of
 from calib.identification.climb import climb
+from calib.identification.evidence.normal_equations import normal_equations
+from calib.identification.evidence.shared_misfit import SharedMisfit
+from calib.identification.evidence.spring_products import settled
 from calib.identification.folds import parts_of
 from calib.identification.identify import identify
 from calib.identification.ladders import ladders_of
+from calib.identification.levels import asked_of
 from calib.identification.many.climb import climb_many
 from calib.identification.many.single import identify_many
 from calib.identification.model_choice import choose, extended_by
@@ -60,6 +67,56 @@ def test_whole_fits_of_every_level_and_fold(benchmark, table):
         return [extended_by(tx60(), rest, PARAMETERS, [best], prior=PRIOR) for rest in rests]
 
     benchmark.pedantic(whole, rounds=2)
+
+
+@pytest.fixture(scope="module")
+def thrice(table):
+    """The richest model of all ladders, and its equations for three visits of each pose."""
+    rng = np.random.default_rng(0)
+    rows = table.rows(np.repeat(np.arange(POSES), 3))
+    moved = rows.position + 1e-5 * rng.normal(size=rows.position.shape)
+    rows = replace(rows, position=moved, repeat=np.tile(np.arange(3), POSES))
+    near = identify(tx60(), rows, PARAMETERS, prior=PRIOR).model
+    ladders = ladders_of(tx60())
+    every = [level.errors for ladder in ladders for level in ladder.levels]
+    system = normal_equations(tx60(), near, rows, PARAMETERS, every, PRIOR)
+    return SharedMisfit.of(system, rows), asked_of(tuple(k.levels[-1] for k in ladders))
+
+
+VARIANCES = np.geomspace(0.1, 10, 12)
+"""As many as a search looks at."""
+
+
+@pytest.mark.benchmark(group="evidence of 12 misfits, 429 numbers and 384 products")
+def test_columns_of_the_model_taken_out_once(benchmark, thrice):
+    """Aim: half the time of the plain form."""
+    shared, asked = thrice
+
+    def search():
+        model = shared.of_model(asked)
+        return [model.solved_at(v, 1.0).evidence for v in VARIANCES]
+
+    benchmark.pedantic(search, rounds=5, warmup_rounds=1)
+
+
+@pytest.mark.benchmark(group="evidence of 12 misfits, 429 numbers and 384 products")
+def test_columns_of_all_models_for_each_variance(benchmark, thrice):
+    """With products that no row sees, and inv(H) C written out."""
+    shared, (errors, sd, mean) = thrice
+
+    def one(v):
+        system, k = shared.at(v), len(errors.terms)
+        model, springs = system.of_model(errors, sd, mean), system.products.of(errors, sd[k:])
+        linear = model.columns[: len(model.size)]
+        N = system.normal
+        H = N[np.ix_(linear, linear)] * (model.size[:, None] * model.size) + model.precision
+        C = N[np.ix_(linear, springs.columns)] * model.size[:, None]
+        own = N[np.ix_(springs.columns, springs.columns)] - C.T @ cho_solve(cho_factor(H), C)
+        force = model.size * system.pull[linear] - model.precision @ model.away
+        pull = system.pull[springs.columns] - C.T @ np.linalg.solve(H, force)
+        return settled(springs, own, pull).loss
+
+    benchmark.pedantic(lambda: [one(v) for v in VARIANCES], rounds=3, warmup_rounds=1)
 
 
 @pytest.fixture(scope="module", params=["rigid", "unmodelled"])

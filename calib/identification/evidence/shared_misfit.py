@@ -107,17 +107,20 @@ class SharedMisfit(Shown):
         A, r = self.bare.A - part[:, :, None] * A[self.group], self.bare.r - part * r[self.group]
         return replace(self.at(v), A=A, r=r)
 
-    def at_noise_of(self, asked: Asked) -> "SharedMisfit":
-        """The same at the noise, one or more times the stated, that a model and misfits leave."""
+    def at_noise_of(self, asked: Asked, near: float = 0.0) -> tuple["SharedMisfit", float]:
+        """The same at the noise, one or more times the stated, that a model and misfits leave.
+
+        With it comes the variance of the model's misfit there. The search for both begins at a
+        misfit of variance `near`, such as that of a similar model.
+        """
         model, rows = self.of_model(asked), float(self.bare.equations.sum())
-        scale = model.bare.noise(rows)
-        last = 0.0
-        for _ in range(MOST_TURNS if self.means else 0):
-            v = model.variance(scale)
+        v, scale = near, model.at(near).noise(rows)
+        for _ in range(MOST_TURNS):
+            last, v = v, model.variance(scale)
             if abs(np.log((v + LEAST) / (last + LEAST))) < 2 * FINE:
                 break
-            last, scale = v, model.at(v).noise(rows)
-        return replace(self, bare=replace(self.bare, scale=scale))
+            scale = model.at(v).noise(rows)
+        return replace(self, bare=replace(self.bare, scale=scale)), v
 
     def noise_factor(self, v: float) -> float:
         """Noise of rows that would tell as much without a misfit, in units of the stated one."""
@@ -139,13 +142,19 @@ class ModelMisfit:
 
     def at(self, v: float) -> ModelEquations:
         """The model under a misfit of variance v."""
+        if v == 0.0:
+            return self.bare
         return replace(self.bare, sums=_under(v, self.bare.sums, self.means))
 
     def solved(self, scale: float) -> tuple[Solved, float]:
         """Its solution at a scale of the noise, with the misfit of most evidence; its variance."""
         v = self.variance(scale)
+        return self.solved_at(v, scale), v
+
+    def solved_at(self, v: float, scale: float) -> Solved:
+        """The same with a misfit of a given variance."""
         found = self.at(v).solved(scale)
-        return found._replace(evidence=found.evidence - self.spread(v)), v
+        return found._replace(evidence=found.evidence - self.spread(v))
 
     def variance(self, scale: float) -> float:
         """Variance of the misfit with the largest evidence, in units of that of the noise."""
@@ -153,8 +162,7 @@ class ModelMisfit:
             return 0.0
 
         def less(log: float) -> float:
-            v = float(np.exp(log))
-            return self.spread(v) - self.at(v).solved(scale).evidence
+            return -self.solved_at(float(np.exp(log)), scale).evidence
 
         ends = np.log([LEAST, MOST])
         found = minimize_scalar(less, bounds=ends, method="bounded", options={"xatol": FINE})

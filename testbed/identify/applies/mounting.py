@@ -101,17 +101,17 @@ def _gains(looking: Looking, near: RobotModel, beside: tuple[Level, ...]) -> lis
         nominal, found = extended_by(start, looking.train, parameters, beside, prior=prior)
         free, near = extended_parameters(start, nominal, parameters), found.model
         prior = prior.joined(prior_of(beside))
-    gains: dict[tuple[int, int, int], float] = {}
+    ladders = {}
     for turn in ((0, 0, 0), *TURNS):
-        if turn in ALIKE:
-            gains[turn] = gains[ALIKE[turn]]
-            continue
-        stands = np.eye(4)
-        stands[:3, :3] = exp_so3(np.radians(turn))
-        ladder = gravity_ladder(
-            start, replace(looking.mounted, T_world_base=stands), moments=robot.moments,
-            limits=robot.limits, payload=looking.train.conditions.usual_payload, sag=SAG,
-        )  # fmt: skip
-        best = best_alone(nominal, near, looking.train, free, ladder, prior=prior)
-        gains[turn] = -np.inf if best is None else best[1]
-    return [*gains.values()]
+        if turn not in ALIKE:
+            stands = np.eye(4)
+            stands[:3, :3] = exp_so3(np.radians(turn))
+            ladders[turn] = gravity_ladder(
+                start, replace(looking.mounted, T_world_base=stands), moments=robot.moments,
+                limits=robot.limits, payload=looking.train.conditions.usual_payload, sag=SAG,
+            )  # fmt: skip
+    each = best_alone(nominal, near, looking.train, free, [*ladders.values()], prior=prior)
+    gains = {
+        turn: -np.inf if best is None else best[1] for turn, best in zip(ladders, each, strict=True)
+    }
+    return [gains[ALIKE.get(turn, turn)] for turn in ((0, 0, 0), *TURNS)]

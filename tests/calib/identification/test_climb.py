@@ -238,4 +238,4 @@ def test_the_best_level_alone_is_that_of_a_climb(true):
     near = identify(tx60(), table, PARAMETERS, prior=PRIOR).model
     for ladder in ladders_of(tx60()):
         whole = climb(tx60(), near, table, PARAMETERS, [ladder], None, prior=PRIOR).best
-        assert best_alone(tx60(), near, table, PARAMETERS, ladder, prior=PRIOR) == whole
+        assert best_alone(tx60(), near, table, PARAMETERS, [ladder], prior=PRIOR) == [whole]

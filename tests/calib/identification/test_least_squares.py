@@ -207,6 +207,35 @@ def test_a_straight_line_is_fitted_in_one_step():
     assert solution.iterations <= 2
 
 
+class Asked:
+    """A derivative that counts how often its products are asked for."""
+
+    count = 0
+
+    def __init__(self, dense: Array) -> None:
+        self.dense = dense
+
+    def products(self, r: Array) -> tuple[Array, Array]:
+        Asked.count += 1
+        return self.dense.T @ self.dense, r @ self.dense
+
+
+def test_a_step_that_raises_the_sum_of_squares_is_refused_without_its_tangent_plane():
+    squares = []
+
+    def evaluate(x: Array) -> System:
+        r, A = valley(x)
+        squares.append(float(r @ r))
+        return System(r, Asked(A))
+
+    Asked.count = 0
+    found = solve(evaluate, np.array([-1.2, 1.0]), move=np.add)
+    plain = solve(valley, np.array([-1.2, 1.0]), move=np.add)
+    np.testing.assert_array_equal(found.trace, plain.trace)
+    assert max(squares[1:]) > squares[0]
+    assert Asked.count < len(squares)
+
+
 def test_answer_is_that_of_scipy_in_a_curved_valley():
     ours = solve(valley, np.array([-1.2, 1.0]), move=np.add, reach=np.ones(2))
     theirs = least_squares(

@@ -9,6 +9,7 @@ from calib.geometry.fixtures import Fixtures
 from calib.geometry.joint_errors import JointErrors
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import parameters_of
+from calib.identification.climb import best_alone
 from calib.identification.evidence.normal_equations import NormalEquations, normal_equations
 from calib.identification.evidence.shared_misfit import SharedMisfit
 from calib.identification.identify import identify
@@ -116,7 +117,7 @@ def test_each_pose_visited_once_shares_nothing_and_moves_no_bit():
     system = about_its_fit(table)
     shared = SharedMisfit.of(system, table)
     asked = (WAVES.errors, WAVES.sd, WAVES.mean)
-    found, v = shared.at_noise_of(asked).solved(asked)
+    found, v = shared.at_noise_of(asked)[0].solved(asked)
     assert v == 0.0
     assert found.evidence == system.at_noise_of(*asked).solved(*asked).evidence
     assert shared.rows_at(3.0) is shared.at(3.0) is system
@@ -129,8 +130,13 @@ def test_a_misfit_is_found_at_its_size_and_no_more_noise_than_there_is():
     for seed in range(3):
         table, _ = campaign(seed)
         asked = (JointErrors(), np.zeros(0), np.zeros(0))
-        shared = SharedMisfit.of(about_its_fit(table), table).at_noise_of(asked)
-        v = shared.solved(asked)[1]
+        bare = SharedMisfit.of(about_its_fit(table), table)
+        shared, v = bare.at_noise_of(asked)
+        assert v == shared.solved(asked)[1]
+        # from elsewhere: to twice the tolerance of the variance
+        from_there, w = bare.at_noise_of(asked, near=1.1 * v)
+        assert w == pytest.approx(v, rel=0.04)
+        assert from_there.bare.scale == pytest.approx(shared.bare.scale, rel=0.04)
         found.append((shared.bare.scale, shared.bare.scale**2 * v))
         # by hand: means of five scatter by a fifth of the noise, and by the misfit
         near = identify(tx60(), table, FREE, prior=PRIOR)
@@ -140,6 +146,21 @@ def test_a_misfit_is_found_at_its_size_and_no_more_noise_than_there_is():
         assert found[-1][0] ** 2 == pytest.approx(max(within, 1.0), rel=0.02)
         # 210 degrees of freedom: 10 %; thirty of 42 numbers are told by more than their prior
         assert found[-1][1] == pytest.approx(between - within / VISITS, rel=0.2)
+
+
+def test_ladders_one_after_the_other_find_what_each_finds_by_itself():
+    """Each search for the noise begins at the misfit of the ladder before."""
+    table, _ = campaign(1, truth=bent(1))
+    near = identify(tx60(), table, FREE, prior=PRIOR).model
+    gravity, waves = ladders_of(tx60())
+    both = best_alone(tx60(), near, table, FREE, [gravity, waves], prior=PRIOR)
+    each = [best_alone(tx60(), near, table, FREE, [k], prior=PRIOR)[0] for k in (gravity, waves)]
+    assert both[0] == each[0]
+    assert both[1] is not None
+    assert each[1] is not None
+    assert both[1][0] == each[1][0]
+    # the noise to 4 %: a gain goes with its square
+    assert both[1][1] == pytest.approx(each[1][1], rel=0.08)
 
 
 @pytest.mark.slow
