@@ -9,6 +9,7 @@ from testbed.bounds import DIRECTION, INERTIA, LIMIT, LINK, MASS, SCALE, SLIDE_S
 from testbed.names import choice_of, some
 from testbed.robots.describe.urdf_shapes import check_shapes, name_shapes
 from testbed.robots.describe.xml_gate import (
+    MESHLESS,
     FileOptions,
     Row,
     angle_notes,
@@ -246,8 +247,11 @@ def _check_meshes(root: Any, path: Path, options: FileOptions) -> list[str]:
         places = mesh_files(name, folder)
         found = [mesh_path(mesh, path, file) for file in places]
         if not all(map(Path.is_relative_to, found, places.values())):
-            raise outside(mesh, path, "filename", name, folder)
-        if not any(file.is_file() for file in found):
+            if not options.allow_missing_meshes:
+                raise outside(mesh, path, "filename", name, folder, MESHLESS)
+            notes.append(f"mesh {name} counts as missing: it lies outside the folder of all meshes")
+            mesh.set("filename", "")  # nothing out there is opened
+        elif not any(file.is_file() for file in found):
             if not options.allow_missing_meshes:
                 raise missing(mesh, path, "filename", name, folder)
             notes.append(f"mesh {name} is missing: {called(mesh)}")

@@ -31,6 +31,7 @@ COUNTS = {
     6: "write six numbers, separated by spaces",
 }
 MESH_ROOT = "give the folder that holds all meshes as mesh_root"
+MESHLESS = f"{MESH_ROOT}, or allow missing meshes"
 
 
 @dataclass(frozen=True, slots=True)
@@ -288,13 +289,15 @@ def not_local(mesh: Any, path: Path, field: str, name: str) -> InputError:
     return error_at(mesh, path, "R7", f"mesh {name} is not a local file", field, name, fix=fix)
 
 
-def outside(mesh: Any, path: Path, field: str, name: str, folder: Path) -> InputError:
+def outside(
+    mesh: Any, path: Path, field: str, name: str, folder: Path, fix: str = MESH_ROOT
+) -> InputError:
     """R6: a mesh that is not below the folder of all meshes."""
     message = f"mesh {name} lies outside {folder}"
-    return error_at(mesh, path, "R6", message, field, name, fix=MESH_ROOT)
+    return error_at(mesh, path, "R6", message, field, name, fix=fix)
 
 
 def missing(mesh: Any, path: Path, field: str, name: str, folder: Path) -> InputError:
     """R7: a mesh that is not there."""
-    allowed, fix = f"it must be a file below {folder}", f"{MESH_ROOT}, or allow missing meshes"
-    return error_at(mesh, path, "R7", f"mesh {name} is missing", field, name, allowed, fix)
+    allowed = f"it must be a file below {folder}"
+    return error_at(mesh, path, "R7", f"mesh {name} is missing", field, name, allowed, MESHLESS)

@@ -473,6 +473,20 @@ def test_what_is_odd_but_legal_is_told(case, says, tmp_path):
     assert (robot.limits[:, 0] < robot.limits[:, 1]).all()
 
 
+def test_a_mesh_outside_the_folder_may_be_missing_and_is_not_opened(tmp_path):
+    """As in a URDF that xacro wrote on another machine; the file is there, and stays unread."""
+    (model := tmp_path / "model").mkdir()
+    (tmp_path / "part.stl").write_bytes(block())
+    text = with_mesh(f"file://{tmp_path}/part.stl")
+    with pytest.raises(InputError, match="or allow missing meshes") as caught:
+        in_urdf(text=text)(model)
+    assert caught.value.code == "R6"
+    robot = in_urdf(text=text, allow_missing_meshes=True)(model)
+    assert "part.stl counts as missing: it lies outside" in " | ".join(robot.notes)
+    assert robot.lacks_meshes
+    assert not robot.parts
+
+
 @pytest.mark.parametrize(
     ("name", "data", "says"),
     [
