@@ -133,7 +133,8 @@ def require_disjoint(q: ArrayLike, used_q: ArrayLike) -> None:
         if same.any():
             at = int(np.argmax(same))
             raise refuse(
-                "validation", start + row[at], "poses that the identification did not use",
+                "validation", start + row[at],
+                "a test needs poses that the identification did not use",
                 code="A3",
                 message=f"validation pose {start + row[at]} is pose {used[at]} of the "
                 "identification",

@@ -178,7 +178,7 @@ class SessionFile(Strict):
     """Whether a virtual tracker measured: the report then says so."""
     match: Literal["pose_id", "order", "time"] = "pose_id"
     """Joints and readings belong together by their pose_id, row by row, or by the times in both
-    files, which are of one clock."""
+    files, which are of one clock, or of two whose difference [joints] clock_offset_s states."""
     match_within_s: Annotated[float, Field(ge=0.0, le=60.0)] = 0.0
     """For match = "time": how far apart a reading and its joints may be; 0: their times are equal.
     All joints so near must be one pose."""
@@ -212,6 +212,8 @@ class SessionFile(Strict):
         odd = [*self.uncertainty.odd, *(self.tolerance.odd if self.tolerance else ())]
         if self.match_within_s and self.match != "time":
             odd.append(f'match_within_s changes nothing: match is "{self.match}", not "time"')
+        if self.joints.clock_offset_s and self.match != "time":
+            odd.append(f'clock_offset_s changes nothing: match is "{self.match}", not "time"')
         return tuple(odd)
 
     @property

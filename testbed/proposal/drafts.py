@@ -145,10 +145,11 @@ def _matched(
     for way in ways:
         note = ("order: the k-th reading belongs to the k-th joints",) if way == "order" else ()
         match: Document = {"match": way} if way else {}
-        if way == "time" and joints is not None:
-            match, clocks = by_clocks(joints[0], look)
-            note = (clocks,) if clocks else ()
         named: Document = {}
+        if way == "time" and joints is not None:
+            match, ahead, clocks = by_clocks(joints[0], look)
+            note = (clocks,) if clocks else ()
+            named = {"joints": document["joints"] | ahead}
         if way == "pose_id" and joints is not None and joints[0] is not look:
             files = (("joints", joints[0]), (section, look))
             named = {key: _named(document[key], one) for key, one in files}

@@ -106,6 +106,7 @@ def verdict_on(
         _require_enough(robot, session)
     except InputError as error:
         refused.append(str(error.located(session.where)))
+        drops = False  # what is left would be refused again
     if len(odd) > SHOWN:
         odd = [*odd[:SHOWN], f"and {len(odd) - SHOWN} more"]
     # each file by its own name, since the session states the folder

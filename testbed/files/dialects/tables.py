@@ -83,6 +83,8 @@ class JointsTable(FileTable):
     `.dtx`), RL (ROKAE). Its moves are the rows, else what it declares."""
     source: Literal["commanded", "read-back"] | None = None
     """Which joints the columns hold, where their names do not tell."""
+    clock_offset_s: Annotated[float, Field(ge=-1e9, le=1e9)] = 0.0
+    """For match = "time": how far the clock of the joints is ahead of that of the readings."""
 
 
 class OpticalTable(ObservedTable):

@@ -18,22 +18,32 @@ DAY = 86_400.0
 """After so long a time of day comes again [s]."""
 STILL, STILL_SLIDE = float(np.radians(0.005)), 5e-5
 """Joints that were read back at a stop lie within these: 0.09 mm at a meter [rad, m]."""
+FEW = 0.5
+"""Part of the readings without joints from which on the clocks differ, not these readings."""
 SHOWN = 8
 
 
 def by_time(
-    joints: Joints, readings: Readings, slides: Bool, within: float, *, drop: bool
+    joints: Joints,
+    readings: Readings,
+    slides: Bool,
+    within: float,
+    *,
+    ahead: float = 0.0,
+    drop: bool,
 ) -> tuple[Match, str]:
     """The joints nearest in time to each reading, and how near these are, in words.
 
     Parameters
     ----------
     joints, readings : Joints, Readings
-        Of two files with times by one clock.
+        Of two files with times.
     slides : (n,) array of bool
         Joints that are lengths.
     within : float
         How far apart a reading and its joints may be [s].
+    ahead : float
+        How far the clock of the joints is ahead of that of the readings [s].
     drop : bool
         Leave out readings without joints, instead of refusing.
 
@@ -44,7 +54,7 @@ def by_time(
         has no joints so near in time, or several that differ.
     """
     stamps = [_moments(part) for part in (joints, readings)]
-    sent, seen = (one.seconds for one in stamps)
+    sent, seen = stamps[0].seconds, stamps[1].seconds + ahead
     if stamps[0].kind != stamps[1].kind:
         raise refusal(
             readings.where, "time",
@@ -69,17 +79,24 @@ def by_time(
             f"nearest are {least:.3g} s away"
         )
         if not drop or len(lost) == len(seen):
+            fix = (
+                "state a larger one, or add --drop-invalid"
+                if len(lost) <= FEW * len(seen)
+                else "set both clocks alike, state by how much they differ (clock_offset_s under "
+                "[joints]), or a larger match_within_s"
+            )
             raise refusal(
                 readings.where, "time", message, code="M31",
-                allowed="match_within_s states how far apart they may be",
-                fix="set both clocks alike, state a larger one, or add --drop-invalid",
+                allowed="match_within_s states how far apart they may be", fix=fix,
             )  # fmt: skip
         warnings = (f"{readings.where}: {message}; left out",)
     kept = np.flatnonzero(gap <= within + EQUAL)
-    _require_still(joints.q[order], times, readings, kept, slides, within)
+    most = np.where(slides, STILL_SLIDE, STILL)
+    _require_still(joints.q[order], times, readings, seen[kept], kept, most, within)
     match = Match(order[near[kept]], kept, warnings)
-    most = float(gap[kept].max(initial=0.0))
-    apart = "at equal times" if most <= EQUAL else f"up to {most:.3g} s apart"
+    far = float(gap[kept].max(initial=0.0))
+    apart = "at equal times" if far <= EQUAL else f"up to {far:.3g} s apart"
+    apart += f" with its clock {ahead:.6g} s ahead" if ahead else ""
     return match, f"{readings.where}: matched by time with {joints.where}, {apart}"
 
 
@@ -103,33 +120,66 @@ def _moments(part: Joints | Readings) -> Moments:
 
 
 def _require_still(
-    q: Array, times: Array, readings: Readings, kept: Index, slides: Bool, within: float
+    q: Array, times: Array, readings: Readings, seen: Array, kept: Index, most: Array, within: float
 ) -> None:
-    """Refuse a reading around whose moment the joints (m, n), in time, are not one pose."""
-    assert readings.extras.moments is not None  # it was asked for
-    seen = readings.extras.moments.seconds
-    low = np.searchsorted(times, seen[kept] - within - EQUAL, side="left")
-    high = np.searchsorted(times, seen[kept] + within + EQUAL, side="right")
-    most = np.where(slides, STILL_SLIDE, STILL)
+    """Refuse readings (k,) around whose moments the joints (m, n), in time, are not one pose.
+
+    `seen` (k,) are these moments by the clock of the joints [s], and `most` (n,) is how far joints
+    of one pose lie apart. A log of the whole course shows in its lines beside a moment as well
+    whether the arm moved.
+    """
+    step = _step(q, times, most)
+    reach = max(within, step) + EQUAL
+    low = np.searchsorted(times, seen - reach, side="left")
+    high = np.searchsorted(times, seen + reach, side="right")
+    moving: list[tuple[int, int, float]] = []
     for k in np.flatnonzero(high - low > 1):
         spread = np.ptp(q[low[k] : high[k]], axis=0)
         worst = int(np.argmax(spread / most))
         if spread[worst] > most[worst]:
-            raise _moving(readings, int(kept[k]), worst, float(spread[worst]), slides, within)
+            moving.append((int(kept[k]), worst, float(spread[worst])))
+    if moving:
+        raise _moving(readings, moving, len(seen), most, reach - EQUAL, runs_on=step > 0)
+
+
+def _step(q: Array, times: Array, most: Array) -> float:
+    """The step of a log that runs on where the arm stands, as most lines do; else 0 [s]."""
+    alike = (np.abs(np.diff(q, axis=0)) <= most).all(axis=1)
+    return float(np.median(np.diff(times))) if 2 * alike.sum() > len(alike) else 0.0
 
 
 def _moving(
-    readings: Readings, row: int, joint: int, spread: float, slides: Bool, within: float
+    readings: Readings,
+    moving: list[tuple[int, int, float]],
+    count: int,
+    most: Array,
+    reach: float,
+    *,
+    runs_on: bool,
 ) -> InputError:
-    """The error of a reading at which the arm did not stand, or that may be of two poses."""
-    differ = f"{1e3 * spread:.3g} mm" if slides[joint] else f"{np.degrees(spread):.3g} deg"
+    """The error of readings at which the arm did not stand, or that may be of two poses.
+
+    `moving` are the row, the joint and how far it turned or slid [rad, m], of `count` readings; a
+    log that runs on holds the way as well.
+    """
+    row, joint, spread = moving[0]
+    slides = most[joint] == STILL_SLIDE
+    differ = f"{1e3 * spread:.3g} mm" if slides else f"{np.degrees(spread):.3g} deg"
+    told = f"the joints are not one pose: joint {joint + 1} differs by {differ}"
+    where, message = readings.place[row], f"within {reach:.3g} s of this reading {told}"
+    fix = "state a smaller match_within_s, or number the poses in both files"
+    if runs_on:
+        fix = "keep one reading of each stop: of a log, the mean of those at which the arm stood"
+    if runs_on and len(moving) > 1:
+        rows = np.array([row for row, _, _ in moving])
+        where = readings.where
+        message = (
+            f"{_lines(readings, rows)} of {count} were taken while the arm moved: within "
+            f"{reach:.3g} s of the first {told}"
+        )
     return refusal(
-        readings.place[row], "time",
-        f"within {within:g} s of this reading the joints are not one pose: joint {joint + 1} "
-        f"differs by {differ}", code="M31",
-        allowed="the arm stands where it is measured",
-        fix="state a smaller match_within_s, or number the poses in both files",
-    )  # fmt: skip
+        where, "time", message, code="M31", allowed="the arm stands where it is measured", fix=fix
+    )
 
 
 def _lines(readings: Readings, rows: Index) -> str:

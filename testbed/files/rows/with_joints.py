@@ -65,7 +65,9 @@ def with_joints(
         match = by_order(joints, readings, robot.model, cleaned.lines)
     elif settings.match == "time":
         slides = robot.model.chain.prismatic[: joints.q.shape[1]] > 0
-        match, told = by_time(joints, readings, slides, settings.match_within_s, drop=drop)
+        match, told = by_time(
+            joints, readings, slides, settings.match_within_s, ahead=how.clock_offset_s, drop=drop
+        )
         readings = replace(readings, notes=(*readings.notes, told))
     else:
         poses = {name for other in others for name in other.poses}

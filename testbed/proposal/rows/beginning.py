@@ -6,7 +6,7 @@ from pathlib import Path
 
 from testbed.gates.text import FileText
 from testbed.proposal.data import Document, Found, files_of
-from testbed.proposal.rows.clocks import REACH, beside_readings
+from testbed.proposal.rows.clocks import OFFSET, REACH, beside_readings
 
 TRIED = 300
 """Number of lines of one file with which interpretations are tried."""
@@ -41,4 +41,5 @@ def _logs(
         if document.get("match") == "time":
             tables = [document[key] for key in ("joints", *SEEN) if key in document]
             log, seen = (files[files_of(one)[0], one.get("sheet")] for one in tables)
-            yield log, beside_readings(log, seen, TRIED, document.get(REACH, 0.0))
+            ahead = document["joints"].get(OFFSET, 0.0)
+            yield log, beside_readings(log, seen, TRIED, document.get(REACH, 0.0), ahead)

@@ -208,6 +208,24 @@ def test_a_shot_on_the_way_or_without_joints_near_it_is_refused(tmp_path):
         by_time(tmp_path)
 
 
+@pytest.mark.parametrize("match", ["time", "order"])
+def test_a_stated_difference_of_the_clocks_is_taken_off(match, tmp_path):
+    data = logged(tmp_path, late=0.04 - 347.2)
+    if match == "order":  # which asks for as many joints as shots
+        q = {f"q{j + 1}_deg": np.degrees(data.q[:, j]) for j in range(6)}
+        (tmp_path / "log.csv").write_text(csv(q))
+    text = (
+        f'match = "{match}"\nmatch_within_s = 0.2\n[joints]\nfile = "log.csv"\n'
+        'clock_offset_s = 347.2\n[frames]\nfile = "shots.csv"\n'
+    )
+    (tmp_path / "session.toml").write_text(text)
+    session = read_session(tmp_path / "session.toml", ROBOT)
+    np.testing.assert_allclose(session.measurements.q, data.q, atol=1e-12)
+    told = any("s apart with its clock 347.2 s ahead" in one for one in session.notes)
+    odd = any("clock_offset_s changes nothing" in one for one in session.warnings)
+    assert (told, odd) == (match == "time", match == "order")
+
+
 @pytest.mark.parametrize("hours", [23, 25])
 def test_times_of_day_that_come_again_match_nothing(hours, tmp_path):
     """Shots of the second day got the joints of the first, at equal times."""

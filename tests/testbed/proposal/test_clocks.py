@@ -3,6 +3,7 @@
 Truth: joints and places of each stop, from which both logs are written.
 """
 
+import re
 from datetime import UTC, datetime, timedelta
 
 import numpy as np
@@ -114,6 +115,74 @@ def test_joints_of_the_stop_after_do_not_pass_as_those_of_the_reading(tmp_path):
                 tmp_path / "session.toml")  # fmt: skip
     assert done.exit_code == 2
     assert "move the readings one row" in " ".join(done.stderr.split())
+
+
+def late(folder, seconds):
+    """The shots of `logged` by a clock that is this much behind that of the log [s]."""
+    lines = (folder / "shots.csv").read_text().splitlines()
+    for k, line in enumerate(lines[1:], start=1):
+        time, _, rest = line.partition(",")
+        lines[k] = (
+            f"{(datetime.fromisoformat(time) - timedelta(seconds=seconds)).isoformat()},{rest}"
+        )
+    (folder / "shots.csv").write_text("\n".join(lines))
+
+
+def test_clocks_that_differ_are_brought_together_by_the_stops(tmp_path):
+    """It said to set both clocks alike, and then to drop all readings but two."""
+    logged(tmp_path)
+    late(tmp_path, 347.231)
+    said, written = proposed(tmp_path, files(tmp_path), "--robot", ROBOT.name)
+    # each shot is 1.54 s after its stop began, which lasts 2.9 s in the log: 345.69 to 348.59 s
+    assert "clock_offset_s = 347.1\n" in written
+    assert "since each of 29 readings then falls into one of as many stops" in " ".join(
+        said.split()
+    )
+    np.testing.assert_allclose(read(tmp_path).q, DATA.q, atol=1e-12)
+
+
+def test_no_difference_of_clocks_is_guessed_where_a_stop_has_no_reading(tmp_path, monkeypatch):
+    """A log of which no line was near a reading ended in an IndexError."""
+    monkeypatch.setattr(beginning, "MATCHED", 100)
+    logged(tmp_path)
+    lines = (tmp_path / "shots.csv").read_text().splitlines()
+    (tmp_path / "shots.csv").write_text("\n".join([*lines[:9], *lines[10:]]))
+    late(tmp_path, 1e4)
+    said = refused(tmp_path, *files(tmp_path), "--robot", ROBOT.name)
+    assert "no joints within 0.1 s of 28 readings" in said
+    assert "state by how much they differ (clock_offset_s under [joints])" in said
+    assert "--drop-invalid" not in said
+
+
+def test_no_flag_is_proposed_that_leaves_too_few(tmp_path):
+    """Next was `identify --drop-invalid`, which refused the three poses that were left."""
+    table = {f"q{j + 1}_deg": np.degrees(DATA.q[:, j]) for j in range(6)}
+    table |= {f"{a}_mm": [*map(str, 1e3 * DATA.T[:3, k, 3]), *["-"] * (SHOTS - 3)]
+              for k, a in enumerate("xyz")}  # fmt: skip
+    (tmp_path / "d.csv").write_text(csv(table))
+    said, written = proposed(tmp_path, [tmp_path / "d.csv"], "--robot", ROBOT.name)
+    assert "3 different poses give 9 equations" in said
+    assert "--drop-invalid" not in said.partition("Next")[2]
+    assert "--drop-invalid" not in written.partition("# Then")[2].splitlines()[0]
+
+
+def test_readings_on_the_way_are_refused_in_words(tmp_path, monkeypatch):
+    """A log of the tracker at ten readings a second was proposed, moving rows and all."""
+    monkeypatch.setattr(beginning, "MATCHED", 100)
+    logged(tmp_path)
+    log = (tmp_path / "log.csv").read_text().splitlines()
+    q = np.radians([[float(cell) for cell in line.split(",")[1:]] for line in log[1:]])
+    places = 1e3 * DATA.truth.poses(q)[:, :3, 3]
+    times = [line.partition(",")[0] for line in log[1:]]
+    seen = {f"{axis}_mm": places[:, k] for k, axis in enumerate("xyz")}
+    (tmp_path / "shots.csv").write_text(
+        csv({"time": times[::2]} | {k: v[::2] for k, v in seen.items()})
+    )
+    said = refused(tmp_path, *files(tmp_path), "--robot", ROBOT.name)
+    assert re.search(
+        r"\d+ readings \(.*\) of \d+ were taken while the arm moved: within 0.2 s", said
+    )
+    assert "keep one reading of each stop: of a log, the mean of those at which the arm" in said
 
 
 def test_a_reach_is_rounded_up_to_a_plain_number():

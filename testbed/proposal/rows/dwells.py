@@ -1,0 +1,92 @@
+"""How far the clock of a log of joints is ahead of that of readings, from the stops of the arm."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from calib.arrays import Array, Index
+
+ALIKE = 1e-4
+"""Joints of one stop lie within this part of their range: 0.01 deg of 100 deg."""
+LONGER = 3.0
+"""The stops at which an arm was measured last so many times longer than any other."""
+FEWEST = 6
+"""Readings below which no difference of the clocks is proposed."""
+
+
+@dataclass(frozen=True, slots=True)
+class Offset:
+    """Differences of two clocks at which each reading falls into its stop [s]."""
+
+    least: float
+    most: float
+
+    @property
+    def middle(self) -> float:
+        """The one farthest from both ends, with no more digits than these tell."""
+        digits = max(0, 1 - int(np.floor(np.log10(max(self.most - self.least, 1e-3)))))
+        return round((self.least + self.most) / 2, digits)
+
+
+def clock_offset(times: Array, joints: Array, moments: Array) -> Offset | None:
+    """What to add to sorted moments of readings (k,) so that each falls into a stop of its own [s].
+
+    `times` (m,) of a log are sorted [s], `joints` (m, n) are of any units. None if there are not as
+    many stops as readings, or if no one difference brings each reading into its stop.
+    """
+    k = len(moments)
+    if k < FEWEST or len(times) < 2 * k:
+        return None
+    stops = _stops(joints, 3 * k)
+    begin, end = times[stops[:, 0]], times[stops[:, 1]]
+    order = np.argsort(end - begin)[::-1]
+    if len(order) < k:
+        return None
+    lasts = (end - begin)[order]
+    if lasts[k - 1] <= 0 or (len(order) > k and lasts[k - 1] < LONGER * lasts[k]):
+        return None
+    kept = np.sort(order[:k])
+    least = float((begin[kept] - moments).max())
+    most = float((end[kept] - moments).min())
+    return Offset(least, most) if least < most else None
+
+
+def _stops(joints: Array, most: int) -> Index:
+    """First and last row (s, 2) of up to `most` of the longest stretches alike, in time.
+
+    A run that begins on the way into a stop may end within it: the middle of its rows is what the
+    others are held against.
+    """
+    scaled = joints / np.maximum(np.ptp(joints, axis=0), 1e-12) / ALIKE
+    runs = _runs(scaled)
+    taken, found = np.zeros(len(scaled), dtype=np.bool_), list[tuple[int, int]]()
+    for first, last in runs[np.argsort(runs[:, 0] - runs[:, 1], kind="stable")[:most]].tolist():
+        if taken[first : last + 1].any():
+            continue
+        away = (np.abs(scaled - np.median(scaled[first : last + 1], axis=0)) > 1).any(axis=1)
+        away |= taken
+        middle = (first + last) // 2
+        before, after = np.flatnonzero(away[:middle]), np.flatnonzero(away[middle:])
+        low = int(before[-1]) + 1 if len(before) else 0
+        high = middle + int(after[0]) - 1 if len(after) else len(scaled) - 1
+        if high < middle:
+            continue  # a row of its own, on the way
+        taken[low : high + 1] = True
+        found.append((low, high))
+    return np.array(sorted(found))
+
+
+def _runs(scaled: Array) -> Index:
+    """First and last row (r, 2) of each run of rows (m, n) that are within 1 of its first one."""
+    runs, k = list[tuple[int, int]](), 0
+    while k < len(scaled):
+        size, end = 64, k + 1
+        while end < len(scaled):
+            away = (np.abs(scaled[end : end + size] - scaled[k]) > 1).any(axis=1)
+            if away.any():
+                end += int(np.argmax(away))
+                break
+            end, size = min(end + size, len(scaled)), 2 * size
+        runs.append((k, end - 1))
+        k = end
+    return np.array(runs)

@@ -1,0 +1,48 @@
+"""The difference of two clocks from the stops in a log of joints."""
+
+import numpy as np
+import pytest
+
+from testbed.proposal.rows.dwells import clock_offset
+
+RATE, STOPS = 125.0, 12
+
+
+def log(*, slow=1.0, seed=0):
+    """Times [s] and joints (m, 3) [rad] of stops of 3 to 5 s, and when each began.
+
+    The arm moves by a cosine in 2 s times `slow`; encoders scatter by 4 urad.
+    """
+    rng = np.random.default_rng(seed)
+    places = rng.uniform(-1.5, 1.5, (STOPS, 3))
+    rows, begun = [], []
+    for k in range(STOPS):
+        count = int(RATE * 2 * slow)
+        share = (1 - np.cos(np.pi * (np.arange(count) + 1) / count))[:, None] / 2
+        rows.append(places[k - 1] + share * (places[k] - places[k - 1]))
+        begun.append(sum(map(len, rows)) / RATE)
+        rows.append(np.repeat(places[k : k + 1], int(RATE * rng.uniform(3, 5)), axis=0))
+    q = np.vstack(rows)
+    return np.arange(len(q)) / RATE, q + rng.normal(0, 4e-6, q.shape), np.array(begun)
+
+
+@pytest.mark.parametrize("slow", [1.0, 10.0])
+def test_readings_fall_into_stops_at_the_difference_of_the_clocks(slow):
+    times, q, begun = log(slow=slow)
+    found = clock_offset(times, q, begun + 1.5 - 347.231)
+    # a reading 1.5 s into a stop of 3 s or more: its clock may be 1.5 s off either way; an arm that
+    # comes to rest within 1e-4 of the range stands before it stops, by a cosine 1.3 % of the move
+    assert found is not None
+    assert found.least == pytest.approx(345.731, abs=0.03 * slow + 0.01)
+    assert found.least < 347.231 < found.most
+    assert abs(found.middle - (found.least + found.most) / 2) <= 0.05
+
+
+def test_nothing_is_said_where_stops_and_readings_are_not_as_many_or_of_another_rhythm():
+    times, q, begun = log()
+    assert clock_offset(times, q, begun[1:] + 1.5) is None
+    assert clock_offset(times, q, np.append(begun, begun[-1] + 9.0)) is None
+    rhythm = begun.copy()
+    rhythm[6:] += 6.0  # the pause was elsewhere
+    assert clock_offset(times, q, rhythm) is None
+    assert clock_offset(times[:300], q[:300], begun[:1]) is None
