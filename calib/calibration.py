@@ -12,6 +12,11 @@ from calib.identification.identify import Status, identify
 from calib.identification.prior import Prior, frame_places, own_prior, own_words
 from calib.identification.result import Identification
 from calib.identification.robust import Loss
+from calib.identification.start.likeness import (
+    require_fitted_likeness,
+    require_meters,
+    require_nominal_likeness,
+)
 from calib.identification.start.start import Start, start_frames
 from calib.identification.untold.barely_told import barely_told, barely_told_words
 from calib.kinds import checked_kinds
@@ -22,8 +27,6 @@ from calib.uncertainty.judgement import Circumstances, Judgement, judge
 
 TURNED = 0.05
 """Largest rotation of a frame [rad] at which a prior in its old axes still holds."""
-UNLIKE = 0.1
-"""Largest error of nominal links, as a part of the reach; real arms miss by a hundredth at most."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -121,8 +124,9 @@ def calibrate(
     Raises
     ------
     InputError
-        Too few measurements (how many are needed is stated); M32: they are not of such an arm, or
-        in other units.
+        Too few measurements (how many are needed is stated); M21: links or sd are in no meters;
+        M32: the measurements are not of such an arm, in other units, joints in another order, or
+        rotations transposed.
 
     Examples
     --------
@@ -138,9 +142,10 @@ def calibrate(
     >>> result.identification.status.name, result.judge(test).trust.believe
     ('CONVERGED', 'region')
     """
+    require_meters(model, measured)
     start = start_frames(model, measured, free_tool=free_tool, free_anchors=free_anchors)
     if free_tool:  # a tool that is held may be far off
-        _require_likeness(model, start.position_rms)
+        require_nominal_likeness(start)
     if free is None:
         known = {f"anchor{k + 1}" for k in range(len(model.fixtures.anchors))}
         held = known - {f"anchor{k + 1}" for k in free_anchors}
@@ -164,6 +169,8 @@ def calibrate(
             )
             if again.status is Status.CONVERGED:
                 found = replace(again, notes=(*again.notes, barely_told_words(weak)))
+    if free_tool and found.status is Status.CONVERGED:
+        require_fitted_likeness(found.model, start, measured)
     return CalibratedRobot(found, start, measured)
 
 
@@ -194,15 +201,3 @@ def _from_start(prior: Prior, model: RobotModel, start: RobotModel) -> Prior:
     step = np.zeros(model.n_numbers)
     step[place] = prior.mean
     return replace(prior, mean=start.step_to(model.moved(step))[place])
-
-
-def _require_likeness(model: RobotModel, miss: float) -> None:
-    """Raise an `InputError` (M32) if nominal links miss the readings by too much [m]."""
-    reach = float(np.abs(model.chain.links[:, 1:3]).sum())
-    if miss > UNLIKE * reach > 0:
-        message = (
-            f"nominal links miss the measurements by {miss:.3g} m with the best base and tool; the "
-            f"arm reaches {reach:.3g} m"
-        )
-        fix = "give joint values in rad (slides in m), positions and sd in m, of this robot"
-        raise refuse("measured", miss, code="M32", message=message, fix=fix)

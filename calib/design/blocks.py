@@ -37,6 +37,7 @@ def identifiable_blocks(
     free: Iterable[str] | None = None,
     *,
     goals: ArrayLike | None = None,
+    target: ArrayLike = (0.0, 0.0, 0.0),
 ) -> tuple[Array, Parameters]:
     """Scaled blocks (N, r, p) of poses at joint values q (N, n), and the numbers they can identify.
 
@@ -48,12 +49,14 @@ def identifiable_blocks(
         Joint values [rad, m].
     noise : array_like
         For measured poses: standard deviations of position and rotation (2,), or of the six axes
-        (6,) [m, rad], or covariances (6, 6) or (N, 6, 6). If only the tool origin is measured: one
+        (6,) [m, rad], or covariances (6, 6) or (N, 6, 6). If only a reflector is measured: one
         standard deviation or three [m], or covariances (3, 3) or (N, 3, 3).
     free : iterable of str, optional
         Names of the numbers to identify; by default all of the model.
     goals : (g, n) array_like, optional
         Joint values at which the tool must be right [rad, m].
+    target : (3,) array_like
+        Tool point in the tool frame, which the goals are about and where the reflector is [m].
 
     Raises
     ------
@@ -62,21 +65,21 @@ def identifiable_blocks(
         at the goals.
     """
     require_kind("model", model, RobotModel, "a calib.RobotModel")
-    (q,) = check(f"N {model.chain.n_joints}", q=q)
+    q, target = check(f"N {model.chain.n_joints}, 3", q=q, target=target)
     noise = require_numbers("noise", noise)
     r = 6 if noise.shape == (2,) or noise.shape[-1:] == (6,) else 3
     covariance = covariances_of_sd(noise, r, len(q), "noise")
     if r == 6:
         rows = whitened_blocks(model, q, covariance)
     else:
-        rows = point_blocks(model, q, covariance, np.zeros((len(q), 3)))
+        rows = point_blocks(model, q, covariance, np.tile(target, (len(q), 1)))
     parameters = parameters_of(model, free)
     if not (len(q) and parameters.n_free):
         missing = "free names no number" if len(q) else "q has no poses"
         raise refuse("free" if len(q) else "q", code="A1", message=missing)
     A = scaled_blocks(rows, parameters).reshape(-1, parameters.n_free)
     if goals is not None:
-        _require_shown(A, goal_matrix(model, goals, parameters), parameters)
+        _require_shown(A, goal_matrix(model, goals, parameters, target=target), parameters)
     parameters = parameters.freeing(reduce(A, parameters, model=model, q=q).kept)
     return scaled_blocks(rows, parameters), parameters
 

@@ -178,6 +178,7 @@ class Problem(Shown):
         criterion: str | Criterion = "D",
         goals: ArrayLike | None = None,
         noise: ArrayLike = (1e-5, 1e-5 / CHARACTERISTIC_LENGTH),
+        target: ArrayLike = (0.0, 0.0, 0.0),
         free: Iterable[str] | None = None,
         given: ArrayLike = (),
         allowed: ArrayLike | None = None,
@@ -199,12 +200,21 @@ class Problem(Shown):
             Joint values at which the tool must be right, for V and G [rad, m]; the pool must
             determine all that moves the tool there.
         noise : array_like
-            As in `calib.design.blocks.identifiable_blocks`.
+            Of the instrument that will measure: standard deviations of position and rotation of
+            full poses (2,) [m, rad]; of points one number, or a covariance (3, 3), as `sd` of
+            `calib.points`; and all others of `calib.design.blocks.identifiable_blocks`.
+        target : (3,) array_like
+            Tool point in the tool frame [m]: where the tool must be right at the goals, and if
+            only points are measured, where the reflector is.
         free : iterable of str, optional
             Names of the numbers to identify; by default all of the model.
         """
-        blocks, parameters = identifiable_blocks(model, pool_q, noise, free, goals=goals)
-        wanted = None if goals is None else goal_matrix(model, goals, parameters)
+        blocks, parameters = identifiable_blocks(
+            model, pool_q, noise, free, goals=goals, target=target
+        )
+        wanted = None
+        if goals is not None:
+            wanted = goal_matrix(model, goals, parameters, target=target)
         return cls.of_blocks(
             blocks,
             poses,

@@ -191,7 +191,8 @@ CASES = {
         design.Problem.of_poses,
         {
             "model": ARM, "pool_q": Q, "poses": 12, "criterion": "V", "goals": Q[:3],
-            "noise": (1e-5, 1e-4), "free": ["d1", "a2"], "given": (), "repeats": False,
+            "noise": (1e-5, 1e-4), "target": (0, 0, 0), "free": ["d1", "a2"], "given": (),
+            "repeats": False,
         },
     ),
     "greedy": (design.greedy, {"problem": PROBLEM}),

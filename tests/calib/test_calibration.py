@@ -15,6 +15,7 @@ from tests.calib.kinds import ARMS, KINDS, joints, measured, true_robot
 from tests.reference import pool_r, tx60
 
 SD, TURN_SD = 20e-6, 50e-6
+TOOL = np.block([[np.eye(3), np.array([[0.1], [0.0], [0.1]])], [np.zeros(3), 1.0]])
 
 
 def points_of(true, q, rng):
@@ -216,3 +217,60 @@ def test_readings_in_other_units_are_refused_and_not_believed(turn, length):
     with pytest.raises(InputError, match=r"nominal links miss the measurements by .* reaches"):
         calib.calibrate(model, other)
     assert calib.calibrate(model, table).identification.status.name == "CONVERGED"
+
+
+def turned_back(table):
+    """The same poses with transposed rotations."""
+    T = np.tile(np.eye(4), (len(table), 1, 1))
+    T[:, :3, 3], T[:, :3, :3] = table.position, np.swapaxes(table.rotation, -1, -2)
+    return calib.poses(table.q, T, sd=(SD, TURN_SD))
+
+
+def joints_of(table, change):
+    """The same points with other joint values."""
+    return calib.points(change(table.q), table.position, sd=SD)
+
+
+@pytest.mark.parametrize(
+    ("see", "change", "says"),
+    [
+        (points_of, lambda t: joints_of(t, lambda q: q[:, [0, 1, 2, 4, 3, 5]]), "miss"),
+        (points_of, lambda t: joints_of(t, lambda q: q * [1, 1, 1, 1, 180 / np.pi, 1]), "miss"),
+        (poses_of, turned_back, "nominal links miss the measured rotations"),
+    ],
+)
+def test_readings_of_no_such_arm_are_refused_even_where_a_fit_comes_near(see, change, says):
+    """Errors far below a tenth of the reach: joints swapped, a wrist in degrees, matrices turned.
+
+    The tool point lies 0.1 m off the last axis, as without that its joint moves nothing.
+    """
+    model = calib.RobotModel(calib.Chain(tx60().chain.links, T_flange_tool=TOOL))
+    table = see(model, pool_r(60), np.random.default_rng(1))
+    assert calib.calibrate(tx60(), table).identification.p_value > 1e-3
+    with pytest.raises(InputError, match=says) as caught:
+        calib.calibrate(tx60(), change(table))
+    assert caught.value.code == "M32"
+    for word in ("order", "Craig's", "transposed", "rad", "sd in m"):
+        assert word in caught.value.fix
+
+
+def test_few_wrong_readings_and_much_noise_are_no_other_arm():
+    rng = np.random.default_rng(2)
+    table = points_of(tx60(), pool_r(60), rng)
+    off = np.where(np.arange(60)[:, None] % 10 == 3, 0.1, 0.0)
+    wrong = calib.points(table.q, table.position + off, sd=SD)
+    assert calib.calibrate(tx60(), wrong, loss="huber").identification.status.name == "CONVERGED"
+    sd = 0.03  # a camera's: 4 % of the reach
+    noisy = calib.points(table.q, table.position + sd * rng.normal(size=(60, 3)), sd=sd)
+    assert calib.calibrate(tx60(), noisy).identification.p_value > 1e-3
+
+
+def test_links_and_noise_in_no_meters_are_refused():
+    """Links, positions and sd in mm agree with each other: only the size of the arm tells."""
+    table = points_of(tx60(), pool_r(40), np.random.default_rng(3))
+    links = tx60().chain.links * [1, 1e3, 1e3, 1, 1]
+    millimeters = calib.points(table.q, 1e3 * table.position, sd=1e3 * SD)
+    with pytest.raises(InputError, match=r"links add up to .* at most 50 m; .* mm"):
+        calib.calibrate(calib.RobotModel(calib.Chain(links)), millimeters)
+    with pytest.raises(InputError, match=r"sd is 15 m or more in every row; .* give sd in m"):
+        calib.calibrate(tx60(), calib.points(table.q, table.position, sd=15.0))

@@ -207,6 +207,22 @@ def test_where_only_points_are_measured_the_turn_of_the_tool_is_no_number():
         Problem.of_poses(tx60(), pool_r()[:60], poses=15, noise=np.eye(2))
 
 
+def test_points_are_designed_for_where_their_reflector_is():
+    """The uncertainty promised is that of a fit to points seen there, computed from its rows."""
+    place, sd, q, goal_q = np.array([0.06, 0.02, 0.13]), 15e-6, pool_r()[:60], pool_r(80)[60:]
+    problem = Problem.of_poses(
+        tx60(), q, poses=30, criterion="V", goals=goal_q, noise=sd, target=place
+    )
+    seen = calib.points(q[:30], tx60().poses(q[:30])[:, :3] @ [*place, 1], sd=sd, offset=place)
+    fit = calib.identify(tx60(), seen, calib.parameters_of(tx60(), problem.names))
+    u = calib.uncertainty.tool_statement(fit.model, goal_q, fit.full_covariance, target=place).point
+    # to first order the same linear algebra, at a fit that moved by nothing
+    value = problem.criterion.figure(problem.information(range(30)), 30)
+    assert value == pytest.approx(np.sqrt(np.square(u).mean()), rel=1e-6)
+    with pytest.raises(InputError, match=r"target has shape \(2,\)"):
+        Problem.of_poses(tx60(), q, poses=30, noise=sd, target=(0.1, 0.2))
+
+
 @pytest.mark.usefixtures("uncertified")
 @pytest.mark.parametrize("name", ["D", "O1", "V"])
 @pytest.mark.parametrize("method", METHODS)
