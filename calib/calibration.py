@@ -9,6 +9,7 @@ from calib.errors import refuse
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import parameters_of
 from calib.identification.identify import Status, identify
+from calib.identification.outliers.tails import long_tails
 from calib.identification.prior import Prior, frame_places, own_prior, own_words
 from calib.identification.result import Identification
 from calib.identification.robust import Loss
@@ -60,8 +61,19 @@ class CalibratedRobot(Shown):
         misfit = f"nominal links miss by {1e3 * self.start.position_rms:.3f} mm rms"
         frames = [note for note in self.start.notes if note not in self.identification.notes]
         own = own_words(self.start.model, self.identification.parameters)
-        lines = [*frames, misfit, own, self.identification.summary()]
+        lines = [*frames, misfit, own, self.identification.summary(), self._worst_rows()]
         return "\n".join(line for line in lines if line)
+
+    def _worst_rows(self) -> str:
+        """Which few rows have most of the squares; empty where none stand out."""
+        fit = self.identification
+        if fit.mode != "whitened" or fit.loss != "squared" or fit.status is not Status.CONVERGED:
+            return ""
+        tails = long_tails(fit, self.measured, self.measured.rows([]))
+        if tails is None or not tails.poses:
+            return ""
+        names = [str(pose) for pose in tails.poses]
+        return f"warning: {tails.worst_words(names)}; {tails.remedy}"
 
     @checked_kinds
     def judge(

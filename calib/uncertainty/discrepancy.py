@@ -6,12 +6,16 @@ from typing import Annotated
 import numpy as np
 from scipy.special import fdtri
 
-from calib.arrays import Array, frozen, require_probability
+from calib.arrays import LATER, Array, frozen, require_probability
 from calib.errors import refuse
 from calib.held_out_counts import FEWEST
+from calib.identification.fit_statistics import chance
 from calib.kinds import checked_kinds
 from calib.shown import Shown, length_words
 from calib.uncertainty.held_out import HeldOut
+
+LIKELY = 0.05
+"""Chance of errors as large, from which on nothing is claimed of them."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -24,6 +28,8 @@ class Discrepancy(Shown):
     """(3, 3) before negative directions were set to zero [m^2]."""
     n_poses: int
     """Held-out poses behind it."""
+    p_value: Annotated[float, LATER] = 0.0
+    """Chance of errors as large at these poses without any discrepancy."""
 
     def __repr__(self) -> str:
         size = length_words(float(np.sqrt(np.trace(self.covariance))), um=".3g")
@@ -51,6 +57,11 @@ class Discrepancy(Shown):
                 f"{self.n_poses} held-out poses show no error beyond what parameters and "
                 "measurements explain"
             )
+        if self.p_value >= LIKELY:
+            return (
+                f"{self.n_poses} held-out poses show no more error than parameters and "
+                f"measurements make likely (p {chance(self.p_value)})"
+            )
         return (
             f"{self.n_poses} held-out poses show {length_words(size)} (3-D, one standard "
             "deviation) that the model does not explain; the interval with this discrepancy is "
@@ -75,4 +86,4 @@ def discrepancy(validation: HeldOut) -> Discrepancy:
     raw = e.T @ e / n - validation.predicted.mean(axis=0) - validation.measured.mean(axis=0)
     values, vectors = np.linalg.eigh((raw + raw.T) / 2)
     positive = (vectors * np.maximum(values, 0.0)) @ vectors.T
-    return Discrepancy(frozen((positive + positive.T) / 2), frozen(raw), n)
+    return Discrepancy(frozen((positive + positive.T) / 2), frozen(raw), n, validation.p_value)

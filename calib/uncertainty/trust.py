@@ -37,6 +37,8 @@ IMAGE = (
     "radii contain both, and positions of poses to identify from would tell them apart"
 )
 """Why a statement of a plane arm contains two."""
+QUIETEST = 1e-6
+"""Chi-square per degree of freedom below which nothing is measured, and no factor has a meaning."""
 StatementName = Literal["region", "none"]
 
 
@@ -119,8 +121,7 @@ def trust(
     if frame is not None and (frame.found or frame.in_part):
         words.append(_capital(frame.sentence))
     if strays is not None:
-        names = [pose_names[pose] if pose_names else str(pose) for pose in strays.poses]
-        words.append(_capital(strays.said_of(names)))
+        words.append(_capital(strays.said_of(_named(strays.poses.tolist(), pose_names))))
     if belief is None or point is None:
         settled = bootstrap is not None and bootstrap.settled  # then its covariance was used
         words = _nothing(identification, [] if settled else nonlinear, conformal) + words
@@ -131,12 +132,12 @@ def trust(
         found.append("The parameters alone do not explain the readings: " + "; ".join(reasons))
         words.append(found[-1])
     else:
-        text = _unrefuted(questions, held_out, frame)
+        text = _unrefuted(identification, questions, held_out, frame)
         if strays is not None and not strays.moved:
             text = f"Apart from what stands out: {text[0].lower()}{text[1:]}"
         words.append(text)
     if tails is not None:
-        words.append(_capital(tails.sentence))
+        words.append(_capital(tails.said_of(_named(tails.poses, pose_names))))
         if identification.loss == "squared" and tails.source != "misfit":
             words.append(_capital(tails.remedy))
     if nonlinear and belief is not None:
@@ -256,7 +257,9 @@ def _against(
     return reasons
 
 
-def _unrefuted(questions: Questions, held_out: HeldOut | None, frame: OtherFrame | None) -> str:
+def _unrefuted(
+    fit: Identification, questions: Questions, held_out: HeldOut | None, frame: OtherFrame | None
+) -> str:
     """What the tests saw where none refutes: nothing, or a doubt; never a proof."""
     p = f"combined p {chance(questions.combined)}"
     of = "residuals" if held_out is None else "residuals and held-out errors"
@@ -271,7 +274,20 @@ def _unrefuted(questions: Questions, held_out: HeldOut | None, frame: OtherFrame
         return f"A test of the {of} shows {said} (p {chance(least)})"
     if not questions.agree:
         return f"The {of} together are larger than the stated noise makes likely ({p})"
+    if fit.p_value > 1 - RED and fit.dof > 0 and fit.loss == "squared":
+        each = fit.chi_square / _freedom(fit)
+        factor = f"{each**-0.5:.2g}" if each > QUIETEST else f"more than {QUIETEST**-0.5:.0f}"
+        return (
+            f"The residuals are smaller than the stated noise, by a factor of {factor} (chi-square "
+            f"{each:.2g} per degree of freedom): no test shows more than it, and the region is too "
+            "wide unless it stands for errors that all readings share"
+        )
     return f"No test of the {of} contradicts the stated noise ({p}), though that is no proof"
+
+
+def _named(poses: Sequence[int], names: Sequence[str]) -> list[str]:
+    """What these poses are called."""
+    return [names[pose] if names else str(pose) for pose in poses]
 
 
 def _capital(text: str) -> str:

@@ -274,3 +274,33 @@ def test_links_and_noise_in_no_meters_are_refused():
         calib.calibrate(calib.RobotModel(calib.Chain(links)), millimeters)
     with pytest.raises(InputError, match=r"sd is 15 m or more in every row; .* give sd in m"):
         calib.calibrate(tx60(), calib.points(table.q, table.position, sd=15.0))
+
+
+def test_the_pose_of_one_wrong_reading_is_named():
+    table = points_of(tx60(), pool_r(60), np.random.default_rng(4))
+    off = np.where(np.arange(60)[:, None] == 7, 5e-3, 0.0)
+    train = calib.points(table.q, table.position + off, sd=SD).rows(range(40))
+    result, sound = (calib.calibrate(tx60(), one) for one in (train, table.rows(range(40))))
+    assert "half of all squares" not in sound.summary()
+    assert "one of 40 rows (pose 7) holds half of all squares" in result.summary().splitlines()[-1]
+    named = calib.Circumstances(pose_names=[f"P{k + 1}" for k in range(60)])
+    for known, name in ((None, "7"), (named, "P8")):
+        judged = result.judge(table.rows(range(40, 60)), circumstances=known)
+        assert f"one of 60 rows (pose {name}) holds half" in judged.trust.sentence
+    assert judged.tails.poses == (7,)
+
+
+def test_noise_that_is_stated_too_large_is_said_by_its_factor():
+    table = points_of(tx60(), pool_r(80), np.random.default_rng(5))
+    wide = calib.points(table.q, table.position, sd=5 * SD)
+    for seen, too_large in ((wide, True), (table, False)):
+        train, test = seen.split(held_out=20)
+        said = calib.calibrate(tx60(), train).judge(test).trust.sentence
+        assert ("contradicts the stated noise" in said) != too_large
+        if too_large:
+            factor = float(said.split("smaller than the stated noise, by a factor of ")[1][:3])
+            # an estimate from 150 numbers: 0.06 of itself
+            assert factor == pytest.approx(5, abs=1)
+    exact = calib.points(table.q, tx60().poses(table.q)[:, :3, 3], sd=SD)
+    train, test = exact.split(held_out=20)
+    assert "factor of more than 1000" in calib.calibrate(tx60(), train).judge(test).trust.sentence

@@ -6,12 +6,12 @@ Repeated visits to a pose tell them apart, since a misfit stays the same.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
 from scipy.special import chdtrc, chdtri, gammaln
 
-from calib.arrays import Array
+from calib.arrays import LATER, Array
 from calib.identification.result import Identification
 from calib.measurement.observations import Measurements
 from calib.measurement.prediction import predict
@@ -29,6 +29,8 @@ ROUNDS = 100
 """Iterations for the scale of each of them; five or fewer reduce the error ten times."""
 FEWEST = 20
 """Fewest poses for a statement about tails."""
+MOST_NAMED = 3
+"""Poses of the worst rows that are named, where all of these are so few."""
 MOST = 0.6
 """Rows with half of all squares, as a fraction of those that normal noise needs; above it tails are
 mild, as those of a misfit that is larger in some places than in others."""
@@ -51,17 +53,28 @@ class LongTails(Shown):
     rows: int
     source: Source
     """Source that repeated visits indicate, the noise or a misfit; empty if they do not show it."""
+    poses: Annotated[tuple[int, ...], LATER] = ()
+    """Poses of these few rows, the worst first; empty if they are more than can be named."""
 
     @property
     def sentence(self) -> str:
-        """The result in words."""
-        worst = f"the worst {self.few} of {self.rows} rows hold" if self.few > 1 else (
-            f"one of {self.rows} rows holds"
-        )  # fmt: skip
+        """The result in words, poses by their numbers."""
+        return self.said_of([str(pose) for pose in self.poses])
+
+    def worst_words(self, names: Sequence[str]) -> str:
+        """Which rows have half of all squares, by the names (k,) of `poses`."""
+        which = f" (pose{'s' if len(names) > 1 else ''} {', '.join(names)})" if names else ""
+        worst = f"the worst {self.few} of {self.rows} rows{which} hold"
+        if self.few == 1:
+            worst = f"one of {self.rows} rows{which} holds"
+        return f"{worst} half of all squares, where normal noise needs {self.usual}"
+
+    def said_of(self, names: Sequence[str]) -> str:
+        """The result in words, by the names (k,) of `poses`."""
         text = (
             f"the residuals have longer tails than normal noise (p < {LEVEL}): Student's t with "
-            f"{self.degrees:g} degrees of freedom describes them better, and {worst} half of all "
-            f"squares, where normal noise needs {self.usual}"
+            f"{self.degrees:g} degrees of freedom describes them better, and "
+            f"{self.worst_words(names)}"
         )
         if self.source == "noise":
             return f"{text}; repeated visits to one pose scatter in the same way: it is the noise"
@@ -105,18 +118,21 @@ def long_tails(
     square, freedom, weight = np.concatenate([np.zeros((3, 0)), *parts], axis=1)
     known = freedom > 0
     square, freedom, weight = square[known], freedom[known], weight[known]
+    pose = np.concatenate([np.zeros(0, int), *(table.pose_id for table in tables)])[known]
     if weight.sum() < FEWEST:
         return None
     degrees, p = student(square, freedom, weight)
     if p >= LEVEL:
         return None
     usual = chdtrc(3, chdtri(5, 0.5))  # of chi2_3 squares beyond x the share of the sum is chi2_5
-    ranked = np.cumsum(np.sort(square)[::-1])
+    order = np.argsort(-square, kind="stable")
+    ranked = np.cumsum(square[order])
     few = 1 + int(np.searchsorted(ranked, ranked[-1] / 2))
     if few > MOST * usual * len(square):
         return None
     source = _of_visits([_between_visits(identification, table) for table in tables])
-    return LongTails(degrees, p, few, round(usual * len(square)), len(square), source)
+    worst = tuple(dict.fromkeys(pose[order[:few]].tolist())) if few <= MOST_NAMED else ()
+    return LongTails(degrees, p, few, round(usual * len(square)), len(square), source, worst)
 
 
 def student(square: Array, freedom: Array, weight: Array) -> tuple[float, float]:

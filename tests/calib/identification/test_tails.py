@@ -82,6 +82,7 @@ def test_visits_tell_noise_with_long_tails_from_a_misfit_in_a_few_places(tail, v
     if found is not None:
         assert found.rows == 60 * visits
         assert found.few < 0.6 * found.usual
+        assert (len(found.poses) > 0) == (found.few <= 3)
         assert f"hold half of all squares, where normal noise needs {found.usual}" in found.sentence
         assert ("second visit of every pose" in found.sentence) == (source == "")
 

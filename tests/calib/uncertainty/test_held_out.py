@@ -66,10 +66,10 @@ def test_validation_noise_that_is_zero_and_negative_covariance_are_refused():
         held_out(fit.model, -fit.full_covariance, table, pool_r()[:29])
 
 
-def made(errors, predicted=0.0, measured_=0.0):
+def made(errors, predicted=0.0, measured_=0.0, p_value=0.0):
     n = len(errors)
     eye = np.broadcast_to(np.eye(3), (n, 3, 3))
-    return HeldOut(np.asarray(errors), eye * predicted, eye * measured_, 1.0, 0.5)
+    return HeldOut(np.asarray(errors), eye * predicted, eye * measured_, 1.0, p_value)
 
 
 def test_the_discrepancy_is_what_was_put_in():
@@ -92,6 +92,17 @@ def test_no_discrepancy_is_zero_in_its_negative_directions():
     none = discrepancy(made(errors * 0.01, 1.0))
     assert not none.covariance.any()
     assert "no error beyond" in none.sentence
+
+
+def test_a_discrepancy_that_chance_makes_likely_is_not_claimed():
+    errors = np.random.default_rng(0).standard_normal((30, 3))
+    shown, likely = (discrepancy(made(errors, 0.9, p_value=p)) for p in (0.01, 0.62))
+    assert "that the model does not explain" in shown.sentence
+    np.testing.assert_array_equal(shown.covariance, likely.covariance)
+    assert likely.sentence == (
+        "30 held-out poses show no more error than parameters and measurements make likely "
+        "(p = 0.62)"
+    )
 
 
 @pytest.mark.parametrize("n", [12, 40])
