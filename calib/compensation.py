@@ -45,8 +45,18 @@ class _Corrected(Shown):
 
     @property
     def corrected(self) -> Bool:
-        """(m,) whether the target is corrected without reservation: its status is "reached"."""
+        """(m,) whether the target is corrected without reservation: its status is "reached".
+
+        One that is "singular" is corrected too, and needs a look.
+        """
         return np.array([one == "reached" for one in self.status], dtype=np.bool_)
+
+    @property
+    def _counted(self) -> str:
+        """How many targets are reached, and how many of them need a look."""
+        look = self.status.count("singular")
+        some = f", {look} of them in a nearly singular posture" * bool(look)
+        return f"{int(self.corrected.sum()) + look} of {len(self.status)} targets{some}"
 
     @property
     def sentences(self) -> tuple[str, ...]:
@@ -59,8 +69,8 @@ class Correction(_Corrected):
     """Joint targets at which the identified robot reaches the poses intended."""
 
     q: Array
-    """(m, n) corrected joint targets inside the limits [rad, m]; where `corrected` is false the
-    nearest posture found, which may be far away: keep the given target there."""
+    """(m, n) corrected joint targets inside the limits [rad, m]; where the status is "limits" or
+    "out of reach" the nearest posture found, which may be far away: keep the given target there."""
     step: Array
     """(m, n) corrected minus given targets [rad, m]."""
     position_error: Array
@@ -79,7 +89,7 @@ class Correction(_Corrected):
 
     def __repr__(self) -> str:
         left = length_words(float(self.position_error.max(initial=0.0)), um=".3g")
-        return f"Correction({self.corrected.sum()} of {len(self.q)} targets, largest rest: {left})"
+        return f"Correction({self._counted}, largest rest: {left})"
 
     def tables(self) -> dict[str, ResultTable]:
         """``targets``: corrected joints [rad, m], position error before and left [m], status."""
@@ -108,7 +118,7 @@ class PoseCorrection(_Corrected):
     """(m,) as in `Correction`."""
 
     def __repr__(self) -> str:
-        return f"PoseCorrection({self.corrected.sum()} of {len(self.q)} targets)"
+        return f"PoseCorrection({self._counted})"
 
 
 @checked_kinds

@@ -128,7 +128,9 @@ def _sentence(
     part = f"{floor(min(efficiency + CERTAIN, 1.0) * 1000) / 1000:.3f}"
     of = f"no {problem.m} of the {int(problem.open.sum())} poses"
     if isinstance(criterion, D):
-        return f"D-efficiency at least {part}: {of} have a det^(1/p) {_more(1 / efficiency)} larger"
+        its = "an O1" if criterion.name == "O1" else f"a {criterion.name}"
+        more = _more(limit / figure)
+        return f"D-efficiency at least {part} in det^(1/p): {of} have {its} {more} larger"
     if criterion.unit == "m" and criterion.name != "A":
         which = "worst" if criterion.name == "G" else "RMS"
         scale, unit = length_unit([limit, figure])

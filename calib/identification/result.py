@@ -49,7 +49,7 @@ class Identification(Shown):
     reduction: Reduction
     """What the measurements alone can tell apart, judged at the nominal model."""
     step: Annotated[Array, "f"]
-    """(f,) estimate minus nominal [m, rad]."""
+    """(f,) estimate minus nominal [m, rad]; of a frame (base, tool, station) in its own axes."""
     covariance: Annotated[Array, "f", "f"]
     """(f, f) of `step` [m^2, m rad, rad^2]: inv(A'A + Lambda0); with a robust loss the sandwich; in
     paper mode the claimed s^2 inv(H'H)."""
@@ -109,7 +109,12 @@ class Identification(Shown):
 
     @property
     def standard_uncertainty(self) -> Array:
-        """(f,) square roots of the diagonal of the covariance [m, rad]."""
+        """(f,) square roots of the diagonal of the covariance [m, rad].
+
+        Of the steps, those of a frame along its own axes. The table in `summary` and `tables` has U
+        of the values instead: of the base along the axes of the world, of a tool along those of the
+        flange, as `calib.identification.result.values_and_uncertainties` gives them.
+        """
         return np.sqrt(np.diag(self.covariance))
 
     @property
@@ -150,8 +155,9 @@ class Identification(Shown):
 def values_and_uncertainties(result: Identification) -> tuple[Array, Array]:
     """All numbers of the identified model and their standard uncertainties (P,) [m, rad].
 
-    Base, tools and stations are given as position and rotation vector. They are estimated as steps
-    in their own axes, from which the uncertainty is propagated.
+    Base and stations are given as position and rotation vector in the world, tools in the flange.
+    They are estimated as steps in their own axes, from which the uncertainty is propagated. The
+    table of an identification shows those that were estimated, with U = 2 u, in mm and deg.
     """
     chain, fixtures = result.model.chain, result.model.fixtures
     errors = result.model.joint_errors

@@ -164,6 +164,12 @@ def test_listed_values_and_uncertainties_are_those_of_the_frames_themselves():
     at = [names.index(f"{frame}.{axis}") for frame in ("base", "tool") for axis in "xyz"]
     # 2000 draws leave 1.6 %; five times that for six of them
     assert np.std(drawn, axis=0) == pytest.approx(u[at], rel=0.08)
+    # the table shows these; the square roots of the covariance are of the base's own axes
+    table = found.tables()["numbers"]
+    k, R = slice(3), found.model.chain.T_world_base[:3, :3]
+    own = found.covariance[k, k]
+    assert found.standard_uncertainty[k] == pytest.approx(np.sqrt(np.diag(own)), rel=1e-12)
+    assert table["U"][k] == pytest.approx(2e3 * np.sqrt(np.diag(R @ own @ R.T)), rel=1e-9)
 
 
 def test_every_result_prints_as_one_line():

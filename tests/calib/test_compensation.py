@@ -219,3 +219,16 @@ def test_a_position_that_few_joints_do_not_reach_is_not_called_reached():
     found = compensate(nominal, real, q)  # two axes side by side leave the height as it is
     assert not found.corrected.any()
     assert (found.position_error > 1e-5).mean() > 0.9
+
+
+def test_a_target_that_is_reached_in_a_nearly_singular_posture_is_counted_as_reached():
+    nominal, real, q = bent_and_programmed(ARMS["six turns"])
+    q = np.where(np.arange(6) == 4, np.where(np.arange(len(q))[:, None] < 2, 3e-3, 1.0), q)
+    found = compensate(nominal, real, q)
+    look = [one == "singular" for one in found.status]
+    assert look[:2] == [True, True]
+    assert found.position_error[:2].max() < LEFT
+    reached, count = sum(look) + sum(found.corrected), len(q)
+    assert repr(found).startswith(
+        f"Correction({reached} of {count} targets, {sum(look)} of them in a nearly singular posture"
+    )
