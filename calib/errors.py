@@ -11,6 +11,15 @@ STEERING = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f\u2028-\u202e\u2066-\u2069\u
 LONGEST = 400
 """Characters of one part of a sentence: names and values in it may be endless."""
 
+AMOUNT = re.compile(
+    r"(?:at least|at most|one of|between|above|zero|a whole number|finite)\b"
+    r"|-?\d\S*?(?: to -?\d\S*?)?(?: \w+)?(?: or (?:more|larger))?(?=$|[:;,])"
+)
+"""Beginning of a value or a range, which says nothing without a verb; numbers up to their unit."""
+VERB = re.compile(
+    r"\b(?:is|are|has|have|must|should|needs?|belongs?|holds?|gives?|rejects?|tells?)\b"
+)
+
 
 def visible(text: str) -> str:
     r"""A text with its control characters written out; line ends and tabs stay.
@@ -49,6 +58,20 @@ def short(text: str) -> str:
     405
     """
     return text if len(text) <= LONGEST else f"{text[: LONGEST - 100]} ... {text[-100:]}"
+
+
+def expectation(allowed: str) -> str:
+    """What would have been accepted as a part of a sentence: a bare value or range gets its verb.
+
+    Examples
+    --------
+    >>> expectation("0 to 299"), expectation("1 to 4: the data hold 5")
+    ('expected 0 to 299', 'expected 1 to 4: the data hold 5')
+    >>> expectation("every value must be finite"), expectation("2 to 3 times is usual")
+    ('every value must be finite', '2 to 3 times is usual')
+    """
+    bare = AMOUNT.match(allowed) and not VERB.search(re.split("[:;]", allowed)[0])
+    return f"expected {allowed}" if bare else allowed
 
 
 class CalibError(Exception):
@@ -93,7 +116,8 @@ class CalibError(Exception):
         super().__init__(str(self))
 
     def __str__(self) -> str:
-        parts = (short(part) for part in (self.message, self.allowed, self.fix) if part)
+        said = (self.message, expectation(self.allowed), self.fix)
+        parts = (short(part) for part in said if part)
         body = "; ".join(parts)
         place = f"{self.where}: " if self.where else ""
         stop = "" if body.endswith(("?", ".", "!")) else "."

@@ -145,7 +145,7 @@ def of_kind(name: str, value: object, kind: Any) -> Any:
         found = _several(name, value, parts[0])
         exact = origin is tuple and Ellipsis not in parts
         if exact and len(found) != len(parts):
-            raise refuse(name, value, f"{len(parts)} of them", code="A1",
+            raise refuse(name, value, f"{len(parts)}", code="A1",
                          message=f"{name} has {len(found)} entries")  # fmt: skip
         return found
     if kind is bool:

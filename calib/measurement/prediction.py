@@ -202,9 +202,10 @@ def require_fixtures(fixtures: Fixtures, measurements: Measurements) -> None:
             raise refuse(
                 name,
                 int(index[row]),
-                f"0 to {have - 1}" if have else "none",
+                f"0 to {have - 1}" if have else "",
                 code="A3",
-                message=f"{name}[{row}] is {index[row]}, the model has {have} of them",
+                message=f"{name}[{row}] is {index[row]}, and the model has {have or 'no'} {name}"
+                + "s" * (have != 1),
                 fix="give the model the fixtures that the table names (RobotModel.fixtures)",
             )
 

@@ -384,7 +384,7 @@ def test_what_a_public_function_is_fed_is_taken_or_refused_in_words(name):
 @pytest.mark.parametrize(
     ("wrong", "sentence"),
     [
-        (lambda: calib.joined([]), "there are no tables to join; at least one"),
+        (lambda: calib.joined([]), "there are no tables to join; expected at least one"),
         (lambda: calib.joined(SEEN), "tables is of the type Measurements; several, each calib.Mea"),
         (lambda: calib.joined([SEEN, Q]), r"tables\[1\] is of the type ndarray"),
         (
@@ -406,7 +406,7 @@ def test_what_a_public_function_is_fed_is_taken_or_refused_in_words(name):
         ),
         (
             lambda: iso_limits.mean_limits(iso9283.accuracy(CYCLES, np.zeros(3)), 0),
-            "dof is 0; above zero",
+            "dof is 0; expected above zero",
         ),
         (
             lambda: uncertainty.budget(
@@ -416,18 +416,21 @@ def test_what_a_public_function_is_fed_is_taken_or_refused_in_words(name):
         ),
         (
             lambda: uncertainty.held_out(ARM, WIDE, TEST.rows([]), Q),
-            "there are no validation poses; at least one",
+            "there are no validation poses; expected at least one",
         ),
         (
             lambda: calib.parameters_of(ARM, "d1"),
             r"free is of the type str.* give a list: \['d1'\]",
         ),
-        (lambda: calib.identify(ARM, TRAIN, SOME, loss="hubr"), 'loss is "hubr"; one of squared,'),
+        (
+            lambda: calib.identify(ARM, TRAIN, SOME, loss="hubr"),
+            'loss is "hubr"; expected one of squared,',
+        ),
         (lambda: calib.judge(FOUND.identification, TEST, train=TRAIN, rng=1), "rng is of the type"),
         (lambda: SEEN.rows([40]), "which names no such rows; a mask of 40 rows, or places from 0"),
         (lambda: SEEN.rows([0.5]), "which names no such rows"),
-        (lambda: uncertainty.coverage_factor(2.5), "dimension is 2.5; a whole number"),
-        (lambda: ladders_of(ARM, waves=(0.1,)), "waves has 1 entries; 2 of them"),
+        (lambda: uncertainty.coverage_factor(2.5), "dimension is 2.5; expected a whole number"),
+        (lambda: ladders_of(ARM, waves=(0.1,)), "waves has 1 entries; expected 2"),
         (
             lambda: choose(
                 ARM, TRAIN, SOME, ladders=[two_named_alike("sin", 0), two_named_alike("cos", 1)]

@@ -148,7 +148,7 @@ REFUSED = {
         "chains differ in their joints",
     ),
     "a kind of row that there is not": (
-        lambda: replace(POSES, kind=np.full(4, "line")), "A3", "values ['line']; 4 entries, each",
+        lambda: replace(POSES, kind=np.full(4, "line")), "A3", "expected 4 entries, each",
     ),
     "a mode that there is not": (
         lambda: calib.identify(arm(), POSES, FREE, mode="weighted"), "A3", "whitened, paper",

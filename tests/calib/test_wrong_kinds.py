@@ -56,7 +56,7 @@ def with_term(name, joint, wave="sin", weights=(0, 1, 0)):
         (lambda: ARM.poses(Q + 0j), "q is complex; every entry must be a real number"),
         (
             lambda: JointTerm("a", 1, "tan", (0, 1, 0)),
-            "wave of the term a is 'tan'; one of sin, cos, approach, torque, lengths",
+            "wave of the term a is 'tan'; expected one of sin, cos, approach, torque, lengths",
         ),
         (lambda: JointTerm("a", 1, "sin", (0, np.nan, 0)), r"weights\[1\] is nan"),
         (lambda: with_term("a", 3), r"term a \(sin\) is on joint 3; -1 of lengths, else 0 to 2"),
@@ -80,7 +80,7 @@ def with_term(name, joint, wave="sin", weights=(0, 1, 0)):
             "torque has 2 columns; one for each of 3 joints",
         ),
         (lambda: approaches(Q, [1, 0]), r"order has shape \(2,\); one for each of 60 poses"),
-        (lambda: calib.parameters_of(ARM, length=0.0), "length is 0.0; above 0 m"),
+        (lambda: calib.parameters_of(ARM, length=0.0), "length is 0.0; expected above 0 m"),
     ],
 )
 def test_a_value_of_another_kind_is_refused_in_words(wrong, sentence):

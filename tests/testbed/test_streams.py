@@ -40,5 +40,5 @@ def test_streams_of_different_names_are_uncorrelated():
 
 @pytest.mark.parametrize("seed", [-1, 1.5, True, "7", None])
 def test_a_seed_that_is_not_a_natural_number_is_refused(seed):
-    with pytest.raises(InputError, match=r"seed is .*; a whole number, 0 or larger"):
+    with pytest.raises(InputError, match=r"seed is .*; expected a whole number, 0 or larger"):
         stream(seed, "x")

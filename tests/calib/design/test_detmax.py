@@ -224,7 +224,9 @@ def test_constants_that_never_stop_are_refused(constant: str):
 def test_more_swaps_than_there_are_poses_are_refused(constant: str, m: int, most: int):
     """More than the set has, or than the pool has beside it; nothing is clipped in silence."""
     problem = Problem.of_blocks(whitened_pool(80), m, "O1")
-    with pytest.raises(InputError, match=rf"{constant} is {most + 1}; at most {most}; the set has"):
+    with pytest.raises(
+        InputError, match=rf"{constant} is {most + 1}; expected at most {most}; the set has"
+    ):
         detmax(problem, np.random.default_rng(0), **{constant: most + 1})
     found = detmax(problem, np.random.default_rng(0), a=1, d=2, **{constant: most})
     assert len(found.indices) == m

@@ -115,8 +115,8 @@ NAMES = ("theta1", "d1", "a1", "alpha1", "theta2")
     ("m", "change", "options", "says"),
     [
         (13, None, {}, "13 poses wanted; the pool has 12; enlarge the pool"),
-        (0, None, {}, "0 poses wanted; a whole number, at least 1"),
-        (5.5, None, {}, r"5\.5 poses wanted; a whole number"),
+        (0, None, {}, "0 poses wanted; expected a whole number, at least 1"),
+        (5.5, None, {}, r"5\.5 poses wanted; expected a whole number"),
         (2, None, {"names": NAMES}, "2 leave at least 1 directions unseen, such as: 5 numbers"),
         (5, "nan", {}, r"blocks\[7, 1, 2\] is nan"),
         (5, "flat", {}, r"blocks has shape \(12, 10\)"),

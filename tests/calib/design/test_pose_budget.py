@@ -174,7 +174,7 @@ def test_where_poses_may_repeat_a_budget_goes_beyond_the_pool():
     # four times every pose halves the figure: the best 24 do no worse
     assert 6 < found.proven <= found.smallest <= 24
     assert criterion.figure(information(blocks[found.chosen]), 24) <= whole / 2
-    with pytest.raises(InputError, match=r"counts holds.*; 3 or more"):
+    with pytest.raises(InputError, match=r"counts holds.*; expected 3 or more"):
         pose_budget(problem, whole, np.random.default_rng(0), counts=[2])
 
 

@@ -252,7 +252,7 @@ def test_identification_finds_the_springs_and_says_which_act_alike():
         ({"load": [0.0]}, "load must be positive; leave out springs that nothing loads"),
         ({"free": np.zeros((5, 4), bool)}, r"free has shape \(5, 4\)"),
         ({"joint": [1, 1], "axis": [2, 2], "load": [1.0, 1.0]}, "two springs about one axis"),
-        ({"passes": 0}, "passes is 0; 1 or more"),
+        ({"passes": 0}, "passes is 0; expected 1 or more"),
     ],
 )
 def test_springs_that_make_no_sense_are_refused(change, message):
@@ -271,7 +271,7 @@ def test_an_arm_that_nothing_bends_has_no_springs():
     assert model.poses_and_jacobian(q)[1].shape == (3, 6, 42)
     with pytest.raises(InputError, match='axes names "w"; x, y and z'):
         Felt.of(weight, ALL).springs(("w",))
-    with pytest.raises(InputError, match="tilt is -1; 0 rad or more"):
+    with pytest.raises(InputError, match="tilt is -1; expected 0 rad or more"):
         Felt.of(weight, ALL, tilt=-1.0).springs()
 
 

@@ -191,7 +191,9 @@ def test_frames_of_all_visits_are_found_from_nothing(stations: tuple[int, int, i
 def test_rows_of_a_tool_that_is_not_there_or_below_zero_are_refused():
     model = robot_with_tools()
     table = every_tool(model, pool_r(2), np.random.default_rng(7))
-    with pytest.raises(InputError, match=r"tool\[\d+\] is 2, the model has 2 of them"):
+    with pytest.raises(
+        InputError, match=r"tool\[\d+\] is 2, and the model has 2 tools; expected 0 to 1"
+    ):
         predict(replace(model, fixtures=replace(model.fixtures, tools=model.fixtures.tools[:1])),
                 table)  # fmt: skip
     with pytest.raises(InputError, match=r"tool\[0\] of a pose row is -1"):

@@ -104,7 +104,7 @@ def test_a_reflector_of_the_fixtures_has_no_second_place():
         (lambda: calib.points(Q, np.ones((6, 3)), sd=1e-5).split(held_out=3), "1 to 2, of 3 poses"),
         (
             lambda: calib.points(Q, np.ones((6, 3)), sd=1e-5).split(held_out=0.2),
-            "held_out is 0.2; 1 to 2, of 3 poses; give a number of poses, not a share of them",
+            "held_out is 0.2; expected 1 to 2, of 3 poses; give a number of poses, not",
         ),
     ],
 )

@@ -137,7 +137,7 @@ def test_fewest_poses(probability, n):
 
 
 def test_fewer_than_19_poses_cannot_promise_95_percent():
-    with pytest.raises(InputError, match=r"18 validation poses for 95 %; at least 19"):
+    with pytest.raises(InputError, match=r"18 validation poses for 95 %; expected at least 19"):
         conformal(np.ones(18))
     with pytest.raises(InputError, match="none negative"):
         conformal(-np.ones(19))

@@ -149,7 +149,7 @@ def test_a_missing_package_is_one_sentence(calibrated, monkeypatch, package, nam
 
 
 def test_a_table_that_is_not_there_names_those_that_are(calibrated):
-    with pytest.raises(InputError, match=r"table is nubers; one of numbers, residuals"):
+    with pytest.raises(InputError, match=r"table is nubers; expected one of numbers, residuals"):
         calibrated.to_pandas("nubers")
     with pytest.raises(InputError, match="Chain has no table"):
         calibrated.model.chain.to_arrow()

@@ -73,7 +73,9 @@ def test_a_loaded_calibration_judges_as_the_one_that_was_saved(tmp_path):
 
 def test_what_cannot_be_saved_or_loaded_says_so(tmp_path):
     model, path = ROBOT.model, tmp_path / "one.npz"
-    with pytest.raises(InputError, match="Robot cannot be saved here; one of Bootstrap, Cal"):
+    with pytest.raises(
+        InputError, match="Robot cannot be saved here; expected one of Bootstrap, Cal"
+    ):
         truebed.save(ROBOT, path)
     with pytest.raises(InputError, match=r"is not the name of an .npz file; write one.npz"):
         truebed.save(model, tmp_path / "one.pkl")

@@ -196,8 +196,8 @@ def test_own_joints_may_leave_the_box_but_not_what_the_robot_can_do(lab):
         (turned, "pose 0 cannot be measured: joint limits"),
         (np.radians([[0.0, 0, 150, 0, 0, 0]]), "pose 0 cannot be measured: "),
         (np.zeros((2, 5)), "poses has shape (2, 5); axis 1 should be 6"),
-        ([60], "poses is 60; 0 to 59"),
-        ([-1], "poses is -1; 0 to 59"),
+        ([60], "poses is 60; expected 0 to 59"),
+        ([-1], "poses is -1; expected 0 to 59"),
         ([], "poses is empty; one pose or more"),
         ([[np.nan] * 6], "poses[0, 0] is nan"),
     ):

@@ -22,13 +22,13 @@ LONG = "n" * 210
 CUT = "n" * 57
 SESSION = {
     f'[points.reflectors_mm]\n{LONG} = [1, 2, 3]': (
-        f'[points] reflectors_mm has the key "{CUT[:-1]}...; at most 200 characters; shorten it.'
+        f'[points] reflectors_mm has the key "{CUT[:-1]}...; expected at most 200 characters; '
     ),
     f"[points.columns]\n{LONG} = 3": (
         f"[points] columns.{CUT}... is 3; it must be text; put it in quotes."
     ),
-    '[points.columns]\n"" = "x"': '[points] columns has the key ""; at least 1 character; write it',
-    f'[frames]\nfile = "{LONG}"': f'file is "{CUT[:-1]}...; at most 200 characters; shorten it.',
+    '[points.columns]\n"" = "x"': '[points] columns has the key ""; expected at least 1 character',
+    f'[frames]\nfile = "{LONG}"': f'file is "{CUT[:-1]}...; expected at most 200 characters',
     '[points]\nreflectors_mm = { A = 3 }': 'A is 3; allowed are "free" or a list; choose one of',
     '[points]\nreflectors_mm = { A = "fre" }': 'or a list; did you mean "free"? [S37]',
     "[points]\nreflectors_mm = { A = [1, 2] }": "reflectors_mm.A has 2 entries; add what is missi",
@@ -38,7 +38,7 @@ SESSION = {
     "[start]\nanchors_mm = { A = [0, 0, 1e9] }": "A[2] is 1000000000.0; it must be 100000000 mm or",
     "points = 3": "[points] is 3; it must be a table; write [points] and its keys below.",
     "[drift]\nnests = []": "nests has 0 entries; it must have at least 1; correct the list.",
-    '[drift]\nnests = [""]': '[drift] nests[0] is ""; at least 1 character; write it out. [C41]',
+    '[drift]\nnests = [""]': '[drift] nests[0] is ""; expected at least 1 character; write it out.',
     '[drift]\nfile = "a"': '[drift] needs the key "nests".',
     "[uncertainty]\nmpe_um = [1]": "[uncertainty] mpe_um has 1 entry; add what is missing.",
     "[uncertainty]\nposition_um = nan": "is nan; it must be a finite number; write an ordinary",

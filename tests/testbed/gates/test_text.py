@@ -53,8 +53,8 @@ def test_a_cell_of_more_characters_than_a_line_may_have_is_named_by_line_and_col
     cells[column - 1] = cell if len(cell) > 10 else cell * 140_000
     line = ",".join(cells)
     assert told(f"{HEAD}{ROWS}{line}\n{ROWS}") == (
-        f"a.csv:31: has {len(line)} bytes, and too many in column {column}; at most 65536 bytes a "
-        "line; save one measurement a line, a number or a name in each column. [M36]"
+        f"a.csv:31: has {len(line)} bytes, and too many in column {column}; expected at most 65536 "
+        "bytes a line; save one measurement a line, a number or a name in each column. [M36]"
     )
 
 
@@ -138,7 +138,7 @@ def test_the_file_of_another_program_is_neither_unpacked_nor_unpickled(told, nam
 def test_a_sparse_file_of_gigabytes_is_refused_unread(told, tmp_path):
     with (tmp_path / "a.csv").open("wb") as file:
         file.truncate(5 * 10**9)  # takes no room
-    assert told().startswith("a.csv: is 5e+03 MB; at most 1")
+    assert told().startswith("a.csv: is 5e+03 MB; expected at most 1")
 
 
 def test_a_pipe_is_not_waited_for(told, tmp_path):

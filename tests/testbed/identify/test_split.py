@@ -80,15 +80,19 @@ def test_a_stated_split_is_kept_as_it_is():
 @pytest.mark.parametrize(
     ("options", "stated", "message"),
     [
-        ({"train": 40}, False, "--train is 40; 1 to 39: the data hold 40 poses. [C41]"),
-        ({"held_out": -1}, False, "--held-out is -1; 0 to 39: the data hold 40 poses. [C41]"),
+        ({"train": 40}, False, "--train is 40; expected 1 to 39: the data hold 40 poses. [C41]"),
+        (
+            {"held_out": -1},
+            False,
+            "--held-out is -1; expected 0 to 39: the data hold 40 poses. [C41]",
+        ),
         (
             {"train": 5, "held_out": 5},
             False,
             "--train and --held-out are both given; give one of them: all other poses go to the "
             "other side. [C41]",
         ),
-        ({"seed": -1}, True, "seed is -1; a whole number, 0 or larger. [C41]"),
+        ({"seed": -1}, True, "seed is -1; expected a whole number, 0 or larger. [C41]"),
         (
             {"train": 5},
             True,

@@ -545,7 +545,9 @@ def test_commands_may_stand_in_a_file_of_their_own(tmp_path):
 
 def test_a_path_of_too_many_points_is_refused(tmp_path, monkeypatch):
     monkeypatch.setattr(grouped, "MOST_POINTS", 20)
-    with pytest.raises(InputError, match=r"has 25 commanded points; at most 20; .* \[M36\]"):
+    with pytest.raises(
+        InputError, match=r"has 25 commanded points; expected at most 20; .* \[M36\]"
+    ):
         played(tmp_path, path_rows(n=3))
 
 

@@ -251,7 +251,9 @@ def test_springs_that_break_and_moves_without_end_are_refused():
     stuck = motion(friction=np.full(6, 1e5))
     with pytest.raises(InputError, match=r"gives way at q\[0\]"):
         MovingArm(CHAIN, SPRINGS, stuck).poses(Q, travel=UP)
-    with pytest.raises(InputError, match=r"the approach to q\[\d\] takes .* s; at most 60 s"):
+    with pytest.raises(
+        InputError, match=r"the approach to q\[\d\] takes .* s; expected at most 60 s"
+    ):
         MovingArm(CHAIN, SPRINGS, motion(tool_speed=1e-4)).poses(Q, travel=UP)
 
 

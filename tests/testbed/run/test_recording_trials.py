@@ -247,7 +247,9 @@ def test_a_wrong_name_is_told_with_the_names_there_are(folder, verb, name):
     result = call(verb[0], folder, "--trial", name, *verb[1:])
     close = '; did you mean "other"?' if name == "othr" else "."
     assert result.exit_code == 2
-    assert result.stderr.startswith(f'there is no trial "{name}"; one of one, other{close}')
+    assert result.stderr.startswith(
+        f'there is no trial "{name}"; expected one of one, other{close}'
+    )
     assert sorted(folder.parent.rglob("*")) == before
 
 
@@ -263,7 +265,7 @@ def test_a_trial_that_failed_cannot_be_shown():
         led_by(failed, name)
     assert str(caught.value) == (
         f'the trial "{name}" failed and cannot be shown (its poses are too few); '
-        f"one of {campaign.trials[0].name}. [C41]"
+        f"expected one of {campaign.trials[0].name}. [C41]"
     )
 
 

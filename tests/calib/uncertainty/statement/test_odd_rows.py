@@ -148,7 +148,7 @@ def test_residuals_of_a_prior_on_all_numbers_are_judged_by_what_it_leaves():
     [
         ({"order": (np.arange(59), np.arange(20))}, "train_order has shape (59,)"),
         ({"order": (np.arange(60), np.arange(21))}, "test_order has shape (21,)"),
-        ({"repeatability": np.full(6, -1e-5)}, "repeatability is -1e-05; zero or more"),
+        ({"repeatability": np.full(6, -1e-5)}, "repeatability is -1e-05; expected zero or more"),
         ({"repeatability": np.zeros(5)}, "repeatability has shape (5,)"),
         ({"doubted": "all"}, "doubted is all of the noise of a row, or more"),
     ],

@@ -126,7 +126,7 @@ REFUSED = {
     "pulses": (job("PULSE", PULSES), "C0 is in pulses: only parameters of the controller state"),
     "no kind": (["/JOB", "//POS", *PULSES], "no line ///POSTYPE states whether C0 has"),
     "places of a job": (job("BASE", PULSES, ["MOVL C00000 V=9"]), "1 Cartesian position and no"),
-    "seven axes": (job("ANGLE", ["C00000=1,2,3,4,5,6,7"]), "C0 has 7 axes; at most 6"),
+    "seven axes": (job("ANGLE", ["C00000=1,2,3,4,5,6,7"]), "C0 has 7 axes; expected at most 6"),
     "an increment": (
         job("ANGLE", ANGLES, ["IMOV C00000 VJ=1"]), "IMOV is a relative move, whose start"
     ),
