@@ -33,6 +33,7 @@ SMALL: dict[str, Any] = {
 QUICK: dict[str, Any] = {
     **SMALL,
     "plan.target_um": 0.0,
+    "plan.stiff_joints": False,
     "plan.poses": 8,
     "plan.method": "greedy",
     "plan.stations.list_mm": [],

@@ -21,7 +21,8 @@ from calib.design.problem import NO_POSES
 from calib.design.relaxation import relaxation
 from calib.errors import InputError, refuse
 from testbed.laboratory.tracker.predicted import goal_u
-from testbed.plan.promises import OVER, efficiency_word, factor_words, length
+from testbed.plan.lengths import length
+from testbed.plan.promises import OVER, efficiency_word, factor_words
 from testbed.plan.records import Curve, NextPose, Proof
 from testbed.plan.task import DesignTask, rms
 from testbed.units import UM, as_stated, counted
@@ -38,8 +39,8 @@ NO_TARGET = 1e-12
 """Below what any number of poses reaches [m]: the curve alone is wanted."""
 
 
-def designed(task: DesignTask, rng: np.random.Generator) -> tuple[Index, str, Curve]:
-    """The chosen places (m,) in the pool, who found them, and uncertainty against their number.
+def designed(task: DesignTask, rng: np.random.Generator) -> tuple[Index, str, PoseBudget]:
+    """The chosen places (m,) in the pool, who found them, and what other numbers of poses reach.
 
     With a target the number is the smallest that reaches it, and the method is that of the set
     kept: the scenario's, or the exchange behind the curve.
@@ -55,7 +56,7 @@ def designed(task: DesignTask, rng: np.random.Generator) -> tuple[Index, str, Cu
         problem = task.problem(len(task.blocks), task.judge)
         counts = _counts(problem, task.settings.poses)
         budget = pose_budget(problem, NO_TARGET, rng, counts=counts, restarts=1)
-        return np.sort(places), task.settings.method, _curve(task, budget, places, rng)
+        return np.sort(places), task.settings.method, budget
     most = min(MOST_POSES, len(task.blocks))
     if most < task.fewest:
         raise too_few(task, most)
@@ -90,7 +91,7 @@ def designed(task: DesignTask, rng: np.random.Generator) -> tuple[Index, str, Cu
         if fewer is None or task.u(fewer) > task.target:
             break
         places, method = fewer, task.settings.method
-    return np.sort(places), method, _curve(task, budget, places, rng)
+    return np.sort(places), method, budget
 
 
 def check_enough(task: DesignTask) -> None:
@@ -145,8 +146,13 @@ def _counts(problem: Problem, m: int) -> list[int]:
     return sorted({m, *(int(value) for value in np.geomspace(fewest, most, CURVE_POINTS).round())})
 
 
-def _curve(task: DesignTask, budget: PoseBudget, places: Index, rng: np.random.Generator) -> Curve:
-    """The budget with the plan's own set in it and random sets beside it."""
+def curve_of(
+    task: DesignTask, budget: PoseBudget, smallest: int, places: Index, rng: np.random.Generator
+) -> Curve:
+    """The budget with the plan's own set in it and random sets beside it.
+
+    The set may have more poses than the smallest number that reaches the target.
+    """
     told = np.isfinite(budget.reached)
     counts, u, bound = budget.counts[told], budget.reached[told], budget.possible[told]
     sets = [budget.sets[k] for k in np.flatnonzero(told)]
@@ -174,9 +180,9 @@ def _curve(task: DesignTask, budget: PoseBudget, places: Index, rng: np.random.G
         random=frozen(random_u(task, counts, rng)),
         random_sets=RANDOM_SETS,
         target=task.target,
-        reached=fewest if fewest in (None, 0) else m,
+        reached=fewest if fewest in (None, 0) else smallest,
         fewest=fewest,
-        sentence="" if fewest is None else _sentence(task, m, fewest),
+        sentence="" if fewest is None else _sentence(task, smallest, fewest),
     )
 
 

@@ -10,13 +10,13 @@ from calib.errors import one_line
 from testbed.plan.cautions import has_program, tests_contact
 from testbed.plan.plan import STEPS
 from testbed.plan.plan import plan as make_plan
+from testbed.plan.promises import PLANNED
 from testbed.plan.recording import plan_story
 from testbed.plan.records import Plan
 from testbed.plan.report import plan_report_html
 from testbed.plan.results import Stop, goal_csv, plan_csv, plan_numbers, stops_of
 from testbed.progress import Progress
 from testbed.recording.write import story_bytes
-from testbed.report.page import SIMULATED
 from testbed.robots.catalog import Robot, load_robot
 from testbed.scenario.read import dump_scenario
 from testbed.scenario.scenario import Scenario
@@ -56,7 +56,7 @@ def _notes(plan: Plan, mark: str) -> list[str]:
     lines = [
         f"{whose} zeros." if not own else f"Joint values are as the file of robot {robot} says of",
         *([f"its controller ({', '.join(own)}): check signs and zeros."] if own else []),
-        SIMULATED,
+        PLANNED,
         f"Plan {scenario.name}, seed {scenario.seed}, robot {robot}: {counted(len(tour), 'pose')},",
         f"{100 * scenario.plan.speed_share:g} % joint speed, {tour.settle:g} s at each pose.",
         "First bring the robot by hand to the start, joints",

@@ -7,7 +7,7 @@ from calib.geometry.parameters import Parameters
 from calib.measurement import tables
 from calib.measurement.observations import Measurements
 from calib.uncertainty.statement.applicability import Proven, proven_by
-from calib.uncertainty.statement.distance import distance_radius, radius_over
+from calib.uncertainty.statement.distance import largest_radius, radius_over
 from calib.uncertainty.statement.gain import beside_held, least_squares_gain
 from calib.uncertainty.statement.instrument import InstrumentErrors
 from calib.uncertainty.statement.misfit import detectable_size, evidence_rows
@@ -18,12 +18,9 @@ from testbed.laboratory.goal import Goal
 from testbed.laboratory.tracker.of_scenario import bias_size
 from testbed.laboratory.tracker.predicted import goal_u
 from testbed.plan.records import Foresight
-from testbed.plan.rehearsal import rehearsed
+from testbed.plan.rehearsal import Rehearsals, rehearsed
 from testbed.plan.task import DesignTask
 from testbed.scenario.laboratory import At960Tracker
-
-MOST_OVER_U = 1.96
-"""Largest R95 of a point over its 3-D standard uncertainty: of a line."""
 
 
 def foresight(
@@ -34,6 +31,7 @@ def foresight(
     places: Index,
     q: Array,
     held_out: Array,
+    stated: Rehearsals,
 ) -> Foresight:
     """What will be known after a plan.
 
@@ -53,6 +51,8 @@ def foresight(
         All poses that will be identified from, those measured already among them [rad, m].
     held_out : (h, n) array
         Poses kept apart [rad, m].
+    stated : Rehearsals
+        What calibrations from these poses state.
     """
     M, rows = task.information(places), task.goals.rows
     covariance = task.covariance(M)
@@ -70,13 +70,21 @@ def foresight(
         noise=frozen(u.noise),
         shared=frozen(u.shared),
         R95_over=radius_over(sigma, goal.weights),
-        R95_worst=_largest(sigma, u.whole),
-        stated=rehearsed(bench, goal, parameters, train, apart, stated_errors(bench)),
+        R95_worst=largest_radius(sigma),
+        stated=stated,
         misfit_seen=detectable_size(evidence),
         applies=reach,
         why=() if proven is None or reach is None else reasons(proven, reach, goal.q),
         sources=shared,
     )
+
+
+def rehearsals(
+    bench: Bench, goal: Goal, parameters: Parameters, q: Array, held_out: Array
+) -> Rehearsals:
+    """What calibrations from poses q (m, n) state, judged by held-out ones (h, n)."""
+    train, apart = planned_rows(bench, q), planned_rows(bench, held_out)
+    return rehearsed(bench, goal, parameters, train, apart, stated_errors(bench))
 
 
 def planned_rows(bench: Bench, q: Array) -> Measurements:
@@ -129,9 +137,3 @@ def stated_errors(bench: Bench) -> InstrumentErrors | None:
     if not isinstance(settings, At960Tracker) or not settings.systematic:
         return None
     return bias_size(settings)
-
-
-def _largest(sigma: Array, u: Array) -> float:
-    """Largest R95 of points with covariances (g, 3, 3), asked of those that can have it."""
-    first = distance_radius(sigma[np.argmax(u)][None])[0]
-    return float(distance_radius(sigma[MOST_OVER_U * u * (1 + 1e-6) >= first]).max())

@@ -1,5 +1,6 @@
 """`plan`: poses for a real robot, with order, readings and what will come out, or a refusal."""
 
+from collections.abc import Callable
 from itertools import combinations
 
 import numpy as np
@@ -26,6 +27,7 @@ from testbed.laboratory.tracker.stations import (
 )
 from testbed.plan.design import (
     check_enough,
+    curve_of,
     designed,
     leverages,
     next_poses,
@@ -33,9 +35,11 @@ from testbed.plan.design import (
     quick_design,
     u_while_measuring,
 )
-from testbed.plan.foresight import foresight
+from testbed.plan.for_joints import Suited, for_joints
+from testbed.plan.foresight import foresight, rehearsals
 from testbed.plan.reached import Made, elsewhere, reached
 from testbed.plan.records import Plan
+from testbed.plan.rehearsal import Rehearsals, may_bend
 from testbed.plan.task import DesignTask
 from testbed.plan.tour import held_out, mover_of, readings_of, start_of, tour_of
 from testbed.progress import Progress
@@ -108,16 +112,29 @@ def _plan(scenario: Scenario, tell: Progress, where: str) -> Plan:
         )
         task = _task(bench, goals, parameters, pool.q, measured)
         check_enough(task)
-        places, method, curve = designed(task, stream(scenario.seed, "plan", "select"))
+        rng = stream(scenario.seed, "plan", "select")
+        fewest, method, budget = designed(task, rng)
+
+        def rehearse(places: Index) -> Rehearsals:
+            """What calibrations from a set, with the poses measured already, state."""
+            q = np.vstack([measured, pool.q[places]])
+            return rehearsals(bench, goal, parameters, q, apart)
+
+        suited = _suited(bench, parameters, pool.q, task, fewest, rehearse if len(apart) else None)
+        places = suited.places
+        method = method if places is fewest else "exchange"
+        curve = curve_of(task, budget, len(fewest), places, rng)
         require_ranges(bench, np.vstack([pool.q[places], apart]), "the plan")
         tell(STEPS[3], 3, len(STEPS))
         tour = tour_of(
             bench, start, pool.q[places], places, apart, pool.q,
             tell=lambda _: tell(STEPS[3], 3, len(STEPS)),
         )  # fmt: skip
-        return Made(pool, apart, task, places, method, curve, tour)
+        return Made(pool, apart, task, suited, method, curve, tour)
 
-    pool, apart, task, places, method, curve, tour = reached(made, pool, beside)
+    pool, apart, task, suited, method, curve, tour = reached(made, pool, beside)
+    places, q = suited.places, np.vstack([measured, pool.q[suited.places]])
+    stated = suited.stated or rehearsals(bench, goal, parameters, q, apart)
     M = task.information(places)
     ordered = tour.pool_place[tour.pool_place >= 0]
     return Plan(
@@ -136,9 +153,8 @@ def _plan(scenario: Scenario, tell: Progress, where: str) -> Plan:
         T_world_tracker=bench.tracker.T_world_tracker,
         goal=goal,
         method=method,
-        foresight=foresight(
-            bench, goal, task, parameters, places, np.vstack([measured, pool.q[places]]), apart
-        ),
+        foresight=foresight(bench, goal, task, parameters, places, q, apart, stated),
+        sufficiency=suited.sufficiency,
         u_of_step=frozen(u_while_measuring(task, ordered)),
         proof=proof_of(task, places),
         curve=curve,
@@ -188,6 +204,22 @@ def compared(bench: Bench, goal: Goal) -> StationComparison | None:
         return quick_design(task, count, stream(scenario.seed, "plan", "stations", "select"))
 
     return compare_stations(bench, stations, q, parameters, goals, designer)
+
+
+def _suited(
+    bench: Bench,
+    parameters: Parameters,
+    q: Array,
+    task: DesignTask,
+    fewest: Index,
+    rehearse: Callable[[Index], Rehearsals] | None,
+) -> Suited:
+    """The set for the arm that is there, from the fewest poses that its links alone need."""
+    settings, seed = bench.scenario.plan, bench.scenario.seed
+    bends = not settings.stiff_joints and may_bend(bench.robot.model, parameters, q)
+    if task.target is None or not bends:
+        return Suited(fewest)
+    return for_joints(task, fewest, rehearse, stream(seed, "plan", "joints"))
 
 
 def _task(

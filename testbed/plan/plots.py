@@ -5,7 +5,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from calib.arrays import Array
-from testbed.plan.promises import curve_unit, factor_words, unit_of
+from testbed.plan.lengths import curve_unit, unit_of
+from testbed.plan.promises import factor_words
 from testbed.plan.records import Plan
 from testbed.report.plots import (
     BARS,

@@ -11,19 +11,13 @@ from calib.uncertainty.drift.drifting import AGAIN
 from calib.uncertainty.statement.applicability import REFUSED, WARNED, Applicability
 from calib.uncertainty.statement.distance import least_content
 from calib.uncertainty.statement.places import room_words
+from testbed.plan.lengths import length
 from testbed.plan.records import Plan
-from testbed.units import (
-    NARROW,
-    UM,
-    column_unit,
-    counted,
-    length_unit,
-    listed,
-    percent,
-    significant,
-    with_unit,
-)
+from testbed.plan.target import joint_words, shortfall_words
+from testbed.units import NARROW, counted, length_unit, listed, percent, significant
 
+PLANNED = "PLANNED - predicted, not measured; no calibration certificate"
+"""On everything that a plan writes: it is about a real robot that is still to be measured."""
 OVER = {"V": "RMS over the goal", "G": "worst of the goal"}
 """What a figure of each criterion of the goal is."""
 CERTAIN = 1e-9
@@ -31,11 +25,11 @@ CERTAIN = 1e-9
 
 
 def promise(plan: Plan) -> str:
-    """What will come out, and what no plan can promise."""
+    """What will come out, first of all that a target is missed, and what no plan can promise."""
     poses = counted(len(plan.places), "more pose" if len(plan.measured_q) else "pose")
     seen = plan.foresight
     far = "noise and the tracker's systematic errors" if has_shared(plan) else "noise alone"
-    return (
+    return shortfall_words(plan) + (
         f"{poses} will locate the mean tool point within {length(seen.R95_over)} (3-D "
         f"radius, 95{NARROW}%). This counts {far}, over all postures of the goal. "
         f"{misfit_words(plan)}. {_time_words(plan)}."
@@ -74,13 +68,6 @@ def stated_words(plan: Plan) -> str:
     return f"{about}, or {length(joints, links, digits=2)} if {joint_words(plan)}"
 
 
-def joint_words(plan: Plan) -> str:
-    """Which joint errors the second kind of rehearsal identifies."""
-    slides = plan.nominal.chain.prismatic > 0
-    said = ["joints sag and wave"] if not slides.all() else []
-    return " and ".join([*said, "slides travel too far"] if slides.any() else said)
-
-
 def has_shared(plan: Plan) -> bool:
     """Whether the tracker states systematic errors."""
     return bool(plan.foresight.shared.any())
@@ -93,29 +80,6 @@ def factor_words(factor: float, over: str = "") -> str:
     return f"{words}, {over}" if over else words
 
 
-def length(value: float, *beside: float, digits: int = 3) -> str:
-    """A length [m] with its unit as `with_unit` gives it, micro as one letter."""
-    return with_unit(value, *beside, digits=digits).replace(" um", " µm")
-
-
-def expanded(plan: Plan, u: float, digits: int = 3, scale: float = UM) -> str:
-    """Expanded uncertainty, in a unit of which `scale` make a meter, of a standard one [m]."""
-    return or_dash(plan.coverage * u * scale, digits)
-
-
-def unit_of(plan: Plan, *u: float) -> tuple[float, str]:
-    """Unit of a column or an axis of expanded uncertainties, by standard ones that matter [m]."""
-    return column_unit(plan.coverage * np.array(u))
-
-
-def curve_unit(plan: Plan) -> tuple[float, str]:
-    """Unit of U against the number of poses: the first, ill-conditioned sets have no say."""
-    curve = plan.curve
-    reached = curve.u[np.isfinite(curve.u)]
-    typical = float(np.median(reached)) if len(reached) else 0.0
-    return unit_of(plan, typical, curve.target or 0.0)
-
-
 def parts_words(plan: Plan) -> str:
     """The parts of the standard uncertainty over the goal."""
     if not has_shared(plan):
@@ -123,11 +87,6 @@ def parts_words(plan: Plan) -> str:
     noise, shared = map(plan.over_goal, (plan.foresight.noise, plan.foresight.shared))
     scale, _ = length_unit(plan.u_mean)
     return f"noise {significant(noise * scale)}, systematic errors {significant(shared * scale)}"
-
-
-def or_dash(value: float, digits: int = 3) -> str:
-    """A number with so many digits, a dash where there is none."""
-    return significant(float(value), digits) if np.isfinite(value) else "–"
 
 
 def efficiency_word(efficiency: float) -> str:

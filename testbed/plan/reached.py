@@ -9,6 +9,7 @@ import numpy as np
 from calib.arrays import Array, Bool, Index, frozen
 from calib.errors import InputError
 from testbed.laboratory.pool import PosePool
+from testbed.plan.for_joints import Suited
 from testbed.plan.records import Curve, Tour
 from testbed.plan.task import DesignTask
 
@@ -25,8 +26,8 @@ class Made(NamedTuple):
     apart: Array
     """(h, n) held-out poses [rad, m]."""
     task: DesignTask
-    places: Index
-    """(m,) of the set in the pool."""
+    suited: Suited
+    """The set."""
     method: str
     curve: Curve
     tour: Tour

@@ -6,16 +6,16 @@ from functools import partial
 import numpy as np
 
 from calib.arrays import Array, evenly
+from testbed.plan.lengths import curve_unit, unit_of
 from testbed.plan.promises import (
     OVER,
-    curve_unit,
+    PLANNED,
     factor_words,
     minutes,
     order_words,
     promise,
     reach_warnings,
     reach_words,
-    unit_of,
 )
 from testbed.plan.recording_cell import (
     draw_candidates,
@@ -31,7 +31,6 @@ from testbed.recording.chart import Chart, Series, level
 from testbed.recording.story import Chapter, Story, numbered
 from testbed.recording.style import Color
 from testbed.recording.timeline import along, spread, visit
-from testbed.report.page import SIMULATED
 from testbed.robots.robot import Robot
 from testbed.units import counted, plain
 
@@ -73,7 +72,7 @@ def summary(plan: Plan) -> str:
     scenario = plan.scenario
     rows = [row for k, row in enumerate(headline_rows(plan)) if k not in PROMISED]
     lines = [
-        f"**{SIMULATED}**: plan of {scenario.name}, seed {scenario.seed}",
+        f"**{PLANNED}**: plan of {scenario.name}, seed {scenario.seed}",
         "",
         promise(plan),
         "",

@@ -18,6 +18,7 @@ from testbed.laboratory.goal import Goal
 from testbed.laboratory.pool import PosePool
 from testbed.laboratory.tracker.stations import StationComparison
 from testbed.plan.rehearsal import Rehearsals
+from testbed.plan.sufficiency import Sufficiency
 from testbed.robots.controller import Controller
 from testbed.scenario.scenario import Scenario
 
@@ -208,6 +209,8 @@ class Plan(Shown):
     method: str
     """By which the chosen set was found."""
     foresight: Foresight
+    sufficiency: Sufficiency | None
+    """Whether the target is reached of an arm whose joints sag and wave; None where not asked."""
     u_of_step: Array
     """(m,) goal uncertainty after each identification pose in measuring order; nan before all
     numbers can be told apart [m]."""

@@ -18,7 +18,7 @@ from calib.measurement.observations import Measurements
 from calib.shown import Shown
 from calib.uncertainty.circumstances import Circumstances
 from calib.uncertainty.judgement import judge
-from calib.uncertainty.statement.distance import radius_over
+from calib.uncertainty.statement.distance import largest_radius, radius_over
 from calib.uncertainty.statement.instrument import InstrumentErrors
 from calib.uncertainty.statement.shared import shared_errors
 from calib.uncertainty.statement.stated_point import widened
@@ -28,29 +28,44 @@ from testbed.streams import stream
 
 DRAWS = 10
 """Rehearsals of each kind: the median of their radii is known to a twentieth."""
+MOSTLY = 0.9
+"""Share of them that keep to a radius which a target is compared with."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Rehearsals(Shown):
-    """Radii that virtual calibrations state: at their held-out poses, and over the goal.
+    """Radii that virtual calibrations state: at their held-out poses, over the goal, at its worst.
 
     Columns of each array, in ascending order; no row where nothing will be stated, nan where the
     statement does not reach the goal: such rehearsals are not counted there.
     """
 
     links: Array
-    """(k, 2) where the links alone are identified [m]."""
+    """(k, 3) where the links alone are identified [m]."""
     joints: Array
-    """(k, 2) where sag and waves of the joints and scales of slides are identified as well, as of
+    """(k, 3) where sag and waves of the joints and scales of slides are identified as well, as of
     most arms; none if the links are not free [m]."""
+
+    draws: int
+    """Rehearsals of each kind; 0 without held-out poses."""
 
     @property
     def medians(self) -> Array:
-        """(2, 2) of links and joints, at the held-out poses and over the goal; nan: none [m]."""
+        """(2, 3) of links and joints: at held-out poses, over the goal, at its worst [m]."""
         columns = [column[np.isfinite(column)] for both in (self.links, self.joints)
                    for column in both.T]  # fmt: skip
         found = [np.median(column) if len(column) else np.nan for column in columns]
-        return np.reshape(found, (2, 2))
+        return np.reshape(found, (2, 3))
+
+    def mostly(self, *, worst: bool) -> float:
+        """Radius over the goal, or at its worst, that most rehearsals of joint errors keep to [m].
+
+        Nine of ten, that is; inf where more of them state none.
+        """
+        every = np.full(max(self.draws, 1), np.inf)
+        found = self.joints[:, 2 if worst else 1]
+        every[: len(found)] = np.where(np.isfinite(found), found, np.inf)
+        return float(np.quantile(every, MOSTLY, method="inverted_cdf"))
 
 
 def rehearsed(
@@ -95,7 +110,13 @@ def rehearsed(
             if levels and prior is not None:
                 _, found = extended_by(model, own, parameters, levels, prior=prior)
                 joints.append(_radii(bench, goal, found, *read))
-    return Rehearsals(*(_believed(radii) for radii in (links, joints)))
+    draws = DRAWS if len(held_out) else 0
+    return Rehearsals(_believed(links), _believed(joints), draws)
+
+
+def may_bend(model: RobotModel, parameters: Parameters, q: Array) -> bool:
+    """Whether a calibration at joints q (m, n) could add joint errors to its model."""
+    return bool(usual_levels(model, q)) and links_prior(model, parameters) is not None
 
 
 def usual_levels(model: RobotModel, q: Array) -> tuple[Level, ...]:
@@ -121,7 +142,7 @@ def _radii(
     bench: Bench, goal: Goal, found: Identification, own: Measurements, theirs: Measurements,
     scatter: tuple[Array, Array], errors: InstrumentErrors | None,
 ) -> Array:  # fmt: skip
-    """Radii (2,) stated at the held-out poses and over the goal's postures that are reached [m]."""
+    """Radii (3,) stated at held-out poses, over the reached goal postures, at their worst [m]."""
     beam, point = bench.tracker.T_world_tracker[None], goal.point.tolist()
     shared = None if errors is None else shared_errors(errors, found, own, theirs, beam).covariance
     known = Circumstances(
@@ -131,19 +152,20 @@ def _radii(
     )
     judged = judge(found, theirs, train=own, circumstances=known)
     if judged.belief is None or judged.point is None:
-        return np.full(2, np.nan)
-    reached, over = judged.belief.proven.applies(goal.q).place != "outside", np.nan
+        return np.full(3, np.nan)
+    reached = judged.belief.proven.applies(goal.q).place != "outside"
+    over = worst = np.nan
     if reached.any():
-        region = judged.belief.regions(goal.q[reached], target=known.target)
+        region = widened(judged.belief.regions(goal.q[reached], target=known.target))
         share = goal.weights[reached] / goal.weights[reached].sum()
-        over = radius_over(widened(region), share)
-    return np.array([judged.point.radius_mean, over])
+        over, worst = radius_over(region, share), largest_radius(region)
+    return np.array([judged.point.radius_mean, over, worst])
 
 
 def _believed(radii: list[Array]) -> Array:
-    """Radii (k, 2) of the rehearsals that state any, ascending by the first."""
-    found = np.reshape(radii, (-1, 2))
-    return frozen(sorted(found[np.isfinite(found[:, 0])].tolist())).reshape(-1, 2)
+    """Radii (k, 3) of the rehearsals that state any, ascending by the first."""
+    found = np.reshape(radii, (-1, 3))
+    return frozen(sorted(found[np.isfinite(found[:, 0])].tolist())).reshape(-1, 3)
 
 
 def _read(table: Measurements, rng: np.random.Generator) -> Measurements:

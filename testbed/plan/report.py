@@ -7,10 +7,12 @@ import numpy as np
 from calib.geometry.parameters import shown_in
 from testbed.plan import plots
 from testbed.plan.cautions import mark
-from testbed.plan.promises import expanded, factor_words, has_shared, or_dash, promise, unit_of
+from testbed.plan.lengths import expanded, or_dash, unit_of
+from testbed.plan.promises import PLANNED, factor_words, has_shared, promise
 from testbed.plan.records import Plan
 from testbed.plan.report_goal import joint_cells, joint_head, number_section, prediction_section
 from testbed.plan.results import pose_ids
+from testbed.plan.target import falls_short
 from testbed.plan.words import (
     PROMISED,
     axes_words,
@@ -22,7 +24,6 @@ from testbed.plan.words import (
 )
 from testbed.report.apart import left_nominal
 from testbed.report.page import (
-    SIMULATED,
     Block,
     Figure,
     Page,
@@ -70,11 +71,11 @@ def plan_report_html(plan: Plan, robot: Robot, *, versions: Mapping[str, str]) -
         ),
     )
     page = Page(
-        banner=SIMULATED,
+        banner=PLANNED,
         title=scenario.title or scenario.name,
         subtitle=f"Measuring plan {scenario.name}, seed {scenario.seed}, {robot.title}. Predicted "
         "from the nominal robot; nothing has been measured.",
-        believable=not plan.tour.blocked and not warnings(plan),
+        believable=not (plan.tour.blocked or warnings(plan) or falls_short(plan)),
         mark=mark(plan),
         verdict=promise(plan),
         reasons=reasons(plan),

@@ -6,15 +6,8 @@ from calib.arrays import Array
 from calib.uncertainty.statement.applicability import REFUSED, WARNED
 from calib.uncertainty.statement.shared import HIDDEN, NOTHING
 from testbed.plan import plots
-from testbed.plan.promises import (
-    OVER,
-    curve_unit,
-    efficiency_word,
-    expanded,
-    factor_words,
-    has_shared,
-    unit_of,
-)
+from testbed.plan.lengths import curve_unit, expanded, unit_of
+from testbed.plan.promises import OVER, efficiency_word, factor_words, has_shared
 from testbed.plan.records import Plan
 from testbed.plan.results import joint_columns, joint_values
 from testbed.report.page import Block, Figure, Section, Table, Text

@@ -10,10 +10,10 @@ import numpy as np
 from calib.arrays import Array
 from testbed.laboratory.route.moves import travel_times
 from testbed.plan.cautions import uncounted, untested
-from testbed.plan.promises import factor_words, promise, reach_warnings, reach_words
+from testbed.plan.promises import PLANNED, factor_words, promise, reach_warnings, reach_words
 from testbed.plan.records import Move, Plan
+from testbed.plan.target import target_numbers
 from testbed.plan.words import station_words
-from testbed.report.page import SIMULATED
 from testbed.report.text import csv_text
 from testbed.robots.catalog import Robot
 from testbed.scenario.hashes import scenario_hash
@@ -156,7 +156,7 @@ def _task(plan: Plan, robot: Robot) -> Iterator[Quantity]:
     """What was asked for, of whom, from where."""
     scenario = plan.scenario
     yield Quantity("format", FORMAT)
-    yield Quantity("notice", SIMULATED)
+    yield Quantity("notice", PLANNED)
     yield Quantity("scenario", scenario.name)
     yield Quantity("title", scenario.title)
     yield Quantity("robot", robot.name)
@@ -183,9 +183,12 @@ def _promise(plan: Plan) -> Iterator[Quantity]:
     yield Quantity("predicted/R95_over_goal_um", seen.R95_over, METRE)
     yield Quantity("predicted/R95_worst_um", seen.R95_worst, METRE)
     arms, medians = (("", seen.stated.links), ("_joints", seen.stated.joints)), seen.stated.medians
-    for (arm, radii), (at_held_out, over_goal) in zip(arms, map(_or_nan, medians), strict=True):
+    for (arm, radii), (at_held_out, over_goal, worst) in zip(
+        arms, map(_or_nan, medians), strict=True
+    ):
         yield Quantity(f"predicted/R95_stated{arm}_um", at_held_out, METRE)
         yield Quantity(f"predicted/R95_stated{arm}_over_goal_um", over_goal, METRE)
+        yield Quantity(f"predicted/R95_stated{arm}_worst_um", worst, METRE)
         yield Quantity(f"predicted/R95_stated{arm}_rehearsals_um", radii[:, 0], METRE)
     yield Quantity("predicted/u_mean_um", plan.u_mean, METRE)
     yield Quantity("predicted/u_noise_mean_um", plan.over_goal(seen.noise), METRE)
@@ -215,6 +218,7 @@ def _promise(plan: Plan) -> Iterator[Quantity]:
     yield Quantity("budget/smallest_reaching", curve.reached)
     yield Quantity("budget/proven_fewest", curve.fewest)
     yield Quantity("budget/sentence", curve.sentence)
+    yield from target_numbers(plan)
     yield from _reach(plan)
 
 

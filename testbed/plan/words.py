@@ -8,25 +8,22 @@ from calib.arrays import Array
 from calib.uncertainty.statement.departure import departure
 from testbed.laboratory.tracker.stations import place_word
 from testbed.plan.cautions import has_program, tests_contact, uncounted, untested
+from testbed.plan.lengths import expanded, length, or_dash, unit_of
 from testbed.plan.promises import (
     OVER,
+    PLANNED,
     efficiency_word,
-    expanded,
     factor_words,
     has_shared,
     hidden_words,
-    joint_words,
-    length,
-    or_dash,
     order_words,
     parts_words,
     promise,
     reach_warnings,
     reach_words,
-    unit_of,
 )
 from testbed.plan.records import FAR, Plan
-from testbed.report.page import SIMULATED
+from testbed.plan.target import enough_words, falls_short, joint_words, shortfall_step, target_row
 from testbed.units import MM, UM, column_unit, counted, fixed, millimetres, percent, plain, sentence
 
 CLOSE = 0.01
@@ -70,6 +67,7 @@ def headline_rows(plan: Plan) -> list[tuple[str, str, str]]:
         rows.append(("target", asked, f"{what}; predicted {reached}"))
         if plan.curve.fewest is not None:
             rows.append(("proven least number of poses for it", str(plan.curve.fewest), "poses"))
+        rows += target_row(plan)
     # a wide value would push the words beside it off a phone
     rows.append(("tracker station", "", f"{in_mm(plan.station_mm)} mm in the base frame"))
     rows.append(("numbers identified", str(plan.parameters.n_free), ""))
@@ -128,6 +126,7 @@ def reasons(plan: Plan) -> tuple[str, ...]:
         hidden_words(plan),
         plan.proof.sentence,
         plan.curve.sentence,
+        enough_words(plan),
         plan.tour.sentence,
         order_words(plan),
         clearance_words(plan),
@@ -232,6 +231,8 @@ def next_step(plan: Plan) -> str:
             "There are no robot programs, since a move in them would hit something: lead the robot "
             "around by hand at the moves named above, or take the obstacle away and plan again."
         )
+    if falls_short(plan):
+        return shortfall_step(plan)
     check = (
         f" Keep the {counted(held, 'held-out pose')} out of the identification: they show whether "
         "the prediction holds."
@@ -252,12 +253,13 @@ def terminal_text(plan: Plan) -> str:
 
     rows = [[plain(cell) for cell in row] for row in headline_rows(plan)]
     title = f"{plan.scenario.name}: what is planned"
-    parts = [SIMULATED, table(title, ("what", "value", ""), rows, wrap=True), ""]
+    parts = [PLANNED, table(title, ("what", "value", ""), rows, wrap=True), ""]
     parts += verdict_lines(plain(promise(plan)))
     parts += [f"To do: {plain(next_step(plan))}", "Of note:"]
     said = (
-        *warnings(plan), *reach_words(plan), hidden_words(plan), plan.tour.sentence,
-        order_words(plan), measured_words(plan), assumed_words(plan), *use_words(plan),
+        *warnings(plan), enough_words(plan), *reach_words(plan), hidden_words(plan),
+        plan.tour.sentence, order_words(plan), measured_words(plan), assumed_words(plan),
+        *use_words(plan),
         "The report shows what is proven about this choice of poses",
     )  # fmt: skip
     return "\n".join([*parts, *(f"  {plain(sentence(text))}" for text in said if text)])

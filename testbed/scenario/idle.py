@@ -64,7 +64,7 @@ NEEDS: tuple[tuple[str, tuple[str, ...], Asked, str], ...] = (
     ("studies", ("pose_count_max",), lambda s: s.studies.pose_count, "pose_count is false"),
     ("budget", tuple(BudgetSettings.model_fields), lambda s: s.studies.paper_budget,
      "[studies] paper_budget is false"),
-    ("plan", ("target_is",), lambda s: s.plan.target_um, "target_um is 0"),
+    ("plan", ("target_is", "stiff_joints"), lambda s: s.plan.target_um, "target_um is 0"),
 )  # fmt: skip
 """Keys of a table, who reads them, and what is the case where nothing does."""
 

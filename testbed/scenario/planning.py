@@ -113,6 +113,9 @@ class PlanSettings(Settings):
     uncertainty: a ball of twice u holds at least 95 %; 0: none, poses decides."""
     target_is: Literal["mean", "worst"] = "mean"
     """What must not exceed the target: the mean (RMS) over the goal, or its worst pose."""
+    stiff_joints: bool = False
+    """Whether the arm's joints are known neither to sag nor to wave: then `target_um` asks for the
+    poses that links alone need; false: for as many as tell such joint errors as well."""
     coverage: Annotated[float, Field(ge=1.0, le=10.0)] = 2.0
     """k of the target and of the stated U."""
     criterion: PlanCriterion = "V"

@@ -136,6 +136,15 @@ def density(radius: float, length: Array) -> Array:
     return np.asarray(np.sqrt(2 / np.pi) * x**2 * np.exp(-(x**2) / 2) / length)
 
 
+def largest_radius(covariance: Array) -> float:
+    """Largest R95 of points with covariances (g, 3, 3), asked of those that can have it [m]."""
+    u = np.sqrt(np.trace(covariance, axis1=1, axis2=2))
+    first = distance_radius(covariance[np.argmax(u)][None])[0]
+    # no shape has more over u than a line
+    most = coverage_factor(1, 0.95) * u * (1 + SPARE)
+    return float(distance_radius(covariance[most >= first]).max())
+
+
 def radius_over(covariance: ArrayLike, weights: ArrayLike, probability: float = 0.95) -> float:
     """Radius that holds the error of a point drawn from several with this probability [m].
 

@@ -18,6 +18,8 @@ from testbed.units import significant
 from tests.planned import BARE, QUICK, ROBOT, legs, quick_plan, scenario, small_plan
 
 CHAIN = ROBOT.model.chain
+LINKS = BARE | {"plan.stiff_joints": True}
+"""Changes for a plan whose target is asked of the links alone."""
 
 
 @pytest.mark.slow
@@ -38,7 +40,7 @@ def test_the_method_told_is_that_of_the_set_kept(monkeypatch):
     asked = {"plan.poses": 0, "plan.target_um": 25.0, "plan.method": "greedy"}
     # a poor method: the set behind the curve is kept instead of its own
     monkeypatch.setitem(METHODS, "greedy", METHODS["random"])
-    made = plan(scenario(BARE, **asked))
+    made = plan(scenario(LINKS, **asked))
     assert made.method == "exchange"
     assert made.u_mean <= 12.5e-6
 
@@ -69,7 +71,7 @@ LENGTHS = [*FRAMES, *(f"{kind}{k}" for kind in "ad" for k in range(1, 7))]
 def test_a_target_passes_over_numbers_of_poses_that_no_set_can_do_with(method):
     """Two poses have as many equations as these numbers, and always leave one unseen."""
     free = {"identification.free": FRAMES, "plan.method": method}
-    made = plan(scenario(BARE, **free, **{"plan.poses": 0, "plan.target_um": 60.0}))
+    made = plan(scenario(LINKS, **free, **{"plan.poses": 0, "plan.target_um": 60.0}))
     assert made.u_mean <= 30e-6
     assert made.curve.counts.min() >= 3
     assert np.isfinite(made.curve.u).all()
@@ -84,7 +86,7 @@ def test_stations_that_see_a_part_of_few_candidates_are_compared_by_what_they_se
         "plan.target_um": 80.0,
         "plan.stations.list_mm": STANDS,
     }
-    made = plan(scenario(BARE, **few))
+    made = plan(scenario(LINKS, **few))
     seen = made.stations
     assert 6 <= seen.visible.max() < 29
     assert [len(design) for design in seen.designs if len(design)] == [seen.visible.max()]
@@ -96,11 +98,11 @@ def test_a_target_that_poses_measured_already_reach_is_said_to_need_no_more(tmp_
     (tmp_path / "measured.csv").write_text(plan_csv(first), encoding="utf-8")
     more = {"plan.poses": 0, "plan.measured": str(tmp_path / "measured.csv")}
     u = 2e6 * first.u_mean
-    rich = plan(scenario(BARE, **more, **{"plan.target_um": 1.001 * u}))
+    rich = plan(scenario(LINKS, **more, **{"plan.target_um": 1.001 * u}))
     assert (rich.curve.reached, rich.curve.fewest, len(rich.places)) == (0, 0, 1)
     assert f"The 8 poses measured already reach U = {1.001 * u:g} µm" in rich.curve.sentence
     assert f"they give {significant(u)} µm without another" in rich.curve.sentence
-    poor = plan(scenario(BARE, **more, **{"plan.target_um": 0.999 * u}))
+    poor = plan(scenario(LINKS, **more, **{"plan.target_um": 0.999 * u}))
     assert (poor.curve.reached, poor.curve.fewest) == (1, 1)
     assert "no fewer can" in poor.curve.sentence
 
@@ -115,7 +117,7 @@ def test_lengths_alone_are_planned_though_angles_tell_them_nothing():
 
 def test_a_calibration_has_an_equation_to_spare_with_the_fewest_poses_of_a_plan():
     """As many equations as numbers may promise anything: `identify` refuses them."""
-    made = plan(scenario(BARE, **{"plan.poses": 0, "plan.target_um": 300.0}))
+    made = plan(scenario(LINKS, **{"plan.poses": 0, "plan.target_um": 300.0}))
     bench = open_bench(made.scenario)
     assert len(made.places) == made.curve.fewest == 6
     assert made.parameters.n_free == 30

@@ -180,7 +180,8 @@ def test_a_program_goes_to_every_target_in_order_and_waits_at_the_measured_ones(
     assert text.count(WAITS[name.split(".")[1]]) == len(made.tour)
     lines = [line for line in text.splitlines() if re.search(r" ([PT]\d+(via\d+)?|start)$", line)]
     assert [line.split()[-1] for line in lines] == [stop.name for stop in stops]
-    assert "SIMULATED" in text
+    assert "PLANNED" in text
+    assert "SIMULATED" not in text
     comments = [
         line.split(maxsplit=1)[1] for line in text.splitlines() if line.strip()[0] in "/!;#"
     ]

@@ -171,7 +171,7 @@ def test_the_obstacle_stands_where_the_scenario_says(opened):
 
 def test_the_summary_promises_what_the_plan_promises(made):
     assert f"within {1e6 * made.foresight.R95_over:.1f} µm" in summary(made)
-    assert "SIMULATED" in summary(made)
+    assert "PLANNED" in summary(made)
 
 
 def test_a_plan_without_target_station_or_obstacle_is_recorded_too(tmp_path):

@@ -10,11 +10,10 @@ import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 from testbed.plan import plots as plan_plots
-from testbed.plan.promises import efficiency_word
+from testbed.plan.promises import PLANNED, efficiency_word
 from testbed.plan.report import plan_report_html
 from testbed.plan.report_goal import fine, number_section
 from testbed.plan.words import headline_rows, terminal_text
-from testbed.report.page import SIMULATED
 from testbed.scenario.read import changed
 from tests.planned import ROBOT, quick_plan, small_plan, with_blocked_move
 from tests.reported import VERSIONS, printed_pages, read, said_twice
@@ -57,7 +56,7 @@ def test_a_plan_prints_on_five_pages(tmp_path):
 def test_the_first_screen_has_promise_proof_time_and_next_step(text):
     made = small_plan()
     first = text[: text.index(re.search("<h2>(.*?)</h2>", html(small_plan)).group(1))]
-    assert first.startswith(SIMULATED)
+    assert first.startswith(PLANNED)
     for wanted in (
         f"tool point within {1e6 * made.foresight.R95_over:.1f} µm (3-D radius, 95 %)",
         "noise alone: the tracker states no systematic errors",

@@ -9,6 +9,7 @@ from calib.uncertainty.statement.distance import (
     content,
     density,
     distance_radius,
+    largest_radius,
     least_content,
     probability_within,
     radius_over,
@@ -36,6 +37,16 @@ def turned(rng, count):
 def test_radius_of_known_shapes(variances, ratio):
     S = np.diag(np.array(variances, dtype=float))
     assert distance_radius(S[None])[0] / np.sqrt(S.trace()) == pytest.approx(ratio, abs=5e-5)
+
+
+def test_the_largest_radius_need_not_be_that_of_the_largest_uncertainty():
+    """A line has more of it than a ball of slightly larger u."""
+    ball, line = np.eye(3) / 2.9, np.diag([1.0, 0, 0])
+    others = 0.1 * np.broadcast_to(np.eye(3), (4, 3, 3))
+    S = np.concatenate([ball[None], others, line[None]])
+    assert largest_radius(S) == pytest.approx(distance_radius(line[None])[0], rel=1e-12)
+    S = turned(np.random.default_rng(4), 40)
+    assert largest_radius(S) == pytest.approx(distance_radius(S).max(), rel=1e-12)
 
 
 def test_round_regions_are_chi_square():
