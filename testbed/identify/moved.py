@@ -1,4 +1,4 @@
-"""Whether a station, the base, a target, the tool, a joint or the load changed once, in words."""
+"""What changed once, a station, the base, a target, the tool, a joint or the load, in words."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -9,7 +9,7 @@ from calib.arrays import Bool
 from calib.geometry.gravity import DOWN
 from calib.geometry.model import RobotModel
 from calib.identification.outliers.changes import targets_of, told
-from calib.identification.outliers.moved import Moved, moved_once
+from calib.identification.outliers.moved import Moved, moved_once, moved_or_back
 from calib.measurement.observations import GIVEN, Measurements
 from testbed.files.session import Session
 from testbed.identify.calibration import Calibration
@@ -27,6 +27,15 @@ INSTEAD = {
     "station": "the instrument or the base of the robot was moved",
 }
 APART = "describe the rows from there on as a [[session]] of their own"
+PUT_BACK = {
+    "station": "the instrument or the base of the robot was pushed, and put back",
+    "base": "the base of the robot was moved, and put back",
+    "target": "another tool or reflector, or one that was not in its place",
+    "tool": "another tool, or one that was not in its place",
+    "joint": "its zero was lost, and set again",
+    "load": "another payload or tool",
+}
+"""What happened where it came back, by what moved."""
 
 
 def moved_in(
@@ -66,11 +75,16 @@ def moved_in(
     asked = models[:1] if told(table.conditions) else models
     fits = dict.fromkeys(model.identification for model in asked)
     gravity = nominal.chain.T_world_base[:3, :3].T @ DOWN
-    steps = (moved_once(fit, table, order, gravity=gravity) for fit in fits)
+    look = moved_or_back if visit is None else moved_once
+    steps = (look(fit, table, order, gravity=gravity) for fit in fits)
     found = next((step for step in steps if step is not None), None)
     if found is None:
         return None
     last, row = int(rows[found.last]), int(rows[found.row])
+    if found.until is not None and found.back is not None:
+        return replace(
+            found, last=last, row=row, until=int(rows[found.until]), back=int(rows[found.back])
+        )
     if visit is not None and visit[last] == visit[row]:
         return None  # whose rows nobody puts in order
     return replace(found, last=last, row=row)
@@ -81,13 +95,14 @@ def moved_words(calibration: Calibration) -> tuple[str, ...]:
     found = calibration.moved
     if found is None:
         return ()
-    poses = calibration.measurements.pose_id
-    last, first = (calibration.pose_names[poses[row]] for row in (found.last, found.row))
+    if found.until is not None:
+        return (back_words(calibration, found),)
+    last, first = (pose_name(calibration, row) for row in (found.last, found.row))
     what, mend = said_of(calibration, found)
     what += or_else(calibration, found)
     if found.or_else and found.what != "joint":
         mend = f'{APART}, tool or base "same as" the first if you know that it stayed'
-    explains = f"That explains {100 * found.explained:.0f} % of the errors beyond noise (p < 0.001)"
+    explains = explained_by(found)
     if calibration.visits and calibration.visit is not None:
         one, other = (calibration.visits[calibration.visit[k]] for k in (found.row, found.last))
         kinds = (found.what, *(kind for kind, _ in found.or_else))
@@ -105,6 +120,30 @@ def moved_words(calibration: Calibration) -> tuple[str, ...]:
         f"Between pose {last} and pose {first} something {happened(found)}: from there on {what}. "
         f"{explains}; {mend}",
     )
+
+
+def back_words(calibration: Calibration, found: Moved) -> str:
+    """What moved and came back, between which poses, how far, and what is to be done."""
+    ends = (found.last, found.row, found.until, found.back)
+    before, first, last, after = (pose_name(calibration, row) for row in ends if row is not None)
+    what = said_of(calibration, found)[0].partition(" (")[0] + f" ({PUT_BACK[found.what]})"
+    what += or_else(calibration, found)
+    return (
+        f"Between pose {before} and pose {first} something {happened(found)}, and between pose "
+        f"{last} and pose {after} it was as before: in the rows between {what}. "
+        f"{explained_by(found)}; leave the rows from pose {first} to pose {last} out, held-out "
+        "ones among them as well, or describe them as a [[session]] of their own"
+    )
+
+
+def explained_by(found: Moved) -> str:
+    """How much of the errors it explains."""
+    return f"That explains {100 * found.explained:.0f} % of the errors beyond noise (p < 0.001)"
+
+
+def pose_name(calibration: Calibration, row: int) -> str:
+    """What the pose of a row is called."""
+    return str(calibration.pose_names[calibration.measurements.pose_id[row]])
 
 
 def happened(found: Moved) -> str:

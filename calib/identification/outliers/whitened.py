@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calib.arrays import Array, Index
+from calib.arrays import Array, Bool, Index
 from calib.identification.result import Identification
 from calib.information.rank import RANK_TOLERANCE
 from calib.measurement.observations import Measurements
@@ -15,6 +15,8 @@ TOLD = 1e-6
 """Squared part of a change that must remain beside the free numbers to tell it from theirs."""
 ENOUGH = 1.5
 """Coordinates for each number of the change, on either side of the step."""
+AT_ONCE = 1024
+"""Spans of rows whose drops are computed together."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -59,38 +61,77 @@ class WhitenedRows:
             self.freedom - U.shape[1],
         )  # fmt: skip
 
-    def step(self, plain: Array, places: Index) -> tuple[float, int, int, Array]:
-        """Largest drop of chi-square by a step, its first row, its rank and its numbers (k,)."""
+    def step(self, plain: Array, first: Index, end: Index) -> tuple[float, int, int, Array]:
+        """Largest drop of chi-square by a change of the rows from one on until before another.
+
+        Parameters
+        ----------
+        plain : (m, 6, k) array
+            Derivative of the rows by the change.
+        first, end : (s,) array
+            First row that each of the spans has, and that it has no more; m where it stays.
+
+        Returns
+        -------
+        drop, span, rank : float, int, int
+            Of the span with the largest drop; its drop is 0 where none has enough coordinates.
+        change : (k,) array
+            Its numbers.
+        """
         C, size = self._scaled(plain)
-        after = [
-            np.cumsum(one[::-1], axis=0)[::-1]
+        until = [
+            np.concatenate([np.zeros((1, *one.shape[1:])), np.cumsum(one, axis=0)])
             for one in (
                 np.einsum("mri,mrj->mij", C, C),
                 np.einsum("mri,mrf->mif", C, self.Q),
                 np.einsum("mri,mr->mi", C, self.r),
+                self.whiteners.any(axis=2).sum(axis=1, dtype=np.float64),
             )
         ]
-        seen = np.cumsum((self.whiteners.any(axis=2)).sum(axis=1)[::-1])[::-1]
-        beside = np.minimum(seen[places], seen[0] - seen[places])
-        places = places[beside >= ENOUGH * min(plain.shape[2], self.Q.shape[2])]
-        if not len(places):
-            return 0.0, 0, 0, np.zeros(plain.shape[2])
-        CC, CQ, b = (one[places] for one in after)
-        S = CC - CQ @ np.swapaxes(CQ, 1, 2)
-        values, axes = np.linalg.eigh(S)
-        along = (np.swapaxes(axes, 1, 2) @ b[:, :, None])[..., 0]
-        told = values > TOLD
-        inverse = np.where(told, 1 / np.where(told, values, 1.0), 0.0)
-        gain = (along**2 * inverse).sum(axis=1)
-        best = int(np.argmax(gain))
-        change = axes[best] @ (inverse[best] * along[best])
-        return float(gain[best]), int(places[best]), int(told[best].sum()), change * size
+        inside = until[3][end] - until[3][first]
+        enough = np.minimum(inside, until[3][-1] - inside)
+        spans = np.flatnonzero(enough >= ENOUGH * min(plain.shape[2], self.Q.shape[2]))
+        best = (0.0, 0, 0, np.zeros(plain.shape[2]))
+        for part in np.array_split(spans, range(AT_ONCE, len(spans), AT_ONCE)):
+            if not len(part):
+                continue
+            CC, CQ, b = (one[end[part]] - one[first[part]] for one in until[:3])
+            values, axes = np.linalg.eigh(CC - CQ @ np.swapaxes(CQ, 1, 2))
+            along = (np.swapaxes(axes, 1, 2) @ b[:, :, None])[..., 0]
+            told = values > TOLD
+            inverse = np.where(told, 1 / np.where(told, values, 1.0), 0.0)
+            drop = (along**2 * inverse).sum(axis=1)
+            k = int(np.argmax(drop))
+            if drop[k] > best[0]:
+                change = axes[k] @ (inverse[k] * along[k])
+                best = float(drop[k]), int(part[k]), int(told[k].sum()), change * size
+        return best
 
-    def slow(self, plain: Array) -> float:
-        """Largest drop of chi-square by the same change if it comes slowly: linear, or settling."""
-        share = np.linspace(0, 1, len(plain))
-        shapes = (share, *(1 - np.exp(-share / life) for life in (0.1, 0.3)))
+    def slow(self, plain: Array, span: tuple[int, int]) -> float:
+        """Largest drop of chi-square by the same change of a span (first, end) if it comes slowly.
+
+        Linear or settling where the span has all later rows, and coming and going, too, where it
+        ends before: as half a wave, at half its height where the span begins and ends.
+        """
+        m, (first, end) = len(plain), span
+        share = np.linspace(0, 1, m)
+        shapes = [share, *(1 - np.exp(-share / life) for life in (0.1, 0.3))]
+        if end < m:
+            middle, half = (first + end - 1) / 2, (end - first) / 2
+            away = np.abs(np.arange(m) - middle) / half
+            shapes += [
+                np.where(away < 2, (1 + np.cos(np.pi * away / 2)) / 2, 0.0),
+                np.clip(1.5 - away, 0, 1),
+                1 / (1 + away**2),
+            ]
         return max(self.drop(plain * shape[:, None, None])[0] for shape in shapes)
+
+    def without(self, plain: Array, change: Array, side: Bool) -> Array:
+        """Residuals (m, 6) off the free numbers that a change of the rows of one side leaves."""
+        moved = (self.whiteners @ plain @ change) * side[:, None]
+        Q = self.Q.reshape(-1, self.Q.shape[2])
+        off = moved.ravel() - Q @ (Q.T @ moved.ravel())
+        return np.asarray(self.r - off.reshape(self.r.shape))
 
     def drop(self, plain: Array) -> tuple[float, int, Array]:
         """Drop of chi-square by a change (m, 6, k) of all rows, its rank and its numbers (k,)."""

@@ -34,9 +34,14 @@ def first_of_all(calibration: Calibration) -> str:
             f"some of them show where they stand: {_own_session(calibration)}"
         )
     if calibration.moved is not None:
+        first = f"First find out what {happened(calibration.moved)}, and "
+        if calibration.moved.back is not None:
+            return (
+                f"{first}leave the rows out in which it was not as before, or describe them as a "
+                "[[session]] of their own: the radius now covers both."
+            )
         return (
-            f"First find out what {happened(calibration.moved)}, and separate the rows before it "
-            "from those after it: the radius now covers both."
+            f"{first}separate the rows before it from those after it: the radius now covers both."
         )
     return ""
 

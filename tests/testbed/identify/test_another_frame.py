@@ -198,6 +198,28 @@ def test_a_station_pushed_halfway_is_named_with_the_poses_between_which_it_was(t
     assert apart.proof.point.radius_mean < 0.4 * found.proof.point.radius_mean
 
 
+def test_another_tool_for_some_poses_is_named_with_both_ends_and_what_to_leave_out(tmp_path):
+    """Twelve of 60 rows: no step is in them, and the verdict was that R95 can be believed."""
+    data, inside = visit(0, 60, seed=8), slice(30, 42)
+    T = data.T.copy()
+    T[inside] = moved(data, 1.0, 0.0, tool=True).T[inside]
+    written(tmp_path, {"a": Made(data.q, T, data.truth)}, head=ONE)
+    found = calibrate(ROBOT, read_session(tmp_path, ROBOT), SPLIT)
+    used = np.flatnonzero(found.is_used)
+    within = used[(used >= 30) & (used < 42)]
+    ends = used[used < 30].max(), within.min(), within.max(), used[used >= 42].min()
+    step = found.moved
+    assert (step.last, step.row, step.until, step.back) == ends
+    before, first, last, after = (found.pose_names[found.measurements.pose_id[k]] for k in ends)
+    said = reasons(found)[0]
+    assert said.startswith(
+        f"Between pose {before} and pose {first} something moved, and between pose {last} and "
+        f"pose {after} it was as before: in the rows between the target is "
+    )
+    assert f"leave the rows from pose {first} to pose {last} out" in said
+    assert "leave the rows out in which it was not as before" in next_step(found)
+
+
 def test_a_probe_that_turned_in_its_seat_is_told_by_its_turn(tmp_path):
     """The point that is seen stays where it was: micrometers alone would say that nothing moved."""
     data = visit(0, 60, seed=8)

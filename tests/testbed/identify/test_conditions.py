@@ -113,7 +113,7 @@ def test_a_model_that_cannot_follow_what_rows_state_is_not_asked_what_moved(
         load = np.where(np.arange(20) < 10, 0.0, payload)
         table = replace(table, conditions=OperatingConditions(payload=load))
     said = []
-    monkeypatch.setattr(moved, "moved_once", lambda fit, *_, **__: said.append(fit))
+    monkeypatch.setattr(moved, "moved_or_back", lambda fit, *_, **__: said.append(fit))
     models = [SimpleNamespace(identification=name) for name in ("chosen", "plain")]
     found = moved_in(session_of(table), robot().model, models, table, np.ones(20, dtype=bool))
     assert found is None

@@ -14,7 +14,9 @@ from calib.geometry.operating import OperatingConditions
 from calib.geometry.parameters import parameters_of
 from calib.identification.identify import identify
 from calib.identification.outliers.changes import targets_of
-from calib.identification.outliers.moved import FEWEST, _at_one_place, moved_once
+from calib.identification.outliers.moved import moved_once
+from calib.identification.outliers.sides import at_one_place
+from calib.identification.outliers.spans import FEWEST
 from calib.measurement import tables
 from calib.measurement.observations import joined
 from calib.measurement.prediction import predicted_positions
@@ -427,7 +429,8 @@ def test_one_place_on_a_side_of_a_step_tells_no_station():
     places = np.repeat([[0.0, 0, 0], [0.05, 0, 0]], 20, axis=0)
     noise = 1e-5 * np.random.default_rng(0).standard_normal(places.shape)
     rows = tables.points(np.zeros((40, 6)), places + noise, sd=2e-5)
-    assert _at_one_place(rows, 20)
-    assert _at_one_place(rows, 10)  # the first ten are of one
+    index = np.arange(40)
+    assert at_one_place(rows, index >= 20)
+    assert at_one_place(rows, index >= 10)  # the first ten are of one
     mixed = rows.rows(np.random.default_rng(1).permutation(40))
-    assert not _at_one_place(mixed, 20)
+    assert not at_one_place(mixed, index >= 20)
