@@ -1,5 +1,6 @@
 """What a calibration says, sentence by sentence: verdict, reasons, and all that is printed."""
 
+from testbed.files.tried.runs import IN_A_ROW
 from testbed.identify.applies.beyond import beyond_words, drawn_out, simpler_words
 from testbed.identify.applies.rows import edge_words
 from testbed.identify.applies.unsaid import unsaid_words
@@ -208,6 +209,7 @@ def _remarks(calibration: Calibration) -> list[str]:
             "Rows were left out while reading, before poses were held out, so no figure contains "
             f"them: see {masked} under The data"
         )
+        texts += [text for text in calibration.source.masked if IN_A_ROW in text]
     if not states_instrument(calibration.shared):
         texts.append(
             "No figure includes systematic errors of the instrument (a wrong scale, eccentric "

@@ -17,6 +17,7 @@ from testbed.files.frames_fit import (
     stretches,
     target_groups,
 )
+from testbed.files.tried.runs import IN_A_ROW, run_words, runs_of
 
 MOST_FITTED = 300
 """Rows that frames are fitted to, evenly spread; more show nothing new of gross errors."""
@@ -57,6 +58,8 @@ def mismatched_rows(
 ) -> tuple[Bool, dict[int, str], list[Index]]:
     """Rows (m,) that no frames bring near their joints, why, and the groups that may have slipped.
 
+    Of rows that follow each other the first says why, for all of them.
+
     Parameters
     ----------
     model : RobotModel
@@ -84,6 +87,7 @@ def mismatched_rows(
         if len(rows) < FEWEST or len(bad) > LARGEST_SHARE * len(rows):
             continue
         mismatched[rows[bad]] = True
+        alone = []
         for row in map(int, rows[bad]):
             F = flange_poses(model, table.q[[row]])
             error = float(group.frames.position_errors(F, table.position[[row]])[0])
@@ -92,6 +96,17 @@ def mismatched_rows(
                 why[row] += f", fits the {found[0]} of {_line(place, row, found[1])}"
             elif (other := _fitting_joints(group, model, table, row)) is not None:
                 why[row] += f", fits the joints of {_line(place, row, other)}"
+            else:
+                alone.append(row)
+        for run in runs_of(np.flatnonzero(np.isin(rows, alone)).tolist()):
+            first, *others = map(int, rows[run])
+            F, position = flange_poses(model, table.q[rows[run]]), table.position[rows[run]]
+            why[first] = (
+                f"{len(run)} {IN_A_ROW}, up to {_line(place, first, others[-1])}: "
+                f"{run_words(F, position, group.frames, group.near)}"
+            )
+            for row in others:
+                del why[row]
     return mismatched, why, doubtful
 
 

@@ -97,7 +97,7 @@ def hump(table, rng):
 
 
 def wave(table, rng):
-    """All goes to and fro."""
+    """All goes one way and back, again and again."""
     way = np.sin(np.arange(len(table)) / 6.0 + rng.uniform(0, 6))[:, None] * 2e-4 * WAY
     return replace(table, position=table.position + way)
 
