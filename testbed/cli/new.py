@@ -35,6 +35,9 @@ def session(
     ] = None,
     tip: Tip = None,
     out: Out = Path("session.toml"),
+    overwrite: Annotated[
+        bool, typer.Option("--overwrite", help="First rename an old file of that name.")
+    ] = False,
     quiet: Quiet = False,
     plain: Plain = False,
     debug: Debug = False,
@@ -43,9 +46,10 @@ def session(
     with exit_codes(debug=debug, plain=plain):
         from testbed.proposal.data import look_at
         from testbed.proposal.own_outputs import without_ours
+        from testbed.proposal.rows.krl_lists import without_programs
         from testbed.proposal.session import propose_session
         from testbed.proposal.text import next_command, session_text
-        from testbed.proposal.write import require_folder, require_new, write_new
+        from testbed.proposal.write import move_aside, require_folder, require_new, write_new
         from testbed.robots.catalog import load_robot
         from testbed.schemas.editor import schema_beside
 
@@ -55,11 +59,15 @@ def session(
             arm = load_robot(robot, tip=tip, allow_missing_meshes=True)
         bare = arm is not None and arm.lacks_meshes
         given, ours = without_ours(data)
+        given, programs = without_programs(given)
         looks = look_at(given, out.parent)
-        require_new(out)
-        proposed = propose_session(looks, arm, out.parent, ours)
+        if not overwrite:
+            require_new(out, renames=True)
+        proposed = propose_session(looks, arm, out.parent, (*ours, *programs))
         named = arm.name if arm else None
         text = session_text(proposed, looks, str(out), robot, named, tip, lacks_meshes=bare)
+        if overwrite:
+            move_aside(out)
         write_new(out, (line := schema_beside(out, "session")) + text)
         if not quiet:
             say_found(f"{proposed.tried}.")

@@ -37,6 +37,8 @@ ANGLES = (
 )
 UNIT, ORDER = "joints", "order"
 """Names of the alternatives that joints have another unit, or stand in another order."""
+MIRROR = "mirror"
+"""That of a left-handed frame."""
 SMALL = 2 * np.pi * TURN
 """A joint of so few degrees, or of one turn in radians that were taken for degrees [rad]."""
 MOST_MIXED = 3
@@ -113,7 +115,7 @@ def alternatives_of(
         if rows.rotation is None:
             condition = "if one of x, y, z has the other sign or two are swapped"
         fix = "the frame is left-handed: check the axes of the export"
-        mirror = Alternative("mirror", condition, fix, "M32", f"{name}_mm")
+        mirror = Alternative(MIRROR, condition, fix, "M32", f"{name}_mm")
         yield mirror, replace(rows, position=_scaled(rows.position, axis, -1.0))
     for axis, name in enumerate("xyz"):
         for factor, condition, _ in LENGTHS:

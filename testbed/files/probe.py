@@ -12,6 +12,7 @@ import numpy as np
 from calib.arrays import Array, Index
 from calib.geometry.model import RobotModel
 from testbed.files.alternatives import (
+    MIRROR,
     Interpretation,
     alternatives_of,
     coupling_of,
@@ -34,6 +35,7 @@ from testbed.files.rows.shifts import (
 )
 from testbed.files.session import Session
 from testbed.files.tried.interpretations import Probe, Tried
+from testbed.files.tried.joint_signs import other_signs
 from testbed.files.tried.link_order import in_craigs_order
 from testbed.files.tried.links_fit import LinksFit, links_fit, table_of
 from testbed.files.tried.parts import parts_of
@@ -103,6 +105,7 @@ def probe(robot: Robot, session: Session, *, links: bool = True) -> Probe:
     if least > FAR and (ordered := in_craigs_order(robot.model, read)) is not None:
         tried.append((Tried(*ordered[:2]), ordered[2]))
     tried.sort(key=lambda one: one[0].misfit.score)
+    tried = _with_signs(tried, robot, read, stated)
     exact = exactness(robot.model, session, some, stated)
     odd = (exact, *_warnings(robot, session, some, stated), *_others(robot, session, groups, rows))
     found = replace(
@@ -120,6 +123,28 @@ def probe(robot: Robot, session: Session, *, links: bool = True) -> Probe:
     full = as_read(session, rows)  # an arm is measured in the order of the rows
     moved = parts_of(flange_poses(robot.model, full.q), full.position, full.rotation)
     return found if moved is None else replace(found, moved_at=session.place[rows[moved]])
+
+
+def _with_signs(
+    tried: list[tuple[Tried, Interpretation]], robot: Robot, read: Interpretation, stated: Misfit
+) -> list[tuple[Tried, Interpretation]]:
+    """The same, best first, and signs of several joints if these explain readings best.
+
+    In place of a left-handed frame alone, which explains points as well as they do: an arm is
+    counted the other way more often than an export has such a frame.
+    """
+    best, least = tried[0][0], min(stated.score, tried[0][0].misfit.score)
+    mirrored = best.alternative.name == MIRROR and stated.score > TIMES * least
+    if least <= FAR and not mirrored:
+        return tried
+    mirror = best.alternative if mirrored else None
+    found = other_signs(robot.model, robot.controller, read, mirror)
+    if found is None:
+        return tried
+    left = misfit_of(robot.model, found[1])
+    if left.score > CLEARLY * least:
+        return tried
+    return [(Tried(found[0], left), found[1]), *tried[mirrored:]]
 
 
 def _with_links(

@@ -26,8 +26,10 @@ def require_folder(path: Path) -> None:
         raise refusal(str(path), "--out", message, code="C40", fix=fix)
 
 
-def require_new(path: Path) -> None:
+def require_new(path: Path, *, renames: bool = False) -> None:
     """Refuse a path that exists already, or where no file can be written.
+
+    `renames` is whether the command has an option for that.
 
     Raises
     ------
@@ -36,8 +38,19 @@ def require_new(path: Path) -> None:
     """
     require_folder(path)
     if is_there(path) or path.is_symlink():
-        fix = "choose another --out, or move it away"
+        fix = "choose another --out, or rename the old one by --overwrite"
+        fix = fix if renames else "choose another --out, or move it away"
         raise refusal(str(path), "--out", "exists already", code="C40", fix=fix)
+
+
+def move_aside(path: Path) -> None:
+    """Rename an ordinary file, if there is one, to the first free ``<name>.old-<k>``."""
+    if path.is_symlink() or not path.is_file():
+        return
+    number = 1
+    while is_there(new := path.with_name(f"{path.name}.old-{number}")) or new.is_symlink():
+        number += 1
+    path.rename(new)
 
 
 def plain_name(path: Path) -> str:

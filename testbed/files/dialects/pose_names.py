@@ -36,15 +36,29 @@ def stay_apart(names: Iterable[str]) -> bool:
 def counted_alike(named: Collection[str], seen: Collection[str]) -> list[dict[str, str]] | None:
     """The numbers of the names of two files, where one has words before them: Pose12 is 12.
 
-    None where both have words, which may tell them apart, where numbers of `seen` lack in the
+    Of KUKA, whose data list has XP12 for the point P12 of an inline form, the names without the X.
+    None where both have other words, which may tell them apart, where numbers of `seen` lack in the
     other file, or where they are fewer than half of those: R1 and R2 are no poses.
     """
+    if (of_points := _without_x(named, seen)) is not None:
+        return of_points
     words = [any(not name.strip().isdecimal() for name in names) for names in (named, seen)]
     one, two = numbers_in(named), numbers_in(seen)
     few = not two or 2 * len(two) < len(one)
     if all(words) or few or not set(two.values()) <= set(one.values()):
         return None
     return [one, two]
+
+
+def _without_x(named: Collection[str], seen: Collection[str]) -> list[dict[str, str]] | None:
+    """Both names, those of joints without the X before all of them; None if that matches none."""
+    one, two = ({name: written_alike(name) for name in names} for names in (named, seen))
+    if not all(name[0] == "x" and len(name) > 1 for name in one.values()):
+        return None
+    one = {name: own[1:] for name, own in one.items()}
+    apart = len(set(one.values())) == len(one) and stay_apart(seen)
+    few = not two or 2 * len(two) < len(one)
+    return [one, two] if apart and not few and set(two.values()) <= set(one.values()) else None
 
 
 def numbers_in(names: Collection[str]) -> dict[str, str]:

@@ -14,6 +14,11 @@ from testbed.gates.text import FileText
 
 AXES = re.compile(r"AXES\s*=\s*(\w+)\s*:(.*)", re.IGNORECASE)
 UNIT = re.compile(r"\((mm|m|meters|millimeters|inches|in|degrees|deg|radians|rad)\)", re.IGNORECASE)
+STATED = re.compile(
+    r"\bunits?\s*[:=]\s*(mm|m|cm|ft|meters|millimeters|inches|in)\s*(?=$|[,;])",
+    re.IGNORECASE | re.MULTILINE,
+)
+"""``Units: mm`` in a comment of its own."""
 WITHIN, BEHIND = re.compile(r"(?<=\d),(?=\d)"), re.compile(r",\s+")
 """A comma that may stand before decimals, and one that separates as a blank is behind it."""
 DECIMAL = re.compile(r"[+\u2212-]?\d+,\d+")
@@ -64,16 +69,22 @@ def sa_lines(text: FileText) -> Lines:
     lines = Lines(text.where, fields, numbers, separator, text.encoding, decimal, below=below)
     found = AXES.search("\n".join(comments))
     if not found:
-        return lines
+        stated = {word.lower() for word in STATED.findall("\n".join(comments))}
+        return replace(lines, length=_as_ours(stated.pop())) if len(stated) == 1 else lines
     system = found.group(1).upper()
     if system not in SYSTEMS:
         message = f"AXES = {system[:20]} is not a system of coordinates"
         known = f"known are {', '.join(SYSTEMS)}"
         raise refusal(text.where, "AXES", message, allowed=known, fix="export again")
-    units = [UNITS.get(word.lower(), word.lower()) for word in UNIT.findall(found.group(2))]
+    units = [_as_ours(word) for word in UNIT.findall(found.group(2))]
     length = next((unit for unit in units if unit in LENGTHS), "")
     angle = next((unit for unit in units if unit in ANGLES), "")
     return replace(lines, system=system, length=length, angle=angle)
+
+
+def _as_ours(word: str) -> str:
+    """A unit by our name."""
+    return UNITS.get(word.lower(), word.lower())
 
 
 def _split_by(lines: Sequence[str]) -> tuple[str, Callable[[str], list[str]], bool]:

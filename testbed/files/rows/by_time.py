@@ -144,7 +144,7 @@ def _require_still(
 
 def _step(q: Array, times: Array, most: Array) -> float:
     """The step of a log that runs on where the arm stands, as most lines do; else 0 [s]."""
-    alike = np.asarray((np.abs(np.diff(q, axis=0)) <= most).all(axis=1))
+    alike: Bool = np.all(np.abs(np.diff(q, axis=0)) <= most, axis=1)
     return float(np.median(np.diff(times))) if 2 * alike.sum() > len(alike) else 0.0
 
 

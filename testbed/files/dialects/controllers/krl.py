@@ -18,6 +18,11 @@ MOVED = re.compile(
     r"\s*(S?(?:PTP|LIN|CIRC)(?:_REL)?)(?:\s+|(?=\{))(\{[^{}]*\}|\w+(?:\[[^\]]{0,20}\])?)",
     re.IGNORECASE,
 )
+LIST = (
+    "give its data list, the .dat of the same name, in place of the program: the E6AXIS in it have "
+    "the joints; or declare it in the same file before the move"
+)
+"""Where the targets of inline forms stand."""
 OF_TOOL = ("E6POS", "POS", "FRAME")
 ROBOT = ("A1", "A2", "A3", "A4", "A5", "A6", "A7")
 
@@ -31,7 +36,7 @@ def read_krl(text: FileText) -> JointList:
         M35: a move names only some of the axes, or a target that this file does not declare; or
         as `Program.joints`.
     """
-    program = Program(text, "E6AXIS P1={A1 ..., A2 ...}")
+    program = Program(text, "E6AXIS P1={A1 ..., A2 ...}", LIST)
     for number, line in program.statements(";", "&"):
         if (move := MOVED.match(line)) is not None:
             _move(program, number, move[1].upper(), move[2])

@@ -59,6 +59,8 @@ class Program:
     text: FileText
     taught: str
     """Example of a joint target in this language."""
+    elsewhere: str = ""
+    """What to do where targets stand in another file, as this language keeps them."""
     declared: dict[str, Target] = field(default_factory=dict)
     """Joint targets by their names in small letters."""
     again: dict[str, int] = field(default_factory=dict)
@@ -119,7 +121,8 @@ class Program:
             raise refusal(
                 self.place(line), "joints",
                 f'moves to "{name[:40]}", which is not declared before the move',
-                fix="declare it in the same file before the move, or remove the move",
+                fix=self.elsewhere or "declare it in the same file before the move, or remove the "
+                "move",
             )  # fmt: skip
 
     def computed(self, line: int, verb: str) -> InputError:
