@@ -129,7 +129,10 @@ def _readings(
     table: DataTable, section: CyclesTable, settings: SessionFile, *, drop: bool | None
 ) -> tuple[Readings, bool]:
     """What was seen, and whether its noise is stated."""
-    fix = "name the columns so, or say in columns of [cycles] which is which"
+    fix = (
+        "name the columns so, let `truebed new session` propose it, or say in columns of [cycles] "
+        "which is which"
+    )
     observed = section_of(table, fix)
     if observed.kind == "distance":
         message, fix = "holds distances", "give positions x_mm y_mm z_mm"

@@ -123,6 +123,44 @@ def test_without_commands_it_says_what_iso9283_needs(tmp_path, monkeypatch):
     assert said.endswith("truebed identify ROBOT session.toml\n")
 
 
+def readings_alone(folder):
+    """Cycles with foreign names and no commands, as a tracker's program exports them."""
+    lines = [(k, name, *seen) for name, k, _, seen in rows(30)]
+    written(folder / "a.csv", ["Cycle", "Pose", *(f"{a}[mm]" for a in "XYZ")], lines)
+
+
+@pytest.mark.parametrize("head", ["pose_id,x_mm,y_mm,z_mm", "Pose,X,Y,Z"])
+def test_commands_of_another_file_make_a_test(head, tmp_path, monkeypatch):
+    """They were "unused", and Next was identify."""
+    monkeypatch.chdir(tmp_path)
+    readings_alone(tmp_path)
+    written(tmp_path / "c.csv", head.split(","), [(name, *at) for name, at in PLACES.items()])
+    done = call("new", "session", "a.csv", "c.csv")
+    assert done.exit_code == 0, done.stderr
+    assert "unused" not in done.stdout
+    assert done.stdout.endswith("Next       truebed iso9283 session.toml\n")
+    assert 'commanded = "c.csv"' in (tmp_path / "session.toml").read_text()
+    if head[0] == "P":
+        assert "c.csv: has no readings; needed: x_mm y_mm z_mm" in done.stdout
+        return
+    found = read_test(tmp_path / "session.toml").visits
+    np.testing.assert_allclose(1e3 * found.command, list(PLACES.values()), rtol=0, atol=1e-9)
+
+
+def test_readings_alone_lead_to_a_test_and_say_what_it_needs(tmp_path, monkeypatch):
+    readings_alone(tmp_path)
+    said = proposed(tmp_path, monkeypatch)
+    assert "commands.csv: write the commanded position of each pose there" in said
+    assert said.endswith("Next       truebed iso9283 session.toml\n")
+    done = call("iso9283", "a.csv", "--out", "out")
+    assert "name the columns so, let `truebed new session` propose it, or say" in done.stderr
+    # what was asked for is all that was missing
+    lines = [(name, *at) for name, at in PLACES.items()]
+    written(tmp_path / "commands.csv", ["pose_id", "x_mm", "y_mm", "z_mm"], lines)
+    found = read_test(tmp_path / "session.toml").visits
+    np.testing.assert_allclose(1e3 * found.command, list(PLACES.values()), rtol=0, atol=1e-9)
+
+
 @pytest.mark.parametrize("shuffled", [False, True])
 def test_a_few_visits_or_no_order_are_no_cycles(shuffled, tmp_path, monkeypatch):
     own(tmp_path, cycles=30 if shuffled else 9)
