@@ -98,6 +98,9 @@ def _name(kind: Any) -> str:
     """One annotation without the rooms where its parts live."""
     if get_origin(kind) is np.ndarray:
         return "ndarray"
+    if get_origin(kind) in SEVERAL:
+        of = ("..." if part is Ellipsis else repr(_Short(part)) for part in get_args(kind))
+        return f"{get_origin(kind).__name__}[{', '.join(of)}]"
     text = kind if isinstance(kind, str) else inspect.formatannotation(kind)
     return "None" if kind is type(None) else re.sub(r"(?:\w+\.)+", "", text)
 

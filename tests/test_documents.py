@@ -8,6 +8,7 @@ from dataclasses import is_dataclass
 from functools import reduce
 from importlib.util import find_spec
 from pathlib import Path
+from pkgutil import resolve_name
 from typing import get_args, get_type_hints
 
 import pytest
@@ -44,6 +45,24 @@ INSTALLED = (
     "pip install 'truebed[",
 )
 """Beginnings of commands that change the environment, which no test does."""
+
+
+def api_names() -> list[str]:
+    """Functions and classes of `calib` that the API pages show."""
+    auto = re.compile(r"auto(?:function|class):: (calib\.\S+)")
+    return [name for page in PAGES.values() for name in auto.findall(page)]
+
+
+def test_help_shows_the_annotations_of_the_documented_as_they_are_written():
+    told = {}
+    for name in api_names():
+        shown = resolve_name(":".join(name.rsplit(".", 1)))
+        calls = [shown] if inspect.isfunction(shown) else vars(shown).values()
+        for call in (getattr(one, "__func__", one) for one in calls):
+            if inspect.isfunction(call) and call.__name__[0] != "_":
+                told[f"{name} {call.__name__}"] = str(inspect.signature(call))
+    assert len(told) > 100
+    assert not [name for name, text in told.items() if "_SupportsArray" in text]
 
 
 @pytest.mark.parametrize("file", FILES)

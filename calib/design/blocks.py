@@ -12,6 +12,7 @@ from calib.geometry.parameters import Parameters, parameters_of
 from calib.information.goals import Goals, goal_matrix, hidden_numbers
 from calib.information.rank import count, rank, singular_values, triangle
 from calib.information.reduction import reduce
+from calib.kinds import in_short
 from calib.measurement.residual import point_blocks, whitened_blocks
 from calib.measurement.tables import covariances_of_sd
 
@@ -30,6 +31,7 @@ def scaled_blocks(blocks: ArrayLike, parameters: Parameters) -> Array:
     return frozen(blocks[:, :, parameters.free] * parameters.free_scale)
 
 
+@in_short
 def identifiable_blocks(
     model: RobotModel,
     q: ArrayLike,

@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 
 from calib.arrays import Array, Index, check, require_count
 from calib.errors import refuse
-from calib.kinds import checked_kinds
+from calib.kinds import checked_kinds, in_short
 from calib.shown import ResultTable, Shown
 
 IndexName = Literal["O1", "O2", "O3", "O4", "O5"]
@@ -159,6 +159,7 @@ def indices(singular: ArrayLike, n_poses: int) -> Observability:
     return Observability(n_poses, *tables)
 
 
+@in_short
 def index_of(
     M: ArrayLike, n_poses: int | Index, criterion: IndexName, form: Form = "correct"
 ) -> Array:

@@ -21,6 +21,7 @@ from calib.information.rank import (
     singular_values,
     triangle,
 )
+from calib.kinds import in_short
 from calib.shown import Shown
 
 PARALLEL = np.cos(np.deg2rad(1.0))
@@ -87,6 +88,7 @@ class Reduction(Shown):
         return f"Reduction({kept} kept, {dropped} dropped, condition {self.condition:.3g})"
 
 
+@in_short
 def reduce(
     A: ArrayLike,
     parameters: Parameters,

@@ -19,6 +19,7 @@ from numpy.typing import ArrayLike
 
 from calib.arrays import Array, frozen, wrong_shape
 from calib.errors import refuse
+from calib.kinds import in_short
 from calib.measurement.cycles import (
     covariances_of,
     cycles_of,
@@ -69,6 +70,7 @@ class IsoFigure(Shown):
         )  # fmt: skip
 
 
+@in_short
 def accuracy(
     position: ArrayLike, command: ArrayLike, *, common: ArrayLike | None = None
 ) -> IsoFigure:
@@ -102,6 +104,7 @@ def accuracy(
     return _length(off, spread, mean_norm(scatter))
 
 
+@in_short
 def repeatability(position: ArrayLike, *, noise: ArrayLike | None = None) -> IsoFigure:
     """RP: mean distance to the barycenter plus three standard deviations of it.
 
@@ -125,6 +128,7 @@ def repeatability(position: ArrayLike, *, noise: ArrayLike | None = None) -> Iso
     return IsoFigure(frozen(_radius(x)), frozen(jackknife(_radius, x)), frozen(floor))
 
 
+@in_short
 def approaches(position: ArrayLike) -> IsoFigure:
     """vAP: largest distance between the barycenters of visits from several directions.
 
@@ -136,6 +140,7 @@ def approaches(position: ArrayLike) -> IsoFigure:
     return gaps(position).largest
 
 
+@in_short
 def gaps(position: ArrayLike) -> IsoFigure:
     """Distances (..., k) [m] between the barycenters of every two directions of approach.
 
@@ -156,6 +161,7 @@ def gaps(position: ArrayLike) -> IsoFigure:
     )
 
 
+@in_short
 def distance_accuracy(
     first: ArrayLike, second: ArrayLike, distance: ArrayLike, *, common: ArrayLike = 0.0
 ) -> IsoFigure:
@@ -185,6 +191,7 @@ def distance_accuracy(
     return IsoFigure(frozen(np.abs(off)), frozen(total), frozen(floor))
 
 
+@in_short
 def distance_repeatability(
     first: ArrayLike, second: ArrayLike, *, noise: ArrayLike | None = None
 ) -> IsoFigure:

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from calib.arrays import Array, Index, check, frozen, require_count
 from calib.errors import refuse
-from calib.kinds import checked_kinds
+from calib.kinds import checked_kinds, in_short
 from calib.measurement.cycles import cycles_of, mean_largest, per_pose, repeatability_dof
 from calib.measurement.iso9283 import IsoFigure, accuracy, repeatability
 from calib.measurement.iso_bends import corners, inside, turns_back, with_corners
@@ -253,6 +253,7 @@ def in_planes(covariance: Array, command: Array) -> Array:
 
 
 @checked_kinds
+@in_short
 def resampled(paths: Sequence[ArrayLike], command: ArrayLike, *, sharp: bool = False) -> Array:
     """Positions (m, n, 3) [m] of n measured paths (k, 3) in the planes of m commanded points.
 

@@ -5,6 +5,7 @@ from numpy.typing import ArrayLike
 
 from calib.arrays import Array, frozen
 from calib.geometry.frames import exp_so3, log_so3
+from calib.kinds import in_short
 from calib.measurement.cycles import (
     covariances_of,
     jackknife,
@@ -16,6 +17,7 @@ from calib.measurement.cycles import (
 from calib.measurement.iso9283 import IsoFigure, accuracy
 
 
+@in_short
 def rotation_accuracy(
     R: ArrayLike, command: ArrayLike, *, common: ArrayLike | None = None
 ) -> IsoFigure:
@@ -43,6 +45,7 @@ def rotation_accuracy(
     return accuracy(rotation_vectors(R, mean) + away, np.zeros(3), common=common)
 
 
+@in_short
 def rotation_repeatability(R: ArrayLike, *, noise: ArrayLike | None = None) -> IsoFigure:
     """RP of orientation: three standard deviations of the rotation about each world axis (..., 3).
 

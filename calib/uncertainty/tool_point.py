@@ -20,7 +20,7 @@ from calib.information.propagation import (
     propagated,
     tool_covariance,
 )
-from calib.kinds import checked_kinds
+from calib.kinds import checked_kinds, in_short
 from calib.measurement.tool_target import ToolTarget
 from calib.shown import Shown, length_words, mean_of
 from calib.uncertainty.discrepancy import Discrepancy
@@ -65,6 +65,7 @@ class ToolStatement(Shown):
         half, _ = self.region
         return float(np.cbrt(half.prod(axis=1)).mean())
 
+    @in_short
     def holds(self, position: ArrayLike) -> Bool:
         """(N,) whether each region holds the position (N, 3) [m]."""
         (position,) = check(f"{len(self.position)} 3", position=position)

@@ -14,6 +14,7 @@ from calib.geometry.jacobian import joint_columns
 from calib.geometry.model import RobotModel
 from calib.geometry.operating import AS_USUAL, OperatingConditions
 from calib.information.propagation import propagated
+from calib.kinds import in_short
 from calib.measurement.observations import Measurements
 from calib.measurement.prediction import predict, predicted_positions
 from calib.measurement.tool_target import ToolTarget
@@ -65,6 +66,7 @@ class Belief(Shown):
         """The frame in which regions are stated, where no reading shows where the base stands."""
         return self.proven.datum
 
+    @in_short
     def regions(
         self,
         q: ArrayLike,
@@ -96,6 +98,7 @@ class Belief(Shown):
         )
         return mean if move is None else move
 
+    @in_short
     def mean_and_move(
         self,
         q: ArrayLike,
