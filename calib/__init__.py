@@ -63,6 +63,10 @@ else:
     def __getattr__(name):
         if name not in HOMES:
             message = f"module 'calib' has no attribute '{name}'"
+            word = name.lower()
+            near = [one for one in HOMES if len(word) > 2 and word in one.lower()]
+            near.sort(key=lambda one: not one.lower().startswith(word))
+            message += f"; it has {' and '.join(near)}" * bool(near)
             raise AttributeError(message, name=name, obj=sys.modules[__name__])  # for suggestions
         home = HOMES[name]
         if not home:

@@ -157,7 +157,11 @@ def _table(
 ) -> Measurements:
     """Table of rows of one kind; a single value of a column holds for all rows."""
     m = len(position)
-    q, position = check("m n, m 3", q=q, position=position)
+    (q,) = check("m n", q=q)
+    if len(q) != m:
+        fix = "transpose it" if q.shape[1] == m else "give joints and readings of the same poses"
+        message, allowed = f"q has shape {q.shape}", f"expected one row for each of {m} readings"
+        raise refuse("q", q.shape, allowed, code="A1", message=message, fix=fix)
 
     def column(name: str, value: ArrayLike) -> Index:
         numbers = whole_numbers(name, value)

@@ -98,7 +98,14 @@ def test_a_reflector_of_the_fixtures_has_no_second_place():
         (lambda: calib.distances(Q, np.ones(6), sd=[1e-5] * 2), r"sd has shape \(2,\)"),
         (lambda: calib.points(Q, np.ones((6, 3)), sd=[1e-5, 1e-5]), r"sd has shape \(2,\)"),
         (lambda: calib.points(Q, np.ones((6, 3)), sd=0.0), "sd is 0.0"),
-        (lambda: calib.points(Q, np.ones((5, 3)), sd=1e-5), "q has shape|position has shape"),
+        (
+            lambda: calib.points(Q, np.ones((5, 3)), sd=1e-5),
+            r"q has shape \(6, \d\); expected one row for each of 5 readings; give joints and",
+        ),
+        (
+            lambda: calib.points(np.ones((3, 6)), np.ones((6, 3)), sd=1e-5),
+            r"q has shape \(3, 6\); expected one row for each of 6 readings; transpose it",
+        ),
         (lambda: calib.poses(Q, np.tile(np.eye(4), (6, 1, 1)), sd=1e-5), "two numbers"),
         (lambda: calib.distances(Q, np.ones(6), sd=-1.0), "sd is -1.0"),
         (lambda: calib.points(Q, np.ones((6, 3)), sd=1e-5).split(held_out=3), "1 to 2, of 3 poses"),
@@ -116,3 +123,7 @@ def test_what_cannot_be_a_table_is_refused(call, message):
 def test_a_name_that_is_not_at_the_door_is_missed():
     with pytest.raises(AttributeError, match="no attribute 'calibrat'"):
         calib.calibrat  # noqa: B018 - it raises
+    with pytest.raises(AttributeError, match=r"'Robot'; it has RobotModel and CalibratedRobot$"):
+        calib.Robot  # noqa: B018 - it raises
+    with pytest.raises(AttributeError, match=r"no attribute 'at'$"):
+        calib.at  # noqa: B018 - it raises
