@@ -17,6 +17,9 @@ FEWEST = FOLDS * FEWEST_TO_CONFIRM
 """Poses below which no joint error can be confirmed, so that none is identified."""
 BALL = 2.0
 """Times the standard uncertainty of a target: a ball of that radius holds at least 95 %."""
+BESIDE = 1.25
+"""Radii that are stated over rehearsed ones: waves that readings do not ask for are misfit of real
+arms, and no rehearsal has it. Most virtual arms with such waves keep to it."""
 WORTH = 0.95
 """Twice as many poses must leave less than this part of a radius, or still more are not tried."""
 NEAR = 1.15
@@ -75,7 +78,7 @@ def _suited(
     def tried(places: Index) -> Suited:
         """A set and what its calibration will state."""
         stated = rehearse(places)
-        radius = stated.mostly(worst=worst)
+        radius = BESIDE * stated.mostly(worst=worst)
         return Suited(places, stated, Sufficiency(radius, allowed, len(places), radius))
 
     def of_size(m: int) -> Suited:

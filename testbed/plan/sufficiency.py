@@ -11,7 +11,8 @@ class Sufficiency(Shown):
 
     radius: float
     """R95 that the calibration will state of such an arm over the goal, or at its worst, as the
-    target asks: nine of ten rehearsals keep to it; inf where more of them state none [m]."""
+    target asks: what nine of ten rehearsals keep to and a quarter more, for misfit that none has;
+    inf where more of them state none [m]."""
     allowed: float
     """The largest one that reaches the target [m]."""
     most: int

@@ -65,7 +65,7 @@ def enough_words(plan: Plan) -> str:
         return head
     return (
         f"{head}, and if so it will state at most {length(seen.radius)} {over_words(plan)} "
-        "in 9 of 10 rehearsals"
+        "(9 of 10 rehearsals, and a quarter more for misfit)"
     )
 
 
@@ -77,8 +77,8 @@ def target_row(plan: Plan) -> tuple[tuple[str, str, str], ...]:
     finite = seen.radius if np.isfinite(seen.radius) else seen.allowed
     scale, unit = column_unit([finite, seen.allowed])
     said = (
-        f"{unit} {over_words(plan)} in 9 of 10 rehearsals; the target allows "
-        f"{significant(seen.allowed * scale)}"
+        f"{unit} {over_words(plan)}: 9 of 10 rehearsals, and a quarter more for misfit; the "
+        f"target allows {significant(seen.allowed * scale)}"
     )
     return ((f"R95 stated where {joint_words(plan)}", or_dash(seen.radius * scale), said),)
 
