@@ -202,7 +202,7 @@ def require_fixtures(fixtures: Fixtures, measurements: Measurements) -> None:
             raise refuse(
                 name,
                 int(index[row]),
-                f"0 to {have - 1}" if have else "",
+                ("", "0")[have] if have < 2 else f"0 to {have - 1}",
                 code="A3",
                 message=f"{name}[{row}] is {index[row]}, and the model has {have or 'no'} {name}"
                 + "s" * (have != 1),

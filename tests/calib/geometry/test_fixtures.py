@@ -236,7 +236,7 @@ def test_a_column_of_the_wrong_length_is_refused():
 def test_a_row_that_names_what_the_model_does_not_have_is_refused(column):
     true = full_model()
     table = everything(true, pool_r(2), np.random.default_rng(11))
-    with pytest.raises(InputError, match=rf"{column}\[\d+\] is \d, the model has"):
+    with pytest.raises(InputError, match=rf"{column}\[\d+\] is \d, and the model has"):
         linearize(replace(true, fixtures=_without(true.fixtures, column)), table)
 
 
