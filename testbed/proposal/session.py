@@ -21,6 +21,7 @@ from testbed.proposal.missing import (
     with_rows,
 )
 from testbed.proposal.naming.own_joints import with_joints
+from testbed.proposal.rows.names_of_two import names_of_two
 from testbed.proposal.rows.nominal_files import without_nominal
 from testbed.proposal.rows.reflectors import with_reflectors
 from testbed.proposal.rows.sideways import on_its_side
@@ -87,6 +88,8 @@ def propose_session(
             cycles.document, cycles.assumed, cycles.sentence, fits=False, unused=covers,
             to_mend=cycles.refused, odd=cycles.odd, is_test=True, drops=cycles.drops,
         )  # fmt: skip
+    if (parted := names_of_two(looks)) is not None:
+        raise parted
     proposed = _with_visits(_proposed(looks, robot, root), looks)
     said_so = {key: each for key, each in proposed.document.items() if key != "joints" or each}
     proposed = replace(proposed, document=with_origin(said_so, looks))
