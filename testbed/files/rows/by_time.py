@@ -96,7 +96,7 @@ def by_time(
     match = Match(order[near[kept]], kept, warnings)
     far = float(gap[kept].max(initial=0.0))
     apart = "at equal times" if far <= EQUAL else f"up to {far:.3g} s apart"
-    apart += f" with its clock {ahead:.6g} s ahead" if ahead else ""
+    apart += f" with its clock {ahead:.10g} s ahead" if ahead else ""
     return match, f"{readings.where}: matched by time with {joints.where}, {apart}"
 
 

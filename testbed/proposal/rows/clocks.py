@@ -17,6 +17,8 @@ from testbed.proposal.rows.dwells import clock_offset
 
 OFFSET = "clock_offset_s"
 REACH = "match_within_s"
+MOST = 300_000
+"""Rows of a log up to which the difference of two clocks is looked for: some seconds' work."""
 STEPS = (1.0, 2.0, 5.0, 10.0)
 """Multiples of a power of ten to which a tolerance in time is rounded up."""
 
@@ -46,14 +48,14 @@ def by_clocks(joints: Found, seen: Found) -> tuple[Document, Document, str]:
     reach = float(near.max(initial=0.0)) if agree else step
     if reach > EQUAL:
         document[REACH] = _rounded_up(reach)
-    values = _joints(joints)
-    if not agree and len(values) == len(log.seconds) and np.isfinite(log.seconds).all():
+    values = _joints(joints) if not agree and len(times) <= MOST else np.zeros((0, 0))
+    if len(values) == len(log.seconds) and np.isfinite(log.seconds).all():
         order = np.argsort(log.seconds, kind="stable")
         if (found := clock_offset(log.seconds[order], values[order], seconds)) is not None:
             told = (
-                f"times: the clock of {joints.called} is taken to be {found.middle:g} s ahead of "
-                f"that of {seen.called}, since each of {len(seconds)} readings then falls into one "
-                f"of as many stops, as from {found.least:.6g} to {found.most:.6g} s"
+                f"times: the clock of {joints.called} is taken to be {found.middle:.10g} s ahead "
+                f"of that of {seen.called}, since each of {len(seconds)} readings then falls into "
+                f"one of as many stops, as from {found.least:.2f} to {found.most:.2f} s"
             )
             return document, {OFFSET: found.middle}, told
     most = float(gap.max(initial=0.0))

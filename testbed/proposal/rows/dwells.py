@@ -10,6 +10,8 @@ ALIKE = 1e-4
 """Joints of one stop lie within this part of their range: 0.01 deg of 100 deg."""
 LONGER = 3.0
 """The stops at which an arm was measured last so many times longer than any other."""
+AROUND = 3
+"""Times the length of a run around it within which the rest of its stop is looked for."""
 FEWEST = 6
 """Readings below which no difference of the clocks is proposed."""
 
@@ -63,13 +65,14 @@ def _stops(joints: Array, most: int) -> Index:
     for first, last in runs[np.argsort(runs[:, 0] - runs[:, 1], kind="stable")[:most]].tolist():
         if taken[first : last + 1].any():
             continue
-        away = (np.abs(scaled - np.median(scaled[first : last + 1], axis=0)) > 1).any(axis=1)
-        away |= taken
-        middle = (first + last) // 2
+        begin, end = max(0, first - AROUND * (last + 1 - first)), last + AROUND * (last + 1 - first)
+        some, middle = scaled[begin : end + 1], (first + last) // 2 - begin
+        away = (np.abs(some - np.median(scaled[first : last + 1], axis=0)) > 1).any(axis=1)
+        away |= taken[begin : end + 1]
         before, after = np.flatnonzero(away[:middle]), np.flatnonzero(away[middle:])
-        low = int(before[-1]) + 1 if len(before) else 0
-        high = middle + int(after[0]) - 1 if len(after) else len(scaled) - 1
-        if high < middle:
+        low = begin + (int(before[-1]) + 1 if len(before) else 0)
+        high = begin + (middle + int(after[0]) if len(after) else len(some)) - 1
+        if high < begin + middle:
             continue  # a row of its own, on the way
         taken[low : high + 1] = True
         found.append((low, high))
