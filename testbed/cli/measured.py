@@ -122,7 +122,7 @@ def identify(
         if as_json:
             say_json((folder / RESULT).read_text(encoding="utf-8").rstrip())
         elif not quiet:
-            say_found(terminal_text(calibration, delivered), good=calibration.believable)
+            say_found(terminal_text(calibration, delivered), good=calibration.settled)
             say()
             say(f"Report     {folder / REPORT}")
             say(f"Robot      {folder / 'robot'}")

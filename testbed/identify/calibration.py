@@ -192,6 +192,11 @@ class Calibration(Shown):
         return self.proof.trust.believe == "region" and says
 
     @property
+    def settled(self) -> bool:
+        """Whether the region is, and nothing that was found has to be settled before it is used."""
+        return self.believable and self.moved is None and not self.doubted
+
+    @property
     def is_stated(self) -> Bool:
         """(m,) rows whose poses the believed radius is of: held out, else identified from."""
         return self.is_used if self.elsewhere else self.is_judged

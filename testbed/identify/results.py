@@ -55,7 +55,7 @@ def headline(calibration: Calibration, delivered: Delivered) -> dict[str, Any]:
         "robot": source.robot,
         "seed": split.seed,
         "files_sha256": dict(source.files),
-        "verdict/believable": calibration.believable,
+        "verdict/believable": calibration.settled,
         "verdict/believe": trust.believe,
         "verdict/sentence": verdict(calibration),
         "verdict/reasons": reasons(calibration),

@@ -4,14 +4,14 @@ from testbed.files.tried.runs import IN_A_ROW
 from testbed.identify.applies.beyond import beyond_words, drawn_out, simpler_words
 from testbed.identify.applies.rows import edge_words
 from testbed.identify.applies.unsaid import unsaid_words
-from testbed.identify.calibration import Calibration
+from testbed.identify.calibration import FRAMES, Calibration
 from testbed.identify.conditions import conditions_words, held_out_departs
 from testbed.identify.decisions import decision_words
 from testbed.identify.frames import FRAMES_ALONE
 from testbed.identify.handback.delivered import Delivered
 from testbed.identify.handback.states import hand_back_warnings, tool_words
 from testbed.identify.headline import deg, headline_cells, kind, mm, r95
-from testbed.identify.moved import moved_words
+from testbed.identify.moved import happened, moved_words
 from testbed.identify.shared import states_instrument
 from testbed.identify.to_do.causes import description_step
 from testbed.identify.to_do.change import NOTHING_LEFT, changes, nothing_left
@@ -120,6 +120,10 @@ def _believed_words(calibration: Calibration) -> str:
         return f"{radius}; poses that a controller computed prove nothing of it."
     if calibration.elsewhere:
         return f"{radius}; the held-out poses should have tested it, and could not."
+    if calibration.moved is not None:
+        return f"{radius}, and covers what {happened(calibration.moved)}: first find out what."
+    if description_step(calibration):
+        return f"{radius}; first settle what the readings contradict (see the next step)."
     if belief.n_guards:
         noise = ""
         if belief.noise_counts:
@@ -216,7 +220,9 @@ def _remarks(calibration: Calibration) -> list[str]:
             "encoders, a target off its place), because the session states none "
             "([uncertainty.systematic]); held-out poses of the same instrument cannot show them"
         )
-    texts += [*hand_back_warnings(calibration), *tool_words(calibration)]
+    if FRAMES not in calibration.doubted:  # else links make up for a frame, and none of it holds
+        texts += hand_back_warnings(calibration)
+    texts += tool_words(calibration)
     texts += calibration.warnings
     texts += calibration.source.warnings
     return texts

@@ -75,7 +75,7 @@ def page_of(calibration: Calibration, delivered: Delivered, versions: Mapping[st
         banner=notice(calibration),
         title=f"Calibration of {source.robot}: {source.name}",
         subtitle=sentence(calibration.split.sentence),
-        believable=calibration.believable,
+        believable=calibration.settled,
         mark=mark(calibration),
         verdict=typeset(" ".join((verdict(calibration), *moved, *decided[:1]))),
         reasons=tuple(map(typeset, (*decided[1:], *why))),

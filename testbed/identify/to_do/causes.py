@@ -60,14 +60,11 @@ def _own_session(calibration: Calibration) -> str:
 def description_step(calibration: Calibration) -> str:
     """What the readings contradict in the description, before its robot is used; else empty."""
     if IN_TURN in calibration.doubted:
-        return (
-            "First find out what took turns in this table, pose by pose, and separate its rows. "
-            "Until then, "
-        )
+        return "First find out what took turns in this table, pose by pose, and separate its rows."
     if FRAMES in calibration.doubted:
         return (
             "First settle where base and tool are, which the readings have elsewhere than the "
-            "robot's file: correct it, or free them under [identification]. Until then, "
+            "robot's file: correct it, or free them under [identification]."
         )
     if MOUNTING in calibration.doubted:
         then = "and"
@@ -75,12 +72,12 @@ def description_step(calibration: Calibration) -> str:
             then = "or a steady drift looks like it; if it does hang there,"
         return (
             f"First find out whether the arm hangs on a wall or ceiling, {then} state it in "
-            "robot.toml ([base] rotation_vector_deg). Until then, "
+            "robot.toml ([base] rotation_vector_deg)."
         )
     if DRIVES in calibration.doubted:
         return (
             "First state by which ratios the drives of the wrist turn each other (below), and "
-            "identify again. Until then, "
+            "identify again."
         )
     return ""
 
@@ -123,7 +120,7 @@ def hidden_drift_step(calibration: Calibration) -> str:
 def do_not_use(calibration: Calibration) -> str:
     """What to do about a model that is no better than the nominal one."""
     worse = "worse" if rises(calibration) else "no better"
-    why = description_step(calibration).removesuffix(" Until then, ") or unconfirmed(calibration)
+    why = description_step(calibration) or unconfirmed(calibration)
     if not why and not calibration.converged:
         why = (
             "The fit did not converge: measure poses that tell its numbers apart, or free fewer "

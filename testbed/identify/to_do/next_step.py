@@ -40,6 +40,9 @@ def next_step(calibration: Calibration) -> str:
     gain = calibration.before_test.position.mean / fit.test.position.mean  # type: ignore[union-attr]  # both or none
     if gain < 1 and not unchanged and not far and calibration.choice.asked != FRAMES_ALONE:
         return do_not_use(calibration)
+    if first := description_step(calibration):
+        # a drift that is hidden may look like a load from another side
+        return f"{first} {hidden_drift_step(calibration)}".rstrip()
     use = _what_to_use(calibration)
     if unchanged:
         use = (
@@ -56,8 +59,7 @@ def next_step(calibration: Calibration) -> str:
     if np.isfinite(move):
         text += f" and {with_unit(move, mean)} for a single move"
     text += ", at poses like the held-out ones."
-    if first := description_step(calibration) or far or wide_step(calibration):
-        # a drift that is hidden may look like a load from another side
+    if first := far or wide_step(calibration):
         return f"{first}{text[0].lower()}{text[1:]} {hidden_drift_step(calibration)}".rstrip()
     if not proof.belief.n_guards:
         done = "guards" if proof.held_out is not None else "has tested"

@@ -218,6 +218,8 @@ def test_another_tool_for_some_poses_is_named_with_both_ends_and_what_to_leave_o
     )
     assert f"leave the rows from pose {first} to pose {last} out" in said
     assert "leave the rows out in which it was not as before" in next_step(found)
+    assert "can be believed" not in verdict(found)
+    assert ", and covers what moved: first find out what." in verdict(found)
 
 
 def test_a_probe_that_turned_in_its_seat_is_told_by_its_turn(tmp_path):

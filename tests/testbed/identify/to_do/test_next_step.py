@@ -67,9 +67,14 @@ def test_a_worse_model_is_put_down_to_what_was_found_and_else_to_the_description
         assert "Until then" not in step
         assert mark(sound()) == GUARDED
         assert mark(replace(sound(), doubted=(doubted,))) == UNSETTLED
-        fine = next_step(replace(sound(), doubted=(doubted,)))
-        assert said in fine
-        assert "Until then, load the identified robot" in fine
+        fine = replace(sound(), doubted=(doubted,))
+        assert said in next_step(fine)
+        assert "oad the identified robot" not in next_step(fine)
+        assert sound().settled
+        assert not fine.settled
+        assert "can be believed" in verdict(sound())
+        assert "can be believed" not in verdict(fine)
+        assert "first settle what the readings contradict" in verdict(fine)
     drifts = next_step(replace(found, repeats_drift=DRIFT))
     assert drifts.startswith("Do not use this model")
     assert "The readings drift: let the instrument" in drifts
