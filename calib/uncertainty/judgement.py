@@ -230,7 +230,7 @@ def _asked(
     if frame is not None and not frame.unshown:
         names.append(FRAME)
         p.append(min(1.0, 2 * min(frame.p_base, frame.p_tool)))
-    if slow is not None and not slow.void:
+    if slow is not None and not slow.void and not slow.few:
         names.append("drift")
         p.append(slow.p_value)
     parts = [fit.p_value] if fit.dof > 0 and fit.mode == "whitened" else []

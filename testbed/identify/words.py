@@ -1,5 +1,7 @@
 """What a calibration says, sentence by sentence: verdict, reasons, and all that is printed."""
 
+from collections.abc import Sequence
+
 from testbed.files.tried.runs import IN_A_ROW
 from testbed.identify.applies.beyond import beyond_words, drawn_out, simpler_words
 from testbed.identify.applies.rows import edge_words
@@ -33,6 +35,10 @@ MOVED = "? Something moved or changed while this was measured: first find out wh
 COMPUTED = "✗ These seem to be poses that a controller computed, not measurements"
 UNSETTLED = "? The readings contradict the description: first settle what the next step names"
 NOTHING = "✗ No statement about the tool point can be believed"
+BESIDE_A_STEP = (
+    "Whether the readings drift cannot be asked beside what moved, which looks like a drift: ask "
+    "again once its rows are apart; until then the region includes one"
+)
 LARGER = 1.2
 """Residuals so many times the stated noise are said to be larger."""
 MOST_NAMED = 5
@@ -173,10 +179,21 @@ def _drawn_out_words(calibration: Calibration) -> str:
 
 def reasons(calibration: Calibration) -> tuple[str, ...]:
     """Why the verdict is what it is: what is believed and what is in it comes first."""
-    said = [*moved_words(calibration), *calibration.proof.trust.sentences]
+    said = [*moved_words(calibration), *trust_words(calibration, calibration.proof.trust.sentences)]
     if out := int(calibration.gross.left_out.sum()):
         said.append(f"{counted(out, 'row')} did not fit and took no part: see Outliers")
     return sentences([*said, *_remarks(calibration)])
+
+
+def trust_words(calibration: Calibration, texts: Sequence[str]) -> list[str]:
+    """What a proof says, without a drift that is claimed beside what moved: a step looks like one.
+
+    Of readings with a step, those on one side of it follow each other.
+    """
+    slow = calibration.proof.drifting
+    if calibration.moved is None or slow is None or not slow.seen:
+        return list(texts)
+    return [BESIDE_A_STEP if text[1:] == slow.sentence[1:] else text for text in texts]
 
 
 def _remarks(calibration: Calibration) -> list[str]:
@@ -248,13 +265,13 @@ def terminal_text(calibration: Calibration, delivered: Delivered) -> str:
     said = [*decision_words(calibration, delivered), *moved_words(calibration)]
     believed = calibration.proof.belief is not None and not calibration.elsewhere
     if not believed:
-        said += calibration.proof.trust.sentences
+        said += trust_words(calibration, calibration.proof.trust.sentences)
     parts += [f"  {text}" for text in sentences(said)]
     parts.append(f"To do: {next_step(calibration)}")
     if delivered.program:
         parts += ["Program:", *(f"  {text}" for text in sentences(delivered.program))]
     parts.append("Of note:")
-    said = list(calibration.proof.trust.found) if believed else []
+    said = trust_words(calibration, calibration.proof.trust.found) if believed else []
     said += calibration.gross.sentences[:MOST_NAMED]
     more = len(calibration.gross.sentences) - MOST_NAMED
     if more > 0:

@@ -51,9 +51,11 @@ def questions_table(calibration: Calibration) -> Table:
         when = f"tested on visits of the same poses, in the order of {calibration.order_told_by}"
     elif not calibration.order_told_by:
         when = "not tested, because the order of the rows is not known"
-    answers = ("not shown", "shown")
+    answers = dict.fromkeys(asked.said, "shown")
+    if calibration.moved is not None and "drift" in answers:
+        answers["drift"] = "as what moved"
     rows = [
-        (name, probability(p), probability(adjusted), answers[name in asked.said])
+        (name, probability(p), probability(adjusted), answers.get(name, "not shown"))
         for name, p, adjusted in zip(asked.names, asked.p_values, asked.adjusted, strict=True)
     ]
     rows.append(("residuals and held-out errors together", probability(asked.combined), "–", "–"))

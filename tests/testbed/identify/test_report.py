@@ -12,6 +12,7 @@ from calib.geometry.joint_errors import harmonic_terms
 from calib.identification.fit_statistics import RED
 from calib.identification.identify import Status
 from calib.identification.lack_of_fit import LackOfFit
+from calib.identification.outliers.moved import Moved
 from calib.identification.outliers.tails import LongTails
 from calib.uncertainty.drift.drifting import Drifting
 from calib.uncertainty.drift.memory import SlowDrift
@@ -228,6 +229,23 @@ def test_what_speaks_against_the_noise_is_said_on_the_terminal_and_what_to_do_ab
         told = " ".join(terminal_text(drifts, DELIVERED).split())
         assert ("Successive readings are correlated (p = 0.002)" in told) == (seen is slow)
         assert ("measure nests on the floor" in next_step(drifts)) == (seen is slow)
+        # a step makes neighbors alike: beside one, no drift is claimed
+        step = Moved("station", 0, 10, 11, 20, np.zeros(6), 3e-4, 0.9, 1e-9)
+        beside = " ".join(terminal_text(replace(drifts, moved=step), DELIVERED).split())
+        assert "correlated" not in beside
+        assert ("cannot be asked beside what moved" in beside) == (seen is slow)
+        assert not any("correlated" in text for text in reasons(replace(drifts, moved=step)))
+
+
+def test_few_training_poses_claim_no_drift_that_their_misfit_explains_as_well():
+    """Of nine arms that sag, measured at 7 poses and 20 held-out ones, two were said to drift."""
+    found = real()
+    slow = Drifting(0.002, SlowDrift(5e-6, 30.0, np.zeros((30, 30))), few=7)
+    drifts = replace(found, proof=replace(found.proof, drifting=slow))
+    assert not slow.seen
+    assert "7 training poses do not tell the two apart" in slow.sentence
+    assert "includes a drift of up to 5.0 um per axis over 30 rows as a precaution" in slow.sentence
+    assert "The readings drift" not in next_step(drifts)
 
 
 def test_a_worse_model_is_not_said_to_fall_and_is_not_recommended():

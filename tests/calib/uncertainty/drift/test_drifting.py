@@ -137,6 +137,18 @@ def test_poses_in_a_loose_order_pass_no_misfit_for_a_drift():
     assert sure <= binom.ppf(0.999, 40 - void, SURE)
 
 
+@pytest.mark.parametrize(("poses", "size", "few"), [(12, 6.0, 12), (12, 0.0, 0), (M, 6.0, 0)])
+def test_few_training_poses_with_a_misfit_do_not_tell_a_drift(poses, size, few):
+    """Forty could confirm joint errors that explain it; of twelve without any it is plain."""
+    (_, train, order, test, after), *_ = campaign(3, "random", kind=waves, size=size, slow=0.9)
+    train = train.rows(np.arange(poses))
+    fit = identify(TX60, train, parameters_of(TX60))
+    hidden = believe(fit, train, test).misfit
+    found = drifting(fit, train, order[:poses], test, after, hidden=hidden)
+    assert found.few == few
+    assert not (few and found.seen)
+
+
 @pytest.mark.study
 def test_a_misfit_beside_a_drift_hides_it_less():
     """Two noise sd: of 300 arms 166 are below .05, of the same 148 where it is not taken off."""
