@@ -18,6 +18,7 @@ from testbed.identify.shared import states_instrument
 from testbed.identify.to_do.causes import description_step
 from testbed.identify.to_do.change import NOTHING_LEFT, changes, nothing_left
 from testbed.identify.to_do.next_step import next_step
+from testbed.identify.to_do.program import program_step
 from testbed.identify.visits.report import judges_called, visit_words
 from testbed.identify.visits.wide import wide_because, wide_words
 from testbed.report.page import SIMULATED
@@ -267,7 +268,7 @@ def terminal_text(calibration: Calibration, delivered: Delivered) -> str:
     if not believed:
         said += trust_words(calibration, calibration.proof.trust.sentences)
     parts += [f"  {text}" for text in sentences(said)]
-    parts.append(f"To do: {next_step(calibration)}")
+    parts.append(f"To do: {next_step(calibration)} {program_step(calibration, delivered)}".rstrip())
     if delivered.program:
         parts += ["Program:", *(f"  {text}" for text in sentences(delivered.program))]
     parts.append("Of note:")

@@ -21,6 +21,7 @@ from testbed.identify.report.errors import (
 from testbed.identify.report.parameters import parameter_section
 from testbed.identify.shared import shared_section, states_instrument
 from testbed.identify.to_do.next_step import next_step
+from testbed.identify.to_do.program import program_step
 from testbed.identify.visits.report import visit_section
 from testbed.identify.words import mark, notice, reasons, verdict
 from testbed.jobsheet.report import Row, job_rows, job_section
@@ -80,15 +81,16 @@ def page_of(calibration: Calibration, delivered: Delivered, versions: Mapping[st
         verdict=typeset(" ".join((verdict(calibration), *moved, *decided[:1]))),
         reasons=tuple(map(typeset, (*decided[1:], *why))),
         headline=headline(calibration),
-        next_step=typeset(" ".join(filter(None, _to_do(calibration)))),
+        next_step=typeset(" ".join(filter(None, _to_do(calibration, delivered)))),
         recording=RECORDING,
         sections=tuple(section for section in sections if section is not None),
     )
 
 
-def _to_do(calibration: Calibration) -> Iterator[str]:
+def _to_do(calibration: Calibration, delivered: Delivered) -> Iterator[str]:
     """What to do, under which conditions it holds, and what R95 leaves out."""
     yield next_step(calibration)
+    yield program_step(calibration, delivered)
     yield conditions_words(calibration)
     if not states_instrument(calibration.shared):
         yield "Systematic errors of the instrument are in no figure: the session states none."

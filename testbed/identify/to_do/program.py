@@ -1,0 +1,32 @@
+"""What a corrected program needs: where its targets hold, and the tool that it moves."""
+
+from testbed.identify.applies.targets import tool_words
+from testbed.identify.calibration import Calibration
+from testbed.identify.decisions import decided_at
+from testbed.identify.handback.delivered import ROBOT, Delivered
+
+
+def program_step(calibration: Calibration, delivered: Delivered) -> str:
+    """What to do with the corrected program, beside the next step; empty without one."""
+    if not delivered.program or not calibration.settled:
+        return ""
+    said = []
+    if not calibration.own_frames:
+        said.append(
+            f"Corrected targets hold in the base of {ROBOT}/robot.toml, as it was found: measure "
+            "work frames in it, or teach them again."
+        )
+    if _other_tool(calibration, delivered):
+        said.append(
+            "The corrected program is undecided because it moves another tool than the measured "
+            "target: measure that tool, or three reflectors on it, or put the measured place into "
+            'the [tool] of robot.toml and write tool = "fixed" under [identification].'
+        )
+    return " ".join(said)
+
+
+def _other_tool(calibration: Calibration, delivered: Delivered) -> bool:
+    """Whether the program is undecided where poses of the measured target pass."""
+    words = {one.key: one.word for one in decided_at(calibration, delivered)}
+    undecided = words.get("program_after") == "UNDECIDED" and words.get("held_out_after") == "PASS"
+    return undecided and bool(tool_words(calibration))
