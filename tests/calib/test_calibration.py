@@ -260,6 +260,22 @@ def test_readings_of_no_such_arm_are_refused_even_where_a_fit_comes_near(see, ch
         assert word in caught.value.fix
 
 
+def test_joints_swapped_on_a_larger_arm_are_refused_after_the_fit():
+    """Nominal links miss by less than a tenth of the reach there, fitted ones by 3 % (61 mm)."""
+    right = np.pi / 2
+    links = [
+        [0, 0.55, 0.12, -right, 0], [-right, 0, 0.61, 0, 0], [0, 0, 0.09, -right, 0],
+        [0, 0.64, 0, right, 0], [0, 0, 0, -right, 0], [0, 0.11, 0, 0, 0],
+    ]  # fmt: skip
+    model, rng = calib.RobotModel(calib.Chain(links)), np.random.default_rng(0)
+    q = rng.uniform(-1.8, 1.8, (80, 6))
+    xyz = (model.poses(q) @ [0.02, 0.01, 0.03, 1.0])[:, :3] + rng.normal(scale=SD, size=(80, 3))
+    assert calib.calibrate(model, calib.points(q, xyz, sd=SD)).identification.p_value > 1e-3
+    with pytest.raises(InputError, match="even fitted links miss") as caught:
+        calib.calibrate(model, calib.points(q[:, [0, 1, 2, 4, 3, 5]], xyz, sd=SD))
+    assert caught.value.code == "M32"
+
+
 def test_few_wrong_readings_and_much_noise_are_no_other_arm():
     rng = np.random.default_rng(2)
     table = points_of(tx60(), pool_r(60), rng)
