@@ -29,4 +29,5 @@ def _other_tool(calibration: Calibration, delivered: Delivered) -> bool:
     """Whether the program is undecided where poses of the measured target pass."""
     words = {one.key: one.word for one in decided_at(calibration, delivered)}
     undecided = words.get("program_after") == "UNDECIDED" and words.get("held_out_after") == "PASS"
-    return undecided and bool(tool_words(calibration))
+    another = calibration.handback.in_use is not None or bool(tool_words(calibration))
+    return undecided and another

@@ -5,6 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from calib.arrays import Bool
+from calib.identification.outliers.unchanged import zeros_within
 from calib.uncertainty.statement.stated_point import common_radius
 from testbed.files.visits.visit import OWN, RobotVisit
 from testbed.identify.calibration import Calibration
@@ -12,8 +13,13 @@ from testbed.identify.errors import figures_of
 from testbed.identify.records import Figures
 from testbed.report.page import Section, Table, Text
 from testbed.store.quantities import METRE, RADIAN, Quantity, below
-from testbed.units import DEG, MM, column_unit, counted, fixed, significant, with_unit
+from testbed.units import DEG, MM, UM, column_unit, counted, fixed, listed, significant, with_unit
 
+TOLD, TOLD_SLIDE = np.radians(1.0), 5e-3
+"""Changes of a zero that readings must rule out to say so [rad, m]: else base or tool, which each
+session has of its own, could stand for it."""
+MOST_ROWS = 5000
+"""Rows above which nothing is said of them."""
 IDENTIFIES, FITS, JUDGES = "identify", "fit its frames", "judge"
 """What rows of a visit do."""
 
@@ -134,7 +140,37 @@ def visit_words(calibration: Calibration) -> tuple[str, ...]:
         )
         if (radius := radius_there(calibration, rows)) is not None and not calibration.elsewhere:
             said[-1] += f"; R95 there is {with_unit(radius)}, its frames included"
-    return (*said, *handed_out(calibration))
+    return (*said, *unchanged_words(calibration), *handed_out(calibration))
+
+
+def unchanged_words(calibration: Calibration) -> tuple[str, ...]:
+    """Within what each later session that identifies has the joint zeros of those before it."""
+    visit, used = calibration.visit, np.flatnonzero(calibration.is_used)
+    if visit is None or calibration.moved is not None or len(used) > MOST_ROWS:
+        return ()
+    table, chain = calibration.measurements.rows(used), calibration.nominal.chain
+    if table.is_distance.any():
+        return ()
+    said = []
+    for k in np.unique(visit[used])[1:]:
+        within = zeros_within(calibration.fit.identification, table, visit[used] >= k)
+        told = [
+            f"joint {i + 1} by "
+            + (
+                f"{significant(one * UM, 2)} um"
+                if chain.kinds[i] == "prismatic"
+                else f"{significant(one * DEG, 2)} deg"
+            )
+            for i, one in enumerate(within)
+            if one < (TOLD_SLIDE if chain.kinds[i] == "prismatic" else TOLD)
+        ]
+        if told:
+            said.append(
+                f'no joint is shown to have changed from session "{calibration.visits[k].name}" '
+                f"on; the readings rule out (95 %) that a zero changed by more than: "
+                f"{listed(told)}"
+            )
+    return tuple(said)
 
 
 def of(calibration: Calibration, k: int) -> Bool:

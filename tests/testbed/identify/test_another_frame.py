@@ -17,6 +17,7 @@ from testbed.identify.report.page import page_of
 from testbed.identify.results import headline
 from testbed.identify.session import with_test
 from testbed.identify.to_do.next_step import next_step
+from testbed.identify.visits.report import visit_words
 from testbed.identify.words import MOVED, reasons, verdict
 from tests.calibrated import robot, session_of, true_model
 from tests.reference import pool_r
@@ -262,6 +263,11 @@ def test_a_tool_or_base_that_is_the_same_by_the_file_alone_is_named(tmp_path, pa
     free = written(tmp_path / "free", data, session("a"), session("b"))
     mended = calibrate(ROBOT, read_session(free, ROBOT), SPLIT)
     assert mended.moved is None
+    # and within what the arm is the same is said: 17 um at half a meter, of 30 poses or so
+    (text,) = (one for one in visit_words(mended) if "changed from session" in one)
+    assert text.startswith('no joint is shown to have changed from session "b" on')
+    assert 0 < float(text.partition("joint 2 by ")[2].split()[0]) < 0.01
+    assert not any("changed from session" in one for one in visit_words(found))
     assert mended.proof.point.radius_mean < 0.7 * found.proof.point.radius_mean
 
 

@@ -41,5 +41,8 @@ def test_a_program_of_a_tool_that_nobody_measured_is_told_what_would_decide_it(o
     monkeypatch.setattr(program, "tool_words", lambda _: ("for the tool of the file",) * other)
     step = program_step(sound(), CORRECTED)
     assert ("moves another tool than the measured target: measure that tool" in step) == other
+    in_use = replace(sound().handback, in_use=SimpleNamespace())
+    step = program_step(replace(sound(), handback=in_use), CORRECTED)
+    assert "moves another tool than the measured target" in step
     decided[0].word = "UNDECIDED"  # then it is not the tool alone
     assert "another tool" not in program_step(sound(), CORRECTED)
