@@ -38,6 +38,7 @@ from testbed.files.tried.interpretations import Probe, Tried
 from testbed.files.tried.joint_signs import other_signs
 from testbed.files.tried.link_order import in_craigs_order
 from testbed.files.tried.links_fit import LinksFit, links_fit, table_of
+from testbed.files.tried.mixed_lengths import mixed_lengths, nearer_rows
 from testbed.files.tried.parts import parts_of
 from testbed.files.tried.quarter_turns import quarter_turns
 from testbed.files.tried.ranged import link_sd, probe_distances, with_links
@@ -84,10 +85,12 @@ def probe(robot: Robot, session: Session, *, links: bool = True) -> Probe:
     turning = robot.model.chain.prismatic == 0
     small = rows[small_rows(table.q[rows], turning)]
     mixed = some_rows(read, turning, session.place[small[0]] if len(small) else "")
+    near = rows[nearer_rows(table.position[rows])]
+    nearer = mixed_lengths(read, session.place[near[0]] if len(near) else "")
     lines = list(other_lines(robot.model, session, groups, rows))
     # there are a hundred of these: what only another valley would bring near is left unnamed
     tried = list[tuple[Tried, Interpretation]]()
-    for other, one in (*numbers, *mixed):
+    for other, one in (*numbers, *mixed, *nearer):
         own = F if one.q is read.q else None  # most leave the joints as they are
         left = misfit_of(robot.model, one, one_valley=True, F=own)
         tried.append((Tried(other, left), one))

@@ -244,7 +244,10 @@ def _fitting(robot: Robot, left: Misfit, others: Sequence[Misfit], count: int, p
     """Sentence on the misfit of a draft and of others, in parts of the rows."""
     tried = f"with only base and tool fitted to a nominal {robot.name}, errors are {left.shown}"
     if parts > 1:
-        tried += f" in the best of {parts} parts of the rows, and larger in all of them"
+        tried += (
+            f" in one of {parts} equal parts of the file, but larger over all rows: something "
+            "differs between these parts"
+        )
     if others:
         least = min(others, key=lambda one: one.score)
         if least.score > ABSURD:

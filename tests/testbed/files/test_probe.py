@@ -62,6 +62,11 @@ def quaternions(order):
     return change
 
 
+def later(own, factor):
+    """The last nine positions of 29 times a factor."""
+    return own | {k: own[k] * np.where(np.arange(29) < 20, 1.0, factor) for k in PLACES}
+
+
 MISTAKES = {
     "mm as m": (lambda t: scaled(t, PLACES, 1e3), "M21", "in mm, not m"),
     "m as mm": (lambda t: scaled(t, PLACES, 1e-3), "M21", "in m, not mm"),
@@ -80,6 +85,12 @@ MISTAKES = {
         "M20",
         "joints of some rows, the first in line 22, are in rad",
     ),
+    "last rows in inches": (
+        lambda t: later(t, 1 / 25.4),
+        "M21",
+        "some rows, the first in line 22, ",
+    ),
+    "last rows in m": (lambda t: later(t, 1e-3), "M21", "line 22, are in m, not mm"),
     "euler order": (lambda _: columns(made(), euler="ZYX"), "M24", "in the order ZYX"),
     "fixed axes": (lambda _: columns(made(), euler="xyz"), "M24", "xyz about fixed axes"),
     "angles rad": (lambda t: scaled(t, TURNS, np.pi / 180), "M24", "in rad, not deg"),

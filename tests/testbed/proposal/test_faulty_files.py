@@ -217,7 +217,7 @@ def test_a_part_that_fits_is_not_said_to_be_all_rows(tmp_path):
     slipped = {k: np.concatenate([v[:15], v[16:]]) if k in SEEN else v[:-1] for k, v in own.items()}
     done, _ = proposal(tmp_path, slipped, *TX60)
     assert done.exit_code == 0
-    assert "in the best of 3 parts of the rows, and larger in all of them" in done.stdout
+    assert "in one of 3 equal parts of the file, but larger over all rows" in done.stdout
     assert re.search(r"to fix   .*a\.csv:17: from line 17 on, row k-1 belongs", done.stdout)
 
 
