@@ -1,10 +1,12 @@
 """Each number of the robot that is handed out: how far it moved, and what holds it there."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from calib.arrays import Array
+from calib.geometry.chain import Chain
 from calib.geometry.model import RobotModel
 from calib.uncertainty.statement.stated_point import IN_DATUM
 from testbed.identify.calibration import Calibration
@@ -26,6 +28,11 @@ HALF = 0.5
 """Share of the variance of a number from which on a prior holds it, its own or that of others."""
 STANDS = 0.1
 """Part of its standard uncertainty that a number may be off by what stands for it unnoticed."""
+PARALLEL = 0.999
+"""Sine of alpha from which theta and beta of a joint are said to turn about parallel axes: 2.6 deg.
+"""
+EVEN = 1.2
+"""So many times as large as either must what two turns have in common be, to name their sum."""
 MOST_NAMED = 6
 """Numbers that a sentence names."""
 
@@ -181,7 +188,31 @@ def _why_and_beyond(calibration: Calibration) -> list[str]:
                 f"{counted(len(some), 'number')} changed by more than the tolerance, and the "
                 f"measurements {why}: {_some(told, len(some))}"
             )
-    return said
+    return [*said, *zero_words(handed_numbers(calibration), calibration.nominal.chain)]
+
+
+def zero_words(numbers: Sequence[HandedNumber], chain: Chain) -> tuple[str, ...]:
+    """Zeros of joints of which theta and beta have a part each: they turn about parallel axes.
+
+    In Rz(theta) Tz(d) Tx(a) Rx(alpha) Ry(beta) the axis of beta is that of theta, or its opposite,
+    where alpha is a right angle.
+    """
+    by_name, said = {one.row.name: one for one in numbers}, []
+    for joint, (_, _, _, alpha, _) in enumerate(chain.links, start=1):
+        parts = [by_name.get(f"theta{joint}"), by_name.get(f"beta{joint}")]
+        along = np.sin(alpha)
+        if chain.prismatic[joint - 1] or abs(along) < PARALLEL or None in parts:
+            continue
+        theta, beta = (one for one in parts if one is not None)
+        turns = theta.row.delta, beta.row.delta * along
+        whole, limit = sum(turns), theta.tolerance
+        if limit is None or abs(whole) <= max(limit, *(EVEN * abs(turn) for turn in turns)):
+            continue
+        said.append(
+            f"theta{joint} and beta{joint} turn about parallel axes here, and share what is off: "
+            f"together the zero of joint {joint} is {significant(whole, 2)} deg off"
+        )
+    return tuple(said)
 
 
 def _some(told: list[str], count: int) -> str:
