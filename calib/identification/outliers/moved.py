@@ -52,7 +52,7 @@ SUDDEN = 20.0
 """
 SUDDEN_BACK = 8.0
 """The same of what came back, beside what comes and goes: odds of 55 to 1. The few rows between two
-ends are told from a hump by their flanks alone. Of 1200 arms of a quick simulator with waves, play,
+ends are told from a hump by their flanks alone. Of 864 arms of a quick simulator with waves, play,
 sag, gross errors and readings that drifted, in five orders, none showed what was not there."""
 ODDS = 20.0
 """Odds, by BIC, from which what moved is told from something else that may have."""
