@@ -230,6 +230,8 @@ class _Rows:
         sudden = SUDDEN_BACK if spans.back else SUDDEN
         if gain - fit.slow(plain, (first, end)) < sudden * max(scale, 1.0) * alike:
             return None
+        if not spans.back and what not in NEVER_BACK and fit.wandering(plain, first):
+            return None
         if what in ("station", "base", "robot") and at_one_place(rows, side):
             return None
         if spans.back and not self._most_gain(fit, plain, change, side):

@@ -342,6 +342,42 @@ def test_a_step_beside_a_misfit_of_its_size_is_named_and_the_misfit_alone_is_not
     assert np.median(explained) < 0.8
 
 
+def swaying(t, seed):
+    """A wave and a bit."""
+    return np.sin(2 * np.pi * 1.1 * t + seed)
+
+
+def walking(t, seed):
+    """Steps at random, from place to place."""
+    way = np.cumsum(np.random.default_rng(seed).normal(size=len(t)))
+    return way / np.ptp(way)
+
+
+def swelling(t, seed):
+    """Away and back."""
+    return np.exp(-(((t - 0.3 - 0.1 * seed) / 0.15) ** 2))
+
+
+@pytest.mark.parametrize(
+    ("wander", "seed"),
+    [(swaying, 0), (swaying, 3), (walking, 0), (walking, 4), (swelling, 0), (swelling, 4)],
+)
+def test_a_station_that_wanders_was_not_pushed(wander, seed):
+    """By .2 mm: a step explained 52 to 82 % of each of these, and was named."""
+    true, q, rng = robot(30 + seed)
+    away = 2e-4 * wander(np.linspace(0, 1, POSES), seed)[:, None] * np.array([0.6, -0.64, 0.48])
+    table = kinds.points(true, q, rng)
+    assert of(true, replace(table, position=table.position + away)) is None
+
+
+def test_a_push_is_named_on_top_of_a_drift():
+    true, q, rng = robot(36)
+    table = shifted(kinds.points(true, q, rng), 2e-4 * np.array([0.6, -0.64, 0.48]), LATER)
+    drift = 8e-5 * np.linspace(0, 1, POSES)[:, None] * np.array([0.0, 0.6, 0.8])
+    found = of(true, replace(table, position=table.position + drift))
+    assert (found.what, found.row) == ("station", STEP)
+
+
 @pytest.mark.parametrize("joint", [0, 1])
 def test_between_sorted_poses_a_push_is_named_and_a_joint_loaded_from_either_side_is_nothing(joint):
     """The step is where the joint passes zero, from where gravity pulls it the other way."""
