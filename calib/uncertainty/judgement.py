@@ -230,12 +230,13 @@ def _asked(
     if frame is not None and not frame.unshown:
         names.append(FRAME)
         p.append(min(1.0, 2 * min(frame.p_base, frame.p_tool)))
-    if slow is not None and not slow.void and not slow.few:
+    if slow is not None and not slow.void:
         names.append("drift")
         p.append(slow.p_value)
     parts = [fit.p_value] if fit.dof > 0 and fit.mode == "whitened" else []
     parts += [seen.p_value] if seen is not None else []
-    return Questions(tuple(names), tuple(p), fisher(parts))
+    untold = ("drift",) if slow is not None and slow.few else ()
+    return Questions(tuple(names), tuple(p), fisher(parts), untold)
 
 
 def _rejected(identification: Identification, seen: HeldOut | None) -> bool:

@@ -5,9 +5,12 @@ several is no surprise, and two that are each harmless may together be none.
 """
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 from scipy.special import chdtrc
+
+from calib.arrays import LATER
 
 LEVEL = 0.01
 """Chance that any of the questions is answered wrongly where nothing is wrong."""
@@ -23,6 +26,8 @@ class Questions:
     p_values: tuple[float, ...]
     combined: float
     """Of residuals and held-out errors together, without a model of the misfit."""
+    untold: Annotated[tuple[str, ...], LATER] = ()
+    """Names of those that something else answers as well, so that nothing is said of them."""
 
     @property
     def adjusted(self) -> tuple[float, ...]:
@@ -41,9 +46,9 @@ class Questions:
 
     @property
     def said(self) -> tuple[str, ...]:
-        """Names of the questions whose answer is no chance at `LEVEL`."""
+        """Names of the questions whose answer is no chance at `LEVEL`, and nothing else."""
         pairs = zip(self.names, self.adjusted, strict=True)
-        return tuple(name for name, p in pairs if p < LEVEL)
+        return tuple(name for name, p in pairs if p < LEVEL and name not in self.untold)
 
     @property
     def agree(self) -> bool:

@@ -29,6 +29,15 @@ def test_holm_by_hand():
     assert Questions((), (), 1.0).agree
 
 
+def test_what_something_else_answers_is_asked_with_all_others_and_not_said():
+    """Its p-value counts in Holm's levels whatever it is: else these would hang on the answer."""
+    plain = Questions(("a", "drift"), (0.004, 1e-4), 0.5)
+    untold = Questions(("a", "drift"), (0.004, 1e-4), 0.5, ("drift",))
+    assert plain.said == ("a", "drift")
+    assert untold.said == ("a",)
+    assert untold.adjusted == plain.adjusted
+
+
 def test_the_level_holds_for_all_questions_together():
     """4000 campaigns without fault: one wrong answer or more in at most 1 % of them."""
     rng = np.random.default_rng(1)
