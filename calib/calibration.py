@@ -158,6 +158,7 @@ def calibrate(
     start = start_frames(model, measured, free_tool=free_tool, free_anchors=free_anchors)
     if free_tool:  # a tool that is held may be far off
         require_nominal_likeness(start)
+    every = free is None
     if free is None:
         known = {f"anchor{k + 1}" for k in range(len(model.fixtures.anchors))}
         held = known - {f"anchor{k + 1}" for k in free_anchors}
@@ -181,7 +182,7 @@ def calibrate(
             )
             if again.status is Status.CONVERGED:
                 found = replace(again, notes=(*again.notes, barely_told_words(weak)))
-    if free_tool and found.status is Status.CONVERGED:
+    if every and free_tool and found.status is Status.CONVERGED:
         require_fitted_likeness(found.model, start, measured)
     return CalibratedRobot(found, start, measured)
 

@@ -16,6 +16,7 @@ from testbed.identify.shared import states_instrument
 from testbed.units import counted, probability
 
 BELIEVED, NOT_NEEDED = "believed", "not needed"
+UNSETTLED = "not before what the verdict names is settled"
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,9 +59,11 @@ def _believed(calibration: Calibration) -> list[StatedRadius]:
     whole = "stand in no frame that is shown" if calibration.unshown else "are off as a whole"
     if calibration.source.exact:
         whole = "were computed, not measured"
-    use = (
-        BELIEVED if calibration.believable else f"believed, but not tested: held-out poses {whole}"
-    )
+    use = BELIEVED
+    if not calibration.believable:
+        use = f"believed, but not tested: held-out poses {whole}"
+    elif not calibration.settled:
+        use = UNSETTLED
     found = [StatedRadius("region_mean", "believed region: mean of many moves", point.radius_mean,
                        within, use)]  # fmt: skip
     if np.isfinite(point.radius_move):

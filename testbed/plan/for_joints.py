@@ -59,18 +59,20 @@ def for_joints(
     before = len(task.before) // task.blocks.shape[1]
     if len(places) < (m := min(FEWEST - before, len(task.blocks))):
         places = np.sort(quick_design(task, m, rng))
-    return Suited(places) if rehearse is None else _suited(task, places, rehearse, rng)
+    return Suited(places) if rehearse is None else _suited(task, places, before, rehearse, rng)
 
 
 def _suited(
     task: DesignTask,
     places: Index,
+    before: int,
     rehearse: Callable[[Index], Rehearsals],
     rng: np.random.Generator,
 ) -> Suited:
     """The smallest set found, no smaller than the given one, after which the target is stated.
 
-    Where it never is, the given one: more poses were tried as long as they helped.
+    Where it never is, the given one: more poses were tried as long as they helped. Numbers of poses
+    are compared with those measured `before`.
     """
     target, most = task.target or np.inf, min(MOST_POSES, len(task.blocks))
     allowed, worst = BALL * target, task.settings.target_is == "worst"
@@ -87,16 +89,21 @@ def _suited(
 
     first = low = high = tried(places)
     while not _reaches(high) and len(high.places) < most:
-        low, high = high, of_size(min(2 * len(high.places), most))
+        low, high = high, of_size(min(2 * len(high.places) + before, most))
         if WORTH * _radius(low) < _radius(high) < np.inf:
             break
     if not _reaches(high):
         found = Sufficiency(_radius(first), allowed, len(high.places), _radius(high))
         return first._replace(sufficiency=found)
-    while len(high.places) > max(NEAR * len(low.places), len(low.places) + 1):
-        middle = of_size(round(sqrt(len(low.places) * len(high.places))))
+    while _many(high, before) > max(NEAR * _many(low, before), _many(low, before) + 1):
+        middle = of_size(round(sqrt(_many(low, before) * _many(high, before))) - before)
         low, high = (low, middle) if _reaches(middle) else (middle, high)
     return high
+
+
+def _many(one: Suited, before: int) -> int:
+    """Number of poses with those measured before."""
+    return len(one.places) + before
 
 
 def _radius(one: Suited) -> float:

@@ -13,7 +13,7 @@ from calib.uncertainty.statement.distance import least_content
 from calib.uncertainty.statement.places import room_words
 from testbed.plan.lengths import length
 from testbed.plan.records import Plan
-from testbed.plan.target import joint_words, shortfall_words
+from testbed.plan.target import falls_short, joint_words, shortfall_words
 from testbed.units import NARROW, counted, length_unit, listed, percent, significant
 
 PLANNED = "PLANNED - predicted, not measured; no calibration certificate"
@@ -63,8 +63,8 @@ def stated_words(plan: Plan) -> str:
     if not np.isfinite(links):
         return ""
     about = f"about {length(links, joints, digits=2)}"
-    if not np.isfinite(joints):
-        return about
+    if not np.isfinite(joints) or falls_short(plan):
+        return about  # or what the first words say
     return f"{about}, or {length(joints, links, digits=2)} if {joint_words(plan)}"
 
 

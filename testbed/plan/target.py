@@ -35,8 +35,8 @@ def shortfall_words(plan: Plan) -> str:
     else:
         said = f"the calibration will mostly state no radius {over_words(plan)}"
     if seen.most > len(plan.places) and np.isfinite(seen.least):
-        more = f"; {counted(seen.most, 'pose')} would leave {length(seen.least, seen.radius)}"
-        said += more
+        poses = counted(seen.most, "more pose" if len(plan.measured_q) else "pose")
+        said += f"; {poses} would leave {length(seen.least, seen.radius)}"
     return f"{head}: {said}. "
 
 
@@ -55,7 +55,7 @@ def shortfall_step(plan: Plan) -> str:
 def enough_words(plan: Plan) -> str:
     """Why there are more poses than the target asks of the links alone; else empty."""
     fewest, seen = plan.curve.reached, plan.sufficiency
-    if fewest is None or len(plan.places) <= max(fewest, 1):
+    if not fewest or len(plan.places) <= fewest:
         return ""
     head = (
         f"{counted(fewest, 'pose')} would do for the links alone; with {len(plan.places)} the "

@@ -276,6 +276,29 @@ def test_joints_swapped_on_a_larger_arm_are_refused_after_the_fit():
     assert caught.value.code == "M32"
 
 
+def test_no_such_arm_is_asked_of_frames_alone_nor_of_small_arms_and_slides():
+    """Joints mastered wrong by degrees, servos that come back to 1.5 deg, a scale of 3 m off."""
+    rng = np.random.default_rng(4)
+    table = points_of(tx60(), pool_r(60), rng)
+    turned = joints_of(table, lambda q: q + np.radians([0, 3, 2, 0, 0, 0]))
+    frames = [name for name in tx60().names if name.split(".")[0] in ("base", "tool")]
+    assert calib.calibrate(tx60(), turned, free=frames).identification.status.name == "CONVERGED"
+    links = tx60().chain.links.copy()
+    links[:, 1:3] *= 0.35  # 0.3 m
+    small = calib.RobotModel(calib.Chain(links))
+    loose = points_of(small, pool_r(60), rng)
+    loose = joints_of(loose, lambda q: q + np.radians(1.5) * rng.normal(size=q.shape))
+    assert calib.calibrate(small, loose).identification.status.name == "CONVERGED"
+    kinds = ("prismatic",) * 3 + ("revolute",) * 2
+    axes = [[0, 0, 0, -np.pi / 2, 0], [-np.pi / 2, 0, 0, -np.pi / 2, 0], [0, 0, 0, 0, 0]]
+    wrist = [[0, 0.05, 0, np.pi / 2, 0], [0, 0.05, 0.0, 0, 0]]
+    gantry = calib.RobotModel(calib.Chain([*axes, *wrist], kinds))
+    q = rng.uniform([0, 0, 0, -2, -2], [3, 2, 1, 2, 2], (60, 5))
+    xyz = (gantry.poses(q * [1.002, 1, 1, 1, 1]) @ [0.05, 0.02, 0.03, 1.0])[:, :3]
+    seen = calib.points(q, xyz + rng.normal(scale=SD, size=(60, 3)), sd=SD)
+    assert calib.calibrate(gantry, seen).identification.status.name == "CONVERGED"
+
+
 def test_few_wrong_readings_and_much_noise_are_no_other_arm():
     rng = np.random.default_rng(2)
     table = points_of(tx60(), pool_r(60), rng)
@@ -292,7 +315,7 @@ def test_links_and_noise_in_no_meters_are_refused():
     table = points_of(tx60(), pool_r(40), np.random.default_rng(3))
     links = tx60().chain.links * [1, 1e3, 1e3, 1, 1]
     millimeters = calib.points(table.q, 1e3 * table.position, sd=1e3 * SD)
-    with pytest.raises(InputError, match=r"links add up to .* at most 50 m; .* mm"):
+    with pytest.raises(InputError, match=r"links add up to .* at most 100 m; .* mm"):
         calib.calibrate(calib.RobotModel(calib.Chain(links)), millimeters)
     with pytest.raises(InputError, match=r"sd is 15 m or more in every row; .* give sd in m"):
         calib.calibrate(tx60(), calib.points(table.q, table.position, sd=15.0))

@@ -10,20 +10,24 @@ from calib.measurement.observations import Measurements
 from calib.measurement.prediction import predict
 from calib.shown import length_words
 
-FARTHEST = 50.0
-"""Largest reach of an arm [m]: beyond it the links are in mm."""
+FARTHEST = 100.0
+"""Largest reach of an arm [m], of booms as well: beyond it the links are in mm."""
 UNLIKE, TURNED = 0.1, 0.5
 """Largest rms error of nominal links, as a part of the reach; real arms miss by a hundredth at
 most. The same of rotations [rad]."""
 LEFT, LEFT_TURNED = 0.02, 0.1
 """The same of fitted links, as a median: these of real arms miss by a thousandth. Two joints in
 each other's place leave a twentieth, a wrist joint in degrees a fortieth."""
+LEAST = 0.025
+"""Smallest median error of fitted links that counts [m]: servos of small arms leave a centimeter.
+"""
 TIMES = 5.0
 """An error of so many standard deviations of an axis may be noise."""
 GIVE = (
     "give joint values in rad (slides in m) in the order and sense of the links, positions and sd "
     "in m, rotations that are not transposed, and links in the standard order of Denavit and "
-    "Hartenberg (Craig's has a and alpha of the joint before), all of this robot"
+    "Hartenberg (Craig's has a and alpha of the joint before), all of this robot; if they are, "
+    "state an sd that the readings have"
 )
 
 
@@ -55,10 +59,15 @@ def require_nominal_likeness(start: Start) -> None:
 
 
 def require_fitted_likeness(fitted: RobotModel, start: Start, measured: Measurements) -> None:
-    """The same of fitted links, beyond what the noise explains; few wrong readings do not count."""
-    reach, left = reach_of(start.model), predict(fitted, measured)
+    """The same of fitted links, beyond what the noise explains; few wrong readings do not count.
+
+    What slides has a way that no link number tells: it counts as reach, as far as it was used.
+    """
+    slides = start.model.chain.prismatic > 0
+    ways = float(np.ptp(measured.q[:, slides], axis=0).sum()) if len(measured) else 0.0
+    reach, left = reach_of(start.model) + ways, predict(fitted, measured)
     miss = _beyond(left.misses, _axis_sd(measured))
-    if miss > LEFT * reach > 0:
+    if miss > max(LEFT * reach, LEAST) and reach > 0:
         raise _unlike("even fitted links miss most measurements", miss, reach)
     poses = measured.is_pose
     turn = _beyond(left.turns[poses], _mean_sd(measured.covariance[poses, 3:, 3:]))

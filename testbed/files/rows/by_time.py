@@ -126,15 +126,22 @@ def _require_still(
 
     `seen` (k,) are these moments by the clock of the joints [s], and `most` (n,) is how far joints
     of one pose lie apart. A log of the whole course shows in its lines beside a moment as well
-    whether the arm moved.
+    whether the arm moved; at the moment of a line, those on one side of it are enough, since a stop
+    may begin or end there.
     """
     step = _step(q, times, most)
     reach = max(within, step) + EQUAL
+    line, off = nearest(times, seen)
+    at_line = (off <= EQUAL) & (step > within)
     low = np.searchsorted(times, seen - reach, side="left")
     high = np.searchsorted(times, seen + reach, side="right")
     moving: list[tuple[int, int, float]] = []
     for k in np.flatnonzero(high - low > 1):
-        spread = np.ptp(q[low[k] : high[k]], axis=0)
+        sides = [slice(low[k], high[k])]
+        if at_line[k]:
+            sides = [slice(low[k], line[k] + 1), slice(line[k], high[k])]
+        spreads = (np.ptp(q[side], axis=0) for side in sides)
+        spread = min(spreads, key=lambda one: float((one / most).max()))
         worst = int(np.argmax(spread / most))
         if spread[worst] > most[worst]:
             moving.append((int(kept[k]), worst, float(spread[worst])))

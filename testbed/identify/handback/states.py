@@ -188,12 +188,16 @@ def _why_and_beyond(calibration: Calibration) -> list[str]:
                 f"{counted(len(some), 'number')} changed by more than the tolerance, and the "
                 f"measurements {why}: {_some(told, len(some))}"
             )
-    return [*said, *zero_words(handed_numbers(calibration), calibration.nominal.chain)]
+    if calibration.moved is not None:
+        return said
+    handed = handed_robot(calibration).covariance
+    return [*said, *zero_words(handed_numbers(calibration), calibration.nominal.chain, handed)]
 
 
-def zero_words(numbers: Sequence[HandedNumber], chain: Chain) -> tuple[str, ...]:
+def zero_words(numbers: Sequence[HandedNumber], chain: Chain, covariance: Array) -> tuple[str, ...]:
     """Zeros of joints of which theta and beta have a part each: they turn about parallel axes.
 
+    `covariance` (P, P) is that of all numbers [m, rad]: of the sum it must be known that it is off.
     In Rz(theta) Tz(d) Tx(a) Rx(alpha) Ry(beta) the axis of beta is that of theta, or its opposite,
     where alpha is a right angle.
     """
@@ -206,7 +210,9 @@ def zero_words(numbers: Sequence[HandedNumber], chain: Chain) -> tuple[str, ...]
         theta, beta = (one for one in parts if one is not None)
         turns = theta.row.delta, beta.row.delta * along
         whole, limit = sum(turns), theta.tolerance
-        if limit is None or abs(whole) <= max(limit, *(EVEN * abs(turn) for turn in turns)):
+        at = 6 + 5 * (joint - 1) + np.array([0, 4])
+        U = 2 * DEG * np.sqrt(np.array([1.0, along]) @ covariance[np.ix_(at, at)] @ [1.0, along])
+        if limit is None or abs(whole) <= max(limit, U, *(EVEN * abs(turn) for turn in turns)):
             continue
         said.append(
             f"theta{joint} and beta{joint} turn about parallel axes here, and share what is off: "

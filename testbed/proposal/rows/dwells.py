@@ -12,6 +12,9 @@ LONGER = 3.0
 """The stops at which an arm was measured last so many times longer than any other."""
 AROUND = 3
 """Times the length of a run around it within which the rest of its stop is looked for."""
+OTHERS, SHORT = 3, 0.1
+"""Stops beside those of the readings that are tried in their place, of which none lasts less than
+this part of the shortest of those: one may have been cut off."""
 FEWEST = 6
 """Readings below which no difference of the clocks is proposed."""
 
@@ -34,7 +37,8 @@ def clock_offset(times: Array, joints: Array, moments: Array) -> Offset | None:
     """What to add to sorted moments of readings (k,) so that each falls into a stop of its own [s].
 
     `times` (m,) of a log are sorted [s], `joints` (m, n) are of any units. None if there are not as
-    many stops as readings, or if no one difference brings each reading into its stop.
+    many stops as readings, if no one difference brings each reading into its stop, or if another
+    choice of stops has one, too.
     """
     k = len(moments)
     if k < FEWEST or len(times) < 2 * k:
@@ -47,10 +51,24 @@ def clock_offset(times: Array, joints: Array, moments: Array) -> Offset | None:
     lasts = (end - begin)[order]
     if lasts[k - 1] <= 0 or (len(order) > k and lasts[k - 1] < LONGER * lasts[k]):
         return None
-    kept = np.sort(order[:k])
-    least = float((begin[kept] - moments).max())
-    most = float((end[kept] - moments).min())
-    return Offset(least, most) if least < most else None
+    found = [
+        Offset(least, most)
+        for kept in _chosen(order[lasts >= SHORT * lasts[k - 1]], k)
+        if (least := float((begin[kept] - moments).max()))
+        < (most := float((end[kept] - moments).min()))
+    ]
+    return found[0] if len(found) == 1 else None
+
+
+def _chosen(order: Index, k: int) -> list[Index]:
+    """The k longest of some stops, of which `order` (s,) tells the lengths, and all k in a row.
+
+    Of these and a few more: an arm that rests at home before or after makes a longer stop than any.
+    """
+    some = np.sort(order[: k + OTHERS])
+    rows = [some[first : first + k] for first in range(len(some) - k + 1)]
+    longest = np.sort(order[:k])
+    return rows if any(np.array_equal(longest, one) for one in rows) else [longest, *rows]
 
 
 def _stops(joints: Array, most: int) -> Index:

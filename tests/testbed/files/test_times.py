@@ -188,6 +188,21 @@ def test_shots_get_the_joints_of_a_log_at_their_moment(tmp_path, zone):
     assert any("matched by time with log.csv, up to 0.04 s apart" in one for one in session.notes)
 
 
+def test_a_shot_at_the_moment_of_the_first_line_of_a_stop_is_read(tmp_path):
+    """The line before it is of the way: a log and shots that both count whole seconds are so."""
+    data = logged(tmp_path)
+    log = (tmp_path / "log.csv").read_text().splitlines()
+    shots = (tmp_path / "shots.csv").read_text().splitlines()
+    joints = np.array([line.split(",")[1:] for line in log[1:]], dtype=float)
+    for k in range(SHOTS):
+        there = np.abs(joints - np.degrees(data.q[k])).max(axis=1) < 1e-9
+        first = log[1 + int(np.argmax(there))].split(",")[0]
+        shots[1 + k] = ",".join([first, *shots[1 + k].split(",")[1:]])
+    (tmp_path / "shots.csv").write_text("\n".join(shots) + "\n")
+    session = by_time(tmp_path, within=0.01)
+    np.testing.assert_allclose(session.measurements.q, data.q, atol=1e-12)
+
+
 def test_a_shot_on_the_way_or_without_joints_near_it_is_refused(tmp_path):
     logged(tmp_path, stop=7)
     with pytest.raises(

@@ -14,6 +14,7 @@ from testbed.identify.conditions import conditions_words, held_out_warnings, mea
 from testbed.identify.moved import moved_in
 from testbed.identify.report.page import page_of
 from testbed.identify.to_do.next_step import next_step
+from testbed.identify.to_do.program import program_step
 from testbed.identify.words import terminal_text
 from testbed.jobsheet.sheet import Instrument, JobSheet
 from testbed.scenario.tolerance import Decision
@@ -70,7 +71,8 @@ def test_the_conditions_stand_after_the_next_step(case):
         page = page_of(found, DELIVERED, VERSIONS)
     assert " Tolerance 1 mm: " in plain(page.verdict)  # the decision stands on the first screen
     assert [section.anchor for section in page.sections][-3:] == ["job", "words", "record"]
-    assert plain(page.next_step).startswith(f"{next_step(found)} {words} Systematic errors of")
+    told = " ".join([next_step(found), program_step(found, DELIVERED), words])
+    assert plain(page.next_step).startswith(f"{told} Systematic errors of")
 
 
 def test_rows_that_took_no_part_do_not_count():

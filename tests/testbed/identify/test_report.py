@@ -414,6 +414,15 @@ def test_what_may_be_quoted_follows_from_what_is_believed():
     assert next_step(apart).startswith("First find out why")
 
 
+def test_no_radius_is_said_to_be_believed_before_what_moved_is_settled():
+    found = sound()
+    step = Moved("station", 0, 9, 10, 20, np.array([1e-4, 0, 0, 0, 0, 0]), 1e-4, 0.9, 1e-9)
+    for one, status in ((found, "believed"), (replace(found, moved=step), "not before what")):
+        radii = [each for each in statements_of(one) if each.key.startswith("region")]
+        assert radii
+        assert all(each.use.startswith(status) for each in radii)
+
+
 def test_what_no_held_out_pose_can_show_is_said_to_be_in_no_figure():
     """A scale of the instrument, say, would make a sentence untrue that did not say so."""
     found, parts = sound(), shared_session()

@@ -161,7 +161,7 @@ def test_every_entry_is_printed_and_comes_back_from_the_record():
         if "= " in line and "[" not in line:
             assert line.partition("= ")[2].strip('"') in told, line
     assert "2026-06-01" in told
-    assert "1000 um, guarded" in told
+    assert "1 mm, guarded" in told
     assert "robot corrected: PASS" in dict(rows)["decision"]
     assert list(csv.reader(io.StringIO(job_csv(rows))))[1:] == [list(row) for row in rows]
     assert job_section(rows).blocks[0].rows == rows

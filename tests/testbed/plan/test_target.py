@@ -109,10 +109,15 @@ def test_a_radius_that_most_rehearsals_keep_to(over, column):
     assert Rehearsals(radii[:0], radii[:0], 0).mostly(worst=worst) == np.inf
 
 
-def searched(radius, target=100e-6, poses=8):
-    """What the search finds where the calibration of m poses will state `radius(m)` [m]."""
+def searched(radius, target=100e-6, poses=8, measured=0):
+    """What the search finds where the calibration of m poses will state `radius(m)` [m].
+
+    Beside so many that were `measured` already.
+    """
     made, tried = asked(300.0), []
     task = _task_of(made, target)
+    before = task.blocks[:measured].reshape(-1, task.blocks.shape[2])
+    task = replace(task, before=before)
 
     def rehearse(places):
         tried.append(len(places))
@@ -143,6 +148,14 @@ def test_the_search_finds_about_the_smallest_number_that_reaches_the_target():
     assert found.sufficiency.reached
     assert len(set(found.places.tolist())) == len(found.places)
     assert tried[:3] == [20, 40, 60]  # the whole pool
+
+
+def test_the_search_counts_what_was_measured_already():
+    """Of 25 measured poses one more, then two more, hardly helped, and a plan was given up."""
+    found, tried = searched(lambda m: 100e-6 * 47 / (m + 25), poses=1, measured=25)
+    assert 47 <= len(found.places) + 25 <= NEAR * 47 + 1
+    assert found.sufficiency.reached
+    assert tried[:2] == [1, 27]
 
 
 def test_the_search_ends_where_more_poses_hardly_help():

@@ -46,3 +46,19 @@ def test_nothing_is_said_where_stops_and_readings_are_not_as_many_or_of_another_
     rhythm[6:] += 6.0  # the pause was elsewhere
     assert clock_offset(times, q, rhythm) is None
     assert clock_offset(times[:300], q[:300], begun[:1]) is None
+
+
+def test_nothing_is_said_where_a_rest_at_home_and_a_last_stop_cut_short_leave_two_choices():
+    """Each reading falls into the stop before its own, too: a difference 6 s off was proposed."""
+    places = np.random.default_rng(1).uniform(-1.5, 1.5, (STOPS + 1, 3))
+    counts = [int(30 * RATE), *[int(4 * RATE)] * (STOPS - 1), int(0.7 * RATE)]
+    way = np.linspace(0, 1, int(2 * RATE))[:, None]
+    rows, begun = [], []
+    for k, count in enumerate(counts):
+        begun.append(sum(map(len, rows)) / RATE)
+        rows.append(np.repeat(places[k : k + 1], count, axis=0))
+        if k < STOPS:
+            rows.append(places[k] + way * (places[k + 1] - places[k]))
+    q = np.vstack(rows)
+    times = np.arange(len(q)) / RATE
+    assert clock_offset(times, q, np.array(begun[1:]) + 0.5 - 50.0) is None
