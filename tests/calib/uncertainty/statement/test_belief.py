@@ -63,18 +63,17 @@ def covered(size):
     return np.array(shares).T
 
 
-@pytest.mark.parametrize("ratio", [2e-4, 3e-4])
-def test_a_coupling_that_looks_like_noise_is_in_the_region(ratio):
+def test_a_coupling_that_looks_like_noise_is_in_the_region():
     """Joint 3 follows joint 2 a little, which no term describes: its errors look like more noise.
 
-    As long as more noise was taken for an explanation, regions held .89 and .87 of the true points.
+    As long as more noise was taken for an explanation, regions held .87 of the true points.
     """
     tip, model, shares = np.array([0.05, 0.02, 0.1, 1.0]), extended_model(TX60), []
     for robot in range(ROBOTS):
         rng = np.random.default_rng([robot, 77])
 
         def true(q):
-            return (TX60.poses(q + ratio * q[:, 1:2] * (np.arange(6) == 2)) @ tip)[:, :3]
+            return (TX60.poses(q + 3e-4 * q[:, 1:2] * (np.arange(6) == 2)) @ tip)[:, :3]
 
         q = rng.uniform(-1.8, 1.8, (150, 6))
         read = points(q, true(q) + rng.normal(scale=15e-6, size=(150, 3)), sd=15e-6)
@@ -83,7 +82,7 @@ def test_a_coupling_that_looks_like_noise_is_in_the_region(ratio):
         judged = calibrate(model, train).judge(held_out)
         assert judged.belief is not None
         shares.append(judged.belief.regions(new).holds(true(new)).mean())
-    # .963 and .970 over these robots, which differ by .03: .008 for their mean
+    # .970 over these robots, which differ by .03: .008 for their mean
     assert np.mean(shares) > 0.94
 
 
