@@ -56,7 +56,7 @@ FLOORS = {
     "testbed": (
         ("assets", "bounds", "disk", "faults", "machine", "names", "progress", "screen_reader",
          "streams", "strict", "toml_text", "units", "versions"),
-        ("gates",),
+        ("gates", "lengths"),
         ("robots", "store", "report"),
         ("scenario", "recording", "jobsheet"),
         ("laboratory", "studies/protocol"),
@@ -70,7 +70,7 @@ FLOORS = {
         ("errors",),
         ("arrays", "kinds", "shown"),
         ("geometry", "held_out_counts", "kernels"),
-        ("measurement",),
+        ("measurement", "correction_words"),
         ("information", "compensation", "single_poses"),
         ("design", "identification"),
         ("uncertainty",),

@@ -1,11 +1,12 @@
-"""Checks of indices in a pool: poses measured already, and poses that may be chosen."""
+"""Checks of indices in a pool, and of how many of its poses are wanted."""
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from calib.arrays import AnyArray, Bool, Index, frozen
-from calib.errors import refuse
+from calib.errors import InputError, refuse
 
+LARGER_POOL = "enlarge the pool or choose fewer poses"
 NO_POSES = frozen(np.zeros(0), np.int64)
 
 
@@ -52,3 +53,9 @@ def mask_of(allowed: ArrayLike | None, n: int) -> Bool:
         message, wanted = f"allowed has shape {may.shape} of {may.dtype}", f"each of {n} poses"
         raise refuse("allowed", allowed=f"true or false for {wanted}", code="A1", message=message)
     return may
+
+
+def poses_wanted(poses: int, allowed: str, fix: str) -> InputError:
+    """The error (M27) for a number of poses that is not possible."""
+    message = f"{poses} poses wanted"
+    return refuse("m", poses, allowed, code="M27", message=message, fix=fix)

@@ -17,9 +17,9 @@ from calib.design.blocks import (
     unitless_rank,
     unobservable_in_words,
 )
+from calib.design.places import LARGER_POOL, array_of, mask_of, places_of, poses_wanted
 from calib.design.places import NO_POSES as NO_POSES
-from calib.design.places import array_of, mask_of, places_of
-from calib.errors import InputError, refuse
+from calib.errors import refuse
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import CHARACTERISTIC_LENGTH
 from calib.information.criteria.base import Criterion, Pool
@@ -27,8 +27,6 @@ from calib.information.criteria.named import criterion_named
 from calib.information.goals import goal_matrix
 from calib.kinds import in_short
 from calib.shown import Shown
-
-LARGER_POOL = "enlarge the pool or choose fewer poses"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -300,9 +298,3 @@ class Problem(Shown):
                 allowed += unobservable_in_words(rows, self.names)
             raise poses_wanted(poses, allowed, "choose more poses or free fewer numbers")
         return replace(self, m=int(poses))
-
-
-def poses_wanted(poses: int, allowed: str, fix: str) -> InputError:
-    """The error (M27) for a number of poses that is not possible."""
-    message = f"{poses} poses wanted"
-    return refuse("m", poses, allowed, code="M27", message=message, fix=fix)

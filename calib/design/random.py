@@ -8,7 +8,8 @@ from numpy.typing import ArrayLike
 from calib.arrays import Array, Index, frozen, require_count
 from calib.design.borders import require_rng, require_search
 from calib.design.greedy import grow
-from calib.design.problem import LARGER_POOL, Problem, poses_wanted
+from calib.design.places import LARGER_POOL, poses_wanted
+from calib.design.problem import Problem
 from calib.design.selection import Selection, figure_of_rows, selection_of
 from calib.errors import refuse
 from calib.information.criteria.d import D

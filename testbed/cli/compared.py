@@ -5,12 +5,13 @@ from pathlib import Path
 from typing import Any
 
 from calib.errors import refuse
+from calib.shown import length_unit
 from testbed.cli.folders import ISO9283, PLAN
 from testbed.report.text import table
 from testbed.store import layout
 from testbed.store.documents import read_json
 from testbed.store.manifest import CALIBRATION, CAMPAIGN
-from testbed.units import UM, length_unit, plain, significant
+from testbed.units import UM, plain, significant
 
 NUMBERS = {PLAN: layout.PLAN, ISO9283: layout.RESULT, CALIBRATION: layout.RESULT}
 """Where the figures of a folder stand."""

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from itertools import combinations, permutations
+from itertools import combinations
 from typing import TypeAlias
 
 import numpy as np
@@ -11,9 +11,10 @@ from calib.arrays import Array, Bool
 from calib.geometry.chain import Chain
 from calib.geometry.frames import inverse, transform
 from calib.measurement.observations import Measurements
-from testbed.files.rotations import AXIS, EULER, MATRIX, QUATERNION, VECTOR, axes_of, rotations
+from testbed.files.rotations import MATRIX, rotations
 from testbed.files.rows.counts import Count, added, other_counts
 from testbed.files.session import Stated
+from testbed.files.tried.other_rotations import TURN, other_forms
 from testbed.robots.controller import AS_THE_ARM, Controller
 
 LENGTHS = (
@@ -27,7 +28,6 @@ RARE = [(by, f"if the positions are in {unit}, not {read}", f"name the columns x
         for by, unit, read in ((10.0, "cm", "mm"), (0.01, "cm", "m"), (304.8, "ft", "mm"),
                                (0.3048, "ft", "m"))]  # fmt: skip
 """The same of units that few programs write."""
-TURN = np.pi / 180
 ANGLES = (
     (TURN, "if the joints are in deg, not rad", "name the columns q1_deg ..."),
     (1 / TURN, "if the joints are in rad, not deg", "name the columns q1_rad ..."),
@@ -43,8 +43,6 @@ SMALL = 2 * np.pi * TURN
 """A joint of so few degrees, or of one turn in radians that were taken for degrees [rad]."""
 MOST_MIXED = 3
 """Joints that look like radians among degrees, above which each and all of them are tried."""
-BY_AXIS = tuple("".join(triple) for triple in permutations("XYZ"))
-"""Sequences with one angle for each axis; those about fixed axes are the same ones backwards."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -249,7 +247,7 @@ def _rotations(rows: Interpretation, R: Array, stated: Stated) -> OtherReadings:
     """The three or four numbers of rotations R (m, 3, 3) in another order or convention."""
     if rows.numbers is None or stated.form in (MATRIX, "none"):
         return
-    for condition, fix, code, form, numbers in _other_forms(rows.numbers, stated.form):
+    for condition, fix, code, form, numbers in other_forms(rows.numbers, stated.form):
         turned, position = rotations(form, numbers), rows.position
         if stated.inverted:
             # the file's own position, turned back by the new rotation
@@ -258,45 +256,3 @@ def _rotations(rows: Interpretation, R: Array, stated: Stated) -> OtherReadings:
             position = -(turned @ own)[..., 0]
         other = Alternative("rotation", condition, fix, code, "frames")
         yield other, replace(rows, position=position, rotation=turned)
-
-
-def _other_forms(numbers: Array, form: str) -> Iterator[tuple[str, str, str, str, Array]]:
-    """Condition, fix, code, form and numbers of every other reading of rotations."""
-    if form == QUATERNION:
-        for order, word in (([3, 0, 1, 2], "x y z w"), ([1, 2, 3, 0], "z w x y")):
-            condition = f"if the columns qw qx qy qz hold {word}"
-            yield condition, "name the columns in their order", "M22", form, numbers[:, order]
-        return
-    for factor, units in ((TURN, "deg, not rad"), (1 / TURN, "rad, not deg")):
-        condition = f"if the angles of the tool are in {units}"
-        yield condition, "name the columns with that unit", "M24", form, numbers * factor
-    for condition, fix, other, values in _other_sequences(numbers, form):
-        yield condition, fix or f'write euler = "{other}"', "M24", other, values
-
-
-def _other_sequences(numbers: Array, form: str) -> Iterator[tuple[str, str, str, Array]]:
-    """Condition, fix if it is not the sequence, form and numbers of other readings of angles."""
-    if form == AXIS:
-        return
-    if form == VECTOR:
-        for other in BY_AXIS:
-            condition = f"if the three angles are Euler angles {other}"
-            yield condition, "", other, numbers[:, axes_of(other)]
-        return
-    if set(form.upper()) != set("XYZ"):
-        for other in EULER:
-            if other != form and len(set(other)) == 2:
-                yield f"if they turn in the order {other}", "", other, numbers
-        return
-    by_axis = numbers[:, np.argsort(axes_of(form))]
-    yield "if the three angles are a rotation vector", "", VECTOR, by_axis
-    moving = form if form.isupper() else form[::-1].upper()
-    for other in BY_AXIS:
-        if other != moving:
-            fixed = other[::-1].lower()
-            condition = f"if the angles turn in the order {other} (or {fixed} about fixed axes)"
-            yield condition, "", other, by_axis[:, axes_of(other)]
-    swapped = by_axis[:, ::-1]
-    for other in BY_AXIS:
-        condition = f"if the angles turn in the order {other}, rx and rz swapped"
-        yield condition, "swap the columns rx and rz", other, swapped[:, axes_of(other)]

@@ -12,7 +12,7 @@ from testbed.files.columns import AXES, bound_of, covariance_names
 from testbed.files.refusal import refusal
 from testbed.files.session_toml import UncertaintyTable
 from testbed.files.table import Columns, DataTable, together
-from testbed.units import as_stated
+from testbed.lengths import as_stated
 
 MPE_RULES = {"rectangular": 3**-0.5, "two_sigma": 0.5, "typical": 0.25}
 """Standard uncertainty as a part of the maximum permissible error."""

@@ -5,13 +5,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from calib.arrays import Array
+from calib.shown import length_unit
 from calib.uncertainty.statement.conformity import Conformity, conformity
 from calib.uncertainty.statement.deciding import what_decides
 from calib.uncertainty.statement.stated_point import widened
 from testbed.identify.calibration import Calibration
 from testbed.identify.handback.delivered import Delivered
+from testbed.lengths import as_stated, with_unit
 from testbed.report.page import Block, Section, Table, Text
-from testbed.units import as_stated, fixed, length_unit, listed, percent, significant, with_unit
+from testbed.units import fixed, listed, percent, significant
 
 UNDECIDED = "undecided"
 

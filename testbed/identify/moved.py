@@ -11,10 +11,12 @@ from calib.geometry.model import RobotModel
 from calib.identification.outliers.changes import targets_of, told
 from calib.identification.outliers.moved import Moved, moved_once, moved_or_back
 from calib.measurement.observations import GIVEN, Measurements
+from calib.shown import length_unit
 from testbed.files.session import Session
 from testbed.identify.calibration import Calibration
 from testbed.identify.records import FittedModel
-from testbed.units import DEG, MM, fixed, length_unit, with_unit
+from testbed.lengths import with_unit
+from testbed.units import DEG, MM, fixed
 
 PART = {"tool": "tool", "target": "tool", "station": "base", "base": "base"}
 """The part of a [[session]] that is another's no more, by what moved."""

@@ -16,10 +16,11 @@ from calib.uncertainty.statement.shared import (
 )
 from testbed.files.session import Session
 from testbed.identify.calibration import Calibration
+from testbed.lengths import column_unit
 from testbed.report.page import Section, Table
 from testbed.scenario.instrument import beam_of, errors_of
 from testbed.store.quantities import METRE, Quantity, below
-from testbed.units import column_unit, fixed, percent
+from testbed.units import fixed, percent
 
 OF_NESTS = "nests that the drift was taken off by"
 """Name of their source."""

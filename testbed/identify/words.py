@@ -21,8 +21,9 @@ from testbed.identify.to_do.next_step import next_step
 from testbed.identify.to_do.program import program_step
 from testbed.identify.visits.report import judges_called, visit_words
 from testbed.identify.visits.wide import wide_because, wide_words
+from testbed.lengths import with_unit
 from testbed.report.page import SIMULATED
-from testbed.units import counted, sentences, significant, with_unit
+from testbed.units import counted, sentences, significant
 
 MEASURED = "MEASURED - a calibration report, not a certificate; no traceability is claimed"
 GUARDED = "✓ The stated radius can be believed"

@@ -8,7 +8,7 @@ from scipy.special import stdtrit
 from calib.measurement.iso_drift import BLOCK
 from testbed.iso9283.figure_words import place, show, show_limit, told, unit
 from testbed.iso9283.records import PROBABILITY, CycleResult, StatedFigure
-from testbed.units import as_stated, with_unit
+from testbed.lengths import as_stated, with_unit
 
 SURE = 0.01
 """A p-value, for all poses together, below which a drift is said."""

@@ -4,8 +4,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from calib.shown import length_unit
 from testbed.iso9283.records import StatedFigure
-from testbed.units import DEG, MDEG, MM, UM, decimals, fixed, length_unit
+from testbed.units import DEG, MDEG, MM, UM, decimals, fixed
 
 SCALES = {"um": UM, "mm": MM, "mdeg": MDEG, "deg": DEG}
 """Units of figures, per meter and per radian."""

@@ -6,9 +6,10 @@ import numpy as np
 
 from calib.arrays import Array, evenly
 from testbed.iso9283.records import CycleResult, PathShown, PoseDrift
+from testbed.lengths import column_unit
 from testbed.report.plots import dots, label, legend_above, legend_entries
 from testbed.report.svg import DARK, FAINT, INK, LIGHT, MIDDLE, SOFT, drawing, svg_of
-from testbed.units import column_unit, significant
+from testbed.units import significant
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -16,9 +16,10 @@ from testbed.iso9283.report_figures import (
 )
 from testbed.iso9283.words import EDITION, enough, mark, next_step, notice, reasons, verdict
 from testbed.jobsheet.report import Row, job_rows, job_section
+from testbed.lengths import as_stated
 from testbed.report.page import Block, Page, Points, Section, Table, Text, record_section
 from testbed.store.layout import PLAYED_TEST
-from testbed.units import as_stated, sentences
+from testbed.units import sentences
 
 WORST = ("AP", "RP", "AP_angle", "RP_angle_x", "RP_angle_y", "RP_angle_z", "vAP", "AD", "RD",
          "dAP", "dRP", "AT", "RT")  # fmt: skip

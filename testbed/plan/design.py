@@ -21,11 +21,12 @@ from calib.design.problem import NO_POSES
 from calib.design.relaxation import relaxation
 from calib.errors import InputError, refuse
 from testbed.laboratory.tracker.predicted import goal_u
+from testbed.lengths import as_stated
 from testbed.plan.lengths import length
 from testbed.plan.promises import OVER, efficiency_word, factor_words
 from testbed.plan.records import Curve, NextPose, Proof
 from testbed.plan.task import DesignTask, rms
-from testbed.units import UM, as_stated, counted
+from testbed.units import UM, counted
 
 RANDOM_SETS = 40
 """Random sets behind each value of the curve."""

@@ -2,8 +2,9 @@
 
 import numpy as np
 
+from testbed.lengths import column_unit, with_unit
 from testbed.plan.records import Plan
-from testbed.units import UM, column_unit, significant, with_unit
+from testbed.units import UM, significant
 
 
 def length(value: float, *beside: float, digits: int = 3) -> str:

@@ -7,6 +7,7 @@ import numpy as np
 
 from calib.arrays import Bool
 from calib.held_out_counts import fewest_poses
+from calib.shown import length_unit
 from calib.uncertainty.drift.drifting import AGAIN
 from calib.uncertainty.statement.applicability import REFUSED, WARNED, Applicability
 from calib.uncertainty.statement.distance import least_content
@@ -14,7 +15,7 @@ from calib.uncertainty.statement.places import room_words
 from testbed.plan.lengths import length
 from testbed.plan.records import Plan
 from testbed.plan.target import falls_short, joint_words, shortfall_words
-from testbed.units import NARROW, counted, length_unit, listed, percent, significant
+from testbed.units import NARROW, counted, listed, percent, significant
 
 PLANNED = "PLANNED - predicted, not measured; no calibration certificate"
 """On everything that a plan writes: it is about a real robot that is still to be measured."""

@@ -5,6 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from calib.geometry.parameters import shown_in
+from testbed.lengths import column_unit
 from testbed.plan import plots
 from testbed.plan.cautions import mark
 from testbed.plan.lengths import expanded, or_dash, unit_of
@@ -38,7 +39,7 @@ from testbed.report.page import (
 from testbed.report.svg import on_phone
 from testbed.robots.catalog import Robot
 from testbed.store.layout import PLAYED_PLAN
-from testbed.units import DEG, MDEG, MM, column_unit, counted, fixed, sentence, significant
+from testbed.units import DEG, MDEG, MM, counted, fixed, sentence, significant
 
 ABREAST = 3
 """Numbers in one row of a table."""

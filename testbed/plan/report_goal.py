@@ -5,13 +5,14 @@ import numpy as np
 from calib.arrays import Array
 from calib.uncertainty.statement.applicability import REFUSED, WARNED
 from calib.uncertainty.statement.shared import HIDDEN, NOTHING
+from testbed.lengths import column_unit
 from testbed.plan import plots
 from testbed.plan.lengths import curve_unit, expanded, unit_of
 from testbed.plan.promises import OVER, efficiency_word, factor_words, has_shared
 from testbed.plan.records import Plan
 from testbed.plan.results import joint_columns, joint_values
 from testbed.report.page import Block, Figure, Section, Table, Text
-from testbed.units import UM, column_unit, fixed, percent, significant
+from testbed.units import UM, fixed, percent, significant
 
 
 def joint_head(plan: Plan) -> tuple[str, ...]:

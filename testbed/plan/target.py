@@ -4,10 +4,11 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from testbed.lengths import column_unit
 from testbed.plan.lengths import length, or_dash
 from testbed.plan.records import Plan
 from testbed.store.quantities import METRE, Quantity
-from testbed.units import column_unit, counted, significant
+from testbed.units import counted, significant
 
 
 def joint_words(plan: Plan) -> str:

@@ -7,6 +7,7 @@ import numpy as np
 from calib.arrays import Array
 from calib.uncertainty.statement.departure import departure
 from testbed.laboratory.tracker.stations import place_word
+from testbed.lengths import column_unit
 from testbed.plan.cautions import has_program, tests_contact, uncounted, untested
 from testbed.plan.lengths import expanded, length, or_dash, unit_of
 from testbed.plan.promises import (
@@ -24,7 +25,7 @@ from testbed.plan.promises import (
 )
 from testbed.plan.records import FAR, Plan
 from testbed.plan.target import enough_words, falls_short, joint_words, shortfall_step, target_row
-from testbed.units import MM, UM, column_unit, counted, fixed, millimetres, percent, plain, sentence
+from testbed.units import MM, UM, counted, fixed, millimetres, percent, plain, sentence
 
 CLOSE = 0.01
 """Stations whose uncertainty differs by less than this part are called equally good."""

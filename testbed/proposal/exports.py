@@ -2,8 +2,8 @@
 
 from collections.abc import Iterator
 
-from testbed.files.alternatives import BY_AXIS
 from testbed.files.dialects.spatial_lines import sa_lines
+from testbed.files.tried.other_rotations import BY_AXIS
 from testbed.proposal.data import Document, Found, Part
 
 

@@ -5,9 +5,9 @@ from itertools import product
 
 import numpy as np
 
-from testbed.files.alternatives import BY_AXIS
 from testbed.files.columns import AXIS_COLUMNS, MATRIX_COLUMNS, QUATERNION_COLUMNS
 from testbed.files.rotations import EULER
+from testbed.files.tried.other_rotations import BY_AXIS
 from testbed.proposal.data import Document, Found
 from testbed.proposal.names import Meaning, turns_of_letters
 from testbed.proposal.sizes import by_size, signed

@@ -11,6 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from calib.arrays import Array
+from testbed import lengths
 from testbed import units as quantities
 from testbed.store.quantities import (
     AS_NAMED,
@@ -197,7 +198,7 @@ def test_fields_of_a_record_bring_the_units_that_they_declare():
 
 @given(length=st.floats(min_value=0.0, max_value=10.0), digits=st.sampled_from([2, 3, 4]))
 def test_no_length_reads_as_a_thousand_micrometers(length, digits):
-    value, unit = quantities.with_unit(length, digits=digits).rsplit(" ", 1)
+    value, unit = lengths.with_unit(length, digits=digits).rsplit(" ", 1)
     if unit == "um":
         assert length < 0.9995e-3
     else:
@@ -207,10 +208,10 @@ def test_no_length_reads_as_a_thousand_micrometers(length, digits):
 
 
 def test_a_length_is_written_in_the_unit_of_those_that_it_is_read_beside():
-    words = quantities.with_unit
+    words = lengths.with_unit
     assert [words(x) for x in (999.4e-6, 999.6e-6, 1e-3)] == ["999 um", "1.00 mm", "1.00 mm"]
     assert (words(980e-6, 1.2e-3), words(1.2e-3, 980e-6)) == ("0.980 mm", "1.20 mm")
     assert words(26.4e-6, math.nan, math.inf) == "26.4 um"
-    assert quantities.as_stated(1234.5e-6) == "1.2345 mm"
-    assert quantities.column_unit([412e-6, 4.31e-3]) == (1e3, "mm")
-    assert quantities.column_unit([412e-6]) == (1e6, "µm")
+    assert lengths.as_stated(1234.5e-6) == "1.2345 mm"
+    assert lengths.column_unit([412e-6, 4.31e-3]) == (1e3, "mm")
+    assert lengths.column_unit([412e-6]) == (1e6, "µm")

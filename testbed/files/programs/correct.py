@@ -12,7 +12,8 @@ from pathlib import Path
 import numpy as np
 
 from calib.arrays import Array, Bool
-from calib.compensation import compensate, corrected_poses, status_sentences, turned_sentences
+from calib.compensation import compensate, corrected_poses
+from calib.correction_words import status_sentences, turned_sentences
 from calib.geometry.frames import inverse as inverse_transform
 from calib.geometry.model import RobotModel
 from calib.geometry.operating import AS_USUAL, OperatingConditions

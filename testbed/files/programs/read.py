@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from calib.arrays import Array
-from calib.compensation import few_joints
+from calib.correction_words import few_joints
 from calib.errors import InputError
 from calib.geometry.frames import transform
 from calib.geometry.inverse import inverse_kinematics, spread

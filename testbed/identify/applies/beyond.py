@@ -13,7 +13,8 @@ from calib.uncertainty.statement.departure import named
 from testbed.identify.calibration import Calibration
 from testbed.identify.errors import of_poses
 from testbed.identify.session import TARGET
-from testbed.units import DEG, MM, fixed, listed, significant, with_unit
+from testbed.lengths import with_unit
+from testbed.units import DEG, MM, fixed, listed, significant
 
 FARTHER = 2.0
 """So many times as far must held-out poses be missed: with ten of them or more, no chance does it

@@ -11,8 +11,9 @@ from testbed.files.rows.exact import digit_steps, moved_by_digits
 from testbed.files.session import Session
 from testbed.identify.applies.quiet import quiet_words
 from testbed.identify.records import FittedModel
+from testbed.lengths import with_unit
 from testbed.robots.catalog import Robot
-from testbed.units import named, significant, with_unit
+from testbed.units import named, significant
 
 LEAST_TURN, LEAST_SLIDE = np.radians(10.0), 0.010
 """Range of a joint at the training poses below which it counts as not moved [rad, m]."""

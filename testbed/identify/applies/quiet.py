@@ -7,7 +7,8 @@ from calib.identification.fit_statistics import RED
 from calib.identification.identify import Identification
 from calib.measurement.observations import Measurements
 from calib.measurement.prediction import predict
-from testbed.units import MDEG, UM, length_unit, listed, significant
+from calib.shown import length_unit
+from testbed.units import MDEG, UM, listed, significant
 
 PARTS = {
     "positions": (slice(0, 3), "position_um", " per axis", UM),

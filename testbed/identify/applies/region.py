@@ -9,8 +9,9 @@ from testbed.identify.applies.rows import held_out_words
 from testbed.identify.applies.targets import datum_words, named, target_words
 from testbed.identify.calibration import Calibration
 from testbed.identify.handback.delivered import Delivered, TargetStatement
+from testbed.lengths import column_unit
 from testbed.report.page import Block, Points, Section, Table, Text, heads
-from testbed.units import DEG, MM, column_unit, sentences, significant
+from testbed.units import DEG, MM, sentences, significant
 
 MOST_TARGETS = 30
 """Targets of a program in the report; all are in a file beside it."""

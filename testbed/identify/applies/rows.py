@@ -11,8 +11,9 @@ from calib.uncertainty.statement.distance import distance_radius, radius_over
 from calib.uncertainty.statement.places import PLACES, place_words, reasons
 from calib.uncertainty.statement.stated_point import widened
 from testbed.identify.calibration import Calibration
+from testbed.lengths import with_unit
 from testbed.store.quantities import Quantity
-from testbed.units import DEG, MM, UM, listed, percent, with_unit
+from testbed.units import DEG, MM, UM, listed, percent
 
 HEAD = ("place", "transfer", "leverage", "R95_mean_um", "R95_relative", "why")
 ELSEWHERE = 0.25

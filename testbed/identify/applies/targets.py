@@ -5,6 +5,7 @@ import numpy as np
 from calib.arrays import Array, Bool, frozen
 from calib.geometry.frames import inverse
 from calib.measurement.tool_target import places_are_found
+from calib.shown import length_unit
 from calib.uncertainty.statement.applicability import Applicability
 from calib.uncertainty.statement.belief import Belief
 from calib.uncertainty.statement.conformity import Conformity, conformity
@@ -21,7 +22,7 @@ from testbed.identify.handback.delivered import NOT_CORRECTED, TargetStatement
 from testbed.identify.handback.in_use import carried
 from testbed.report.text import csv_text
 from testbed.scenario.tool_in_use import ToolInUse
-from testbed.units import UM, counted, length_unit, millimetres, significant
+from testbed.units import UM, counted, millimetres, significant
 
 FILE_TOOL = "tool of the robot's file"
 CALLED = ("target", "name", "where")

@@ -15,7 +15,8 @@ from calib.geometry.operating import AS_USUAL, OperatingConditions
 from calib.uncertainty.statement.stated_point import common_radius
 from calib.uncertainty.tool_point import ToolStatement
 from testbed.identify.calibration import Calibration
-from testbed.units import listed, with_unit
+from testbed.lengths import with_unit
+from testbed.units import listed
 
 MOST_ROWS = 64
 """Rows of the measurements whose conditions a pose is tried under: spread evenly over all."""

@@ -4,8 +4,9 @@ import numpy as np
 
 from testbed.identify.calibration import Calibration
 from testbed.identify.handback.states import hand_back_words
+from testbed.lengths import column_unit
 from testbed.report.page import Block, Points, Section, Table, Text
-from testbed.units import column_unit, significant
+from testbed.units import significant
 
 SPRUNG = (
     "A compliance, a moment or a tilt has no U of its own: measurements only show what all springs "

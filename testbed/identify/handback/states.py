@@ -13,8 +13,9 @@ from testbed.identify.calibration import Calibration
 from testbed.identify.handback.least_moved import RULE, LeastMoved, least_moved
 from testbed.identify.handback.links import farthest
 from testbed.identify.records import FittedModel
+from testbed.lengths import with_unit
 from testbed.robots.write.dh_table import DhRow, dh_rows
-from testbed.units import DEG, MM, counted, listed, sentences, significant, with_unit
+from testbed.units import DEG, MM, counted, listed, sentences, significant
 
 NOMINAL, MEASURED, PRIOR = "nominal", "measurements", "prior"
 TOGETHER = "measurements, with all that springs do"

@@ -2,8 +2,9 @@
 
 from testbed.identify.calibration import Calibration
 from testbed.identify.statements import statements_of
+from testbed.lengths import column_unit
 from testbed.report.page import Block, Section, Table
-from testbed.units import column_unit, probability, significant
+from testbed.units import probability, significant
 
 FIXED = "\u00a0"
 """A space at which no line ends: the sentences between short cells have the room."""

@@ -25,11 +25,12 @@ from testbed.identify.to_do.program import program_step
 from testbed.identify.visits.report import visit_section
 from testbed.identify.words import mark, notice, reasons, verdict
 from testbed.jobsheet.report import Row, job_rows, job_section
+from testbed.lengths import as_stated
 from testbed.report.apart import left_nominal
 from testbed.report.glossary import glossary_section
 from testbed.report.page import Block, Page, Points, Section, Table, Text, record_section
 from testbed.store.layout import RECORDING
-from testbed.units import as_stated, counted, listed, sentence, sentences, typeset
+from testbed.units import counted, listed, sentence, sentences, typeset
 
 KINDS = {"pose": "position and orientation", "point": "position", "distance": "a distance"}
 """What a reading of each kind measures."""

@@ -10,6 +10,7 @@ from calib.geometry.frames import inverse
 from calib.measurement.prediction import tool_poses
 from testbed.identify.calibration import Calibration
 from testbed.identify.errors import of_poses
+from testbed.lengths import with_unit
 from testbed.report.plots import (
     CUT_OFF,
     SHADES,
@@ -23,7 +24,7 @@ from testbed.report.plots import (
     view_of,
 )
 from testbed.report.svg import DARK, HALF_WIDTH, INK, LIGHT, MIDDLE, SOFT, WIDTH, drawing, svg_of
-from testbed.units import DEG, MM, with_unit
+from testbed.units import DEG, MM
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

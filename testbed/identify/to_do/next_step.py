@@ -20,7 +20,7 @@ from testbed.identify.to_do.causes import (
 from testbed.identify.to_do.change import NOTHING_LEFT, nothing_left
 from testbed.identify.to_do.unconfirmed import unconfirmed
 from testbed.identify.visits.wide import wide_step
-from testbed.units import with_unit
+from testbed.lengths import with_unit
 
 LEARNT = 1.1
 """Errors at held-out poses up to so many times those at training poses are all that is left."""

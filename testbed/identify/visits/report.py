@@ -11,9 +11,10 @@ from testbed.files.visits.visit import OWN, RobotVisit
 from testbed.identify.calibration import Calibration
 from testbed.identify.errors import figures_of
 from testbed.identify.records import Figures
+from testbed.lengths import column_unit, with_unit
 from testbed.report.page import Section, Table, Text
 from testbed.store.quantities import METRE, RADIAN, Quantity, below
-from testbed.units import DEG, MM, UM, column_unit, counted, fixed, listed, significant, with_unit
+from testbed.units import DEG, MM, UM, counted, fixed, listed, significant
 
 TOLD, TOLD_SLIDE = np.radians(1.0), 5e-3
 """Changes of a zero that readings must rule out to say so [rad, m]: else base or tool, which each

@@ -13,7 +13,8 @@ from calib.uncertainty.statement.stated_point import common_radius
 from testbed.files.visits.visit import OWN
 from testbed.identify.calibration import Calibration
 from testbed.identify.visits.report import of
-from testbed.units import DEG, MM, counted, listed, with_unit
+from testbed.lengths import with_unit
+from testbed.units import DEG, MM, counted, listed
 
 TIMES = 2.0
 """So many times as wide as with known frames must a radius be, to say so: of 130 campaigns of two

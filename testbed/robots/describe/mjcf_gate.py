@@ -11,6 +11,7 @@ from typing import Any
 from calib.errors import refuse
 from testbed.bounds import COORDINATE, DENSITY, DIRECTION, INERTIA, LIMIT, LINK, MASS, SCALE
 from testbed.gates.paths import real
+from testbed.robots.describe.mesh_gate import check_scale, mesh_path, missing, not_local, outside
 from testbed.robots.describe.xml_gate import (
     LARGEST,
     SOURCE,
@@ -19,12 +20,7 @@ from testbed.robots.describe.xml_gate import (
     called,
     check_numbers,
     check_range,
-    check_scale,
     error_at,
-    mesh_path,
-    missing,
-    not_local,
-    outside,
     parse_xml,
     place_of,
     read_xml,

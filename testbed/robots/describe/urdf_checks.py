@@ -7,22 +7,24 @@ from typing import Any
 
 from testbed.bounds import DIRECTION, INERTIA, LIMIT, LINK, MASS, SCALE, SLIDE_SPEED, TURN_SPEED
 from testbed.names import choice_of, some
+from testbed.robots.describe.mesh_gate import (
+    MESHLESS,
+    check_scale,
+    mesh_path,
+    missing,
+    not_local,
+    outside,
+)
 from testbed.robots.describe.urdf_shapes import check_shapes, name_shapes
 from testbed.robots.describe.xml_gate import (
-    MESHLESS,
     FileOptions,
     Row,
     angle_notes,
     called,
     check_numbers,
     check_range,
-    check_scale,
     error_at,
-    mesh_path,
-    missing,
     need,
-    not_local,
-    outside,
 )
 
 NUMBERS = {

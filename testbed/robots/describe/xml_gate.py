@@ -30,8 +30,6 @@ COUNTS = {
     4: "four numbers",
     6: "write six numbers, separated by spaces",
 }
-MESH_ROOT = "give the folder that holds all meshes as mesh_root"
-MESHLESS = f"{MESH_ROOT}, or allow missing meshes"
 
 
 @dataclass(frozen=True, slots=True)
@@ -250,14 +248,6 @@ def need(element: Any, path: Path, attribute: str) -> None:
         raise error_at(element, path, code, f"{called(element)} has no {attribute}", attribute)
 
 
-def check_scale(mesh: Any, path: Path) -> None:
-    """R11: no mesh is flattened."""
-    text = mesh.get("scale", "1")
-    if not all(map(float, text.split())):
-        message = f'{called(mesh)} has scale="{text}"'
-        raise error_at(mesh, path, "R11", message, "scale", text, "no factor may be zero")
-
-
 def check_range(element: Any, path: Path, field: str, joint: str, span: tuple[float, float]) -> str:
     """R14: a range is not the wrong way round; a sentence if it is empty."""
     lower, upper = span
@@ -276,28 +266,3 @@ def angle_notes(largest: list[float]) -> list[str]:
     if largest and max(largest) < 0.12:
         return [f"all joint limits are below {max(largest):.3g} rad: were radians converted twice?"]
     return []
-
-
-def mesh_path(mesh: Any, path: Path, file: Path) -> Path:
-    """Where a mesh would lie, links followed; R7 if nothing can lie there."""
-    return real(file, field="mesh", where=place_of(mesh, path))
-
-
-def not_local(mesh: Any, path: Path, field: str, name: str) -> InputError:
-    """R7: a mesh on the net."""
-    fix = "download it and name the file"
-    return error_at(mesh, path, "R7", f"mesh {name} is not a local file", field, name, fix=fix)
-
-
-def outside(
-    mesh: Any, path: Path, field: str, name: str, folder: Path, fix: str = MESH_ROOT
-) -> InputError:
-    """R6: a mesh that is not below the folder of all meshes."""
-    message = f"mesh {name} lies outside {folder}"
-    return error_at(mesh, path, "R6", message, field, name, fix=fix)
-
-
-def missing(mesh: Any, path: Path, field: str, name: str, folder: Path) -> InputError:
-    """R7: a mesh that is not there."""
-    allowed = f"it must be a file below {folder}"
-    return error_at(mesh, path, "R7", f"mesh {name} is missing", field, name, allowed, MESHLESS)

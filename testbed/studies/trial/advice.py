@@ -4,10 +4,11 @@ import numpy as np
 
 from calib.held_out_counts import fewest_poses
 from calib.identification.identify import Status
+from testbed.lengths import with_unit
 from testbed.studies.trial.records import Campaign, Comparison
 from testbed.studies.trial.statement.records import LEVEL, Statement
 from testbed.studies.trial.verdict import ALARM, judge, strays_of, tested
-from testbed.units import counted, millimetres, significant, with_unit
+from testbed.units import counted, millimetres, significant
 
 NOISE = ("tracker noise", "joint repeatability", "gross errors")
 """Sources that more poses average out."""

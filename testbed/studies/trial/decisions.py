@@ -12,12 +12,13 @@ from calib.measurement.accuracy import point_distances
 from calib.uncertainty.statement.conformity import Conformity, conformity
 from calib.uncertainty.statement.stated_point import widened
 from testbed.laboratory.truth.setting import held_out_conditions
+from testbed.lengths import as_stated, column_unit
 from testbed.report.page import Section, Table, Text, heads
 from testbed.scenario.tolerance import Decision
 from testbed.store.quantities import METRE, Quantity, below, stated
 from testbed.studies.trial.records import Campaign, Estimate
 from testbed.studies.trial.statement.records import LEVEL
-from testbed.units import as_stated, column_unit, counted, percent, sentence, significant, typeset
+from testbed.units import counted, percent, sentence, significant, typeset
 
 PROGRAMS = {"before": "as it was", "after": "corrected"}
 

@@ -7,22 +7,14 @@ import numpy as np
 
 from calib.identification.result import Reason
 from calib.uncertainty.statement.belief import Belief
+from testbed.lengths import column_unit
 from testbed.report.choice import choice_tables
 from testbed.report.page import Block, Figure, Points, Table, Text, printed
 from testbed.studies.trial import plots, plots_uncertainty
 from testbed.studies.trial.estimator import AS_ASKED
 from testbed.studies.trial.records import Campaign, Trial
 from testbed.studies.trial.statement.records import SUMS, Statement, sums_of
-from testbed.units import (
-    UM,
-    column_unit,
-    counted,
-    percent,
-    probability,
-    sentence,
-    significant,
-    typeset,
-)
+from testbed.units import UM, counted, percent, probability, sentence, significant, typeset
 
 NONE = "–"
 COLUMNS = {
