@@ -19,7 +19,8 @@ BALL = 2.0
 """Times the standard uncertainty of a target: a ball of that radius holds at least 95 %."""
 BESIDE = 1.25
 """Radii that are stated over rehearsed ones: waves that readings do not ask for are misfit of real
-arms, and no rehearsal has it. Most virtual arms with such waves keep to it."""
+arms, and no rehearsal has it. Set by five virtual arms with such waves; of ten, with these among
+them, seven keep to it."""
 WORTH = 0.95
 """Twice as many poses must leave less than this part of a radius, or still more are not tried."""
 NEAR = 1.15
