@@ -276,6 +276,20 @@ def test_joints_swapped_on_a_larger_arm_are_refused_after_the_fit():
     assert caught.value.code == "M32"
 
 
+def test_rotations_of_another_convention_are_refused_after_the_fit():
+    """Turned by up to 14 deg each, as by a convention that differs a little from pose to pose."""
+    model, rng = tx60(), np.random.default_rng(5)
+    table = poses_of(model, pool_r(60), rng)
+    T = np.tile(np.eye(4), (len(table), 1, 1))
+    turns = exp_so3(0.25 * rng.uniform(-1, 1, (len(table), 3)))
+    T[:, :3, 3], T[:, :3, :3] = table.position, table.rotation @ turns
+    with pytest.raises(
+        InputError, match="even fitted links miss most measured rotations"
+    ) as caught:
+        calib.calibrate(model, calib.poses(table.q, T, sd=(SD, TURN_SD)))
+    assert caught.value.code == "M32"
+
+
 def test_no_such_arm_is_asked_of_frames_alone_nor_of_small_arms_and_slides():
     """Joints mastered wrong by degrees, servos that come back to 1.5 deg, a scale of 3 m off."""
     rng = np.random.default_rng(4)

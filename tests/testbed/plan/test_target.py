@@ -109,19 +109,24 @@ def test_a_radius_that_most_rehearsals_keep_to(over, column):
     assert Rehearsals(radii[:0], radii[:0], 0).mostly(worst=worst) == np.inf
 
 
-def searched(radius, target=100e-6, poses=8, measured=0):
+def searched(radius, target=100e-6, poses=8, measured=0, worst=None):
     """What the search finds where the calibration of m poses will state `radius(m)` [m].
 
-    Beside so many that were `measured` already.
+    Beside so many that were `measured` already; `worst` times as much at the worst point, if the
+    target is of that.
     """
     made, tried = asked(300.0), []
     task = _task_of(made, target)
     before = task.blocks[:measured].reshape(-1, task.blocks.shape[2])
     task = replace(task, before=before)
+    if worst is not None:
+        task = replace(task, settings=task.settings.model_copy(update={"target_is": "worst"}))
 
     def rehearse(places):
         tried.append(len(places))
-        return Rehearsals(np.zeros((1, 3)), np.full((1, 3), radius(len(places)) / BESIDE), 1)
+        joints = np.full((1, 3), radius(len(places)) / BESIDE)
+        joints[:, 2] *= worst or 1.0
+        return Rehearsals(np.zeros((1, 3)), joints, 1)
 
     found = for_joints(task, np.arange(poses), rehearse, np.random.default_rng(3))
     return found, tried
@@ -148,6 +153,12 @@ def test_the_search_finds_about_the_smallest_number_that_reaches_the_target():
     assert found.sufficiency.reached
     assert len(set(found.places.tolist())) == len(found.places)
     assert tried[:3] == [20, 40, 60]  # the whole pool
+
+
+def test_a_target_of_the_worst_point_is_asked_of_that():
+    found, _ = searched(lambda m: 100e-6 * 24 / m, worst=2.0)
+    assert 48 <= len(found.places) <= NEAR * 48 + 1
+    assert found.sufficiency.reached
 
 
 def test_the_search_counts_what_was_measured_already():

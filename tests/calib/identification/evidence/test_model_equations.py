@@ -96,6 +96,19 @@ def test_products_that_no_row_sees_are_left_out_and_change_nothing(equations):
     assert model.learned(SCALE) == pytest.approx(whole.learned(SCALE), abs=1e-9)
 
 
+def test_numbers_learned_beside_a_prior_that_ties_them_together(equations):
+    """Each number by itself is as uncertain as before, and every two of them are correlated."""
+    system, _ = equations
+    model = system.of_model(*levels("waves"))
+    k = len(model.size)
+    root = np.sqrt(np.diag(model.precision))
+    tied = replace(model, precision=np.where(np.eye(k), 1.0, 0.5) * root[:, None] * root)
+    A = system.A.reshape(-1, model.width)[:, model.columns[:k]] * model.size / SCALE
+    expected = k - np.trace(tied.precision @ np.linalg.inv(A.T @ A + tied.precision))
+    assert tied.learned(SCALE) == pytest.approx(expected, abs=1e-6)
+    assert abs(tied.learned(SCALE) - model.learned(SCALE)) > 0.1  # or this would show nothing
+
+
 @pytest.mark.parametrize("v", [0.3, 20.0])
 def test_a_model_under_a_misfit_is_its_part_of_all_equations_under_it(equations, v):
     system, table = equations

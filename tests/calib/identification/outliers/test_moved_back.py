@@ -11,9 +11,9 @@ from calib.geometry.joint_errors import JointErrors, harmonic_terms
 from calib.geometry.model import RobotModel
 from calib.geometry.parameters import parameters_of
 from calib.identification.identify import identify
+from calib.identification.outliers import moved
 from calib.identification.outliers.moved import moved_or_back
-from calib.identification.outliers.spans import ENDS, intervals_of
-from calib.measurement import tables
+from calib.identification.outliers.spans import intervals_of
 from tests.calib import kinds
 
 POSES = 60
@@ -135,9 +135,14 @@ def test_nothing_came_back_where_joints_have_waves(order):
         assert of(true, kinds.points(wavy, q, rng)) is None
 
 
-def test_of_many_poses_not_every_pair_is_tried():
-    """The square of thousands of stops would take minutes and gigabytes."""
-    rows = tables.points(np.zeros((3000, 6)), np.zeros((3000, 3)), sd=1e-5)
-    spans = intervals_of(replace(rows, pose_id=np.arange(3000)))
-    assert len(spans.first) <= ENDS**2 / 2
-    assert spans.tried > 4_000_000  # the chance is of all of them
+def test_the_chance_is_of_all_spans_that_were_tried(monkeypatch):
+    true, q, rng = robot(5)
+    table = with_tool(true, q, rng, 1e-4 * WAY, between(22, 32))
+    one = of(true, table)
+    monkeypatch.setattr(
+        moved, "intervals_of", lambda rows: replace(intervals_of(rows), tried=1000 * (57 * 56 // 2))
+    )
+    many = of(true, table)
+    assert (one.row, one.back) == (many.row, many.back)
+    assert 0 < one.p_value < 1e-6
+    assert many.p_value == pytest.approx(1000 * one.p_value, rel=1e-9)

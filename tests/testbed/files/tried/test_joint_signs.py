@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from calib.errors import InputError
-from testbed.files.alternatives import Interpretation
+from testbed.files.alternatives import Alternative, Interpretation
 from testbed.files.probe import probe
 from testbed.files.read import read_session
 from testbed.files.tried.joint_signs import other_signs
@@ -105,6 +105,20 @@ def test_a_sign_that_no_reading_tells_is_said_to_be_so(tmp_path):
     robot = arm(tmp_path)
     said = refused(tmp_path, robot, *seen(robot, KUKA, tip=(0.0, 0.0, 0.12)))
     assert "joints 1, 4 and 6 turn the other way (of joint 6 these readings do not tell it)" in said
+
+
+def test_signs_that_no_reading_tells_are_not_guessed(tmp_path):
+    """A reflector in the center of the wrist moves with no joint of it."""
+    robot = arm(tmp_path)
+    mirror = Alternative("mirror", "if x has the other sign", "check the axes", "M20", "x")
+
+    def found(height):
+        """What is said of a reflector so high on the last axis [m]."""
+        J, points = seen(robot, KUKA, tip=(0.0, 0.0, height))
+        return other_signs(robot.model, AS_THE_ARM, Interpretation(J, points, None), mirror)
+
+    assert found(-0.09) is None
+    assert found(0.12)[0].code == "M20"  # of the last alone nothing is told
 
 
 def test_an_arm_without_a_plane_of_symmetry_has_a_left_handed_frame(tmp_path):

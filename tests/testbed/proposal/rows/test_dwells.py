@@ -48,6 +48,27 @@ def test_nothing_is_said_where_stops_and_readings_are_not_as_many_or_of_another_
     assert clock_offset(times[:300], q[:300], begun[:1]) is None
 
 
+def test_nothing_is_said_where_the_arm_rests_on_its_way_nearly_as_long_as_it_was_measured():
+    """Which of the stops were measured is then a guess; a rest of a tenth is none of them."""
+    places = np.random.default_rng(2).uniform(-1.5, 1.5, (STOPS + 1, 3))
+    way = np.linspace(0, 1, int(2 * RATE))[:, None]
+
+    def found(rest):
+        """The difference of the clocks, where the arm rests for so long [s] before the seventh."""
+        rows, begun = [], []
+        for k, seconds in enumerate([4.0] * 6 + [rest] + [4.0] * 6):
+            if k != 6:
+                begun.append(sum(map(len, rows)) / RATE)
+            rows.append(np.repeat(places[k : k + 1], int(seconds * RATE), axis=0))
+            if k < STOPS:
+                rows.append(places[k] + way * (places[k + 1] - places[k]))
+        q = np.vstack(rows)
+        return clock_offset(np.arange(len(q)) / RATE, q, np.array(begun) + 1.5 - 50.0)
+
+    assert found(0.4).least < 50.0 < found(0.4).most
+    assert found(2.0) is None
+
+
 def test_nothing_is_said_where_a_rest_at_home_and_a_last_stop_cut_short_leave_two_choices():
     """Each reading falls into the stop before its own, too: a difference 6 s off was proposed."""
     places = np.random.default_rng(1).uniform(-1.5, 1.5, (STOPS + 1, 3))
