@@ -177,22 +177,23 @@ def length_unit(lengths: ArrayLike) -> tuple[float, str]:
 def length_words(length: float, *beside: float, um: str = "") -> str:
     """A length [m] for a sentence with its unit, the same for all that it is read beside.
 
-    In mm it has three digits; in um it is written in the format `um`, by default as a whole number,
-    and with two digits where that would hide it.
+    In mm it has three digits, and below a micrometer it is in um whatever is beside it; in um it is
+    written in the format `um`, by default as a whole number, and with two digits where that would
+    hide it.
 
     Examples
     --------
     >>> length_words(26.4e-6), length_words(3.14e-6), length_words(45e-9), length_words(0.0)
     ('26 um', '3.1 um', '0.045 um', '0 um')
-    >>> length_words(4.3074e-3), length_words(26.4e-6, 4.3e-3)
-    ('4.31 mm', '0.0264 mm')
+    >>> length_words(4.3074e-3), length_words(26.4e-6, 4.3e-3), length_words(3e-9, 4.3e-3)
+    ('4.31 mm', '0.0264 mm', '0.003 um')
     >>> length_words(26.44e-6, um=".1f"), length_words(412e-6, um="#.3g")
     ('26.4 um', '412 um')
     """
-    scale, unit = length_unit([length, *beside])
-    size = scale * length
-    if unit == "mm":
-        return f"{three_digits(size)} mm"
+    unit = length_unit([length, *beside])[1]
+    size = 1e6 * length
+    if unit == "mm" and not 0 < size < 1:
+        return f"{three_digits(size / 1e3)} mm"
     form = um or (".0f" if size == 0 or size >= 9.95 else ".2g")
     return f"{f'{size:{form}}'.rstrip('.')} um"
 

@@ -158,5 +158,6 @@ def test_a_length_is_said_in_millimeters_from_where_three_digits_reach_one(lengt
 
 def test_lengths_that_are_read_side_by_side_have_the_unit_of_the_largest():
     assert length_words(26.4e-6, 4.3e-3) == "0.0264 mm"
+    assert length_words(3e-9, 4.3e-3) == "0.003 um"  # it was "3.00e-06 mm"
     assert length_unit([26.4e-6, -4.3e-3]) == (1e3, "mm")
     assert length_unit([]) == length_unit([26.4e-6, np.inf, np.nan]) == (1e6, "um")
