@@ -94,7 +94,10 @@ def folder(tmp_path_factory):
 
 @pytest.mark.parametrize(
     ("series", "some"),
-    [("B", FEW), *(pytest.param(one, None, marks=pytest.mark.study) for one in SERIES)],
+    [
+        pytest.param("B", FEW, marks=pytest.mark.slow),
+        *(pytest.param(one, None, marks=pytest.mark.study) for one in SERIES),
+    ],
 )
 def test_a_hundred_training_poses_reach_the_published_level(series, some, folder):
     found = calibrated(series, folder, some)

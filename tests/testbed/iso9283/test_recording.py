@@ -66,6 +66,7 @@ def entity(opened, begin):
     return name, int(name.rpartition("_x")[2])
 
 
+@pytest.mark.slow
 def test_the_recording_is_whole_its_words_fit_and_the_viewer_shows_it_without_complaint(out, shown):
     assert viewed.verify(out / "iso9283.rrd")
     story = story_of(shown)

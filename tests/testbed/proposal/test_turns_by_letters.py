@@ -82,6 +82,7 @@ def test_kawasaki_is_a_word_for_their_order(tmp_path):
     np.testing.assert_allclose(table.rotation, made(seed=2, m=M).T[:, :3, :3], atol=1e-7)
 
 
+@pytest.mark.slow
 def test_angles_in_an_order_that_is_not_tried_do_not_lose_the_places(tmp_path):
     """Nothing fitted, and what was proposed were these angles as XYZ."""
     found = proposed(tmp_path, ("yaw", "pitch", "roll"))
@@ -109,6 +110,7 @@ def test_greek_letters_are_turns_about_the_axes_where_these_fit(names, euler, re
     assert not found.unused
 
 
+@pytest.mark.slow
 def test_greek_letters_that_fit_in_no_order_are_left_aside_and_the_places_are_read(tmp_path):
     found = proposed(tmp_path, ("alpha", "beta", "gamma"), "ZYZ")
     assert found.fits

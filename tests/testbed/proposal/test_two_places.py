@@ -222,7 +222,7 @@ POSES = {
 
 
 @pytest.mark.parametrize("poses", POSES.values(), ids=POSES)
-@pytest.mark.parametrize("numbered", [True, False])
+@pytest.mark.parametrize("numbered", [pytest.param(True, marks=pytest.mark.slow), False])
 def test_poses_of_a_controller_in_place_of_joints_are_told(poses, numbered, tmp_path):
     """It was asked whether this was the robot that was measured."""
     tables = {"pose.txt": poses, "lt.txt": points()}

@@ -128,6 +128,7 @@ def test_it_is_asked_only_where_something_is_refuted_and_nothing_moved_in_time()
     assert in_turn_words(sound, session) == ()
 
 
+@pytest.mark.slow
 def test_a_step_among_the_poses_of_one_turn_is_none_between_turns():
     """Of the poses at even places only the later ones have another tool."""
     late = np.concatenate([np.zeros(40, dtype=bool), EVEN[:40]])

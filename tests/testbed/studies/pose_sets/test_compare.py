@@ -143,6 +143,7 @@ def test_a_copy_of_the_random_set_is_undecided_with_ratio_one():
     assert entry.outcome == "undecided"
 
 
+@pytest.mark.slow
 def test_the_order_of_the_trials_changes_nothing():
     campaign = crowd()
     order = np.random.default_rng(3).permutation(len(campaign.trials))

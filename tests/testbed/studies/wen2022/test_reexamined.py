@@ -114,6 +114,7 @@ def test_the_kind_of_robots_that_is_judged_keeps_an_error_like_the_printed_one()
     assert small.judged.truth == "rigid"
 
 
+@pytest.mark.slow
 def test_predicted_uncertainties_are_those_of_the_sandwich_and_of_the_fit_itself():
     sets = pool_sets_of(campaign())
     own = bench().with_poses(sets.pool_q[1], sets.test_q[1])
