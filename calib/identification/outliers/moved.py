@@ -24,6 +24,7 @@ from calib.identification.outliers.sides import (
     come_again,
     elsewhere,
     jumps,
+    moves_one_place,
     seen_once,
 )
 from calib.identification.outliers.spans import FEWEST, Spans, intervals_of, steps_of
@@ -233,6 +234,8 @@ class _Rows:
         if not spans.back and what not in NEVER_BACK and fit.wandering(plain, first):
             return None
         if what in ("station", "base", "robot") and at_one_place(rows, side):
+            return None
+        if moves_one_place(rows, side, plain):
             return None
         if spans.back and not self._most_gain(fit, plain, change, side):
             return None

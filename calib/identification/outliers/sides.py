@@ -5,7 +5,7 @@ A side is a boolean array over rows in order of time: those that a step displace
 
 import numpy as np
 
-from calib.arrays import Bool
+from calib.arrays import Array, Bool
 from calib.identification.start.on_a_line import extents_told
 from calib.measurement.observations import POINT, Measurements
 
@@ -17,6 +17,9 @@ APART = 4.0
 """Standard errors between the means of a joint before and after the step, from which the poses lie
 elsewhere: there, model misfit looks like a step. For a load and another robot, which follow the
 poses, between the mean squares, too."""
+ALIKE = 0.05
+"""Part of a displacement by which it may differ between readings of one place and still move it as
+a whole: an arm that misses the place by a centimeter turns by 2 % of half a meter more or less."""
 
 
 def come_again(rows: Measurements, side: Bool) -> int:
@@ -36,8 +39,36 @@ def at_one_place(rows: Measurements, side: Bool) -> bool:
     A step of the station, or another arm, would be free to put it anywhere: what lengths the
     readings tell is lost, and a place whose coordinates are wrong looks alike.
     """
-    both = (rows.rows(np.flatnonzero(part)) for part in (side, ~side))
-    return any((part.kind == POINT).all() and extents_told(part) == 0 for part in both)
+    return any(_one_place(rows, part) for part in (side, ~side))
+
+
+def moves_one_place(rows: Measurements, side: Bool, plain: Array) -> bool:
+    """Whether a change moves all that was seen on one side alike, and that is one place.
+
+    As the first joint does, which turns the arm about its base: a step of it is one of the base.
+    Further joints displace a place the more, the further from their axes it was reached.
+
+    Parameters
+    ----------
+    rows : Measurements
+        (m,) rows in order of time.
+    side : (m,) array of bool
+        Those that a step displaces.
+    plain : (m, 6, k) array
+        Derivative of the rows by the change.
+    """
+
+    def is_alike(part: Bool) -> bool:
+        seen = plain[part, :3]
+        return bool(np.ptp(seen, axis=0).max() <= ALIKE * np.abs(seen).max())
+
+    return any(is_alike(part) and _one_place(rows, part) for part in (side, ~side))
+
+
+def _one_place(rows: Measurements, part: Bool) -> bool:
+    """Whether all points of a part of the rows lie at one place within their noise."""
+    there = rows.rows(np.flatnonzero(part))
+    return bool((there.kind == POINT).all()) and extents_told(there) == 0
 
 
 def jumps(rows: Measurements, side: Bool) -> bool:

@@ -193,6 +193,10 @@ def _fitting_joints(group: _Group, model: RobotModel, table: Measurements, row: 
     near = np.arange(max(k - NEAR, 0), min(k + NEAR + 1, len(group.rows)))
     others = np.union1d(near, group.bad[:MOST_ASTRAY])
     others = group.rows[others[others != k]]
+    # of a place that a tip touches again, all joints fit each other's readings
+    others = others[(table.position[others] != table.position[row]).any(axis=1)]
+    if not len(others):
+        return None
     F = flange_poses(model, table.q[others])
     errors = group.frames.position_errors(F, table.position[row])
     best = int(np.argmin(errors))

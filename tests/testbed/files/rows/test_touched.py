@@ -67,6 +67,17 @@ def test_round_places_that_are_touched_again_are_not_called_a_controllers_poses(
     assert probe(ROBOT, session).exact
 
 
+def test_a_touch_beside_its_place_is_not_said_to_fit_the_joints_of_another_touch(tmp_path):
+    """All others of that place have the same coordinates: whose joints fit them is no news. On a
+    real arm the first of them was named, as if lines had been swapped."""
+    table = touched(PLACES)
+    table["q1_deg"][7] += 9
+    (tmp_path / "a.csv").write_text(csv(table))
+    (tmp_path / "s.toml").write_text("[points]\n[uncertainty]\nposition_um = 20\n")
+    (said,) = read_session(tmp_path / "a.csv", ROBOT, config=tmp_path / "s.toml").masked
+    assert said.endswith("mm off")
+
+
 def rounded_poses():
     """Columns of the nominal robot's own places, to a tenth of a millimeter."""
     q = made().q
