@@ -11,13 +11,16 @@ from testbed.names import some
 from testbed.proposal.data import Found
 from testbed.proposal.fits.tried import unnamed
 from testbed.proposal.names import is_wished
+from testbed.proposal.naming.own_joints import called_in
 from testbed.proposal.rows.sideways import on_its_side
 from testbed.proposal.wished import is_angle, is_computed
 from testbed.robots.robot import Robot
-from testbed.units import counted
+from testbed.units import counted, either
 
 MOST_JOINTS = 20
 """More than the number of joints in any file."""
+FEWEST_NAMED = 2
+"""Number of columns called as joints of the robot from which no other words are meant."""
 SHOWN = 8
 """Largest number of unknown columns that are named."""
 
@@ -70,6 +73,7 @@ def no_reading(looks: tuple[Found, ...], n: int) -> InputError:
 def require_joints(looks: tuple[Found, ...], robot: Robot) -> None:
     """Refuse a file with only some of the joints, if no other file has the rest."""
     own = columns_of(robot)
+    _require_named(looks, robot, own)
     for look in looks:
         there = joints_in(look)
         if missing := sorted(set(own) - there) if there else []:
@@ -81,6 +85,25 @@ def require_joints(looks: tuple[Found, ...], robot: Robot) -> None:
                 allowed=f"{robot.name} has {counted(len(own), 'joint')}",
                 fix=f"give all of them, or another ROBOT{held}",
             )  # fmt: skip
+
+
+def _require_named(looks: tuple[Found, ...], robot: Robot, own: Sequence[int]) -> None:
+    """The same of columns that are called as the joints in the file of the robot."""
+    names = [robot.joint_names[k - 1] for k in own] if robot.joint_names else []
+    each = [called_in(look, names) for look in looks]
+    missing = [name for name in names if not any(name in called for called in each)]
+    k = max(range(len(looks)), key=lambda k: len(each[k]))
+    if len(each[k]) < FEWEST_NAMED or not missing:
+        return
+    still = ""
+    if names[-len(missing) :] == missing:
+        still = f"; if {either(missing)} stood still, name a link before it as --tip"
+    raise refusal(
+        str(looks[k].path), "joints",
+        f"has columns for {counted(len(each[k]), 'joint')}, and none for {', '.join(missing)}",
+        allowed=f"{robot.name} has {counted(len(own), 'joint')}",
+        fix=f"give all of them, or another ROBOT{still}",
+    )  # fmt: skip
 
 
 def not_known(looks: tuple[Found, ...]) -> str:

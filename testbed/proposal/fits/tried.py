@@ -27,6 +27,7 @@ from testbed.proposal.fits.draft_fit import AXES, DraftFit, fit_of
 from testbed.proposal.fits.far_off import far_off
 from testbed.proposal.fits.poses_for_joints import poses_for_joints
 from testbed.proposal.fits.rounds import rounds, without_words
+from testbed.proposal.fits.seen_from_flange import seen_from_flange
 from testbed.proposal.fits.sent import is_of_a_controller, places_of, without_sent
 from testbed.proposal.fits.touches_alone import touches_alone
 from testbed.proposal.rows.beginning import SEEN, beginnings
@@ -133,11 +134,11 @@ def tried_with(
     elif (turned := on_its_side(looks, robot.model.chain.n_joints)) is not None:
         raise turned
     if found.stated is None:
-        poses = counted(len(np.unique(session.measurements.q, axis=0)), "different pose")
-        tried = (
-            f"{poses} in {session.where}, too few to try interpretations of the file (at least "
-            f"{FEWEST}): {BY_SIZE}"
-        )
+        poses = len(np.unique(session.measurements.q, axis=0))
+        few = f"{counted(poses, 'different pose')} in {session.where}, too few"
+        if poses >= FEWEST:
+            few = f"each point of the tool in {session.where} is at too few poses"
+        tried = f"{few} to try interpretations of the file (at least {FEWEST}): {BY_SIZE}"
         return drafts[likely], tried, False
     if _is_one_place(session):
         tried = (
@@ -146,6 +147,8 @@ def tried_with(
             f"near to nominal the links are ([prior]). {BY_SIZE.capitalize()}"
         )
         return drafts[likely], tried, False
+    if (flange := seen_from_flange(session, robot)) is not None:
+        raise flange
     tried = (
         f"none of {len(drafts)} interpretations of these files fits a nominal {robot.name}: is it "
         f"the robot that was measured? {BY_SIZE.capitalize()}"

@@ -83,12 +83,24 @@ def _called(plain: Mapping[str, str], names: Mapping[int, str]) -> list[Family]:
     """Families of columns with the name of each joint, and the same words around all of them."""
     families: dict[tuple[str, str], Family] = {}
     for k, own in names.items():
-        wanted = re.compile(rf"(?:(.*) )?{re.escape(small_words(own))}(?: (.*))?")
         for name, text in plain.items():
-            hit = wanted.fullmatch(text)
-            if hit is not None and not RATES & set(text.split()):
+            if (hit := _is_called(text, own)) is not None:
                 families.setdefault((hit[1] or "", hit[2] or ""), {}).setdefault(k, name)
     return [one for one in families.values() if len(one) == len(names) == len(set(one.values()))]
+
+
+def _is_called(text: str, own: str) -> re.Match[str] | None:
+    """The words around the name of a joint in that of a column of its positions, if it is one."""
+    hit = re.fullmatch(rf"(?:(.*) )?{re.escape(small_words(own))}(?: (.*))?", text)
+    return None if RATES & set(text.split()) else hit
+
+
+def called_in(look: Found, names: Sequence[str]) -> list[str]:
+    """Which of some names of joints a table with a header has columns of."""
+    if look.kind != "table":
+        return []
+    plain = [small_words(name) for name in look.head]
+    return [own for own in names if any(_is_called(text, own) for text in plain)]
 
 
 def _numbered(plain: Mapping[str, str], own: Sequence[int]) -> list[Family]:

@@ -103,6 +103,31 @@ def test_an_arm_of_several_ends_is_told_apart_by_its_tip(tmp_path):
         assert done.exit_code == 0, done.stderr
 
 
+@pytest.mark.parametrize(
+    ("without", "said"),
+    [("mount", "; if mount_joint stood still, name a link before it as --tip"), ("elbow", "")],
+)
+def test_columns_named_as_all_joints_but_one_are_no_table_without_joints(tmp_path, without, said):
+    """Of an arm that ends in a mount which nobody turned, "not known" were all other joints."""
+    names = ("lift", "elbow", "mount")
+    arm, data = forked(tmp_path)
+    text, table = arm.read_text(), data.read_text()
+    for k, name in enumerate(names, start=1):
+        text = text.replace(f'"j{k}"', f'"{name}_joint"')
+        # what is no joint of this arm is no column of its joints
+        table = table.replace(f"j{k}", "remark" if name == without else f"{name}_joint")
+    arm.write_text(text)
+    data.write_text(table)
+    out = tmp_path / "s.toml"
+    done = call("new", "session", data, "--robot", arm, "--tip", "probe", "--out", out)
+    assert done.exit_code == 2
+    assert done.stderr.strip() == (
+        f"{data}: has columns for 2 joints, and none for {without}_joint; forked has 3 joints; "
+        f"give all of them, or another ROBOT{said}. [M35]"
+    )
+    assert not out.exists()
+
+
 def test_meshes_that_are_elsewhere_play_no_part_before_anything_is_drawn(tmp_path):
     arm, data = forked(tmp_path)
     drawn = '<link name="link1"><visual><geometry><mesh filename="package://a/b.stl"/></geometry>'
