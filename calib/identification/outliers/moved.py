@@ -233,7 +233,7 @@ class _Rows:
             return None
         if not spans.back and what not in NEVER_BACK and fit.wandering(plain, first):
             return None
-        if what in ("station", "base", "robot") and at_one_place(rows, side):
+        if what in ("station", "base", "load", "robot") and at_one_place(rows, side):
             return None
         if moves_one_place(rows, side, plain):
             return None

@@ -36,8 +36,8 @@ def seen_once(rows: Measurements, side: Bool) -> float:
 def at_one_place(rows: Measurements, side: Bool) -> bool:
     """Whether all that was seen on one side is one place within its noise.
 
-    A step of the station, or another arm, would be free to put it anywhere: what lengths the
-    readings tell is lost, and a place whose coordinates are wrong looks alike.
+    A step of the station, another load, or another arm, would be free to put it anywhere: what
+    lengths the readings tell is lost, and a place whose coordinates are wrong looks alike.
     """
     return any(_one_place(rows, part) for part in (side, ~side))
 
@@ -59,8 +59,10 @@ def moves_one_place(rows: Measurements, side: Bool, plain: Array) -> bool:
     """
 
     def is_alike(part: Bool) -> bool:
-        seen = plain[part, :3]
-        return bool(np.ptp(seen, axis=0).max() <= ALIKE * np.abs(seen).max())
+        seen = plain[part, :3].reshape(int(part.sum()), -1)
+        off = np.linalg.norm(seen - np.median(seen, axis=0), axis=1)
+        # a touch beside its place, or its joints misread, is moved differently
+        return bool(np.median(off) <= ALIKE * np.median(np.linalg.norm(seen, axis=1)))
 
     return any(is_alike(part) and _one_place(rows, part) for part in (side, ~side))
 
