@@ -9,7 +9,7 @@ from calib.arrays import Array
 from calib.errors import InputError
 from calib.geometry.frames import exp_so3, transform
 from testbed.files.alternatives import Interpretation
-from testbed.files.frames_fit import FAR
+from testbed.files.frames_fit import FAR, TIMES
 from testbed.files.refusal import refusal
 from testbed.files.rotations import rotations
 from testbed.files.rows.shifts import FEWEST, misfit_of, spread_out
@@ -31,7 +31,10 @@ def poses_for_joints(looks: Sequence[Found], robot: Robot) -> InputError | None:
             continue
         rows = spread_out(np.arange(len(poses)))
         read = Interpretation(poses[rows], _in_meters(places[rows]), None)
-        if any(misfit_of(robot.model, read, F=F).position < FAR for F in _poses(poses[rows])):
+        # places that hardly differ are near whatever is said of them
+        spread = float(np.sqrt(read.position.var(axis=0).sum()))
+        near = min(FAR, spread / TIMES)
+        if any(misfit_of(robot.model, read, F=F).position < near for F in _poses(poses[rows])):
             message = "has where a controller says that the tool is, and no joints"
             fix = "log those with each reading: a controller's own poses calibrate nothing"
             return refusal(

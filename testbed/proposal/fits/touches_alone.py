@@ -9,6 +9,7 @@ from calib.errors import InputError
 from calib.geometry.model import RobotModel
 from testbed.files.frames_fit import FAR, TIMES, flange_poses
 from testbed.files.refusal import refusal
+from testbed.files.session import Session
 from testbed.proposal.data import Found
 from testbed.proposal.sizes import signed
 from testbed.robots.robot import Robot
@@ -52,6 +53,13 @@ def touches_alone(looks: Sequence[Found], robot: Robot) -> InputError | None:
     return refusal(
         listed(names), "DATA", message, code="M35", allowed="joints with readings", fix=fix
     )
+
+
+def is_one_place(session: Session) -> bool:
+    """Whether all readings are positions of one place, to the last digit."""
+    table = session.measurements
+    points = not (table.is_pose | table.is_distance).any()
+    return points and not np.ptp(table.position, axis=0).any()
 
 
 def _joints(look: Found, n: int) -> Array | None:

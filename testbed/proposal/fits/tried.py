@@ -29,7 +29,7 @@ from testbed.proposal.fits.poses_for_joints import poses_for_joints
 from testbed.proposal.fits.rounds import rounds, without_words
 from testbed.proposal.fits.seen_from_flange import seen_from_flange
 from testbed.proposal.fits.sent import is_of_a_controller, places_of, without_sent
-from testbed.proposal.fits.touches_alone import touches_alone
+from testbed.proposal.fits.touches_alone import is_one_place, touches_alone
 from testbed.proposal.rows.beginning import SEEN, beginnings
 from testbed.proposal.rows.sideways import on_its_side
 from testbed.proposal.rows.sorted_names import sorted_by_letters
@@ -84,6 +84,10 @@ def tried_with(
         whole = whole or fits
         best = _best(drafts, sessions, fits)
         if fits[best].is_near:
+            # a column that no name calls a distance: what else explains the files counts first
+            guessed = drafts[best].guesses_distance
+            if guessed and (told := poses_for_joints(looks, robot)) is not None:
+                raise told
             best, made, aside = _by_an_instrument(drafts, sessions, fits, best, robot)
             same = [
                 k for k, one in enumerate(drafts)
@@ -140,7 +144,7 @@ def tried_with(
             few = f"each point of the tool in {session.where} is at too few poses"
         tried = f"{few} to try interpretations of the file (at least {FEWEST}): {BY_SIZE}"
         return drafts[likely], tried, False
-    if _is_one_place(session):
+    if is_one_place(session):
         tried = (
             f"all readings in {session.where} are of one place, which fits any unit and leaves the "
             "lengths of the arm unknown: touch several, whose distances are known, or state how "
@@ -156,13 +160,6 @@ def tried_with(
     if order := sorted_by_letters(looks):
         tried += f". {order}"
     return drafts[likely], tried, False
-
-
-def _is_one_place(session: Session) -> bool:
-    """Whether all readings are positions of one place, to the last digit."""
-    table = session.measurements
-    points = not (table.is_pose | table.is_distance).any()
-    return points and not np.ptp(table.position, axis=0).any()
 
 
 def _read_for(read: Callable[..., Session], draft: Draft, robot: Robot) -> Session:
