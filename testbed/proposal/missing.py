@@ -11,7 +11,7 @@ from testbed.names import some
 from testbed.proposal.data import Found
 from testbed.proposal.fits.tried import unnamed
 from testbed.proposal.names import is_wished
-from testbed.proposal.naming.own_joints import called_in
+from testbed.proposal.naming.own_joints import called_in, counted_joints
 from testbed.proposal.rows.sideways import on_its_side
 from testbed.proposal.wished import is_angle, is_computed
 from testbed.robots.robot import Robot
@@ -106,7 +106,24 @@ def _require_named(looks: tuple[Found, ...], robot: Robot, own: Sequence[int]) -
     )  # fmt: skip
 
 
-def not_known(looks: tuple[Found, ...]) -> str:
+def not_tried(looks: tuple[Found, ...], robot: Robot) -> str:
+    """Why nothing could be tried where no columns are known as the joints of a robot, in words."""
+    look, there = max(((one, counted_joints(one)) for one in looks), key=lambda one: len(one[1]))
+    if len(there) >= FEWEST_NAMED:
+        first = columns_of(robot)[0]
+        return (
+            f"{look.called} has {counted(len(there), 'joint')}, {there[0]} to {there[-1]}, and "
+            f"{robot.name} {len(columns_of(robot))}: nothing could be tried. Name the file under "
+            f"[joints], and its own joints under columns, as in q{first}_rad = "
+            f'"{there[0]}"'
+        )
+    return (
+        f"there are no joints: nothing could be tried{_not_known(looks)}. Log those of every "
+        "pose: where a controller says that the tool is does not replace them"
+    )
+
+
+def _not_known(looks: tuple[Found, ...]) -> str:
     """The unknown columns of tables, in words."""
     names = [
         name

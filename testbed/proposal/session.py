@@ -16,7 +16,7 @@ from testbed.proposal.missing import (
     columns_of,
     joints_in,
     no_reading,
-    not_known,
+    not_tried,
     require_joints,
     with_rows,
 )
@@ -198,11 +198,7 @@ def _proposed(looks: tuple[Found, ...], robot: Robot | None, root: Path) -> Prop
         return Proposed(first.document, first.notes, tried, False)
     if first.jointless:
         require_joints(looks, robot)
-        tried = (
-            f"there are no joints: nothing could be tried{not_known(looks)}. Log those of every "
-            "pose: where a controller says that the tool is does not replace them"
-        )
-        return Proposed(first.document, first.notes, tried, False)
+        return Proposed(first.document, first.notes, not_tried(looks, robot), False)
     best, tried, fits = tried_with(drafts, looks, robot, root)
     if not fits and (alone := places_alone(drafts, looks, robot, root)) is not None:
         (best, tried), fits = alone, True

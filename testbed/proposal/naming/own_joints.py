@@ -12,6 +12,8 @@ from testbed.proposal.naming.plain import COUNT, MOST, Family, small_words, with
 from testbed.proposal.words import JOINTS, OF_JOINTS, RATES
 from testbed.units import listed
 
+CALLED_JOINTS = {"joint", "joints", "q"}
+"""Words that no other numbered columns have."""
 AXES = {"x", "y", "z", "rx", "ry", "rz"}
 """Words of coordinates, whose numbers are those of targets."""
 
@@ -103,8 +105,32 @@ def called_in(look: Found, names: Sequence[str]) -> list[str]:
     return [own for own in names if any(_is_called(text, own) for text in plain)]
 
 
+def counted_joints(look: Found) -> list[str]:
+    """The longest row of columns that are called joints and numbered from 0 or 1, of any number."""
+    if look.kind != "table":
+        return []
+    families = _by_number({name: small_words(name) for name in look.head})
+    called = [
+        [family[k] for k in sorted(family)]
+        for around, family in families.items()
+        if CALLED_JOINTS & set(" ".join(around).split())
+        and sorted(family) in ([*range(len(family))], [*range(1, len(family) + 1)])
+    ]
+    return max(called, key=len, default=[])
+
+
 def _numbered(plain: Mapping[str, str], own: Sequence[int]) -> list[Family]:
     """Families of columns that differ by the number of a joint alone, from 1 or from 0."""
+    return [
+        {k: family[k - 1 + start] for k in own}
+        for family in _by_number(plain).values()
+        for start in (0, 1)
+        if set(family) == {k - 1 + start for k in own} and len(own) > 2
+    ]
+
+
+def _by_number(plain: Mapping[str, str]) -> dict[tuple[str, str], Family]:
+    """Columns that differ by a number alone, by the words around it, without rates and targets."""
     families: dict[tuple[str, str], Family] = {}
     for name, text in plain.items():
         if (RATES | AXES) & set(re.sub(r"\d+", " ", text).split()):
@@ -112,9 +138,4 @@ def _numbered(plain: Mapping[str, str], own: Sequence[int]) -> list[Family]:
         for hit in islice(COUNT.finditer(text), MOST):
             around = (text[: hit.start()], text[hit.end() :])
             families.setdefault(around, {}).setdefault(int(hit[0]), name)
-    return [
-        {k: family[k - 1 + start] for k in own}
-        for family in families.values()
-        for start in (0, 1)
-        if set(family) == {k - 1 + start for k in own} and len(own) > 2
-    ]
+    return families

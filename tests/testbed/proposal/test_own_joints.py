@@ -104,6 +104,19 @@ def test_ten_joints_have_two_digits(tmp_path):
     assert {one.plain: one.theirs for one in taken.meanings}["q10"] == "j10_deg"
 
 
+def test_joints_of_more_than_the_arm_are_counted_and_not_said_to_be_none(tmp_path):
+    """Of a humanoid that logs all of its joints in one cell, with a marker on either hand."""
+    rng = np.random.default_rng(6)
+    cells = zip(rng.normal(size=(M, 19)).tolist(), MM.tolist(), strict=True)
+    rows = [f'"{q}","{p}"' for q, p in cells]
+    (tmp_path / "m.csv").write_text("\n".join(["joints,marker", *rows, ""]))
+    said, _ = proposed(tmp_path, [tmp_path / "m.csv"], "--robot", "staubli_tx60")
+    said = " ".join(said.split())
+    assert "has 19 joints, joints[0] to joints[18], and staubli_tx60 6: nothing could be" in said
+    assert 'its own joints under columns, as in q1_rad = "joints[0]"' in said
+    assert "there are no joints" not in said
+
+
 def test_names_that_makers_and_the_file_of_the_robot_share_are_no_second_group(tmp_path):
     (tmp_path / "m.csv").write_text(csv(of_ros("{}_deg", DEG) | places("{}")))
     (look,) = look_at([tmp_path / "m.csv"], tmp_path)
