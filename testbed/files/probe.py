@@ -39,6 +39,7 @@ from testbed.files.tried.joint_signs import other_signs
 from testbed.files.tried.link_order import in_craigs_order
 from testbed.files.tried.links_fit import LinksFit, links_fit, table_of
 from testbed.files.tried.mixed_lengths import mixed_lengths, nearer_rows
+from testbed.files.tried.own_file import with_robot_toml
 from testbed.files.tried.parts import parts_of
 from testbed.files.tried.quarter_turns import quarter_turns
 from testbed.files.tried.ranged import link_sd, probe_distances, with_links
@@ -114,7 +115,7 @@ def probe(robot: Robot, session: Session, *, links: bool = True) -> Probe:
     found = replace(
         plain,
         stated=stated,
-        tried=tuple(one for one, _ in tried),
+        tried=tuple(with_robot_toml(one, robot) for one, _ in tried),
         exact=bool(exact),
         warnings=tuple(filter(None, odd)),
         no_target=not_on_one_tool(session, groups),

@@ -68,11 +68,14 @@ __all__ = (
 )
 
 
-def robot(name_or_path: str | Path) -> "Robot":
-    """Load a robot: one that ships (``staubli_tx60``), or a robot.toml, URDF or MJCF file."""
+def robot(name_or_path: str | Path, *, tip: str | None = None) -> "Robot":
+    """Load a robot: one that ships (``staubli_tx60``), or a robot.toml, URDF or MJCF file.
+
+    Of a URDF or MJCF with several ends, `tip` is the link, body or site where the arm ends.
+    """
     from testbed.robots.catalog import load_robot
 
-    return load_robot(text_of("name_or_path", name_or_path))
+    return load_robot(text_of("name_or_path", name_or_path), tip=tip)
 
 
 def scene(

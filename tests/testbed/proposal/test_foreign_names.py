@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+import truebed
 from testbed.files.read import read_session
 from testbed.robots.catalog import load_robot
 from testbed.studies import load_scenario
@@ -126,6 +127,28 @@ def test_columns_named_as_all_joints_but_one_are_no_table_without_joints(tmp_pat
         f"give all of them, or another ROBOT{said}. [M35]"
     )
     assert not out.exists()
+
+
+def test_a_line_for_robot_toml_comes_with_how_a_urdf_becomes_one(tmp_path):
+    """Of a large arm whose forearm is counted from the horizontal: its owner had a URDF alone."""
+    arm, data = forked(tmp_path)
+    head, *lines = data.read_text().splitlines()
+    rows = np.array([line.split(",") for line in lines], dtype=float)
+    rows[:, 2] -= rows[:, 1]
+    written = [",".join(f"{v:.9f}" for v in row) for row in rows]
+    data.write_text("\n".join([head, *written]))
+    asked = ("new", "session", data, "--out", tmp_path / "session.toml", "--robot")
+    said = call(*asked, arm, "--tip", "probe").stderr
+    assert 'write joints = ["q3 = J3 + J2"] under [controller] in its robot.toml; arm.urdf' in said
+    assert 'truebed.robot("arm.urdf", tip="probe")' in said
+    assert "write folder/robot.toml, to be given as ROBOT" in said
+    # as it says
+    own = truebed.robot(arm, tip="probe")
+    truebed.write_robot(own, own.model, tmp_path / "folder")
+    with (tmp_path / "folder" / "robot.toml").open("a") as file:
+        file.write('\n[controller]\njoints = ["q3 = J3 + J2"]\n')
+    done = call(*asked, tmp_path / "folder" / "robot.toml")
+    assert done.exit_code == 0, done.stderr
 
 
 def test_meshes_that_are_elsewhere_play_no_part_before_anything_is_drawn(tmp_path):
