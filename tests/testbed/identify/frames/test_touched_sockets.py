@@ -111,7 +111,7 @@ def test_a_zero_that_slipped_between_the_sockets_is_not_told_from_their_distance
 @pytest.mark.parametrize("seed", [23, 28, 31, 33, 57])
 def test_nor_is_another_load_where_joints_sag_and_those_of_one_touch_were_misread(seed):
     """Of sixty such draws eight had a load or a joint that moved the arm by 41 to 51 mm, the
-    distance of the sockets; and so had a real arm, by 48 mm."""
+    distance of the sockets; and so had a real arm, by 48 mm, two of whose rows were misread."""
     rng = np.random.default_rng(seed)
     exact = replace(touches(), covariance=touches().covariance / 100)
     rows = exact.rows(np.sort(rng.permutation(len(exact))[:28]))
