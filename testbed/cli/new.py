@@ -90,23 +90,42 @@ def session(
 def robot(
     table: Annotated[
         Path | None,
-        typer.Argument(metavar="TABLE", help="Link numbers: columns theta, d, a, alpha; limits."),
+        typer.Argument(
+            metavar="TABLE",
+            help="Link numbers: columns theta, d, a, alpha; limits. Or a URDF or MJCF.",
+        ),
     ] = None,
     joints: Annotated[
         int,
         typer.Option(metavar="N", min=1, max=64, help="Number of joints, if there is no table."),
     ] = 6,
-    out: Out = Path("robot.toml"),
+    tip: Tip = None,
+    mesh_root: MeshRoot = None,
+    allow_missing_meshes: Meshless = False,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE", help="File to write (robot.toml); of a URDF or MJCF, a folder."
+        ),
+    ] = None,
     quiet: Quiet = False,
     plain: Plain = False,
     debug: Debug = False,
 ) -> None:
-    """Write a robot.toml from a table of links, or one to fill in."""
+    """Write a robot.toml from a table of links or a URDF, or one to fill in."""
     with exit_codes(debug=debug, plain=plain):
-        from testbed.proposal.robot import robot_text
+        from testbed.proposal.robot import of_description, robot_text
         from testbed.proposal.write import plain_name, require_new, write_new
+        from testbed.robots.describe.xml_gate import FileOptions
         from testbed.schemas.editor import schema_beside
 
+        options = FileOptions(tip, mesh_root, allow_missing_meshes)
+        if (written := of_description(table, options, out)) is not None:
+            if not quiet:
+                say(f"Robot      {written}")
+                say_next("truebed", "check", written)
+            return
+        out = Path("robot.toml") if out is None else out
         require_new(out)
         name = plain_name(table if table is not None else out)
         text, assumed = robot_text(table, joints, name)

@@ -1,5 +1,6 @@
 """What to do first where the file of a robot has no place for what is to be written into it."""
 
+import shlex
 from dataclasses import replace
 
 from testbed.files.tried.interpretations import Tried
@@ -14,10 +15,6 @@ def with_robot_toml(one: Tried, robot: Robot) -> Tried:
     own, other = robot.own_text, one.alternative
     if own is None or HERE not in other.fix:
         return one
-    name = own.path.name
-    first = (
-        f'; {name} has no place for it: in Python, arm = truebed.robot("{name}", tip="{own.tip}") '
-        'and truebed.write_robot(arm, arm.model, "folder") write folder/robot.toml, to be given '
-        "as ROBOT"
-    )
+    command = shlex.join(["truebed", "new", "robot", str(own.path), "--tip", own.tip])
+    first = f"; {own.path.name} has no place for it: {command} writes a robot.toml to give as ROBOT"
     return replace(one, alternative=replace(other, fix=other.fix + first))

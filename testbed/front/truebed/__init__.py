@@ -69,10 +69,7 @@ __all__ = (
 
 
 def robot(name_or_path: str | Path, *, tip: str | None = None) -> "Robot":
-    """Load a robot: one that ships (``staubli_tx60``), or a robot.toml, URDF or MJCF file.
-
-    Of a URDF or MJCF with several ends, `tip` is the link, body or site where the arm ends.
-    """
+    """Load a robot that ships (``staubli_tx60``), a robot.toml, or a URDF or MJCF up to `tip`."""
     from testbed.robots.catalog import load_robot
 
     return load_robot(text_of("name_or_path", name_or_path), tip=tip)

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+import truebed
 from calib.errors import InputError
 from testbed import assets
 from testbed.laboratory.truth.setting import make_setting
@@ -380,3 +381,36 @@ def test_link_numbers_without_names_are_to_be_named(above, tmp_path):
     said = " ".join(done.stderr.split())
     assert "does not name its columns; theta_deg, d_mm, a_mm, alpha_deg" in said
     assert "session.toml" not in said
+
+
+def test_a_urdf_becomes_a_folder_with_its_robot_toml(tmp_path, monkeypatch):
+    """Its owner was sent to Python, and `new robot` said that the file was no table."""
+    monkeypatch.chdir(tmp_path)
+    arm = load_robot("staubli_tx60")
+    truebed.write_robot(arm, arm.model, "given")
+    done = call("new", "robot", "given/staubli_tx60.urdf", "--tip", "tool0")
+    assert done.exit_code == 0, done.stderr
+    assert done.stdout.splitlines() == [
+        "Robot      staubli_tx60/robot.toml", "Next       truebed check staubli_tx60/robot.toml",
+    ]  # fmt: skip
+    made, q = load_robot("staubli_tx60/robot.toml"), np.random.default_rng(0).normal(size=(20, 6))
+    np.testing.assert_allclose(made.model.poses(q), arm.model.poses(q), rtol=0, atol=1e-12)
+    assert len(made.visuals) == len(arm.visuals)
+    assert call("check", "staubli_tx60/robot.toml").exit_code == 0
+    # a file or a folder may be named, and nothing is written over
+    call("new", "robot", "given/staubli_tx60.xml", "--tip", "tool", "--out", "named/robot.toml")
+    assert load_robot("named").name == "staubli_tx60"
+    again = call("new", "robot", "given/staubli_tx60.urdf", "--tip", "tool0")
+    assert again.exit_code == 2
+    assert "staubli_tx60: has robot.toml already" in again.stderr
+
+
+def test_only_a_urdf_or_mjcf_has_a_tip(tmp_path):
+    table = tmp_path / "dh.csv"
+    table.write_text("d_mm,a_mm,alpha_deg\n400,5,90\n")
+    done = call("new", "robot", table, "--tip", "tool0", "--out", tmp_path / "robot.toml")
+    assert done.exit_code == 2
+    assert done.stderr == (
+        f"{table}: a tip and meshes are asked of a URDF or MJCF alone; leave them out. [S37]\n"
+    )
+    assert not (tmp_path / "robot.toml").exists()
