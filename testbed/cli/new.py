@@ -112,7 +112,7 @@ def robot(
     plain: Plain = False,
     debug: Debug = False,
 ) -> None:
-    """Write a robot.toml from a table of links or a URDF, or one to fill in."""
+    """Write a robot.toml, of a table of links, a URDF, or to fill in."""
     with exit_codes(debug=debug, plain=plain):
         from testbed.proposal.robot import of_description, robot_text
         from testbed.proposal.write import plain_name, require_new, write_new
