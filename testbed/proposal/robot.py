@@ -2,11 +2,13 @@
 
 import re
 from collections.abc import Mapping, Sequence
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 
 from calib.errors import refuse
+from testbed.files.columns import ANGLES, LENGTHS
 from testbed.files.dialects.numbers import NUMBER, number_of
 from testbed.files.refusal import refusal
 from testbed.files.sources import text_of
@@ -19,6 +21,7 @@ from testbed.robots.describe.xml_gate import FileOptions
 from testbed.robots.write.folder import write_robot_folder
 from testbed.units import counted
 
+SPEED = "max_speed_deg_s"
 KEYS = {
     "theta_deg": {"theta", "θ", "offset", "theta offset"},
     "d_mm": {"d", "link offset"},
@@ -27,7 +30,7 @@ KEYS = {
     "beta_deg": {"beta", "β"},
     "lower_deg": {"lower", "min", "q min", "lower limit", "lo"},
     "upper_deg": {"upper", "max", "q max", "upper limit", "hi"},
-    "max_speed_deg_s": {"speed", "max speed", "velocity"},
+    SPEED: {"speed", "max speed", "velocity"},
 }
 """Keys of a turning joint, and names that people use for them."""
 ALLOWED = "theta_deg, d_mm, a_mm, alpha_deg, and lower_deg, upper_deg if there are some"
@@ -44,12 +47,16 @@ ALIKE = (("d_mm", "a_mm"), ("theta_deg", "alpha_deg", "beta_deg"), ("lower_deg",
 """Groups of columns with the same unit; nobody writes d in mm and a in meters."""
 NUMBERED = ("joint", "axis", "link", "i", "j", "no", "nr", "#", "")
 """Names of a column that only numbers the joints."""
-TO = {"mm": {"mm": 1.0, "m": 1e3, "in": 25.4}, "deg": {"deg": 1.0, "rad": 180 / np.pi}}
+TO = {
+    own: {unit: size / sizes[own] for unit, size in sizes.items()}
+    for own, sizes in (("mm", LENGTHS), ("deg", ANGLES))
+}
+"""Factors by which lengths become mm, and angles deg, by their units."""
 SMALL = {"mm": (("mm", "m"), 8.0), "deg": (("deg", "rad"), 6.4)}
 """Usual units of lengths and angles, and the largest numbers that can be meters or radians."""
 TURNS, SLIDES = {"lower_deg": -180.0, "upper_deg": 180.0}, {"lower_mm": -1e3, "upper_mm": 1e3}
 """Limits of joints without any."""
-TRAVEL = {"lower_deg": "lower_mm", "upper_deg": "upper_mm", "max_speed_deg_s": "max_speed_mm_s"}
+TRAVEL = {"lower_deg": "lower_mm", "upper_deg": "upper_mm", SPEED: "max_speed_mm_s"}
 """Keys of a turning joint, and the corresponding ones of a sliding joint."""
 KIND = ("kind", "type", "joint type")
 """Names of a column that states which joints slide."""
@@ -58,6 +65,8 @@ KINDS = {
     **dict.fromkeys(("p", "prismatic", "linear", "translational", "translation", "sliding"), True),
 }
 """Whether a joint slides, by the words in that column."""
+COUNTED = re.compile(r"\D*(\d{1,2})")
+"""Number of a joint, alone or behind a letter."""
 Column = tuple[str, Sequence[float], str]
 """Name of a column, its numbers, and its unit, if stated."""
 HEAD = """\
@@ -169,6 +178,7 @@ def _rows(sheet: Sheet) -> tuple[list[dict[str, float]], list[bool], tuple[str, 
         unit = unit or below
         for key, words in KEYS.items():
             if (text in words or name == key) and key not in found:
+                _require_unit(sheet, name, key, unit)
                 column = sheet.head.index(name)
                 cells = [row[column].replace(",", ".") for row in sheet.rows]
                 found[key] = (name, [number_of(cell) for cell in cells], unit)
@@ -180,6 +190,7 @@ def _rows(sheet: Sheet) -> tuple[list[dict[str, float]], list[bool], tuple[str, 
             allowed=ALLOWED,
             fix=f"name the columns so; found: {', '.join(sheet.head)[:120]}",
         )  # fmt: skip
+    _require_in_order(sheet)
     assumed = []
     columns: dict[str, Sequence[float]] = {}
     of_turns = {
@@ -195,7 +206,7 @@ def _rows(sheet: Sheet) -> tuple[list[dict[str, float]], list[bool], tuple[str, 
                 raise refusal(where, name, f'{name} is "{cell}"', code="M25", fix="write a number")
         unit, why = units[key]
         if why and any(of_turns.get(key, (name, values))[1]):
-            assumed.append(f"{name} is in {unit}, {why}")
+            assumed.append(f"{name} is in {unit}{'/s' * (key == SPEED)}, {why}")
         own, other = TO[_kind(key)][unit], TO["mm"][units["d_mm"][0]]
         if key in TRAVEL and any(slides):
             assumed.append(f"{name} of joints that slide is in {units['d_mm'][0]}, as d")
@@ -218,6 +229,32 @@ def _rows(sheet: Sheet) -> tuple[list[dict[str, float]], list[bool], tuple[str, 
         for k, slide in enumerate(slides)
     ]
     return rows, slides, tuple(assumed)
+
+
+def _require_unit(sheet: Sheet, name: str, key: str, unit: str) -> None:
+    """Refuse an angle in a unit of lengths and the like; limits may be those of slides."""
+    if unit and key not in TRAVEL and unit not in TO[_kind(key)]:
+        what = "a length" if _kind(key) == "mm" else "an angle"
+        message = f"{name} is in {unit}, and must be {what}"
+        fix = f"write one of {', '.join(TO[_kind(key)])}"
+        raise refusal(sheet.where, name, message, code="M21", value=unit, fix=fix)
+
+
+def _require_in_order(sheet: Sheet) -> None:
+    """Refuse lines whose own numbers (3 or J3) say that they stand in another order, or twice."""
+    for column, name in enumerate(sheet.head):
+        counted_so = [COUNTED.fullmatch(row[column].strip()) for row in sheet.rows]
+        if name.strip().lower() not in NUMBERED or not all(counted_so):
+            continue
+        numbers = [int(found[1]) for found in counted_so if found]
+        for k, (number, after) in enumerate(pairwise(numbers), 1):
+            if after != number + 1:
+                cells = [sheet.rows[row][column].strip() for row in (k, k - 1)]
+                raise refusal(
+                    f"{sheet.where}:{sheet.lines[k]}", name,
+                    f"{name} {cells[0]} stands below {cells[1]}", code="M25",
+                    fix="order the lines from the base to the flange, each joint once",
+                )  # fmt: skip
 
 
 def _slides(sheet: Sheet) -> tuple[str, list[bool]]:

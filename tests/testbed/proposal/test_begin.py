@@ -191,6 +191,43 @@ def test_an_arm_whose_axes_meet_where_it_ends_is_no_robot_to_fill_in(tmp_path):
         assert "a robot description, one: 1 joint, link lengths of 0 mm in total" in done.stdout
 
 
+@pytest.mark.parametrize(
+    ("joints", "told"),
+    [
+        ("321", "links.csv:3: joint 2 stands below 3; order the lines from the base to the flange"),
+        (["J1", "J2", "J2"], "links.csv:4: joint J2 stands below J2; order the lines from the"),
+        ("134", "links.csv:3: joint 3 stands below 1; order the lines"),
+        (["A", "B", "A"], None),
+        ("012", None),
+    ],
+)
+def test_lines_that_their_own_numbers_contradict_are_no_arm(joints, told, tmp_path):
+    rows = "".join(f"{name},0,{100 + k},0,90\n" for k, name in enumerate(joints))
+    (tmp_path / "links.csv").write_text(f"joint,theta_deg,d_mm,a_mm,alpha_deg\n{rows}")
+    out = tmp_path / "robot.toml"
+    done = call("new", "robot", tmp_path / "links.csv", "--out", out)
+    assert done.exit_code == (0 if told is None else 2), done.output
+    assert out.exists() == (told is None)
+    assert (told or "") in done.stderr
+
+
+def test_link_numbers_are_in_the_units_that_their_names_state(tmp_path):
+    """Not in those that are guessed from their sizes: 31 cm are no 31 mm."""
+    (tmp_path / "links.csv").write_text(
+        "theta [gon],d [cm],a [ft],alpha [mrad],max speed\n0,31,0.5,1500,90\n100,0,1,0,90\n"
+    )
+    done = call("new", "robot", tmp_path / "links.csv", "--out", tmp_path / "robot.toml")
+    assert "max speed is in deg/s, by its size" in done.stdout
+    links = load_robot(tmp_path / "robot.toml").model.chain.links[:, :4]
+    expected = [[0, 0.31, 0.1524, 1.5], [np.pi / 2, 0, 0.3048, 0]]
+    np.testing.assert_allclose(links, expected, rtol=0, atol=1e-11)
+    (tmp_path / "links.csv").write_text("theta_deg,d [deg],a_mm,alpha_deg\n0,3,4,5\n")
+    done = call("new", "robot", tmp_path / "links.csv", "--out", tmp_path / "new.toml")
+    assert done.stderr.endswith(
+        "d [deg] is in deg, and must be a length; write one of m, mm, um, in, cm, ft. [M21]\n"
+    )
+
+
 def test_a_table_without_link_numbers_is_refused(tmp_path):
     (tmp_path / "a.csv").write_text("theta,d,length\n1,2,3\n")
     (tmp_path / "b.csv").write_text("theta,d,a,alpha\n1,x,3,4\n")
