@@ -1,6 +1,7 @@
 """A measuring session from its files: read, cleaned, matched, with every assumption stated."""
 
 from dataclasses import dataclass, replace
+from difflib import get_close_matches
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +15,7 @@ from testbed.files.refusal import refusal
 from testbed.files.rows.strays import mismatched_rows
 from testbed.files.rows.with_joints import with_joints
 from testbed.files.session import Session
-from testbed.files.session_toml import SessionFile
+from testbed.files.session_toml import FREE, SessionFile
 from testbed.files.slips import raise_if_slipped
 from testbed.files.sources import Sources, given, session_file
 from testbed.files.tried.beyond_limits import explained
@@ -129,6 +130,7 @@ def session_of(
     InputError
         As `read_session`, but for rows that belong to other joints.
     """
+    require_free_set(settings.identification.free, robot, where)
     cleaned = list(readings_of(sources, settings, drop=drop))
     joined = []
     for one in cleaned:
@@ -159,6 +161,24 @@ def session_of(
         in_use=settings.tool_in_use.tool if settings.tool_in_use else None,
         drift=max(drifts, key=lambda drift: float(drift.shift.max()), default=None),
     )
+
+
+def require_free_set(free: str | tuple[str, ...], robot: Robot, where: str) -> None:
+    """Refuse a word for what is free that is no free set of the robot.
+
+    Raises
+    ------
+    InputError
+        S37: it is none; a list of names of numbers is not looked at.
+    """
+    known = [*FREE, *robot.free_sets]
+    if isinstance(free, str) and free not in known:
+        close = get_close_matches(free, known, 1)
+        raise refusal(
+            where, "identification.free", f'[identification] free is "{free}"', code="S37",
+            value=free, allowed=f"it must be {', '.join(known)}, or a list of names of numbers",
+            fix=f'did you mean "{close[0]}"?' if close else "choose one of these",
+        )  # fmt: skip
 
 
 def _prior(settings: SessionFile, robot: Robot, where: str) -> Array | None:

@@ -28,6 +28,10 @@ from testbed.scenario.tool_in_use import ToolInUseTable
 from testbed.strict import Strict
 
 SESSION_FILE = "session.toml"
+FRAMES_ALONE = "frames"
+"""What `free` says where a calibrated robot is only placed anew."""
+FREE = ("identifiable", FRAMES_ALONE)
+"""Words for what is free, beside the free sets of a robot."""
 LengthSd = Annotated[float, LENGTH_SD.size("um")]
 AngleSd = Annotated[float, ANGLE_SD.size("mdeg")]
 Floor = Annotated[float, LENGTH_SD.or_zero("um")]

@@ -10,6 +10,7 @@ from calib.errors import InputError, refuse
 from calib.identification.robust import LOSSES, Loss
 from testbed.files.rows.terms import row_terms
 from testbed.files.session import Session
+from testbed.files.session_toml import FRAMES_ALONE
 from testbed.files.tried.interpretations import Probe
 from testbed.files.visits.probing import probed
 from testbed.identify.applies.coupling import coupling_words
@@ -24,7 +25,7 @@ from testbed.identify.conditions import held_out_warnings
 from testbed.identify.errors import figures_of, row_errors
 from testbed.identify.far_off import far_held_out, held_out_outliers
 from testbed.identify.fit import checked_model, fitted_model, frames_model, plain_fit
-from testbed.identify.frames import FRAMES_ALONE, frames_of
+from testbed.identify.frames import frames_of
 from testbed.identify.handback.handed import hand_back
 from testbed.identify.handback.links import prior_share
 from testbed.identify.moved import moved_in

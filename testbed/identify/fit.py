@@ -23,8 +23,9 @@ from calib.identification.tangent import covariance_factor
 from calib.measurement.observations import Measurements
 from calib.measurement.residual import linearize
 from calib.uncertainty.statement.stops import judged_by_stops
+from testbed.files.session_toml import FRAMES_ALONE
 from testbed.identify.errors import figures_of, row_errors
-from testbed.identify.frames import FRAMES_ALONE, astray, frames_prior, is_frame, wide_prior
+from testbed.identify.frames import astray, frames_prior, is_frame, wide_prior
 from testbed.identify.records import Choice, FittedModel, ModelName
 from testbed.robots.robot import Robot
 from testbed.streams import stream

@@ -2,12 +2,11 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from difflib import get_close_matches
 
 import numpy as np
 
 from calib.arrays import Array, frozen
-from calib.errors import InputError, refuse
+from calib.errors import InputError
 from calib.geometry.chain import COLUMNS
 from calib.geometry.frames import inverse, transform_points
 from calib.geometry.model import RobotModel
@@ -21,14 +20,13 @@ from calib.information.sizes import FRAMES
 from calib.measurement.observations import Measurements
 from calib.measurement.prediction import predict
 from calib.measurement.tool_target import places_are_found
+from testbed.files.read import require_free_set
 from testbed.files.session import Session
+from testbed.files.session_toml import FRAMES_ALONE
 from testbed.identify.visits.frames import require_determined
 from testbed.robots.catalog import Robot
 from testbed.units import listed
 
-FRAMES_ALONE = "frames"
-"""What `free` says where a calibrated robot is only placed anew."""
-WORDS = ("identifiable", FRAMES_ALONE)
 WIDE = 100.0
 """How many times wider than usual frames may lie from their start while models compete."""
 ASTRAY = 5.0
@@ -162,15 +160,8 @@ def free_numbers(model: RobotModel, robot: Robot, session: Session) -> Parameter
     """The table of `model` with the numbers free that the session frees."""
     table = parameters_of(model)
     free = session.wanted.free
+    require_free_set(free, robot, session.stated_in)
     if isinstance(free, str):
-        if free not in WORDS and free not in robot.free_sets:
-            close = get_close_matches(free, [*WORDS, *robot.free_sets], 1)
-            raise refuse(
-                "identification.free", free, code="S37", where=session.stated_in,
-                message=f'[identification] free is "{free}"',
-                allowed=", ".join([*WORDS, *robot.free_sets, "or names of numbers"]),
-                fix=f'did you mean "{close[0]}"?' if close else "",
-            )  # fmt: skip
         plain = {"identifiable": table.names, FRAMES_ALONE: ()}
         names = plain[free] if free in plain else tuple(robot.free_sets[free])
     else:

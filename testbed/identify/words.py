@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 
+from testbed.files.session_toml import FRAMES_ALONE
 from testbed.files.tried.runs import IN_A_ROW
 from testbed.identify.applies.beyond import beyond_words, drawn_out, simpler_words
 from testbed.identify.applies.rows import edge_words
@@ -9,7 +10,6 @@ from testbed.identify.applies.unsaid import unsaid_words
 from testbed.identify.calibration import FRAMES, Calibration
 from testbed.identify.conditions import conditions_words, held_out_departs
 from testbed.identify.decisions import decision_words
-from testbed.identify.frames import FRAMES_ALONE
 from testbed.identify.handback.delivered import Delivered
 from testbed.identify.handback.states import hand_back_warnings, tool_words
 from testbed.identify.headline import deg, headline_cells, kind, mm, r95

@@ -11,7 +11,8 @@ from calib.information.sizes import FRAMES
 from calib.measurement.observations import Measurements
 from calib.measurement.prediction import predict
 from testbed.files.session import Session
-from testbed.identify.frames import FRAMES_ALONE, fitted_frames
+from testbed.files.session_toml import FRAMES_ALONE
+from testbed.identify.frames import fitted_frames
 from testbed.units import DEG, millimetres, significant
 
 PLAINLY = 3.0

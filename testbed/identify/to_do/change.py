@@ -8,10 +8,11 @@ from scipy.special import fdtrc
 
 from calib.arrays import Array
 from calib.measurement.residual import linearize
+from testbed.files.session_toml import FRAMES_ALONE
 from testbed.identify.applies.beyond import CHANCE
 from testbed.identify.calibration import Calibration
 from testbed.identify.errors import of_poses
-from testbed.identify.frames import FRAMES_ALONE, is_frame
+from testbed.identify.frames import is_frame
 from testbed.identify.headline import deg, mm
 
 SHOWN = 0.01

@@ -4,10 +4,10 @@ import numpy as np
 
 from calib.held_out_counts import fewest_poses
 from calib.identification.fit_statistics import RED
+from testbed.files.session_toml import FRAMES_ALONE
 from testbed.identify.applies.beyond import far_step
 from testbed.identify.applies.targets import tool_words as target_words
 from testbed.identify.calibration import Calibration
-from testbed.identify.frames import FRAMES_ALONE
 from testbed.identify.handback.delivered import GEOMETRIC
 from testbed.identify.headline import kind, mm
 from testbed.identify.to_do.causes import (

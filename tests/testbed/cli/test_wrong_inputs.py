@@ -77,6 +77,10 @@ def test_it_is_said_in_one_sentence(words, told, here):
     [
         ("[uncertainty]\nposition_mm = 0.01", 'has no key "position_mm"; write position_um = 10.'),
         ("[uncertainty]\nnoise_um = 10", 'has no key "noise_um"; write position_um = 10. [S37]'),
+        (
+            '[identification]\nfree = "wen2021"',
+            'a list of names of numbers; did you mean "wen2022"?',
+        ),
         ("[conditions]\ntemperature_degC = 293", "is 293; it must be 150 degC or smaller;"),
         ('[drift]\nnests = ["B1"]', "has no row of a nest, and [drift] names B1; name what each"),
         ('[uncertainty]\nposition_um = 9\n[points]\nfile = "aa.csv"', 'did you mean "a.csv"? [M'),

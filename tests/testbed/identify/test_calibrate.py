@@ -253,8 +253,8 @@ def _with(found, bootstrap):
         (
             {},
             {"free": "wen2021"},
-            'bench: [identification] free is "wen2021"; identifiable, frames, wen2022, or names of '
-            'numbers; did you mean "wen2022"? [S37]',
+            'bench: [identification] free is "wen2021"; it must be identifiable, frames, wen2022, '
+            'or a list of names of numbers; did you mean "wen2022"? [S37]',
         ),
         ({}, {"free": ("theta2", "gamma")}, 'bench: no parameter is called "gamma"'),
     ],

@@ -12,9 +12,9 @@ from calib.measurement.observations import joined
 from calib.measurement.prediction import predict
 from calib.uncertainty.statement.gain import estimator_gain
 from testbed.files.read import read_session
+from testbed.files.session_toml import FRAMES_ALONE
 from testbed.identify.calibrate import Options, calibrate
 from testbed.identify.calibration import Calibration
-from testbed.identify.frames import FRAMES_ALONE
 from testbed.identify.handback.delivered import Delivered
 from testbed.identify.results import headline, split_csv
 from testbed.identify.to_do.next_step import next_step
