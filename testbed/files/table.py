@@ -240,10 +240,10 @@ def _require_units(table: DataTable) -> None:
     for own, theirs in table.names.items():
         unit, other = unit_of(own) if is_known(own) else "", said.get(theirs, "")
         if unit and other and unit != other:
-            called = f"{own}" if own == theirs else f'{own} = "{theirs}"'
+            called = f"is called {own}" if own == theirs else f'has {own} = "{theirs}"'
             raise refusal(
                 table.where, own, f"{called}, and the line below the names says {other}",
-                code="M21", value=other, allowed=unit, fix="correct the one that is wrong",
+                code="M21", value=other, fix="correct the one that is wrong",
             )  # fmt: skip
 
 

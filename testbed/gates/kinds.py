@@ -119,8 +119,10 @@ def kind_of(document: Mapping[str, Any]) -> Kind | None:
     --------
     >>> kind_of({"joints": {"file": "a.csv"}, "uncertainty": {}})
     'session'
+    >>> kind_of({"joints": [{"kind": "revolute"}], "format": 1})
+    'robot'
     """
-    if isinstance(document.get("joints"), list):
+    if isinstance(document.get("joints"), list) and not set(document) & (OF_SESSIONS - {"joints"}):
         return "robot"
     if "beam_height_mm" in document:
         return "tracker"

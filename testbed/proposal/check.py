@@ -84,7 +84,7 @@ def _toml(file: Path, robot: str | None, tip: str | None) -> list[str]:
     where = str(file)
     document = toml_document(read_toml_bytes(file, where), where)
     kind, keys = kind_of(document), set(document)
-    if kind == "robot":
+    if kind == "robot" or file.name == ROBOT_FILE:
         return _robot(load_robot(file), "a robot", where)
     if kind == "tracker" or file.name == TRACKER_FILE:
         return [f"a drawn instrument, {read_toml(file, TrackerFile, 'tracker').name}"]

@@ -24,10 +24,10 @@ SHOWN = 60
 SOURCE = "{truebed}file"
 """Attribute with the file that an included element comes from, while it is checked."""
 COUNTS = {
-    1: "one number",
+    1: "write one number",
     2: "write two numbers, separated by spaces",
     3: "write three numbers, separated by spaces",
-    4: "four numbers",
+    4: "write four numbers, separated by spaces",
     6: "write six numbers, separated by spaces",
 }
 

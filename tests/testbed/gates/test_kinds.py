@@ -52,6 +52,17 @@ def test_each_verb_says_what_it_was_given_instead(words, told, session):
     assert told in said(*words, "--out", session.parent / "out")
 
 
+def test_double_brackets_do_not_make_a_robot_of_a_session(session):
+    session.write_text(SESSION.replace("[joints]", "[[joints]]"))
+    line = said("check", session)
+    assert "it must be a table; write [joints] and its keys below. [S37]" in line
+
+
+def test_a_robot_without_joints_is_not_taken_for_a_session(tmp_path):
+    (tmp_path / "robot.toml").write_text('format = 1\nname = "a"\n[sources]\nlimits = "b"\n')
+    assert said("check", tmp_path / "robot.toml").endswith("[joints] is missing. [S37]")
+
+
 def test_names_of_what_ships_and_folders_of_results_are_said_by_check_and_run(tmp_path):
     assert "`truebed robots staubli_tx60` shows" in said("check", "staubli_tx60")
     assert "`truebed scenes quick` shows" in said("check", "quick")

@@ -197,7 +197,7 @@ WRONG = {
     "a unit that another line contradicts": (
         {name: ["[rad]" if name[0] == "q" else "mm", *column] for name, column in
          (joints("q{}_deg") | places("{}")).items()},
-        "q1_deg, and the line below the names says rad",
+        "is called q1_deg, and the line below the names says rad; correct the one that is wrong",
     ),
 }  # fmt: skip
 

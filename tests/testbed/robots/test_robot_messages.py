@@ -246,6 +246,7 @@ CASES = {
     "R11 MJCF arm heavier than any": in_mjcf('angle="degree"', 'angle="degree" settotalmass="1e8"'),
     "R12 commas": in_urdf('xyz="0 0 0.1"', 'xyz="0,0,0.1"'),
     "R12 two numbers": in_urdf('xyz="0 0 0.1"', 'xyz="0 0.1"'),
+    "R12 word": in_urdf('mass value="2.0"', 'mass value="heavy"'),
     "R12 words": in_urdf('rpy="0 0 0"', 'rpy="0 zero 0"'),
     "R12 MJCF words": in_mjcf('pos="0 0.02 0.5"', 'pos="up 0 0"'),
     "R12 MJCF three numbers": in_mjcf('range="0 0.3"', 'range="0 0.3 1"'),
