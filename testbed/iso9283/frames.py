@@ -116,18 +116,21 @@ def _before(test: CycleTest, shift: int) -> float:
 
 def fit_of(test: CycleTest, where: str) -> Fit:
     """The best fit of means over all cycles to their commands; M21 where the unit is wrong."""
-    seen, sent = [], []
+    seen, sent, usual = [], [], []
     if test.visits is not None:
         seen.append(test.visits.position.mean(axis=1))
         sent.append(test.visits.command)
+        usual.append(np.median(test.visits.position, axis=1))
     for path in test.paths:
         if path.matched:
             seen.append(np.mean(path.runs, axis=0))
             sent.append(path.command)
+            usual.append(np.median(path.runs, axis=0))
     if not seen:
         return Fit(np.eye(4), 0.0, 0.0, 0, True)
     a, b = np.concatenate(seen), np.concatenate(sent)
-    extent, wanted = (np.linalg.svd(x - x.mean(axis=0), compute_uv=False) for x in (a, b))
+    medians = np.concatenate(usual)  # one missed shot is no other unit
+    extent, wanted = (np.linalg.svd(x - x.mean(axis=0), compute_uv=False) for x in (medians, b))
     # commands in another unit may all lie within a millimeter; at one place they have none
     told = wanted[0] > LEAST or (wanted[0] > TELLS and extent[0] > FAR)
     if len(a) > 1 and told and not SPREADS[0] < extent[0] / wanted[0] < SPREADS[1]:

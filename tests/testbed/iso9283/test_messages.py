@@ -10,6 +10,7 @@ from calib.errors import InputError
 from testbed.files.read import ReadOptions
 from testbed.iso9283.play import play_test
 from testbed.iso9283.read import read_test
+from testbed.iso9283.words import reasons
 from tests.golden.words import assert_as_written
 from tests.testbed.iso9283.made import changed, dropped, path_rows, pose_rows, text_of
 
@@ -169,3 +170,12 @@ def test_readings_that_are_the_commands_are_called_so(tmp_path, rows):
             text for text in read_test(tmp_path / "a.csv").warnings if "no measurement" in text
         ]
         assert len(found) == expected
+
+
+@pytest.mark.parametrize("off", [{"x_mm": 9999.999}, {"z_mm": 5000.0}, {"x_mm": 701.0}])
+def test_one_shot_that_missed_is_named_and_is_no_wrong_unit(tmp_path, off):
+    """However far it missed: by a millimeter, or by nine meters beside which nothing scatters."""
+    rows = changed(pose_rows(n=10), off, pose_id="P5", cycle=3)
+    (tmp_path / "a.csv").write_text(text_of(rows))
+    said = " ".join(reasons(play_test(read_test(tmp_path / "a.csv"))))
+    assert "ycle 3 of pose P5 strays further than normal scatter does" in said
