@@ -97,8 +97,8 @@ def _has_joints(table: DataTable, robot: Robot) -> bool:
 
 
 def is_cartesian(table: DataTable) -> bool:
-    """Whether the targets are poses of the tool."""
-    return table.find("length", "x") is not None
+    """Whether the targets are poses of the tool; z alone may be anything."""
+    return any(table.find("length", axis) is not None for axis in "xy")
 
 
 def poses_of(table: DataTable) -> tuple[Columns, Stated, Array, Sequence[str]]:

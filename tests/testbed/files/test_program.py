@@ -143,6 +143,9 @@ def test_columns_that_nothing_is_taken_from_are_named(tmp_path, real):
     assert not told([*joints, *read, "target"], 1, 2, 3, 4, "probe", 20, "T1")
     # no position without x, and no reason to refuse the joints when they are written already
     assert told([*joints, "z_m"], 1) == [f"{start} z_m"]
+    # but places that lack their x would stand beside corrected joints as they were
+    with pytest.raises(InputError, match=r'a column y_mm but none for x; did you mean "x_mm"\?'):
+        told([*joints, "xx_mm", "y_mm", "z_mm"], 1, 2, 3)
     many = [f"c{k}" for k in range(13)]
     assert told([*joints, *many], *range(13))[0].endswith(" c8, c9 and 3 more")
     assert not told([f"A{k}" for k in range(1, 7)])
