@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from calib.errors import InputError, refuse
+from testbed.gates.paths import is_there
 from testbed.store.documents import check_format, damaged, read_json
 from testbed.store.foreign import foreign
 from testbed.store.layout import FORMAT, MANIFEST, SCENARIO
@@ -47,7 +48,9 @@ def read_manifest(path: Path) -> dict[str, Any]:
     InputError
         It is no run folder, or one of a newer version, or damaged.
     """
-    fix = f"run {path / SCENARIO} again with another --out"
+    fix = "give the command that wrote it again, with another --out"
+    if is_there(path / SCENARIO):  # the folder of a calibration has none
+        fix = f"run {path / SCENARIO} again with another --out"
     try:
         document = read_json(path / MANIFEST, fix=fix)
     except (FileNotFoundError, NotADirectoryError) as error:

@@ -193,7 +193,10 @@ def test_resume_refuses_another_scenario_version_or_format(tmp_path):
 )
 def test_a_damaged_manifest_is_named(tmp_path, text):
     (tmp_path / layout.MANIFEST).write_text(text)
-    with pytest.raises(InputError, match=r"manifest\.json: is damaged: "):
+    with pytest.raises(InputError, match=r"manifest\.json: is damaged: .*give the command that "):
+        read_manifest(tmp_path)
+    (tmp_path / layout.SCENARIO).touch()  # that of a calibration has none to run
+    with pytest.raises(InputError, match=r"; run .*scenario\.toml again with another --out\. "):
         read_manifest(tmp_path)
 
 
