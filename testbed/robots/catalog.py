@@ -195,7 +195,9 @@ def visuals(path: Path, data: Drawn) -> tuple[Visual, ...]:
             message = f"part {part.name}: {part.file} leads out of the model's folder"
             raise problem(f"files below {folder}", code="R6", message=message)
         if not file.is_file():
-            fix = f"python -m testbed.robots.write.generate {data.name}" if data.drawing else ""
+            fix = "copy the meshes along with the file, or take its [[parts]] out"
+            if data.drawing:
+                fix = f"python -m testbed.robots.write.generate {data.name}"
             raise problem(code="R7", message=f"part {part.name}: no mesh {part.file}", fix=fix)
         check_files(file)
         red, green, blue = data.colors[part.color]

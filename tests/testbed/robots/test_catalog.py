@@ -171,6 +171,13 @@ def test_a_mistake_names_file_table_key_and_fix(old, new, says, tmp_path):
     assert caught.value.where == str(tmp_path / "robot.toml")
 
 
+def test_a_robot_copied_without_its_meshes_is_told_what_to_do(tmp_path):
+    text = TOML.replace('drawing = "staubli_tx60"', "")
+    (tmp_path / "robot.toml").write_text(text, encoding="utf-8")
+    with pytest.raises(InputError, match=r"no mesh .*; copy the meshes along with the file, or"):
+        load_robot(tmp_path / "robot.toml")
+
+
 def test_a_table_that_is_missing_is_called_so(tmp_path):
     with pytest.raises(InputError, match=r"\[joints\] is missing"):
         load_text("format = 1", tmp_path)
