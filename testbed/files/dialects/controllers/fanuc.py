@@ -6,14 +6,14 @@ other, whose first number is the group and the second that of the register.
 
 import re
 
-from testbed.files.dialects.controllers.targets import JointList, Program, Target
+from testbed.files.dialects.controllers.targets import CELL, JointList, Program, Target
 from testbed.files.refusal import refusal
 from testbed.gates.text import FileText
 
 POSITION = re.compile(r"\s*P\[(\d{1,6})[^\]]{0,99}\]\s*\{(.*)")
 GROUP = re.compile(r"GP(\d)\s*:")
 ENTRY = re.compile(
-    r"\b([JE])(\d)\s*=\s*([-+]?(?:\d+(?:\.\d*)?|\.\d+)|\*+)\s*(deg|mm)?", re.IGNORECASE
+    r"\b([JE])(\d)\s*=\s*((?:[^\s,;}]|,(?=\d))*?)\s*(deg|mm)?(?=[\s;}]|,(?!\d)|$)", re.IGNORECASE
 )
 PLACE = re.compile(r"\bX\s*[=:]")
 REGISTERS = re.compile(r"\s*\[\*\w{1,20}\*\]\s*\$POSREG\b")
@@ -89,6 +89,10 @@ def _position(program: Program, number: int, name: str, block: str) -> None:
         message = f"{name} was never taught: its joints are {found[0][2]}"
         fix = "teach it, or remove it and its moves"
         raise refusal(program.place(number), "joints", message, fix=fix)
+    for letter, k, cell, _ in found:
+        if letter in "Jj" and not CELL.fullmatch(cell):
+            message, fix = f'{name} has J{k} = "{cell}"', "write a number, with a decimal point"
+            raise refusal(program.place(number), "joints", message, fix=fix)
     if joints:
         beside = [(f"E{k}", cell) for letter, k, cell, _ in found if letter in "Ee"]
         beside += [

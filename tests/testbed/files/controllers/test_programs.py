@@ -89,6 +89,22 @@ REFUSED = {
     "what was not taught": (
         ["/POS", "P[1]{ GP1: J1= ******* deg, J2= 0 deg };"], "P1 was never taught"
     ),
+    "a joint that is no number": (
+        ["/POS", "P[1]{ GP1: J1= 1 deg, J2= nan deg, J3= 3 deg };"],
+        'a.txt:2: P1 has J2 = "nan"; write a number',
+    ),
+    "a joint that is written with a comma": (
+        ["/POS", "P[1]{ GP1: J1= 1 deg, J2= 1,5 deg, J3= 3 deg };"],
+        'a.txt:2: P1 has J2 = "1,5"; write a number',
+    ),
+    "a joint that is cut short by two points": (
+        ["/POS", "P[1]{ GP1: J1= 1 deg, J2= 1.5.2 deg, J3= 3 deg };"],
+        'a.txt:2: P1 has J2 = "1.5.2"; write a number',
+    ),
+    "a joint that is beyond TP": (
+        ["/POS", "P[1]{ GP1: J1= 1 deg, J2= 1e5x deg, J3= 3 deg };"],
+        'a.txt:2: P1 has J2 = "1e5x"; write a number',
+    ),
     "positions of a tool": (
         ["/PROG A", "/MN", "1:L P[1] 9mm/sec FINE ;", "/POS", "P[1]{ GP1: X = 1 mm, Y = 2 mm };"],
         "1 Cartesian position and no joint target",
