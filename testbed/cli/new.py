@@ -114,9 +114,10 @@ def robot(
 ) -> None:
     """Write a robot.toml, of a table of links, a URDF, or to fill in."""
     with exit_codes(debug=debug, plain=plain):
-        from testbed.proposal.robot import of_description, robot_text
+        from testbed.proposal.robot import robot_text
         from testbed.proposal.write import plain_name, require_new, write_new
         from testbed.robots.describe.xml_gate import FileOptions
+        from testbed.robots.write.described import of_description
         from testbed.schemas.editor import schema_beside
 
         options = FileOptions(tip, mesh_root, allow_missing_meshes)

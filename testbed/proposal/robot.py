@@ -7,18 +7,14 @@ from pathlib import Path
 
 import numpy as np
 
-from calib.errors import refuse
 from testbed.files.columns import ANGLES, LENGTHS
 from testbed.files.dialects.numbers import NUMBER, number_of
 from testbed.files.refusal import refusal
 from testbed.files.sources import text_of
 from testbed.files.text import Sheet, read_sheet
-from testbed.gates.kinds import kind_of_name, require_no_program
+from testbed.gates.kinds import require_no_program
 from testbed.gates.text import MAX_MB, FileText
 from testbed.proposal.naming.plain import without_unit
-from testbed.robots.catalog import ROBOT_FILE, load_robot
-from testbed.robots.describe.xml_gate import FileOptions
-from testbed.robots.write.folder import write_robot_folder
 from testbed.units import counted
 
 SPEED = "max_speed_deg_s"
@@ -120,36 +116,6 @@ def robot_text(table: Path | None, joints: int, name: str) -> tuple[str, tuple[s
         text += JOINT.format(number=number, kind=SLIDING if slide else TURNING)
         text += "".join(f"{key} = {value + 0.0!r}\n" for key, value in whole.items())
     return text + REST, assumed
-
-
-def of_description(path: Path | None, options: FileOptions, out: Path | None) -> Path | None:
-    """Write the robot that a URDF or MJCF describes into a folder, and give its robot.toml.
-
-    The folder is `out`, or that of a robot.toml so called; it has the name of the robot if none is
-    given. None where the file is no URDF or MJCF.
-
-    Raises
-    ------
-    InputError
-        S37: options that only a URDF or MJCF has, of another file; as `load_robot`; C40: files of
-        these names are there already.
-    """
-    if path is None or kind_of_name(path) != "description":
-        if options != FileOptions():
-            raise refuse(
-                "options", code="S37", message="a tip and meshes are asked of a URDF or MJCF alone",
-                fix="leave them out", where="" if path is None else str(path),
-            )  # fmt: skip
-        return None
-    robot = load_robot(
-        path, tip=options.tip, mesh_root=options.mesh_root,
-        allow_missing_meshes=options.allow_missing_meshes,
-    )  # fmt: skip
-    folder = Path(robot.name) if out is None else out
-    if folder.name == ROBOT_FILE:
-        folder = folder.parent
-    write_robot_folder(robot, folder)
-    return folder / ROBOT_FILE
 
 
 def _require_names(given: FileText) -> None:
