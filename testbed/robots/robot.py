@@ -43,6 +43,8 @@ STEP = 0.01
 """Proposed numbers are rounded to multiples of this [m]."""
 NO_MASS = "no mass is given for what"
 """Beginning of the note on bodies whose masses are assumed."""
+IDENTIFIED = "identified from measurements of"
+"""Beginning of the source of numbers that a calibration found."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,7 +1,7 @@
 """The joint columns of a program under the names of other controllers: A1, J1, axis 1, joint_1."""
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -20,6 +20,14 @@ NUMBERED = re.compile(
 UNITS = {"d": "deg", "°": "deg", "r": "rad"}
 """Units by the first letters of their names."""
 ANGLES = ("deg", "rad")
+ROTATION = "the columns of the rotation as well"
+_PLACE = re.compile(r"(?P<axis>[xyz])(?:[ _]*[\[(]?(?:mm|m)[\])]?)?", re.IGNORECASE).fullmatch
+"""A place as controllers call it."""
+TURNS = (
+    (("a", "b", "c"), ("rz_deg", "ry_deg", "rx_deg"), "kuka"),
+    (("w", "p", "r"), ("rx_deg", "ry_deg", "rz_deg"), "fanuc"),
+)
+"""Angles as controllers call them, as they are called here, and in which order these turn."""
 
 
 def joints_by_number(sheet: Sheet, robot: Robot) -> dict[str, str]:
@@ -73,6 +81,40 @@ def renamed_words(names: Mapping[str, str], robot: Robot) -> tuple[str, ...]:
         f"the program's columns {first} to {last} are taken as the joints {joints} of "
         f"{robot.name}, in {units}",
     )
+
+
+def require_no_places(table: DataTable) -> None:
+    """Refuse joints with places beside them that are called as a controller calls them: X, Y, Z.
+
+    Joints beside poses say only how the arm stands there, and are often rounded: taken as targets
+    they would be others than the program's.
+
+    Raises
+    ------
+    InputError
+        M35: three columns are called X, Y and Z.
+    """
+    theirs = {hit["axis"].lower(): name for name in table.sheet.head if (hit := _PLACE(name))}
+    if set(theirs) != set("xyz"):
+        return
+    names = ", ".join(theirs[axis] for axis in "xyz")
+    raise refusal(
+        table.where, "program", f"has {names} beside joints, so that its targets may be either",
+        allowed="poses are x_mm y_mm z_mm with a rotation, and joints beside them state the "
+        "configuration alone",
+        fix=f"rename these as x_mm, y_mm, z_mm and {turns_named(table.sheet.head) or ROTATION}; or "
+        "leave them out if the joints are the targets",
+    )  # fmt: skip
+
+
+def turns_named(head: Sequence[str]) -> str:
+    """What the angles of a controller in a header are called here; empty if none are there."""
+    stems = {name.strip().lower().split(" ")[0].partition("_")[0]: name for name in head}
+    for theirs, ours, controller in TURNS:
+        if set(theirs) <= set(stems):
+            old, new = (", ".join(some) for some in ([stems[one] for one in theirs], ours))
+            return f"{old} as {new}, with a column euler that says {controller}"
+    return ""
 
 
 def no_targets(table: DataTable, robot: Robot) -> InputError:

@@ -36,13 +36,21 @@ from testbed.files.programs.read import (
     read_program,
 )
 from testbed.files.programs.rewrite import rewritten
-from testbed.files.programs.said import LEFT, outcome_words, unknown_words, unused_words
+from testbed.files.programs.said import (
+    LEFT,
+    controller_words,
+    frame_words,
+    outcome_words,
+    unknown_words,
+    unused_words,
+)
 from testbed.files.refusal import refusal
 from testbed.files.rotations import VECTOR, axes_of, in_form
 from testbed.files.rows.targets import called, of_targets, target_names
 from testbed.files.table import Columns, DataTable
 from testbed.robots.catalog import Robot
 from testbed.robots.controller import BEYOND
+from testbed.robots.file_frames import base_of_poses
 from testbed.scenario.tool_in_use import ToolInUse
 from testbed.units import DEG
 
@@ -120,10 +128,10 @@ def correct_program(
     Columns of joint targets are ``q1_deg`` ... (``_rad``, ``_mm``, ``_m``), those of Cartesian ones
     ``x_mm y_mm z_mm`` (``_m``) with a rotation as ``qw qx qy qz``, ``r11`` ... ``r33``, ``rvx_deg``
     ..., ``axis_x axis_y axis_z axis_angle_deg``, or ``rx_deg ry_deg rz_deg`` whose sequence is
-    stated in a column ``euler``. Cartesian targets are poses of the tool in the base frame, for a
-    controller that keeps its nominal model; joint columns in the same rows then state the
-    configuration in which it reaches them. ``payload_kg``, ``tool`` and ``temperature_degC`` state
-    the conditions at each target.
+    stated in a column ``euler``. Cartesian targets are poses of the tool in the base of robot.toml,
+    or in the root of a URDF or MJCF, for a controller that keeps its nominal model; joint columns
+    in the same rows then state the configuration in which it reaches them. ``payload_kg``, ``tool``
+    and ``temperature_degC`` state the conditions at each target.
 
     Parameters
     ----------
@@ -184,6 +192,7 @@ def correct_program(
         result,
         sentences=(
             outcome_words(result.corrected, result.before, result.left, names),
+            *controller_words(robot),
             *in_other_units(table, robot),
             *renamed_words(table.names, robot),
             *unused_words(table, robot, targets.columns),
@@ -241,7 +250,7 @@ def _correct_poses(
     """Correct Cartesian targets for a controller that keeps its nominal model."""
     nominal = robot.model
     columns, stated, T_base, odd = poses_of(table)
-    base = nominal.chain.T_world_base
+    base = base_of_poses(robot)
     T = base @ T_base
     seeds, assumed = configurations(table, robot, T)
     at, more = of_targets(identified, own, seeds)
@@ -262,7 +271,7 @@ def _correct_poses(
         left_rotation=rotation_errors(T, here),
         q_before=correction.q_before,
         q=q,
-        sentences=(*said, *odd, *assumed, *more),
+        sentences=(*said, *odd, *frame_words(robot), *assumed, *more),
         at=at,
     )
     return result, _Targets(columns, np.hstack([poses[:, :3, 3], new]))

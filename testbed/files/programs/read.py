@@ -15,7 +15,12 @@ from calib.geometry.inverse import inverse_kinematics, spread
 from testbed.files.conditions import target_conditions
 from testbed.files.dialects.controllers.rapid import is_rapid
 from testbed.files.joints import joint_columns, read_joints
-from testbed.files.programs.columns import joints_by_number, no_targets
+from testbed.files.programs.columns import (
+    joints_by_number,
+    no_targets,
+    require_no_places,
+    turns_named,
+)
 from testbed.files.refusal import refusal
 from testbed.files.rotations import checked_rotations, stated_in
 from testbed.files.rows.targets import NAMES
@@ -77,6 +82,8 @@ def read_program(path: Path, robot: Robot) -> tuple[FileText, DataTable]:
     if is_cartesian(table):
         poses_of(table)
     if _has_joints(table, robot):
+        if not is_cartesian(table):
+            require_no_places(table)
         read_joints(table, robot, "commanded", drop=None)
     elif not is_cartesian(table):
         raise no_targets(table, robot)
@@ -114,10 +121,12 @@ def poses_of(table: DataTable) -> tuple[Columns, Stated, Array, Sequence[str]]:
             table.where, error.field, error.message, code=error.code, allowed=error.allowed, fix=fix
         ) from None
     if place is None or found is None:
+        named = turns_named(table.sheet.head)
+        what = f"rename {named}" if named else "add the columns"
         raise refusal(
             table.where, "frames", "has positions without rotations", code="M24",
             allowed="qw qx qy qz, r11 ... r33, rvx_deg ..., or rx_deg ry_deg rz_deg with euler",
-            fix="a target needs its orientation: add the columns",
+            fix=f"a target needs its orientation: {what}",
         )  # fmt: skip
     stated, turned = found
     columns = together(place, turned)

@@ -10,7 +10,8 @@ from testbed.files.conditions import CENTERS, COLUMNS
 from testbed.files.joints import joint_columns
 from testbed.files.rows.targets import NAMES, called
 from testbed.files.table import Columns, DataTable, together
-from testbed.robots.robot import Robot
+from testbed.robots.file_frames import base_words
+from testbed.robots.robot import IDENTIFIED, Robot
 from testbed.units import counted, listed, significant
 
 LEFT: Mapping[str, str] = {
@@ -47,6 +48,24 @@ def outcome_words(corrected: Bool, before: Array, left: Array, names: Sequence[s
     return (
         f"{text}: by the identified model, the tool misses {whose} by "
         f"{1e3 * before[corrected].mean():.3f} mm on average as written{still}"
+    )
+
+
+def frame_words(robot: Robot) -> tuple[str, ...]:
+    """In which frame the poses of a program stand, where its robot comes from a URDF or MJCF."""
+    base = base_words(robot)
+    return (f"the poses of the program are taken as those of the tool in {base}",) if base else ()
+
+
+def controller_words(robot: Robot) -> tuple[str, ...]:
+    """For which controller a program is corrected, if the robot's links were identified before."""
+    if not robot.sources.get("geometry", "").startswith(IDENTIFIED):
+        return ()
+    return (
+        f"the numbers of {robot.name} were identified before, as its file says: the program is "
+        "corrected for a controller that computes with these, and the radii hold for none other; "
+        "if yours has its maker's numbers, give the robot as its maker describes it, and the "
+        "measurements from which it was identified",
     )
 
 

@@ -19,7 +19,7 @@ MOST_TARGETS = 30
 
 def reach_section(calibration: Calibration, delivered: Delivered) -> Section:
     """Where the result holds: what was calibrated, what was proven, and where targets lie."""
-    blocks: list[Block] = [joint_table(calibration), workspace_table(calibration)]
+    blocks: list[Block] = [joint_table(calibration), workspace_table(calibration, delivered.root)]
     blocks.append(Points(sentences(held_out_words(calibration))))
     belief = calibration.proof.belief
     if belief is None:
@@ -66,10 +66,13 @@ def joint_table(calibration: Calibration) -> Table:
     )
 
 
-def workspace_table(calibration: Calibration) -> Table:
-    """The box of the tool, and how far it is from the axis of the base."""
+def workspace_table(calibration: Calibration, root: str) -> Table:
+    """The box of the tool, and how far it is from the axis of the base.
+
+    In the base of a robot.toml, or the root of another file, as programs have their poses.
+    """
     model = calibration.nominal
-    base = model.chain.T_world_base
+    base = np.eye(4) if root else model.chain.T_world_base
     p = (model.poses(calibration.measurements.q)[:, :3, 3] - base[:3, 3]) @ base[:3, :3]
     p = np.column_stack([p, np.hypot(p[:, 0], p[:, 1])])
     sides = (calibration.is_used, calibration.is_stated & calibration.split.is_test)
@@ -78,7 +81,7 @@ def workspace_table(calibration: Calibration) -> Table:
         for k, name in enumerate(("x", "y", "z", "distance from the z axis"))
     ]
     return Table(
-        caption="The calibrated workspace: where the tool was, in the base frame [mm]",
+        caption=f"The calibrated workspace: where the tool was, in {root or 'the base frame'} [mm]",
         head=("coordinate", "identified from", "to", "proven from", "to"),
         rows=tuple(rows),
         align="lrrrr",

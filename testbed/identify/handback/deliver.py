@@ -22,12 +22,14 @@ from testbed.identify.handback.delivered import GEOMETRIC, ROBOT, Delivered
 from testbed.identify.handback.least_moved import RULE
 from testbed.identify.handback.own_file import deliver_own_file
 from testbed.identify.handback.results import dh_csv, tool_csv
+from testbed.identify.handback.root import root_words
 from testbed.identify.handback.states import handed_robot, in_own_frames
 from testbed.identify.headline import mm
 from testbed.identify.records import FittedModel
 from testbed.identify.results import joint_map_csv
 from testbed.identify.visits.report import handed_out, own_reflectors
 from testbed.robots.catalog import Robot
+from testbed.robots.file_frames import base_words
 from testbed.robots.robot import Reflector
 from testbed.robots.source import MjcfText
 from testbed.robots.write.folder import write_robot_folder
@@ -57,7 +59,9 @@ def deliver(
         sentences += (_geometric_words(calibration),)
     own, told = deliver_own_file(calibration, robot, folder)
     urdf, mjcf = ("", own) if isinstance(robot.own_text, MjcfText) else (own, "")
-    sentences += (_frame_words(calibration, identified), *told)
+    root = base_words(robot)
+    found = () if calibration.own_frames or not root else (root_words(calibration, root),)
+    sentences += (_frame_words(calibration, identified), *found, *told)
     if package is not None:
         sentences += (f"its URDF finds the meshes where {ROBOT}/ is the root of {package}",)
     (folder / DH_TABLE).write_bytes(dh_csv(calibration).encode())
@@ -66,7 +70,7 @@ def deliver(
         if text is not None:
             (folder / name).write_bytes(text.encode())
     if program is None:
-        return Delivered(sentences, (), 0, urdf=urdf, mjcf=mjcf)
+        return Delivered(sentences, (), 0, urdf=urdf, mjcf=mjcf, root=root)
     model = in_own_frames(calibration)
     result = correct_program(
         program,
@@ -84,7 +88,7 @@ def deliver(
         told += target_words(targets) + datum_words(calibration)
         told += tool_words(calibration, result)
         (folder / statement_name(program)).write_bytes(statement_csv(targets).encode())
-    return Delivered(sentences, told, failed, result.conditions, targets, urdf, mjcf)
+    return Delivered(sentences, told, failed, result.conditions, targets, urdf, mjcf, root)
 
 
 def delivered_robot(calibration: Calibration, robot: Robot, fit: FittedModel) -> Robot:

@@ -69,6 +69,9 @@ class Delivered:
     """Path, from the folder, of the user's URDF with corrected origins; empty if there is none."""
     mjcf: Annotated[str, LATER] = ""
     """The same of the user's MJCF."""
+    root: Annotated[str, LATER] = ""
+    """The frame of the user's URDF or MJCF in which poses of programs stand, in words; empty for
+    other robots, whose poses stand in the base of robot.toml."""
 
     @property
     def own_file(self) -> tuple[str, str]:

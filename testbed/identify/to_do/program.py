@@ -4,6 +4,8 @@ from testbed.identify.applies.targets import tool_words
 from testbed.identify.calibration import Calibration
 from testbed.identify.decisions import decided_at
 from testbed.identify.handback.delivered import ROBOT, Delivered
+from testbed.identify.handback.root import root_words
+from testbed.units import sentence
 
 
 def program_step(calibration: Calibration, delivered: Delivered) -> str:
@@ -12,9 +14,12 @@ def program_step(calibration: Calibration, delivered: Delivered) -> str:
         return ""
     said = []
     if not calibration.own_frames:
+        root = delivered.root
+        base = root or f"the base of {ROBOT}/robot.toml, as it was found"
+        where = sentence(f"{root_words(calibration, root)}.") if root else ""
         said.append(
-            f"Corrected targets hold in the base of {ROBOT}/robot.toml, as it was found: measure "
-            "work frames in it, or teach them again."
+            f"Corrected targets hold in {base}: measure work frames in it, or teach them again. "
+            f"{where}".rstrip()
         )
     if _other_tool(calibration, delivered):
         said.append(

@@ -15,7 +15,7 @@ from calib.geometry.model import RobotModel
 from testbed.robots.describe.axes import reach, regauged
 from testbed.robots.parts import Affine, Primitive, Visual
 from testbed.robots.placements import difference, link_poses
-from testbed.robots.robot import Reflector, Robot
+from testbed.robots.robot import IDENTIFIED, Reflector, Robot
 
 NAME = re.compile(r"[a-z][a-z0-9_]{0,63}")
 SHIFT, TURN = 0.01, np.radians(1.0)
@@ -60,11 +60,11 @@ def identified_robot(
         chain = other
     robot = _rehung(robot, chain)
     sources = dict(robot.sources)
-    sources["geometry"] = f"identified from measurements of {robot.name}"
+    sources["geometry"] = f"{IDENTIFIED} {robot.name}"
     if model.joint_errors.springs:
-        sources["springs"] = f"identified from measurements of {robot.name}"
+        sources["springs"] = f"{IDENTIFIED} {robot.name}"
     if model.joint_errors.terms:
-        sources["joint_terms"] = f"identified from measurements of {robot.name}"
+        sources["joint_terms"] = f"{IDENTIFIED} {robot.name}"
     return replace(
         robot,
         name=name,

@@ -89,7 +89,7 @@ def test_the_region_of_joints_and_workspace_is_that_of_the_rows():
         wanted = [*np.array(ends) / DEG, *robot().limits[k] / DEG]
         assert [float(cell.replace("−", "-")) for cell in row[2:]] == pytest.approx(wanted, abs=0.5)
     p = robot().model.poses(q)[:, :3, 3]
-    x = workspace_table(found).rows[0]
+    x = workspace_table(found, "").rows[0]
     assert float(x[1].replace("−", "-")) == pytest.approx(1e3 * p[used, 0].min(), abs=0.5)
     assert len(reach_section(found, Delivered((), (), 0)).blocks) == 4
 

@@ -1,0 +1,29 @@
+"""The frames in which people state poses of a robot: those of the file that they know.
+
+The chain of a URDF or MJCF starts on its first joint axis and ends on its last one, with frames
+that no file names. Poses in programs stand in the root of the file instead, and its flange is the
+link or site at which the arm ends. A robot.toml has base and flange of its own.
+"""
+
+from pathlib import Path
+
+import numpy as np
+
+from calib.arrays import Array
+from calib.errors import one_line
+from testbed.robots.robot import Robot
+from testbed.robots.source import UrdfText
+
+
+def base_of_poses(robot: Robot) -> Array:
+    """The frame (4, 4) in which programs state poses, in the world of the nominal robot [m]."""
+    return robot.model.chain.T_world_base if robot.own_text is None else np.eye(4)
+
+
+def base_words(robot: Robot) -> str:
+    """What this frame is, for people; empty where it is the base of a robot.toml."""
+    source = robot.own_text
+    if source is None:
+        return ""
+    kind = "root link" if isinstance(source, UrdfText) else "world"
+    return f"the {kind} of {one_line(Path(source.path).name)}"
