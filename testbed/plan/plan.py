@@ -43,6 +43,7 @@ from testbed.plan.rehearsal import Rehearsals, may_bend
 from testbed.plan.task import DesignTask
 from testbed.plan.tour import held_out, mover_of, readings_of, start_of, tour_of
 from testbed.progress import Progress
+from testbed.robots.file_frames import base_words, chain_words
 from testbed.robots.robot import NO_MASS
 from testbed.scenario.checks import check_robot
 from testbed.scenario.planning import DEFAULT_POSES
@@ -165,6 +166,7 @@ def _plan(scenario: Scenario, tell: Progress, where: str) -> Plan:
         unread=bench.robot.partly,
         mounted=bench.robot.mounting_height is not None,
         assumed=assumed_of(bench),
+        base=(base_words(bench.robot), chain_words(bench.robot)),
     )
 
 

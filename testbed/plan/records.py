@@ -231,6 +231,8 @@ class Plan(Shown):
     """Whether the robot's file states how high above the level floor of the room its base is."""
     assumed: tuple[str, ...]
     """What the robot's file leaves open and the promise rests on, in words."""
+    base: tuple[str, str]
+    """The root of a URDF or MJCF, and where the base frame stands in it; empty if they are one."""
 
     def __repr__(self) -> str:
         R95, count = length_words(self.foresight.R95_over, um=".3g"), len(self.places)

@@ -70,7 +70,11 @@ def headline_rows(plan: Plan) -> list[tuple[str, str, str]]:
             rows.append(("proven least number of poses for it", str(plan.curve.fewest), "poses"))
         rows += target_row(plan)
     # a wide value would push the words beside it off a phone
-    rows.append(("tracker station", "", f"{in_mm(plan.station_mm)} mm in the base frame"))
+    root, stands = plan.base
+    frame, place = "the base frame", plan.station_mm
+    if stands:
+        frame, place = root, tuple(MM * plan.T_world_tracker[:3, 3])
+    rows.append(("tracker station", "", f"{in_mm(place)} mm in {frame}"))
     rows.append(("numbers identified", str(plan.parameters.n_free), ""))
     return rows
 
@@ -133,6 +137,7 @@ def reasons(plan: Plan) -> tuple[str, ...]:
         clearance_words(plan),
         measured_words(plan),
         assumed_words(plan),
+        base_frame_words(plan),
         *use_words(plan),
         station_words(plan),
     )
@@ -155,6 +160,17 @@ def clearance_words(plan: Plan) -> str:
     return (
         f"The smallest clearance from floor and obstacles along the tested moves is "
         f"{millimetres(smallest)} mm; {rule}"
+    )
+
+
+def base_frame_words(plan: Plan) -> str:
+    """Where the base frame stands, if the robot's own file has none there; else nothing."""
+    _, stands = plan.base
+    if not stands:
+        return ""
+    return (
+        f"The base frame, in which the scenario states the station, {in_mm(plan.station_mm)} mm, "
+        f"and boxes, stands on the first joint axis, {stands}"
     )
 
 
@@ -260,6 +276,7 @@ def terminal_text(plan: Plan) -> str:
     said = (
         *warnings(plan), enough_words(plan), *reach_words(plan), hidden_words(plan),
         plan.tour.sentence, order_words(plan), measured_words(plan), assumed_words(plan),
+        base_frame_words(plan),
         *use_words(plan),
         "The report shows what is proven about this choice of poses",
     )  # fmt: skip

@@ -1,5 +1,6 @@
 """A scenario for a robot: a short campaign, each table with its reason."""
 
+from testbed.robots.file_frames import chain_words
 from testbed.robots.robot import Robot, workspace
 from testbed.toml_text import toml_value
 
@@ -21,7 +22,7 @@ preset = "at960"
 systematic = true  # what more poses do not lower: range, encoders, target, level
 # acceptance_deg = 60.0  # how far a 6-D probe may look away from the tracker; asked before a plan
 station_mm = {station}  # where its beam starts, base frame: {origin}
-
+{base}
 [pool]  # candidate poses in a box where the robot works
 size = 300
 box_center_mm = {center}
@@ -47,6 +48,7 @@ method = "random"
 # held_out = 20  # poses that check the calibration afterwards
 """
 RANGES = "joint_ranges_deg = {ranges}  # of candidates: some joints may turn farther\n"
+BASE = "# base frame: on the first joint axis, {stands}\n"
 PER_JOINT = 5
 """Poses of a set for each joint: some more than the numbers of a chain need."""
 
@@ -61,6 +63,7 @@ def scene_text(robot: Robot, named: str, name: str) -> str:
         about=toml_value(f"{robot.title[:100]}: what a calibration would bring"),
         robot=toml_value(named),
         station=list(place.station_mm),
+        base=BASE.format(stands=stands) if (stands := chain_words(robot)) else "",
         origin="as the robot's file says" if robot.workspace else "derived from its reach",
         center=list(place.box_center_mm),
         size=list(place.box_size_mm),

@@ -11,13 +11,33 @@ import numpy as np
 
 from calib.arrays import Array
 from calib.errors import one_line
+from calib.geometry.frames import log_so3
 from testbed.robots.robot import Robot
 from testbed.robots.source import UrdfText
+from testbed.units import DEG, MM
+
+SAME = 1e-9
+"""Difference up to which two frames are one [m, 1]."""
 
 
 def base_of_poses(robot: Robot) -> Array:
     """The frame (4, 4) in which programs state poses, in the world of the nominal robot [m]."""
     return robot.model.chain.T_world_base if robot.own_text is None else np.eye(4)
+
+
+def chain_words(robot: Robot) -> str:
+    """Where the base of its chain stands in the root of its file; empty where that is one frame.
+
+    Scenarios state stations and boxes in the base of the chain.
+    """
+    T = robot.model.chain.T_world_base
+    if robot.own_text is None or np.abs(T - np.eye(4)).max() < SAME:
+        return ""
+    place, turn = (
+        ", ".join(f"{number + 0.0:.6g}" for number in np.round(numbers, 6))
+        for numbers in (T[:3, 3] * MM, log_so3(T[:3, :3]) * DEG)
+    )
+    return f"at ({place}) mm in {base_words(robot)}, turned by the rotation vector ({turn}) deg"
 
 
 def base_words(robot: Robot) -> str:
