@@ -32,7 +32,8 @@ class SessionUse(UseSettings):
     """[use] of a session: conditions of targets that do not say theirs."""
 
     payload_center_mm: tuple[Coordinate, Coordinate, Coordinate] | None = None
-    """Center of mass of the payload in the flange frame; the flange itself if left out."""
+    """Center of mass of the payload in the flange frame (of a URDF or MJCF, that of its tip); the
+    flange itself if left out."""
 
     @model_validator(mode="after")
     def _center_of_something(self) -> Self:

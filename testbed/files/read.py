@@ -24,8 +24,10 @@ from testbed.files.visits.read import read_visits
 from testbed.files.visits.tables import CampaignFile
 from testbed.gates.paths import is_there
 from testbed.gates.text import MAX_MB
+from testbed.robots.file_frames import flange_of_points
 from testbed.robots.robot import Robot
 from testbed.robots.tolerances import tolerances_of, usual_tolerances
+from testbed.scenario.tool_in_use import ToolInUse
 
 MOST_STRAYS = 0.5
 """Share of held-out rows, or of the others, above which they stray because of their frame."""
@@ -158,7 +160,7 @@ def session_of(
         warnings=tuple(dict.fromkeys([*warnings, *session.warnings])),
         notes=tuple(dict.fromkeys([*session.notes, *(drift.sentence for drift in drifts)])),
         link_sd=_prior(settings, robot, where),
-        in_use=settings.tool_in_use.tool if settings.tool_in_use else None,
+        in_use=_in_use(settings, robot),
         drift=max(drifts, key=lambda drift: float(drift.shift.max()), default=None),
     )
 
@@ -179,6 +181,16 @@ def require_free_set(free: str | tuple[str, ...], robot: Robot, where: str) -> N
             value=free, allowed=f"it must be {', '.join(known)}, or a list of names of numbers",
             fix=f'did you mean "{close[0]}"?' if close else "choose one of these",
         )  # fmt: skip
+
+
+def _in_use(settings: SessionFile, robot: Robot) -> ToolInUse | None:
+    """The tool that will be used, with the frame that its point is stated in."""
+    if settings.tool_in_use is None:
+        return None
+    tool = settings.tool_in_use.tool
+    if robot.own_text is None:
+        return tool
+    return replace(tool, frame=tuple(flange_of_points(robot)[:3].ravel().tolist()))
 
 
 def _prior(settings: SessionFile, robot: Robot, where: str) -> Array | None:

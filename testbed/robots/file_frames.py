@@ -9,9 +9,9 @@ from pathlib import Path
 
 import numpy as np
 
-from calib.arrays import Array
+from calib.arrays import Array, frozen
 from calib.errors import one_line
-from calib.geometry.frames import log_so3
+from calib.geometry.frames import inverse, log_so3, transform_points
 from testbed.robots.robot import Robot
 from testbed.robots.source import UrdfText
 from testbed.units import DEG, MM
@@ -23,6 +23,32 @@ SAME = 1e-9
 def base_of_poses(robot: Robot) -> Array:
     """The frame (4, 4) in which programs state poses, in the world of the nominal robot [m]."""
     return robot.model.chain.T_world_base if robot.own_text is None else np.eye(4)
+
+
+def flange_of_points(robot: Robot) -> Array:
+    """The frame (4, 4) in which people state points at the flange, in the flange of the chain [m].
+
+    In a URDF or MJCF that is the link or site at which the arm ends.
+    """
+    return np.eye(4) if robot.own_text is None else robot.model.chain.T_flange_tool
+
+
+def hung_in_chain(robot: Robot, payload: Array | None, center: Array | None) -> Array | None:
+    """Centers of mass (m, 3) in the flange of the chain, of payloads (m,) whose are stated [m].
+
+    `center` (m, 3) is stated at the flange; without it payloads hang in the flange itself.
+    """
+    if robot.own_text is None or payload is None or (center is None and not payload.any()):
+        return center
+    there = np.zeros((len(payload), 3)) if center is None else center
+    return frozen(transform_points(flange_of_points(robot), there))
+
+
+def stated_at_flange(robot: Robot, point: Array) -> Array:
+    """A point (3,) in the flange of the chain, as it is stated at the flange [m]."""
+    if robot.own_text is None:
+        return point
+    return transform_points(inverse(flange_of_points(robot)), point)
 
 
 def chain_words(robot: Robot) -> str:

@@ -13,6 +13,7 @@ from testbed.files.session_toml import SESSION_FILE
 from testbed.laboratory.truth.laboratory import Laboratory, open_laboratory
 from testbed.laboratory.truth.setting import validation_start
 from testbed.report.text import csv_text
+from testbed.robots.file_frames import stated_at_flange
 from testbed.robots.robot import Robot
 from testbed.run.export_toml import session_toml
 from testbed.scenario.fixtures import RANGES
@@ -110,7 +111,8 @@ def conditions_in(bench: Laboratory, table: Measurements, time: Array) -> Condit
         payload = np.full(len(time), truth.payload_kg)
     center = None
     if payload is not None and terms.springs is not None:
-        center = np.tile(terms.springs.payload_center, (len(time), 1))
+        hung = stated_at_flange(bench.robot, terms.springs.payload_center)
+        center = np.tile(hung, (len(time), 1))
     warmth = terms.thermal.temperature(time) if terms.thermal is not None else None
     return Conditions(payload, None, warmth, center)
 

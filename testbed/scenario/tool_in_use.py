@@ -7,7 +7,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from calib.arrays import Array
+from calib.arrays import LATER, Array
 from testbed.bounds import LENGTH_SD, TOOL
 from testbed.strict import PlainText, Strict
 
@@ -26,6 +26,16 @@ class ToolInUse:
     """Edges of the box; zero for a point [m]."""
     sd: float
     """How well the point is known in the flange's frame, per axis, a standard deviation [m]."""
+    frame: Annotated[tuple[float, ...], LATER] = ()
+    """That frame in the flange of the robot's chain, the upper three rows of a pose, row by row
+    [m]; empty if both are one."""
+
+    def in_chain(self, point: Array) -> Array:
+        """A point (3,) of the tool in the flange of the robot's chain [m]."""
+        if not self.frame:
+            return point
+        T = np.reshape(self.frame, (3, 4))
+        return np.asarray(T[:, :3] @ point + T[:, 3])
 
     @property
     def points(self) -> Array:
@@ -43,7 +53,8 @@ class ToolInUseTable(Strict):
     name: Annotated[PlainText, Field(min_length=1, max_length=100)] = "tool in use"
     """What the tool is called in the report."""
     point_mm: tuple[Offset, Offset, Offset]
-    """In the frame of the flange, as the robot's file has it."""
+    """In the frame of the flange, as robot.toml has it; of a URDF or MJCF, in its tip: the link or
+    site at which the arm ends."""
     box_mm: tuple[Edge, Edge, Edge] = (0.0, 0.0, 0.0)
     """Edges of a box about the point, for tools that differ."""
     position_um: Annotated[float, LENGTH_SD.or_zero("um")] = 0.0

@@ -222,7 +222,7 @@ def _correct_joints(
 ) -> tuple[ProgramResult, _Targets]:
     """Correct joint targets."""
     joints, nominal = read_joints(table, robot, "commanded", drop=None), robot.model
-    at, assumed = of_targets(identified, own, joints.q)
+    at, assumed = of_targets(robot, identified, own, joints.q)
     T = nominal.poses(joints.q)
     correction = compensate(nominal, identified, joints.q, robot.limits, at)
     correction = by_motors(robot, identified, correction, T, joints.q, at)
@@ -253,7 +253,7 @@ def _correct_poses(
     base = base_of_poses(robot)
     T = base @ T_base
     seeds, assumed = configurations(table, robot, T)
-    at, more = of_targets(identified, own, seeds)
+    at, more = of_targets(robot, identified, own, seeds)
     correction = corrected_poses(nominal, identified, T, seeds, robot.limits, at)
     correction = by_motors(robot, identified, correction, T, correction.q_before, at)
     status, said = contradicted(table, robot, seeds, correction)

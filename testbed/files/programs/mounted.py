@@ -32,7 +32,7 @@ def known_tips(in_use: ToolInUse | None, robot: Robot, *, cartesian: bool) -> tu
     if in_use is None:
         return ()
     if cartesian or robot.model.chain.n_joints < FULL_POSE:
-        away = np.array(in_use.point) - robot.model.chain.T_flange_tool[:3, 3]
+        away = in_use.in_chain(np.array(in_use.point)) - robot.model.chain.T_flange_tool[:3, 3]
         if any(in_use.box) or np.abs(away).max() > SAME:
             return ()
     return (in_use.name,)

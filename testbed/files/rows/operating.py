@@ -12,6 +12,7 @@ from calib.uncertainty.statement.conditions import Conditions
 from testbed.files.refusal import refusal
 from testbed.files.rows.beside import BesideJoints
 from testbed.files.rows.say import NO_TORQUES, UNKNOWN, RowsSay
+from testbed.robots.file_frames import hung_in_chain
 from testbed.robots.robot import NO_MASS, Robot
 from testbed.units import counted
 
@@ -86,7 +87,7 @@ def operating_conditions(
     approach = np.concatenate(directions)
     found = OperatingConditions(
         conditions.payload,
-        conditions.center,
+        hung_in_chain(robot, conditions.payload, conditions.center),
         approach if approach.any() else None,
         torque,
         conditions.temperature,

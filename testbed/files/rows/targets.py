@@ -7,6 +7,8 @@ from calib.geometry.model import RobotModel
 from calib.geometry.operating import OperatingConditions, approaches
 from calib.uncertainty.statement.conditions import Conditions
 from testbed.files.table import DataTable
+from testbed.robots.file_frames import hung_in_chain
+from testbed.robots.robot import Robot
 
 NAMES = ("pose_id", "target", "name")
 """Columns that name the targets of a program; the first one there does."""
@@ -29,7 +31,7 @@ def called(names: Sequence[str]) -> tuple[str, ...]:
 
 
 def of_targets(
-    identified: RobotModel, stated: Conditions, q: Array
+    robot: Robot, identified: RobotModel, stated: Conditions, q: Array
 ) -> tuple[OperatingConditions, tuple[str, ...]]:
     """Conditions of targets at joints q (m, n), and sentences on what the model assumes of them.
 
@@ -37,8 +39,10 @@ def of_targets(
 
     Parameters
     ----------
+    robot : Robot
+        The robot as its file describes it.
     identified : RobotModel
-        What the robot is.
+        What it is.
     stated : Conditions
         What the targets say.
     q : (m, n) array
@@ -76,7 +80,7 @@ def of_targets(
     return (
         OperatingConditions(
             stated.payload,
-            stated.center,
+            hung_in_chain(robot, stated.payload, stated.center),
             approaches(q) if "approach" in terms else None,
             None,
             stated.temperature,

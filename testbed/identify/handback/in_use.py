@@ -100,11 +100,11 @@ def carried(belief: Belief, tool: ToolInUse, point: Array, link_sd: Array) -> Be
     tool : ToolInUse
         Whose point it is.
     point : (3,) array
-        In the frame of the flange [m].
+        In the frame of the flange that the tool is stated in [m].
     link_sd : (n, 5) array
         Of the prior [rad, m, m, rad, rad].
     """
-    n = belief.model.chain.n_numbers
+    place, n = tool.in_chain(point), belief.model.chain.n_numbers
     own = np.ones(belief.model.n_numbers)
     own[n - 6 : n] = 0.0
     mask = np.outer(own, own)
@@ -118,12 +118,12 @@ def carried(belief: Belief, tool: ToolInUse, point: Array, link_sd: Array) -> Be
     proven = belief.proven
     return replace(
         belief,
-        model=_with_tool(belief.model, point),
+        model=_with_tool(belief.model, place),
         covariance=frozen(covariance),
         misfit_covariance=frozen(belief.misfit_covariance * mask),
         proven=replace(  # what is left there is compared with what was left at the target
             proven,
-            wide=_with_tool(proven.wide, point),
+            wide=_with_tool(proven.wide, place),
             target=ToolTarget(),
             absorbed=frozen(proven.absorbed * own[:, None]),
             covariance=frozen(covariance),
