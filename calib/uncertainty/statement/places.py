@@ -17,6 +17,8 @@ from calib.uncertainty.statement.applicability import (
 PLACES = ("inside", "edge", "outside")
 MEASURE = "measure 20 poses there, and hold them out"
 """What lets a statement reach where it does not."""
+GROWN = "the region is grown"
+"""Said of a target at the edge that what the model misses reaches more than others."""
 
 
 def reasons(proven: Proven, reach: Applicability, q: Array) -> tuple[str, ...]:
@@ -40,7 +42,7 @@ def reasons(proven: Proven, reach: Applicability, q: Array) -> tuple[str, ...]:
                 limit = REFUSED if value > REFUSED else WARNED
                 told.append(f"{name} {_short(float(value))} is above {limit:g}")
         if reach.growth[k] > WARNED and reach.place[k] == "edge":
-            told.append("the region is grown")
+            told.append(GROWN)
         told += [
             f"joint {j + 1} was never proven {_beyond(proven, int(j), values, slides)}"
             for j in np.flatnonzero(reach.beyond[k])

@@ -11,7 +11,7 @@ from calib.uncertainty.statement.belief import Belief
 from calib.uncertainty.statement.conformity import Conformity, conformity
 from calib.uncertainty.statement.departure import named as named_targets
 from calib.uncertainty.statement.distance import distance_radius
-from calib.uncertainty.statement.places import MEASURE, place_words, reasons
+from calib.uncertainty.statement.places import GROWN, MEASURE, place_words, reasons
 from calib.uncertainty.statement.stated_point import widened
 from testbed.files.programs.correct import ProgramResult
 from testbed.files.rows.targets import called
@@ -190,9 +190,10 @@ def _why(calibration: Calibration, reach: Applicability, program: ProgramResult)
         if not program.corrected[k]:
             left = millimetres(float(program.left[k]), 2)
             told.append(f"{NOT_CORRECTED}: {left} mm is left")
-        told += [text] if text else []
         if program.departed is not None and program.departed[k]:
             told.append(program.conditions[k])
+        # no region is stated there, which could be grown
+        told += [one for one in text.split("; ") if one and (one != GROWN or not told)]
         out.append("; ".join(told))
     return tuple(out)
 
@@ -253,6 +254,14 @@ def target_words(found: TargetStatement) -> tuple[str, ...]:
             grown = "; it grows where transfer is above 1"
         said.append(f"{text} at {n} of {counted(m, 'target')}{grown}")
     return tuple(said)
+
+
+def quoted_words(found: TargetStatement) -> str:
+    """The radius to quote at the targets, which may be of another point than that measured."""
+    if not found.stated.any():
+        return ""
+    mean = found.radius_mean[found.stated]
+    return f"At the targets of the program quote R95 = {_span(mean, *length_unit(mean))}."
 
 
 def _span(radius: Array, scale: float, unit: str) -> str:

@@ -1,6 +1,6 @@
 """What a corrected program needs: where its targets hold, and the tool that it moves."""
 
-from testbed.identify.applies.targets import tool_words
+from testbed.identify.applies.targets import quoted_words, tool_words
 from testbed.identify.calibration import Calibration
 from testbed.identify.decisions import decided_at
 from testbed.identify.handback.delivered import ROBOT, Delivered
@@ -12,7 +12,7 @@ def program_step(calibration: Calibration, delivered: Delivered) -> str:
     """What to do with the corrected program, beside the next step; empty without one."""
     if not delivered.program or not calibration.settled:
         return ""
-    said = []
+    said = [quoted_words(delivered.targets)] if delivered.targets is not None else []
     if not calibration.own_frames:
         root = delivered.root
         base = root or f"the base of {ROBOT}/robot.toml, as it was found"
@@ -27,7 +27,7 @@ def program_step(calibration: Calibration, delivered: Delivered) -> str:
             "target: measure that tool, or three reflectors on it, or put the measured place into "
             'the [tool] of robot.toml and write tool = "fixed" under [identification].'
         )
-    return " ".join(said)
+    return " ".join(filter(None, said))
 
 
 def _other_tool(calibration: Calibration, delivered: Delivered) -> bool:

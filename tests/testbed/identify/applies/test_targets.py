@@ -177,6 +177,18 @@ def test_a_target_under_another_payload_has_no_region_and_no_decision(tmp_path):
     np.testing.assert_allclose(told, made.targets.before.distance * 1e6, atol=6e-4)
 
 
+def test_no_region_is_said_to_grow_where_none_is_stated(tmp_path):
+    """Why there is none comes first."""
+    q = pool_r(400)
+    reach = narrow().proof.belief.proven.applies(q)
+    # well between the limits 4 and 9: correcting a target moves both by less than 2 %
+    q = q[(reach.place == "edge") & (reach.growth > 4.5) & (reach.growth < 8.0)][:1]
+    _, table = delivered(narrow(), np.repeat(q, 2, axis=0), tmp_path, payload_kg=("0.0", "5.0"))
+    assert "the region is grown" in table[0]["why"]
+    assert table[1]["why"].startswith("no region: other payload; ")
+    assert "grown" not in table[1]["why"]
+
+
 def test_decisions_keep_the_guard_band_and_say_their_rule(tmp_path):
     found = narrow()
     made, table = delivered(found, many()[:20], tmp_path)

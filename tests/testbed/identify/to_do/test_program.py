@@ -3,6 +3,7 @@
 from dataclasses import replace
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 from testbed.identify.calibration import FRAMES
@@ -29,6 +30,17 @@ def test_the_frame_of_corrected_targets_is_said_on_terminal_and_report():
     assert program_step(replace(found, own_frames=True), CORRECTED) == ""
     # and no advice on a program while something has to be settled first
     assert program_step(replace(found, doubted=(FRAMES,)), CORRECTED) == ""
+
+
+def test_the_radius_to_quote_at_targets_is_said_first():
+    """It may be of another point than R95 of the measured target, and many times as large."""
+    stated = np.array([True, False, True])
+    radii = np.array([1.684e-3, 0.0, 1.7e-3])
+    targets = SimpleNamespace(stated=stated, radius_mean=radii, before=None, after=None)
+    step = program_step(sound(), replace(CORRECTED, targets=targets))
+    assert step.startswith("At the targets of the program quote R95 = 1.68 to 1.70 mm. Corrected ")
+    none = SimpleNamespace(stated=~stated & False, radius_mean=radii, before=None, after=None)
+    assert program_step(sound(), replace(CORRECTED, targets=none)).startswith("Corrected targets")
 
 
 @pytest.mark.parametrize("other", [True, False])
