@@ -21,7 +21,7 @@ from testbed.identify.conditions import measured
 from testbed.identify.handback.delivered import GEOMETRIC, ROBOT, Delivered
 from testbed.identify.handback.least_moved import RULE
 from testbed.identify.handback.own_file import deliver_own_file
-from testbed.identify.handback.results import dh_csv, tool_csv
+from testbed.identify.handback.results import dh_csv, geometric_csv, tool_csv
 from testbed.identify.handback.root import root_words
 from testbed.identify.handback.states import handed_robot, in_own_frames
 from testbed.identify.headline import mm
@@ -56,6 +56,7 @@ def deliver(
         # its geometric part leans on the joint terms: alone it is worse than a geometric fit
         plain = delivered_robot(calibration, robot, calibration.fits[0])
         write_robot_folder(plain, folder / GEOMETRIC, package=package)
+        (folder / GEOMETRIC / DH_TABLE).write_bytes(geometric_csv(calibration).encode())
         sentences += (_geometric_words(calibration),)
     own, told = deliver_own_file(calibration, robot, folder)
     urdf, mjcf = ("", own) if isinstance(robot.own_text, MjcfText) else (own, "")
@@ -151,7 +152,8 @@ def _geometric_words(calibration: Calibration) -> str:
     one, two = (mm((fit.test or fit.train).position.mean) for fit in fits)
     return (
         f"{GEOMETRIC}/ has the geometric model, fitted without joint terms: use it for whatever "
-        f"reads URDF or MJCF; its mean error is {one} mm, with joint terms {two} mm"
+        f"takes link numbers (its {DH_TABLE}), URDF or MJCF; its mean error is {one} mm, with "
+        f"joint terms {two} mm"
     )
 
 

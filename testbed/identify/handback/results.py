@@ -3,8 +3,14 @@
 from collections.abc import Iterator
 
 from testbed.identify.calibration import Calibration
-from testbed.identify.handback.states import hand_back_words, handed_numbers, tool_words
+from testbed.identify.handback.states import (
+    hand_back_words,
+    handed_numbers,
+    handed_robot,
+    tool_words,
+)
 from testbed.report.text import csv_text
+from testbed.robots.write.dh_table import DhRow, dh_rows
 from testbed.store.quantities import AS_NAMED, METRE, Quantity, stated
 from testbed.units import UM
 
@@ -19,12 +25,7 @@ def dh_csv(calibration: Calibration) -> str:
     """dh_table.csv: every number that is handed out, old and new, its U, and what holds it."""
     rows = [
         (
-            one.row.name,
-            one.row.unit,
-            *(
-                f"{value if abs(value) > ROUNDING else 0.0:.9g}"
-                for value in (one.row.old, one.row.new, one.row.delta)
-            ),
+            *_changed(one.row),
             "" if one.row.expanded is None else f"{one.row.expanded:.3g}",
             "" if one.tolerance is None else f"{one.tolerance:.4g}",
             one.held_by,
@@ -32,6 +33,24 @@ def dh_csv(calibration: Calibration) -> str:
         for one in handed_numbers(calibration)
     ]
     return csv_text(DH_HEAD, rows)
+
+
+def geometric_csv(calibration: Calibration) -> str:
+    """dh_table.csv of the geometric model beside an extended one: for what has no joint terms.
+
+    Without U, which its misfit would make too small.
+    """
+    fit = calibration.fits[0]
+    handed, parameters = handed_robot(calibration, fit), fit.identification.parameters
+    free = parameters.freeing(parameters.names)
+    rows = dh_rows(calibration.before, handed.model, free, handed.covariance)
+    return csv_text(DH_HEAD[:5], [_changed(row) for row in rows])
+
+
+def _changed(row: DhRow) -> tuple[str, ...]:
+    """Name, unit, old and new value of a number, and their difference."""
+    values = (row.old, row.new, row.delta)
+    return (row.name, row.unit, *(f"{x if abs(x) > ROUNDING else 0.0:.9g}" for x in values))
 
 
 def hand_back_numbers(calibration: Calibration) -> Iterator[Quantity]:

@@ -136,8 +136,8 @@ def _what_to_use(calibration: Calibration) -> str:
     left = mm((plain.test or plain.train).position.mean)
     return (
         "Send targets corrected by --program CSV, or load robot/robot.toml: only these contain "
-        "the joint errors, and the figures quoted hold for them alone. For URDF or MJCF take "
-        f"{GEOMETRIC}/, whose {kind(calibration)} is {left} mm."
+        "the joint errors, and the figures quoted hold for them alone. For link numbers, URDF or "
+        f"MJCF take {GEOMETRIC}/, whose {kind(calibration)} is {left} mm."
     )
 
 

@@ -32,7 +32,7 @@ from tests.calibrated import (
     table_of,
     true_model,
 )
-from tests.reference import pool_r
+from tests.reference import DEG, pool_r
 
 PROGRAM = (
     "name,q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg,temperature_degC\n"
@@ -164,6 +164,27 @@ def test_who_reads_urdf_gets_the_geometric_fit_not_the_geometric_part_of_another
     np.testing.assert_allclose(found.model.chain.links, geometric.chain.links, rtol=1e-15)
     assert not found.model.joint_errors.terms
     assert "robot_geometric/ has the geometric model" in (out / layout.REPORT).read_text()
+
+
+def test_link_numbers_alone_are_those_of_the_geometric_fit(out):
+    """Multiplied out as formats/robot.md says it, they are the robot beside them."""
+    table = csv.DictReader(io.StringIO((out / "robot_geometric" / "dh_table.csv").read_text()))
+    rows = {row["number"]: row for row in table}
+    found = load_robot(out / "robot_geometric").model.chain
+    names = [f"{name}{k}" for k in range(1, 7) for name in ("theta", "d", "a", "alpha", "beta")]
+    scale = np.tile([DEG, 1e-3, 1e-3, DEG, DEG], 6)
+    links = np.reshape([float(rows[name]["new"]) for name in names], (6, 5)) * scale.reshape(6, 5)
+    # nine digits are written
+    np.testing.assert_allclose(links, found.links, atol=1e-9)
+    place = [float(rows[f"base.{axis}"]["new"]) for axis in "xyz"]
+    np.testing.assert_allclose(place, 1e3 * found.T_world_base[:3, 3], atol=1e-5)
+    nominal = robot().model.chain.links / scale.reshape(6, 5)
+    old = np.reshape([float(rows[name]["old"]) for name in names], (6, 5))
+    np.testing.assert_allclose(old, nominal, atol=1e-6)
+    # other numbers than those of the chosen model, which has joint terms
+    chosen = csv.DictReader(io.StringIO((out / "dh_table.csv").read_text()))
+    assert any(row["new"] != rows[row["number"]]["new"] for row in chosen if row["number"] in rows)
+    assert not any("harmonic" in name or "joint_map" in name for name in rows)
 
 
 def test_the_split_table_has_every_row_with_its_errors(out):
