@@ -19,7 +19,8 @@ LEFT: Mapping[str, str] = {
     "joint far; move the target",
     "limits": "left as written: the posture is outside the joint limits, as it is written or "
     "corrected",
-    "out of reach": "left as written: the robot does not reach it from a posture near this one",
+    "out of reach": "left as written: the robot does not reach it from a posture near this one, as "
+    "where the arm is stretched or axes of the wrist are in line; move the target",
 }
 """Why a target is not corrected."""
 LEAST_MM = 1e-3
