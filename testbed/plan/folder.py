@@ -46,11 +46,22 @@ def programs(plan: Plan) -> dict[str, str]:
     }
 
 
+def robot_called(robot: str) -> str:
+    """What people call the robot of a scenario: its shipped name, its folder, or its file.
+
+    Examples
+    --------
+    >>> [robot_called(name) for name in ("staubli_tx60", "cell/mine/robot.toml", "cell/arm.urdf")]
+    ['staubli_tx60', 'mine', 'arm']
+    """
+    path = Path(robot)
+    return path.parent.name if path.name == "robot.toml" and path.parent.name else path.stem
+
+
 def _notes(plan: Plan, mark: str) -> list[str]:
     """Comment lines that head every program."""
     scenario, tour = plan.scenario, plan.tour
-    # a robot of one's own is named by its folder
-    robot = Path(scenario.robot).parent.name or scenario.robot
+    robot = robot_called(scenario.robot)
     whose = f"Joint values are those of robot {robot}, not of this controller: check signs and"
     own = plan.controller.statements
     lines = [

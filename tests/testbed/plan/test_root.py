@@ -1,11 +1,13 @@
 """A station is told where people can find it: in the root of the robot's own file."""
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from calib.geometry.frames import exp_so3, transform
+from testbed.plan.folder import programs
 from testbed.plan.plan import plan
 from testbed.plan.words import headline_rows, reasons
 from testbed.proposal.scene import scene_text
@@ -62,3 +64,13 @@ def test_a_station_is_told_in_the_root_of_the_file(folder):
     assert any(f"first joint axis, {made.base[1]}" in one for one in reasons(made))
     row = next(row for row in headline_rows(quick_plan()) if row[0] == "tracker station")
     assert row[2].endswith(" mm in the base frame")
+
+
+def test_programs_name_the_robot_by_its_file():
+    """A URDF was called by the folder in which it lies."""
+    quick = quick_plan()
+    for robot, name in (("cell/arm.urdf", "arm"), ("cell/mine/robot.toml", "mine")):
+        scenario = quick.scenario.model_copy(update={"robot": robot})
+        for text in programs(replace(quick, scenario=scenario)).values():
+            assert f"robot {name}: " in text
+            assert f"those of robot {name}, not of this controller" in text
