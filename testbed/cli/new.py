@@ -122,9 +122,12 @@ def robot(
 
         options = FileOptions(tip, mesh_root, allow_missing_meshes)
         if (written := of_description(table, options, out)) is not None:
+            file, notes = written
             if not quiet:
-                say(f"Robot      {written}")
-                say_next("truebed", "check", written)
+                for note in notes:
+                    say_found(f"  note     {note}")
+                say(f"Robot      {file}")
+                say_next("truebed", "check", file)
             return
         out = Path("robot.toml") if out is None else out
         require_new(out)

@@ -1,19 +1,24 @@
 """The robot of a URDF or MJCF as a folder with its robot.toml."""
 
+from dataclasses import replace
 from pathlib import Path
 
 from calib.errors import refuse
 from testbed.gates.kinds import kind_of_name
 from testbed.robots.catalog import ROBOT_FILE, load_robot
 from testbed.robots.describe.xml_gate import FileOptions
+from testbed.robots.file_frames import chain_words
 from testbed.robots.write.folder import write_robot_folder
 
 
-def of_description(path: Path | None, options: FileOptions, out: Path | None) -> Path | None:
-    """Write the robot that a URDF or MJCF describes into a folder, and give its robot.toml.
+def of_description(
+    path: Path | None, options: FileOptions, out: Path | None
+) -> tuple[Path, tuple[str, ...]] | None:
+    """Write the robot that a URDF or MJCF describes into a folder: its robot.toml, and its notes.
 
-    The folder is `out`, or that of a robot.toml so called; it has the name of the robot if none is
-    given. None where the file is no URDF or MJCF.
+    These say what is assumed, and where the base of the chain stands in the root of that file if it
+    is another frame. The folder is `out`, or that of a robot.toml so called; it has the name of the
+    robot if none is given. None where the file is no URDF or MJCF.
 
     Raises
     ------
@@ -35,5 +40,8 @@ def of_description(path: Path | None, options: FileOptions, out: Path | None) ->
     folder = Path(robot.name) if out is None else out
     if folder.name == ROBOT_FILE:
         folder = folder.parent
+    if stands := chain_words(robot):
+        frame = f"poses of programs are stated in [base], which stands {stands}"
+        robot = replace(robot, notes=(*robot.notes, frame))
     write_robot_folder(robot, folder)
-    return folder / ROBOT_FILE
+    return folder / ROBOT_FILE, robot.notes

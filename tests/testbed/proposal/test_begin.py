@@ -427,7 +427,7 @@ def test_a_urdf_becomes_a_folder_with_its_robot_toml(tmp_path, monkeypatch):
     truebed.write_robot(arm, arm.model, "given")
     done = call("new", "robot", "given/staubli_tx60.urdf", "--tip", "tool0")
     assert done.exit_code == 0, done.stderr
-    assert done.stdout.splitlines() == [
+    assert done.stdout.splitlines()[1:] == [
         "Robot      staubli_tx60/robot.toml", "Next       truebed check staubli_tx60/robot.toml",
     ]  # fmt: skip
     made, q = load_robot("staubli_tx60/robot.toml"), np.random.default_rng(0).normal(size=(20, 6))
@@ -440,6 +440,28 @@ def test_a_urdf_becomes_a_folder_with_its_robot_toml(tmp_path, monkeypatch):
     again = call("new", "robot", "given/staubli_tx60.urdf", "--tip", "tool0")
     assert again.exit_code == 2
     assert "staubli_tx60: has robot.toml already" in again.stderr
+
+
+def test_where_the_base_of_a_urdf_s_chain_stands_is_said_and_kept(tmp_path):
+    """Poses of a program are stated there from then on, and no more in the root link."""
+    arm = tmp_path / "arm.urdf"
+    arm.write_text(
+        '<robot name="k"><link name="world"/><link name="a"/><link name="b"/><link name="c"/>'
+        '<joint name="w" type="revolute"><parent link="world"/><child link="a"/>'
+        '<origin xyz="1 0 0.5"/><axis xyz="0 0 -1"/>'
+        '<limit lower="-3" upper="3" effort="1" velocity="1"/></joint>'
+        '<joint name="v" type="revolute"><parent link="a"/><child link="b"/>'
+        '<origin xyz="0.1 0 0"/><axis xyz="0 1 0"/>'
+        '<limit lower="-3" upper="3" effort="1" velocity="1"/></joint>'
+        '<joint name="t" type="fixed"><parent link="b"/><child link="c"/>'
+        '<origin xyz="0.5 0 0"/></joint></robot>'
+    )
+    done = call("new", "robot", arm, "--out", tmp_path / "k")
+    said = "poses of programs are stated in [base], which stands at (1000, 0, 500) mm in the root"
+    assert said in done.stdout
+    made = load_robot(tmp_path / "k")
+    assert any(said in note for note in made.notes)
+    np.testing.assert_allclose(made.model.chain.T_world_base[:3, 3], [1, 0, 0.5], atol=1e-12)
 
 
 def test_only_a_urdf_or_mjcf_has_a_tip(tmp_path):
