@@ -121,13 +121,13 @@ def robot(
         from testbed.schemas.editor import schema_beside
 
         options = FileOptions(tip, mesh_root, allow_missing_meshes)
-        if (written := of_description(table, options, out)) is not None:
-            file, notes = written
+        if (described := of_description(table, options, out)) is not None:
+            written, frames = described
             if not quiet:
-                for note in notes:
-                    say_found(f"  note     {note}")
-                say(f"Robot      {file}")
-                say_next("truebed", "check", file)
+                say(f"Robot      {written}")
+                for sentence in frames:
+                    say(f"  frames   {sentence}")
+                say_next("truebed", "check", written)
             return
         out = Path("robot.toml") if out is None else out
         require_new(out)

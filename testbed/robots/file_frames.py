@@ -12,7 +12,7 @@ import numpy as np
 from calib.arrays import Array, frozen
 from calib.errors import one_line
 from calib.geometry.frames import inverse, log_so3, transform_points
-from testbed.robots.robot import Robot
+from testbed.robots.robot import CONVERTED, Robot
 from testbed.robots.source import UrdfText
 from testbed.units import DEG, MM
 
@@ -57,13 +57,45 @@ def chain_words(robot: Robot) -> str:
     Scenarios state stations and boxes in the base of the chain.
     """
     T = robot.model.chain.T_world_base
-    if robot.own_text is None or np.abs(T - np.eye(4)).max() < SAME:
+    if robot.own_text is None or _is_same(T):
         return ""
+    return _placed(T, f" in {base_words(robot)}")
+
+
+def toml_words(robot: Robot) -> tuple[str, ...]:
+    """What is stated in other frames in the robot.toml of a URDF or MJCF than in that file."""
+    said, source, T = list[str](), robot.own_text, robot.model.chain.T_flange_tool
+    if stands := chain_words(robot):
+        said.append(f"programs for it state poses in its base, {stands}")
+    if source is not None and not _is_same(T):
+        there = f"in which {one_line(source.tip)} is {_placed(T)}"
+        said.append(f"tools in use and payloads are stated at its flange, {there}")
+    return tuple(said)
+
+
+def of_toml_words(robot: Robot) -> str:
+    """In which frame poses are, where a robot.toml was made of a URDF or MJCF with another root."""
+    made = robot.own_text is None and CONVERTED in robot.sources.get("geometry", "")
+    if not made or _is_same(robot.model.chain.T_world_base):
+        return ""
+    return (
+        "the base of robot.toml, which is not the root of the URDF or MJCF that it was made of: "
+        "[base] says where it stands there"
+    )
+
+
+def _is_same(T: Array) -> bool:
+    """Whether a frame (4, 4) is the one that it is stated in."""
+    return bool(np.abs(T - np.eye(4)).max() < SAME)
+
+
+def _placed(T: Array, within: str = "") -> str:
+    """Where a frame (4, 4) stands [m], within which other one, in words."""
     place, turn = (
         ", ".join(f"{number + 0.0:.6g}" for number in np.round(numbers, 6))
         for numbers in (T[:3, 3] * MM, log_so3(T[:3, :3]) * DEG)
     )
-    return f"at ({place}) mm in {base_words(robot)}, turned by the rotation vector ({turn}) deg"
+    return f"at ({place}) mm{within}, turned by the rotation vector ({turn}) deg"
 
 
 def base_words(robot: Robot) -> str:

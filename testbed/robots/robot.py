@@ -45,6 +45,8 @@ NO_MASS = "no mass is given for what"
 """Beginning of the note on bodies whose masses are assumed."""
 IDENTIFIED = "identified from measurements of"
 """Beginning of the source of numbers that a calibration found."""
+CONVERTED = "joint axes converted to link numbers"
+"""Said of the source of numbers that come from a URDF or MJCF."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,7 +10,7 @@ from testbed.files.conditions import CENTERS, COLUMNS
 from testbed.files.joints import joint_columns
 from testbed.files.rows.targets import NAMES, called
 from testbed.files.table import Columns, DataTable, together
-from testbed.robots.file_frames import base_words
+from testbed.robots.file_frames import base_words, of_toml_words
 from testbed.robots.robot import IDENTIFIED, Robot
 from testbed.units import counted, listed, significant
 
@@ -54,7 +54,7 @@ def outcome_words(corrected: Bool, before: Array, left: Array, names: Sequence[s
 
 def frame_words(robot: Robot) -> tuple[str, ...]:
     """In which frame the poses of a program stand, where its robot comes from a URDF or MJCF."""
-    base = base_words(robot)
+    base = base_words(robot) or of_toml_words(robot)
     return (f"the poses of the program are taken as those of the tool in {base}",) if base else ()
 
 

@@ -29,7 +29,7 @@ from testbed.robots.describe.floor import floor_of
 from testbed.robots.describe.parts import parts_of
 from testbed.robots.describe.xml_gate import FileOptions, read_xml
 from testbed.robots.placements import LIMIT, difference, link_poses, proof_joints
-from testbed.robots.robot import Robot, body_name
+from testbed.robots.robot import CONVERTED, Robot, body_name
 from testbed.units import named
 
 FULL_TURN, FULL_SLIDE = 2 * np.pi, 1.0
@@ -94,8 +94,8 @@ def robot_of(description: Description, *, allow_missing: bool = False) -> Robot:
         free_sets=MappingProxyType({}),
         sources=MappingProxyType(
             {
-                "geometry": f"{description.path.name}, joint axes converted to link numbers; poses "
-                f"equal those of {description.reader} to {agreement:.1g} m",
+                "geometry": f"{description.path.name}, {CONVERTED}; poses equal "
+                f"those of {description.reader} to {agreement:.1g} m",
                 "limits": description.path.name,
                 "masses": f"{description.path.name}, unless noted",
                 "repeatability": scatter_source(),

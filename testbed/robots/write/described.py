@@ -3,28 +3,28 @@
 from dataclasses import replace
 from pathlib import Path
 
-from calib.errors import refuse
+from calib.errors import InputError, refuse
 from testbed.gates.kinds import kind_of_name
 from testbed.robots.catalog import ROBOT_FILE, load_robot
 from testbed.robots.describe.xml_gate import FileOptions
-from testbed.robots.file_frames import chain_words
+from testbed.robots.file_frames import toml_words
 from testbed.robots.write.folder import write_robot_folder
 
 
 def of_description(
     path: Path | None, options: FileOptions, out: Path | None
 ) -> tuple[Path, tuple[str, ...]] | None:
-    """Write the robot that a URDF or MJCF describes into a folder: its robot.toml, and its notes.
+    """Write the robot that a URDF or MJCF describes into a folder, and give its robot.toml.
 
-    These say what is assumed, and where the base of the chain stands in the root of that file if it
-    is another frame. The folder is `out`, or that of a robot.toml so called; it has the name of the
-    robot if none is given. None where the file is no URDF or MJCF.
+    The folder is `out`, or that of a robot.toml so called; it has the name of the robot if none is
+    given. With sentences on frames that differ from those of that file. None where the file is no
+    URDF or MJCF.
 
     Raises
     ------
     InputError
         S37: options that only a URDF or MJCF has, of another file; as `load_robot`; C40: files of
-        these names are there already.
+        these names are there already, or `out` is called as another file.
     """
     if path is None or kind_of_name(path) != "description":
         if options != FileOptions():
@@ -40,8 +40,20 @@ def of_description(
     folder = Path(robot.name) if out is None else out
     if folder.name == ROBOT_FILE:
         folder = folder.parent
-    if stands := chain_words(robot):
-        frame = f"poses of programs are stated in [base], which stands {stands}"
-        robot = replace(robot, notes=(*robot.notes, frame))
-    write_robot_folder(robot, folder)
-    return folder / ROBOT_FILE, robot.notes
+    elif folder.suffix.lower() == ".toml":
+        raise refuse(
+            "--out", code="C40", where=str(folder), fix="name one",
+            message=f"of a URDF or MJCF a folder is written, with its {ROBOT_FILE}",
+        )  # fmt: skip
+    frames = toml_words(robot)
+    robot = replace(robot, notes=(*robot.notes, *frames))
+    try:
+        write_robot_folder(robot, folder)
+    except InputError as error:
+        # this verb renames nothing
+        fix = error.fix.replace(", or overwrite", " with --out")
+        raise refuse(
+            error.field, error.value, error.allowed, code=error.code, message=error.message,
+            fix=fix, where=error.where,
+        ) from None  # fmt: skip
+    return folder / ROBOT_FILE, frames

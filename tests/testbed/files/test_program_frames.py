@@ -5,13 +5,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from calib.geometry.frames import log_so3
+from calib.geometry.frames import inverse, log_so3
 from calib.geometry.inverse import inverse_kinematics
 from calib.geometry.model import RobotModel
 from testbed.files.programs.correct import correct_program
+from testbed.files.programs.said import frame_words
 from testbed.robots.catalog import load_robot
+from testbed.robots.file_frames import chain_words
 from testbed.robots.write.identified import identified_robot
 from testbed.robots.write.toml import robot_toml
+from tests.command import call
 from tests.testbed.files.test_program import ROBOT, Q, cells, written
 from tests.testbed.robots.described_cases import HALF, TURN, urdf
 from tests.testbed.robots.robot_cases import yourdfpy_poses
@@ -112,3 +115,54 @@ def test_a_robot_that_was_calibrated_before_is_said_to_be_the_controllers(tmp_pa
     )
     found = correct_program(path, ROBOT, known.model, tmp_path / "other.csv")
     assert not any("identified before" in one for one in found.sentences)
+
+
+def test_the_robot_toml_of_a_urdf_has_a_base_of_its_own_and_that_is_said(tmp_path, monkeypatch):
+    """The same program was for other places: those of another frame, in silence."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "arm.urdf").write_text(CLOCKWISE, encoding="utf-8")
+    own = load_robot("arm.urdf")
+    done = call("new", "robot", "arm.urdf")
+    stands = chain_words(own)
+    assert stands.startswith("at (1000, 500, 650) mm in the root link of arm.urdf, turned by the")
+    assert done.stdout.splitlines()[1:-1] == [
+        f"  frames   programs for it state poses in its base, {stands}"
+    ]
+    made = load_robot("clockwise")
+    q = Q - [0, np.pi / 2, 0, 0, 0, 0]
+    rows = np.hstack(
+        [poses_of(inverse(own.model.chain.T_world_base) @ own.model.poses(q)), np.degrees(q)]
+    )
+    path = written(tmp_path / "p.csv", [*PLACE, *TURNS, *JOINTS], rows.tolist())
+    found = correct_program(path, made, moved(made), tmp_path / "out.csv")
+    assert found.corrected.all()
+    said = "the poses of the program are taken as those of the tool in the base of robot.toml"
+    assert any(one.startswith(f"{said}, which is not the root of") for one in found.sentences)
+    # where its root is its base, only its tip is no flange, but turned half way
+    upright = CLOCKWISE.replace('"0 0 -1"', '"0 0 1"').replace('"1 0.5 0.2"', '"0 0 0"')
+    upright = upright.replace('"0 0 0.3"', '"0 0 0"')
+    beside = f'xyz="0 0 0.007" rpy="0 {HALF} 0"'  # of its last axis
+    upright = upright.replace(f'xyz="0 0 0" rpy="0 {HALF} 0"', beside)
+    (tmp_path / "up.urdf").write_text(upright, encoding="utf-8")
+    done = call("new", "robot", "up.urdf", "--out", "up/robot.toml")
+    (said,) = done.stdout.splitlines()[1:-1]
+    assert said.startswith(
+        "  frames   tools in use and payloads are stated at its flange, in which tool0_link is at "
+        "(0, 0, 0) mm, turned by the rotation vector (0, 0, "
+    )
+    assert said.endswith("180) deg")
+    assert frame_words(load_robot("up")) == ()
+
+
+def test_a_folder_of_a_urdf_is_called_no_other_file_and_never_written_over(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "arm.urdf").write_text(CLOCKWISE, encoding="utf-8")
+    done = call("new", "robot", "arm.urdf", "--out", "arm.toml")
+    assert done.exit_code == 2
+    assert done.stderr == (
+        "arm.toml: of a URDF or MJCF a folder is written, with its robot.toml; name one. [C40]\n"
+    )
+    assert not (tmp_path / "arm.toml").exists()
+    call("new", "robot", "arm.urdf")
+    done = call("new", "robot", "arm.urdf")
+    assert done.stderr.endswith("more; choose another folder with --out. [C40]\n")

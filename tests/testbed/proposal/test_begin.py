@@ -427,7 +427,7 @@ def test_a_urdf_becomes_a_folder_with_its_robot_toml(tmp_path, monkeypatch):
     truebed.write_robot(arm, arm.model, "given")
     done = call("new", "robot", "given/staubli_tx60.urdf", "--tip", "tool0")
     assert done.exit_code == 0, done.stderr
-    assert done.stdout.splitlines()[1:] == [
+    assert done.stdout.splitlines() == [
         "Robot      staubli_tx60/robot.toml", "Next       truebed check staubli_tx60/robot.toml",
     ]  # fmt: skip
     made, q = load_robot("staubli_tx60/robot.toml"), np.random.default_rng(0).normal(size=(20, 6))
@@ -457,7 +457,9 @@ def test_where_the_base_of_a_urdf_s_chain_stands_is_said_and_kept(tmp_path):
         '<origin xyz="0.5 0 0"/></joint></robot>'
     )
     done = call("new", "robot", arm, "--out", tmp_path / "k")
-    said = "poses of programs are stated in [base], which stands at (1000, 0, 500) mm in the root"
+    said = (
+        "programs for it state poses in its base, at (1000, 0, 500) mm in the root link of arm.urdf"
+    )
     assert said in done.stdout
     made = load_robot(tmp_path / "k")
     assert any(said in note for note in made.notes)
