@@ -1,5 +1,7 @@
 """Points at the flange of a URDF are stated at its tip, in which no chain has to end."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
@@ -10,6 +12,7 @@ from testbed.files.read import read_session
 from testbed.files.rows.targets import of_targets
 from testbed.robots.catalog import load_robot
 from testbed.robots.file_frames import stated_at_flange
+from testbed.run.export import conditions_in
 from tests.testbed.files.test_program import ROBOT, written
 from tests.testbed.files.test_program_frames import CLOCKWISE, JOINTS, PLACE, TURNS, poses_of
 from tests.testbed.robots.described_cases import HALF
@@ -85,3 +88,12 @@ def test_what_a_campaign_hung_on_its_arm_is_exported_at_the_tip(arm):
     there = in_flange(arm, CENTER)
     np.testing.assert_allclose(stated_at_flange(arm, there), CENTER, atol=1e-12)
     assert stated_at_flange(ROBOT, there) is there
+    # and so it is written
+    truth = SimpleNamespace(springs=SimpleNamespace(payload_center=there), thermal=None)
+    bench = SimpleNamespace(
+        robot=arm, truth=SimpleNamespace(unmodelled=truth),
+        scenario=SimpleNamespace(truth=SimpleNamespace(payload_kg=3.0)),
+    )  # fmt: skip
+    table = SimpleNamespace(conditions=SimpleNamespace(payload=None))
+    found = conditions_in(bench, table, np.zeros(2))
+    np.testing.assert_allclose(found.center, np.tile(CENTER, (2, 1)), atol=1e-12)

@@ -9,7 +9,7 @@ import pytest
 from calib.geometry.frames import exp_so3, transform
 from testbed.plan.folder import programs
 from testbed.plan.plan import plan
-from testbed.plan.words import headline_rows, reasons
+from testbed.plan.words import headline_rows, reasons, terminal_text
 from testbed.proposal.scene import scene_text
 from testbed.robots.catalog import load_robot
 from testbed.robots.file_frames import chain_words
@@ -62,6 +62,7 @@ def test_a_station_is_told_in_the_root_of_the_file(folder):
     # written in whole millimeters
     np.testing.assert_allclose([float(x) for x in told[1].split(", ")], MM * place[:3], atol=0.51)
     assert any(f"first joint axis, {made.base[1]}" in one for one in reasons(made))
+    assert f"first joint axis, {made.base[1]}" in " ".join(terminal_text(made).split())
     row = next(row for row in headline_rows(quick_plan()) if row[0] == "tracker station")
     assert row[2].endswith(" mm in the base frame")
 

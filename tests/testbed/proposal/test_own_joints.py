@@ -16,7 +16,7 @@ from testbed.files.read import read_session
 from testbed.files.rows.widened import of_rows
 from testbed.files.text import Sheet
 from testbed.proposal.data import look_at
-from testbed.proposal.naming.own_joints import with_joints
+from testbed.proposal.naming.own_joints import counted_joints, with_joints
 from testbed.robots.catalog import load_robot
 from tests.command import call
 from tests.hangs import no_hang
@@ -115,6 +115,14 @@ def test_joints_of_more_than_the_arm_are_counted_and_not_said_to_be_none(tmp_pat
     assert "has 19 joints, joints[0] to joints[18], and staubli_tx60 6: nothing could be" in said
     assert 'its own joints under columns, as in q1_rad = "joints[0]"' in said
     assert "there are no joints" not in said
+
+
+@pytest.mark.parametrize("called", ["joint {}", "q[{}]", "force {}"])
+def test_only_what_is_called_a_joint_is_counted_as_one(called, tmp_path):
+    names = [called.format(k) for k in range(1, 9)]
+    (tmp_path / "m.csv").write_text(csv(dict.fromkeys(names, DEG[:, 0]) | places("{}")))
+    (look,) = look_at([tmp_path / "m.csv"], tmp_path)
+    assert counted_joints(look) == ([] if called == "force {}" else names)
 
 
 def test_names_that_makers_and_the_file_of_the_robot_share_are_no_second_group(tmp_path):

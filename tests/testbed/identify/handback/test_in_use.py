@@ -116,3 +116,16 @@ def test_what_is_stated_of_the_tool_itself_adds_to_it():
     )
     more = known.covariance - plain.covariance
     np.testing.assert_allclose(more, np.broadcast_to(4e-8 * np.eye(3), more.shape), atol=1e-18)
+
+
+def test_a_point_stated_at_a_tip_is_that_point_of_the_flange():
+    """The tip of a URDF may stand aside of the frame in which its chain ends."""
+    found = calibrated()
+    tip = step_transform(np.array([0.05, -0.02, 0.11, 0.4, -0.9, 1.3]))
+    belief, point = found.proof.belief, np.array(TOOL.point)
+    aside = replace(TOOL, frame=tuple(tip[:3].ravel()))
+    there = carried(belief, aside, point, SD).regions(found.stated_q[:3])
+    same = carried(belief, TOOL, (tip @ [*point, 1.0])[:3], SD).regions(found.stated_q[:3])
+    np.testing.assert_allclose(there.covariance, same.covariance, rtol=1e-9)
+    plain = carried(belief, TOOL, point, SD).regions(found.stated_q[:3])
+    assert np.abs(plain.covariance / same.covariance - 1).max() > 0.01  # or this shows nothing

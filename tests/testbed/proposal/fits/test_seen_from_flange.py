@@ -1,9 +1,12 @@
 """One fixed ball that a scanner on the flange sees, in its own frame: no places of the tool."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 from calib.geometry.frames import exp_so3
+from calib.measurement import tables
 from testbed.files.frames_fit import flange_poses
 from testbed.files.read import read_session
 from testbed.proposal.fits.seen_from_flange import seen_from_flange
@@ -64,3 +67,25 @@ def test_what_wanders_and_what_hardly_differs_is_no_ball_seen_from_the_flange(tm
         (tmp_path / "a.csv").write_text(csv(table_of(q, places)))
         session = read_session(tmp_path / "a.csv", ROBOT, config=tmp_path / "s.toml")
         assert seen_from_flange(session, ROBOT) is None
+
+
+def told(q, places):
+    """What is said of joints (m, 6) and places (m, 3)."""
+    rows = tables.points(q, places, sd=2e-5)
+    return seen_from_flange(SimpleNamespace(measurements=rows, where="a.csv"), ROBOT)
+
+
+def test_few_readings_and_a_ball_that_stays_where_it_is_seen_tell_nothing():
+    """Nine numbers follow eleven readings well; what the flange alone keeps needs no fit."""
+    q, seen = scanned([0, 0, 0])
+    assert told(q[:12], seen[:12]) is not None
+    assert told(q[:11], seen[:11]) is None
+    rng = np.random.default_rng(4)
+    q = touching(BALL, M, rng)
+    assert told(q, 1e-3 * rng.standard_normal((M, 3))) is None
+
+
+def test_some_readings_of_something_else_hide_no_ball():
+    q, seen = scanned([1.2, -0.9, 2.0])
+    seen[::5] += np.random.default_rng(5).normal(size=seen[::5].shape)
+    assert told(q, seen) is not None
