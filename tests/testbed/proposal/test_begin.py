@@ -228,6 +228,15 @@ def test_link_numbers_are_in_the_units_that_their_names_state(tmp_path):
     )
 
 
+def test_limits_of_what_slides_are_lengths(tmp_path):
+    head = "type,theta_deg,d_mm,a_mm,alpha_deg,lower [mm],upper [mm]\n"
+    (tmp_path / "links.csv").write_text(f"{head}P,0,0,100,90,-50,400\nP,0,0,200,90,0,300\n")
+    done = call("new", "robot", tmp_path / "links.csv", "--out", tmp_path / "robot.toml")
+    assert done.exit_code == 0, done.stderr
+    limits = load_robot(tmp_path / "robot.toml").limits
+    np.testing.assert_allclose(limits, [[-0.05, 0.4], [0.0, 0.3]], rtol=0, atol=1e-12)
+
+
 def test_a_table_without_link_numbers_is_refused(tmp_path):
     (tmp_path / "a.csv").write_text("theta,d,length\n1,2,3\n")
     (tmp_path / "b.csv").write_text("theta,d,a,alpha\n1,x,3,4\n")

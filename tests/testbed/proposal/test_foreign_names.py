@@ -2,12 +2,15 @@
 
 import re
 import shlex
+from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
 from testbed.files.read import read_session
+from testbed.files.tried.own_file import with_robot_toml
 from testbed.robots.catalog import load_robot
 from testbed.studies import load_scenario
 from tests.command import call
@@ -129,6 +132,22 @@ def test_columns_named_as_all_joints_but_one_are_no_table_without_joints(tmp_pat
         f"give all of them, or another ROBOT{said}. [M35]"
     )
     assert not out.exists()
+
+
+def test_one_column_with_the_name_of_a_joint_is_no_table_of_joints(tmp_path):
+    """It may be anything: what is said is that the others are not known."""
+    arm, data = forked(tmp_path)
+    arm.write_text(arm.read_text().replace('"j2"', '"elbow"'))
+    data.write_text(data.read_text().replace("j1", "a remark").replace("j2", "elbow"))
+    data.write_text(data.read_text().replace("j3", "another"))
+    done = call("new", "session", data, "--robot", arm, "--tip", "probe", "--out", tmp_path / "s")
+    assert "has columns for 1 joint" not in done.output
+
+
+def test_other_advice_is_not_about_robot_toml():
+    own = SimpleNamespace(own_text=SimpleNamespace(path=Path("arm.urdf"), tip="probe"))
+    other = SimpleNamespace(alternative=SimpleNamespace(fix="write -q2 for q2"))
+    assert with_robot_toml(other, own) is other
 
 
 def test_a_line_for_robot_toml_comes_with_how_a_urdf_becomes_one(tmp_path):

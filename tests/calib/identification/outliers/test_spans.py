@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from calib.identification.outliers.sides import elsewhere
+from calib.identification.outliers.sides import at_one_place, elsewhere
 from calib.identification.outliers.spans import ENDS, intervals_of, steps_of
 from calib.measurement import tables
 
@@ -69,3 +69,12 @@ def test_poses_are_elsewhere_by_their_mean_and_if_asked_by_their_spread():
     assert elsewhere(wider, side, spread=True)
     shifted = replace(rows, q=np.where(side[:, None] & (np.arange(6) == 2), q + 1.0, q))
     assert elsewhere(shifted, side)
+
+
+def test_poses_at_one_place_tell_a_step_by_their_turns():
+    """Points there do not."""
+    q, place = np.zeros((20, 6)), np.zeros((20, 3))
+    side = np.arange(20) >= 10
+    assert at_one_place(tables.points(q, place, sd=1e-5), side)
+    T = np.tile(np.eye(4), (20, 1, 1))
+    assert not at_one_place(tables.poses(q, T, sd=(1e-5, 1e-5)), side)
