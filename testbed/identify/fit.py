@@ -69,8 +69,7 @@ def fit(
         extended_parameters(start, extended_model(start, mounted), parameters)
     geometric = plain or plain_fit(start, train, parameters, loss)
     if held and links is not None:
-        factor = noise_factor(geometric.model, train)
-        factor = factor if factor > HONEST else 1.0
+        factor = factor if (factor := noise_factor(geometric.model, train)) > HONEST else 1.0
         geometric = under_noise(start, train, parameters, links, factor, loss=loss)
     wide = wide_prior(parameters, start, links)
     geometric, near = _near_start(geometric, start, train, parameters, wide, loss)
