@@ -85,8 +85,8 @@ def _position(program: Program, number: int, name: str, block: str) -> None:
     group = parts[2] if len(parts) > 2 else parts[0]
     found = ENTRY.findall(group)
     joints = [(cell, unit.lower() or "deg") for letter, _, cell, unit in found if letter in "Jj"]
-    if any(cell.startswith("*") for _, _, cell, _ in found):
-        message = f"{name} was never taught: its joints are {found[0][2]}"
+    if untaught := [f"{letter}{k} = {cell}" for letter, k, cell, _ in found if cell[:1] == "*"]:
+        message = f"{name} was never taught: it has {untaught[0]}"
         fix = "teach it, or remove it and its moves"
         raise refusal(program.place(number), "joints", message, fix=fix)
     for letter, k, cell, _ in found:

@@ -87,7 +87,8 @@ REFUSED = {
     "a part of a joint": (["DEF A()", f"{DAT[0]}", DAT[0], "PTP XP1"], "xp1 is assigned another"),
     "a register": (["/PROG A", "/MN", "1:J PR[3] 20% FINE ;"], "moves to PR[3]: only the"),
     "what was not taught": (
-        ["/POS", "P[1]{ GP1: J1= ******* deg, J2= 0 deg };"], "P1 was never taught"
+        ["/POS", "P[1]{ GP1: J1= 1 deg, J2= ******* deg };"],
+        "P1 was never taught: it has J2 = *******; teach it",
     ),
     "a joint that is no number": (
         ["/POS", "P[1]{ GP1: J1= 1 deg, J2= nan deg, J3= 3 deg };"],
