@@ -12,6 +12,9 @@ COUPLED = ((1, 2), (3, 4), (4, 5), (3, 5))
 """Joints of which many arms state the second with the first in it: those of a parallelogram or
 counted from the horizontal, and of a wrist whose drives pass through each other."""
 
+HERE = "in its robot.toml"
+"""Where messages have lines of robot.toml written: of a URDF or MJCF there has to be one first."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Count:
@@ -30,8 +33,8 @@ def added(controller: Controller, *statements: str) -> str:
     """What to do so that a robot's file has some statements more."""
     listed = ", ".join(f'"{text}"' for text in statements)
     if controller.plain:
-        return f"write joints = [{listed}] under [controller] in its robot.toml"
-    return f"add {listed} to joints under [controller] in its robot.toml"
+        return f"write joints = [{listed}] under [controller] {HERE}"
+    return f"add {listed} to joints under [controller] {HERE}"
 
 
 def other_counts(J: Array, chain: Chain, controller: Controller) -> Iterator[Count]:
@@ -50,13 +53,13 @@ def other_counts(J: Array, chain: Chain, controller: Controller) -> Iterator[Cou
         if j not in controller.held:
             yield from _as(
                 (*before, *after), f'without "{text}"',
-                f'take "{text}" out of [controller] in its robot.toml', j, J, chain,
+                f'take "{text}" out of [controller] {HERE}', j, J, chain,
             )  # fmt: skip
         other = turned_about(text)
         if other != text:
             yield from _as(
                 (*before, other, *after), f"if {other}",
-                f'write "{other}" for "{text}" under [controller] in its robot.toml', j, J, chain,
+                f'write "{other}" for "{text}" under [controller] {HERE}', j, J, chain,
             )  # fmt: skip
 
 

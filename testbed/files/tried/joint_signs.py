@@ -16,7 +16,7 @@ from calib.arrays import evenly
 from calib.geometry.model import RobotModel
 from testbed.files.alternatives import Alternative, Interpretation
 from testbed.files.frames_fit import FAR, TIMES, fit_frames, flange_poses
-from testbed.files.rows.counts import added
+from testbed.files.rows.counts import HERE, added
 from testbed.files.tried.quarter_turns import FEWEST, QUARTER, ROWS
 from testbed.robots.controller import Controller
 from testbed.units import listed
@@ -144,7 +144,7 @@ def _proposed(
     old = [f'"{_statement(j)}"' for j in signs if j in controller.stated]
     fixes = [added(controller, *new)] if new else []
     if old:
-        fixes.append(f"take {listed(old)} out of [controller] in its robot.toml")
+        fixes.append(f"take {listed(old)} out of [controller] {HERE}")
     if best.zero is not None:
         j, quarters = best.zero
         turn = f"{90 * (quarters if quarters < 3 else -1):+d} deg"

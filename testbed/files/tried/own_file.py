@@ -3,11 +3,9 @@
 import shlex
 from dataclasses import replace
 
+from testbed.files.rows.counts import HERE
 from testbed.files.tried.interpretations import Tried
 from testbed.robots.robot import Robot
-
-HERE = "in its robot.toml"
-"""What a message says of the place of a line."""
 
 
 def with_robot_toml(one: Tried, robot: Robot) -> Tried:

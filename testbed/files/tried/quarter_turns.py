@@ -15,6 +15,7 @@ from calib.arrays import Array, evenly
 from calib.geometry.model import RobotModel
 from testbed.files.alternatives import Alternative, Interpretation
 from testbed.files.frames_fit import FAR, TIMES, fit_frames, flange_poses
+from testbed.files.rows.counts import HERE
 from testbed.units import listed
 
 FEWEST = 12
@@ -120,7 +121,7 @@ def _proposed(turns: dict[int, int]) -> Alternative:
         ZEROS,
         f"if the zeros of its joints are turned: {listed(said)}",
         f"add {columns} in the table; or, for a robot that counts so, to theta_deg of "
-        f"{'that joint' if one else 'those joints'} in its robot.toml, and take it off "
+        f"{'that joint' if one else 'those joints'} {HERE}, and take it off "
         f"{'its' if one else 'their'} lower_deg and upper_deg",
         "M20",
         f"q{next(iter(turns)) + 1}",

@@ -3,7 +3,7 @@
 from dataclasses import replace
 from pathlib import Path
 
-from calib.errors import InputError, refuse
+from calib.errors import refuse
 from testbed.gates.kinds import kind_of_name
 from testbed.robots.catalog import ROBOT_FILE, load_robot
 from testbed.robots.describe.xml_gate import FileOptions
@@ -17,8 +17,8 @@ def of_description(
     """Write the robot that a URDF or MJCF describes into a folder, and give its robot.toml.
 
     The folder is `out`, or that of a robot.toml so called; it has the name of the robot if none is
-    given. With sentences on frames that differ from those of that file. None where the file is no
-    URDF or MJCF.
+    given. With sentences on frames that differ from those of that file; the notes of the new one
+    have them, too. None where the file is no URDF or MJCF.
 
     Raises
     ------
@@ -46,14 +46,5 @@ def of_description(
             message=f"of a URDF or MJCF a folder is written, with its {ROBOT_FILE}",
         )  # fmt: skip
     frames = toml_words(robot)
-    robot = replace(robot, notes=(*robot.notes, *frames))
-    try:
-        write_robot_folder(robot, folder)
-    except InputError as error:
-        # this verb renames nothing
-        fix = error.fix.replace(", or overwrite", " with --out")
-        raise refuse(
-            error.field, error.value, error.allowed, code=error.code, message=error.message,
-            fix=fix, where=error.where,
-        ) from None  # fmt: skip
+    write_robot_folder(replace(robot, notes=(*robot.notes, *frames)), folder)
     return folder / ROBOT_FILE, frames

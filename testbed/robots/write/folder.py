@@ -111,18 +111,18 @@ def write_robot_folder(
 def _require_free(folder: Path, names: list[str], *, overwrite: bool) -> None:
     """Refuse a folder that cannot be written, or has files of these names."""
     there = [name for name in names if (folder / name).exists()]
-    problem, fix = "", "choose another folder"
+    problem = ""
     if folder.exists() and not folder.is_dir():
         problem = "is a file"
     elif there and not overwrite:
         problem = f"has {there[0]} already" + f" and {len(there) - 1} more" * (len(there) > 1)
-        fix = "choose another folder, or overwrite"
     else:
         try:
             folder.parent.mkdir(parents=True, exist_ok=True)
         except OSError as error:
             problem = f"cannot be written: {error.strerror or error}"
     if problem:
+        fix = "choose another folder"
         raise refuse("folder", code="C40", message=problem, fix=fix, where=str(folder))
 
 

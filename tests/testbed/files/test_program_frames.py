@@ -165,4 +165,4 @@ def test_a_folder_of_a_urdf_is_called_no_other_file_and_never_written_over(tmp_p
     assert not (tmp_path / "arm.toml").exists()
     call("new", "robot", "arm.urdf")
     done = call("new", "robot", "arm.urdf")
-    assert done.stderr.endswith("more; choose another folder with --out. [C40]\n")
+    assert done.stderr.endswith("more; choose another folder. [C40]\n")

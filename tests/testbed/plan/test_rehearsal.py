@@ -175,7 +175,6 @@ def test_it_is_in_the_promise_the_table_and_the_numbers():
         assert unit.endswith(f"; at the goal {micrometres(over / 1e6, 2)}")
         assert numbers[f"{key}_um"] == pytest.approx(radius)
         assert numbers[f"{key}_over_goal_um"] == pytest.approx(over)
-        rehearsals = 1e6 * getattr(made.foresight.stated, radii)[:, 0]
         assert numbers[f"{key}_rehearsals_um"] == pytest.approx(rehearsals)
 
 
